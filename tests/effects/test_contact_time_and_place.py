@@ -102,19 +102,21 @@ def test_starts_of_a_patch_are_where_the_body_has_hit() -> None:
     assert not Effect.shapes(on("wear")[0][0], one_state(), SQUARE)
 
 
-def test_a_soft_ellipse_is_pressed_in_the_middle_of_its_chord() -> None:
-    a, b, theta, speed, lam = 0.035, 0.025, 0.6, 2.0, 5e-4
-    rig = Rig(Ellipse(semi_axes=(a, b)), 0.02, 9.81, 0.0)
+@pytest.mark.parametrize("kind", ["ellipse", "square"])
+def test_a_soft_body_is_pressed_in_the_middle_of_its_chord(kind) -> None:
+    theta, speed, lam = 0.6, 2.0, 5e-4
+    shape = Ellipse(semi_axes=(0.035, 0.025)) if kind == "ellipse" else SQUARE.shape
+    rig = Rig(shape, 0.02, 9.81, 0.0)
     effect, p = on("soft_body", lam=lam)[0]
     state = one_state(theta=theta, vy=-speed)
     lowest = rig.shape.contact_point(state.theta)
     r_x, r_y = effect.contact_point(lowest[:, 0], lowest[:, 1], state, p, rig)
     assert r_y[0] == pytest.approx(lowest[0, 1] + lam * speed)
-    # the ends of the chord: points of the ellipse at that height
-    angle = np.linspace(0.0, 2.0 * np.pi, 400_001)
-    x = a * np.cos(angle) * np.cos(theta) - b * np.sin(angle) * np.sin(theta)
-    y = a * np.cos(angle) * np.sin(theta) + b * np.sin(angle) * np.cos(theta)
-    ends = x[np.flatnonzero(np.diff(y > r_y[0]))]
+    # the ends of the chord: points of the outline at that height
+    outline = shape.outline(400_001)
+    x, y = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]) @ outline.T
+    at = np.flatnonzero(np.diff(y > r_y[0]))
+    ends = x[at] + (r_y[0] - y[at]) / (y[at + 1] - y[at]) * (x[at + 1] - x[at])
     assert len(ends) == 2 and r_x[0] == pytest.approx(ends.mean(), abs=1e-6)
     # a body that leaves is not pressed
     up = one_state(theta=theta, vy=speed)

@@ -150,3 +150,17 @@ def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effe
     after, _ = press(model, values, RIG, state)
     limit, _ = model.limit.collide(state, values, RIG)
     assert np.abs(after.v[:, :2] - limit.v[:, :2]).mean() < 0.01
+
+
+def test_simulators_put_the_force_in_the_middle_of_the_overlap():
+    quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
+    slow = MujocoContact(contact_time=3e-3)
+    drops = simulate_mujoco_drops(
+        ELLIPSE_BODY, PROOF_RELEASE, 40, contact=slow, noise=quiet, rng=np.random.default_rng(1)
+    )
+    o = observe(Dataset("middle", drops.header, drops.trajectories))
+    fitted = fit(Model(BASES["convex_contact"], takes_time=True), o)
+    # at the lowest point instead: μ 0.148, and 3 times the error
+    assert fitted.values["mu"] == pytest.approx(slow.mu, rel=0.004)
+    assert fitted.values["damping_ratio"] == pytest.approx(slow.impratio, rel=0.2)
+    assert Drops(o).judge(fitted).excess < 3.5

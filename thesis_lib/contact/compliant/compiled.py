@@ -76,7 +76,7 @@ def _lowest(axes, vertices, theta):
 
 
 @compiled
-def integrate(force, points, body, outline, compliance, velocity, step, most):
+def integrate(force, points, body, outline, spring, chord, velocity, step, most):
     """The motion of n bodies from their first touch until none of their p contact points presses any more.
 
     Args:
@@ -85,10 +85,12 @@ def integrate(force, points, body, outline, compliance, velocity, step, most):
         body: 1/k² (n,) in 1/m², gravity in m/s², angle θ (n,) in rad.
         outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
             (k, 2) in m.
-        compliance: η and ζ (n,) of the tangential spring; η = 0 is rigid.
+        spring: η and ζ (n,) of the spring along the surface; η = 0 is rigid.
+        chord: share (n,) of the depth by which the body gives way, so that the force acts higher, and by how much
+            further along the surface (p, n), over that height.
         velocity: (n, 3) in m/s and rad/s.
         step: (n,) in s.
-        most: steps.
+        most: steps (n,).
 
     Returns:
         Shift (n, 3) in m and rad, velocity (n, 3), time (n,) in s, and of each point (p, n) the impulses along the
@@ -98,7 +100,8 @@ def integrate(force, points, body, outline, compliance, velocity, step, most):
     r_xs, r_ys, gaps, mus, losses, lengths = points
     ws, gravity, thetas = body
     smooth, axes, vertices = outline
-    etas, zetas = compliance
+    etas, zetas = spring
+    shares, leans = chord
     p, n = gaps.shape
     shift, after, elapsed = np.zeros((n, 3)), velocity.copy(), np.zeros(n)
     c_t, c_n = np.zeros((p, n)), np.zeros((p, n))
@@ -111,7 +114,7 @@ def integrate(force, points, body, outline, compliance, velocity, step, most):
         deepest[:], stretch[:] = 0.0, 0.0
         # where the contact point is beside the lowest one of a smooth body
         beside = _lowest(axes, vertices, thetas[i]) if smooth else (0.0, 0.0)
-        for _ in range(most):
+        for _ in range(most[i]):
             x, y, turn = x + 0.5 * h * v_x, y + 0.5 * h * v_y, turn + 0.5 * h * omega
             sin, cos = np.sin(turn), np.cos(turn)
             under = _lowest(axes, vertices, thetas[i] + turn) if smooth else (0.0, 0.0)
@@ -122,6 +125,10 @@ def integrate(force, points, body, outline, compliance, velocity, step, most):
                 r_x[k], r_y[k] = under[0] + cos * at_x - sin * at_y, under[1] + sin * at_x + cos * at_y
                 depth = -(gaps[k, i] + y + r_y[k] - r_ys[k, i])
                 depths[k] = depth
+                # the force acts in the chord that the surface cuts off
+                inside = shares[i] * max(depth, 0.0)
+                r_x[k] += leans[k, i] * inside
+                r_y[k] += inside
                 deepest[k] = max(deepest[k], depth)
                 length, loss = lengths[k, i], losses[k, i]
                 deep, fast = depth / length, -(v_y + r_x[k] * omega) / SPEED

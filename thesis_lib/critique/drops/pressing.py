@@ -10,7 +10,8 @@ the units of `thesis_lib/contact/compliant/normal_force.py`.  Per unit mass, wit
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
 the law is added to the impulse of each corner, at the velocity with which it touched; but `tangential_compliance` is a
-spring along the surface, integrated with the rest.
+spring along the surface, integrated with the rest, and under `soft_body` the force acts in the chord that the surface
+cuts off, the higher the deeper the body sinks in.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,12 +27,14 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Impulse, Rig, State
+from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
 STEPS, FINER = 48, 4  # in one central contact; times that with a tangential spring
 SHORTEST = 1e-6  # s; no camera tells it from an instant
 LONGEST = 4  # central contacts; a body that presses longer rests
+MIDDLE = 0.5  # of the overlap: there simulators put the force of a convex contact
 SPRING = NormalForce()  # of laws without a force
 
 
@@ -69,8 +72,8 @@ def all_points(rig: Rig, bodies: int) -> Rig:
 
 
 def integrates(law: Law, effect: Effect) -> bool:
-    """Whether the effect is a force of the integrated motion; friction of a convex contact is a damper of its own."""
-    return isinstance(effect, TangentialCompliance) and not isinstance(law.force, ConvexDamper)
+    """Whether the effect is part of the integrated motion; a convex contact has its own friction and place."""
+    return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(law.force, ConvexDamper)
 
 
 def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> tuple[State, np.ndarray]:
@@ -85,7 +88,8 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     active = model.active(at_corners)
     at_corner = all_points(rig, n)
     tiled = State(*(np.tile(getattr(true, item.name), corners) for item in fields(State)))
-    seen, r_x, r_y, k_g = model.contact_at(tiled, active, at_corner)
+    others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
+    seen, r_x, r_y, k_g = model.contact_at(tiled, others, at_corner)
     space = contact_space_of(seen, r_x, r_y, k_g)
     force = model.law.force or SPRING
     mu, epsilon, tau = (np.full(corners * n, at_corners[name]) for name in ("mu", "epsilon", "tau"))
@@ -99,9 +103,10 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
     ratio = np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null))
-    p_spring = next((p for effect, p in active if integrates(model.law, effect)), {"eta": 0.0, "zeta": 0.0})
-    eta, zeta = (np.full(corners * n, p_spring[name], float)[:n] for name in ("eta", "zeta"))
-    steps = STEPS * (FINER if eta.any() else 1)
+    spring, soft = (_parameters(model.law, active, kind) for kind in (TangentialCompliance, SoftBody))
+    eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
+    share, slopes = _chord(model.law, soft, tau[:n], at_corner.shape, tiled.theta)
+    steps = np.where(eta > 0.0, FINER * STEPS, STEPS)
     pressed = _Pressed(
         *integrate(
             (force.kind, force.exponent, ratio),
@@ -109,12 +114,12 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
             (np.full(corners * n, k_g**-2.0)[:n], rig.gravity, true.theta),
             _outline(rig.shape, corners),
             (eta, zeta),
+            (share, slopes.reshape(corners, n)),
             np.ascontiguousarray(frame.v),
             central / steps,
             LONGEST * steps,
         )
     )
-    others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
     v = pressed.v + _added(others, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
     after = State.of(frame.q + pressed.shift, v, frame.trial, frame.t + pressed.elapsed)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
@@ -123,6 +128,24 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
         frame, origin = effect.from_contact(frame, p, rig), effect.from_contact(origin, p, rig)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
     return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed), pressed.elapsed
+
+
+def _parameters(law: Law, active: Sequence[tuple[Effect, Mapping]], kind: type[Effect]) -> Mapping:
+    """The parameters of the effect of that kind, if it is integrated; none otherwise."""
+    return next((p for effect, p in active if isinstance(effect, kind) and integrates(law, effect)), {})
+
+
+def _chord(
+    law: Law, soft: Mapping, tau: np.ndarray, shape: Shape | Corner, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Share (n,) of the depth that is in the body, and by how much further along the surface the force acts (p n,)."""
+    if isinstance(law.force, ConvexDamper):
+        return np.full(len(tau), MIDDLE), np.zeros(len(theta))
+    if not soft:
+        return np.zeros(len(tau)), np.zeros(len(theta))
+    # under a linear spring the mean depth is half of what the arc sinks in
+    lam = np.full(len(theta), soft["lam"])[: len(tau)]
+    return 2.0 * lam / np.maximum(tau, SHORTEST), lean(shape, theta)
 
 
 def _added(
