@@ -1,6 +1,8 @@
 """The proof: its cases, what counts as right, and the sizes of what is hidden."""
 
+import itertools
 import json
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.proof import cause_sizes, sizes
 from thesis_lib.critique.proof.by_contact import by_contact, contact_lines
 from thesis_lib.critique.proof.cases import (
+    BODIES,
+    CORNERED,
     DEVELOPMENT,
     NOTHING,
     RATIO,
@@ -25,6 +29,7 @@ from thesis_lib.critique.proof.cases import (
     truths,
 )
 from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.plan import REAL, TIMES, real_contacts, run
 from thesis_lib.critique.proof.results import confusion, is_exact, is_right, outcomes, recovered, usual
 from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
@@ -219,3 +224,31 @@ def test_the_size_of_a_cause_is_the_parameter_of_its_effect(name):
     # a slope of friction or restitution acts at the contact point, and the effect takes the place of the body
     within = 0.04 * abs(size) if name.endswith("_slope") else 0.0
     assert abs(found.values[parameter] - size) < 4.0 * found.std[parameter] + within
+
+
+class TestPlan:
+    def test_holds_what_is_asked_of_each_source_and_shape(self):
+        cases = real_contacts()
+        assert len(set(cases)) == len(cases)
+        for source, shape in itertools.product(REAL, BODIES):
+            of_body = [c for c in cases if (c.source, c.shape) == (source, shape)]
+            none = [c for c in of_body if c.truth == NOTHING]
+            assert len(none) == 40 and {c.contact_time for c in none} == set(TIMES)
+            causes = [t for t in truths(source)[1:] if shape == "square" or t not in CORNERED]
+            for drops, count in ((150, 3), (50, 1)):
+                hidden = Counter(c.truth for c in of_body if c.kind in ("single", "outside") and c.drops == drops)
+                assert hidden == dict.fromkeys(causes, count)
+
+    def test_a_part_of_it_is_mixed_as_the_whole(self):
+        cases = real_contacts()
+        for figure in (lambda c: (c.kind, c.drops), lambda c: (c.source, c.shape)):
+            whole, part = (Counter(map(figure, some)) for some in (cases, cases[: len(cases) // 4]))
+            for key, count in whole.items():
+                assert part[key] / count == pytest.approx(0.25, abs=0.12), key
+
+    def test_what_is_stored_is_not_computed_again(self, tmp_path):
+        said: list[str] = []
+        few = Case("law", NOTHING, 5, drops=12)
+        assert run([few], 1, said.append, tmp_path) and "adequate" in said[-1]
+        assert read_rows("law", tmp_path)[few].is_of_today
+        assert run([few], 1, said.append, tmp_path) and said[-1].startswith("1 of 1 are stored")

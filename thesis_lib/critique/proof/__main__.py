@@ -5,6 +5,7 @@ python -m thesis_lib.critique.proof check --sample 10 --stamp
 python -m thesis_lib.critique.proof table
 python -m thesis_lib.critique.proof size com_offset
 python -m thesis_lib.critique.proof run --source mujoco --shape square --contact-time 1 --truths nothing
+python -m thesis_lib.critique.proof run-table --jobs 2
 python -m thesis_lib.critique.proof size com_offset_x --source mujoco --shape square
 """
 
@@ -18,6 +19,7 @@ from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, 
 from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.check import ages, check, rows_to_check
 from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.plan import REAL, real_contacts, run
 from thesis_lib.critique.proof.sizes import find_size, require_checkout, store_cause_size, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.critique.proof.summary import report
@@ -33,6 +35,8 @@ def main(arguments: list[str] | None = None) -> int:
         require_checkout()
         if options.command == "run":
             _run(options)
+        elif options.command == "run-table":
+            return 0 if run(real_contacts(options.source), options.jobs, lambda line: print(line, flush=True)) else 1
         elif options.command == "check":
             print(ages())
             cases = rows_to_check(None if options.all else options.sample, options.source)
@@ -121,6 +125,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--shape", nargs="+", choices=tuple(BODIES), help="ellipse, but a square where corners matter")
     run.add_argument("--contact-time", type=float, metavar="MS", help="of a central impact, ms; that of the source")
     run.add_argument("--development", action="store_true", help="tuning seeds; results are printed, not stored")
+    whole = "compute what is missing of the table of real contacts, some hours; goes on where it was stopped"
+    table_of = commands.add_parser("run-table", help=whole)
+    table_of.add_argument("--source", nargs="+", choices=REAL, default=REAL)
+    table_of.add_argument("--jobs", type=int, default=1, help="processes at a time (1)")
     older = "say which stored rows are older than the code, and compute some of them again"
     again = commands.add_parser("check", help=older)
     again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
