@@ -188,7 +188,6 @@ def test_sizes_of_causes_come_from_their_source_and_shape(monkeypatch):
 @pytest.mark.slow
 def test_the_size_of_a_cause_raises_the_misfit_to_the_ratio(monkeypatch):
     monkeypatch.setattr(cause_sizes, "DROPS", 40)
-    monkeypatch.setattr(cause_sizes, "HALVINGS", 5)  # to a quarter, of a range of 900
     found = cause_sizes.find_cause_size(Case("mujoco", "linear_drag", 7))
     assert 0.3 < found / CAUSES["linear_drag"].size < 3.0
 

@@ -7,15 +7,17 @@ Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass
 drift, a kick and half a drift.  A damper acts at the velocity in the middle of the step; friction ends the slip within
 the step, at most μ f_n, shared by the corners that press.  In a convex contact it is a damper, at most μ f_n.  Where
 the contact gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ carry the friction, at most
-μ f_n; k_n is the slope of the loading force.
+μ f_n; k_n is the slope of the loading force.  A pressure field presses on the whole chord that the surface cuts off,
+with a pressure that grows with the distance from the body's outline.
 """
 
 import numpy as np
 from numba import njit
 
-HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX = range(4)
+HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX, PRESSURE_FIELD = range(5)
 SPEED = 1.0  # m/s, v₀
 RESOLVED = 0.25  # (ω h)² of a tangential spring
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 THIN = 1e-9  # depth over L of a contact that has just begun
 
 compiled = njit(cache=True, error_model="numpy")
@@ -35,7 +37,7 @@ def _push(kind, exponent, depth, rate, deepest, loss):
         if depth < deepest:
             return _power(max(depth - (1.0 - loss) * deepest, 0.0) / loss, exponent), 0.0
         return _power(max(depth, 0.0), exponent), 0.0
-    if kind == HUNT_CROSSLEY:
+    if kind in (HUNT_CROSSLEY, PRESSURE_FIELD):
         elastic, factor = _power(max(depth, 0.0), exponent), 1.0 + loss * rate
         return (elastic * factor, loss * elastic) if factor > 0.0 else (0.0, 0.0)
     force = depth + loss * rate
@@ -76,11 +78,76 @@ def _lowest(axes, vertices, theta):
 
 
 @compiled
+def _chord(axes, vertices, theta, height):
+    """Ends (x_1, x_2) in m of the chord of a body, at the angle θ and at `height` in m above its centre."""
+    sin, cos = np.sin(theta), np.cos(theta)
+    if len(vertices) == 0:
+        a = cos * cos / axes[0] + sin * sin / axes[1]
+        b = cos * sin * (1.0 / axes[0] - 1.0 / axes[1]) * height
+        c = (sin * sin / axes[0] + cos * cos / axes[1]) * height * height - 1.0
+        root = np.sqrt(max(b * b - a * c, 0.0))
+        return (-b - root) / a, (-b + root) / a
+    left, right = np.inf, -np.inf
+    for i in range(len(vertices)):
+        p, q = vertices[i], vertices[(i + 1) % len(vertices)]
+        y_p, y_q = sin * p[0] + cos * p[1] - height, sin * q[0] + cos * q[1] - height
+        if (y_p < 0.0) != (y_q < 0.0):
+            part = y_p / (y_p - y_q)
+            x = cos * p[0] - sin * p[1]
+            x += part * (cos * q[0] - sin * q[1] - x)
+            left, right = min(left, x), max(right, x)
+    return (left, right) if right > left else (0.0, 0.0)
+
+
+@compiled
+def _inside(axes, vertices, theta, x, y):
+    """How far (x, y) is inside a body: 1 in the middle of an ellipse, m from the nearest side of a polygon."""
+    sin, cos = np.sin(theta), np.cos(theta)
+    u, v = cos * x + sin * y, cos * y - sin * x
+    if len(vertices) == 0:
+        return max(1.0 - np.sqrt(u * u / axes[0] + v * v / axes[1]), 0.0)
+    nearest = np.inf
+    for i in range(len(vertices)):
+        p, q = vertices[i], vertices[(i + 1) % len(vertices)]
+        along_x, along_y = q[0] - p[0], q[1] - p[1]
+        away = (along_x * (v - p[1]) - along_y * (u - p[0])) / np.sqrt(along_x * along_x + along_y * along_y)
+        nearest = min(nearest, away)
+    return max(nearest, 0.0)
+
+
+@compiled
+def _pressed(axes, vertices, theta, height, damping, v_y, omega, aside):
+    """∫ p dx and ∫ x p dx over the chord at `height`, of p = eᵐ (1 − d (v_y + x ω))₊ with e of `_inside`.
+
+    m is 1 of a prism; of an ellipsoid 3/2, as the pressure is also integrated across the plane.
+    """
+    left, right = _chord(axes, vertices, theta, height)
+    total = moment = 0.0
+    half, middle = 0.5 * (right - left), 0.5 * (right + left)
+    for i in range(len(NODES)):
+        x = middle + half * NODES[i]
+        e = _inside(axes, vertices, theta, x, height)
+        pressure = e if len(vertices) else e * np.sqrt(e)
+        pressure *= half * WEIGHTS[i] * max(1.0 - damping * (v_y + (x + aside) * omega), 0.0)
+        total += pressure
+        moment += (x + aside) * pressure
+    return total, moment
+
+
+@compiled
+def central_pressure(axes, vertices, theta, depth):
+    """∫ p dx over the chord, over depth², of a body at rest at the angle θ that has sunk in by `depth` in m."""
+    height = _lowest(axes, vertices, theta)[1] + depth
+    return _pressed(axes, vertices, theta, height, 0.0, 0.0, 0.0, 0.0)[0] / depth**2
+
+
+@compiled
 def integrate(force, points, body, outline, spring, chord, velocity, step, most):
     """The motion of n bodies from their first touch until none of their p contact points presses any more.
 
     Args:
-        force: kind, exponent, and damping along the surface over that across it (n,) of a convex contact.
+        force: kind, exponent, damping along the surface over that across it (n,) of a convex contact, and
+            `central_pressure` of a pressure field.
         points: r_x, r_y, gap in m, μ, D and L in m of each point, (6, p, n).
         body: 1/k² (n,) in 1/m², gravity in m/s², angle θ (n,) in rad.
         outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
@@ -96,7 +163,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
         Shift (n, 3) in m and rad, velocity (n, 3), time (n,) in s, and of each point (p, n) the impulses along the
         surface and across it, per mass, in m/s.
     """
-    kind, exponent, ratios = force
+    kind, exponent, ratios, central = force
     r_xs, r_ys, gaps, mus, losses, lengths = points
     ws, gravity, thetas = body
     smooth, axes, vertices = outline
@@ -137,6 +204,13 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                     f = _lifted(f, deep, fast, loss, abs(v_x - r_y[k] * omega) / SPEED, mus[k, i], ratio)
                 kick = h * SPEED**2 / length
                 push[k] = kick * f / (1.0 + 0.5 * kick * slope * (1.0 + r_x[k] * r_x[k] * w))
+                if kind == PRESSURE_FIELD and depth > 0.0:
+                    r_y[k] += depth
+                    aside, angle = r_x[k] - under[0], thetas[i] + turn
+                    height = under[1] + depth
+                    total, moment = _pressed(axes, vertices, angle, height, loss / SPEED, v_y, omega, aside)
+                    push[k] = h * SPEED**2 / length**3 / central * total
+                    r_x[k] = moment / total if total > 0.0 else r_x[k]
                 pressing += push[k] > 0.0
                 gained += push[k]
                 turned += r_x[k] * push[k]

@@ -37,7 +37,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from thesis_lib.contact.compliant.compiled import CONVEX, HUNT_CROSSLEY, HYSTERESIS, LINEAR_DAMPER, SPEED, pushes
+from thesis_lib.contact.compliant.compiled import (
+    CONVEX,
+    HUNT_CROSSLEY,
+    HYSTERESIS,
+    LINEAR_DAMPER,
+    PRESSURE_FIELD,
+    SPEED,
+    pushes,
+)
 
 LEAST = 1e-6  # D of a hysteresis: of the work that a plastic contact returns, so that its unloading has a slope
 LOSSES = np.concatenate([[0.0], np.geomspace(1e-3, 30.0, 300)])  # D of the table; ε is below 0.05 at the last
@@ -174,6 +182,14 @@ class HuntCrossley(_Damped):
 
     def changed(self, loss, b, speed):
         return loss * speed
+
+
+@dataclass(frozen=True)
+class PressureField(HuntCrossley):
+    """The pressure in a soft body, integrated over the chord that the surface cuts off; n = 2 in a central contact."""
+
+    exponent: float = 2.0
+    kind: ClassVar[int] = PRESSURE_FIELD
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,18 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.contact import LAWS, mirtich
-from thesis_lib.contact.compliant.normal_force import ConvexDamper, HuntCrossley, LinearDamper, NormalForce
+from thesis_lib.contact.compliant.normal_force import (
+    ConvexDamper,
+    HuntCrossley,
+    LinearDamper,
+    NormalForce,
+    PressureField,
+)
 from thesis_lib.contact.law import ImpulseFunction, Law
 from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.critique.drops.model import LEAST_MOBILITY
 
-HERTZ, PRESSURE_FIELD = 1.5, 2.0  # exponents: of Hertz; pressure and area both grow with the depth
+HERTZ = 1.5  # exponent
 
 
 def _limit(force: NormalForce) -> ImpulseFunction:
@@ -68,7 +74,7 @@ COMPLIANT = (
     _compliant(
         "pressure_field_contact",
         "contact of a pressure field",
-        HuntCrossley(PRESSURE_FIELD),
+        PressureField(),
         "Elandt et al. 2019, doi:10.1109/IROS40897.2019.8968548",
     ),
 )

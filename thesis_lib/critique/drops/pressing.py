@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.bodies.shapes import Corner, Ellipse, Polygon, Shape
-from thesis_lib.contact.compliant.compiled import SPEED, integrate
-from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce
+from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integrate
+from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, contact_space_of
@@ -31,8 +31,9 @@ from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
-STEPS, FINER = 48, 4  # in one central contact; times that with a tangential spring
+STEPS, FINER = 48, 4  # in one central contact; times that with a tangential spring or a pressure field
 SHORTEST = 1e-6  # s; no camera tells it from an instant
+SHALLOW = 1e-4  # m, depth at which a pressure field is compared with a spring
 LONGEST = 4  # central contacts; a body that presses longer rests
 MIDDLE = 0.5  # of the overlap: there simulators put the force of a convex contact
 SPRING = NormalForce()  # of laws without a force
@@ -72,8 +73,10 @@ def all_points(rig: Rig, bodies: int) -> Rig:
 
 
 def integrates(law: Law, effect: Effect) -> bool:
-    """Whether the effect is part of the integrated motion; a convex contact has its own friction and place."""
-    return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(law.force, ConvexDamper)
+    """Whether the effect is part of the integrated motion; others have friction and place of their own."""
+    return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(
+        law.force, ConvexDamper | PressureField
+    )
 
 
 def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> tuple[State, np.ndarray]:
@@ -81,17 +84,18 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
 
     `values` are numbers, or arrays (n,) with one for each body.
     """
-    corners, n = contact_points(rig), len(true.x)
+    force = model.law.force or SPRING
+    is_field = isinstance(force, PressureField)
+    corners, n = 1 if is_field else contact_points(rig), len(true.x)
     at_corners: dict[str, Any] = {
         name: np.tile(v, corners) if isinstance(v, np.ndarray) else v for name, v in values.items()
     }
     active = model.active(at_corners)
-    at_corner = all_points(rig, n)
+    at_corner = rig if is_field else all_points(rig, n)
     tiled = State(*(np.tile(getattr(true, item.name), corners) for item in fields(State)))
     others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
     seen, r_x, r_y, k_g = model.contact_at(tiled, others, at_corner)
     space = contact_space_of(seen, r_x, r_y, k_g)
-    force = model.law.force or SPRING
     mu, epsilon, tau = (np.full(corners * n, at_corners[name]) for name in ("mu", "epsilon", "tau"))
     as_fitted = force.loss(epsilon)
     for effect, p in active:
@@ -106,10 +110,10 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     spring, soft = (_parameters(model.law, active, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
     share, slopes = _chord(model.law, soft, tau[:n], at_corner.shape, tiled.theta)
-    steps = np.where(eta > 0.0, FINER * STEPS, STEPS)
+    steps = np.where((eta > 0.0) | is_field, FINER * STEPS, STEPS)
     pressed = _Pressed(
         *integrate(
-            (force.kind, force.exponent, ratio),
+            (force.kind, force.exponent, ratio, _central_pressure(rig.shape) if is_field else 1.0),
             points,
             (np.full(corners * n, k_g**-2.0)[:n], rig.gravity, true.theta),
             _outline(rig.shape, corners),
@@ -128,6 +132,15 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
         frame, origin = effect.from_contact(frame, p, rig), effect.from_contact(origin, p, rig)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
     return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed), pressed.elapsed
+
+
+def _central_pressure(shape: Shape) -> float:
+    """`central_pressure` of a body on its flattest point, or on the corner furthest from its centre."""
+    _, axes, corners = _outline(shape, 1)
+    if not len(corners):
+        return central_pressure(axes, corners, 0.0 if axes[0] >= axes[1] else 0.5 * np.pi, SHALLOW)
+    x, y = corners[np.hypot(*corners.T).argmax()]
+    return central_pressure(axes, corners, -0.5 * np.pi - np.arctan2(y, x), SHALLOW)
 
 
 def _parameters(law: Law, active: Sequence[tuple[Effect, Mapping]], kind: type[Effect]) -> Mapping:

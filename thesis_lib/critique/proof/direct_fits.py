@@ -78,7 +78,7 @@ class Series:
 
 _MUJOCO = ("mirtich", "damped_contact", "convex_contact")
 _POINT = ("mirtich", "mirtich+velocity_dependent_restitution", "hunt_crossley_contact")
-_SOFT = tuple(f"hunt_crossley_hertz_contact{more}" for more in ("", "+wrong_size", "+soft_body"))
+_SOFT = ("hunt_crossley_contact", "hunt_crossley_contact+soft_body", "pressure_field_contact")
 _HERTZ = ("mirtich", "mirtich+velocity_dependent_contact_time", "hertz_contact")
 _DIE = (
     "mirtich+linear_drag+rounded_corners+angle_offset+wrong_inertia+tangential_compliance"
@@ -91,6 +91,7 @@ SERIES = {
     "Drake, point, ellipse": Series("drake_point", _POINT),
     "Drake, point, square": Series("drake_point", _POINT, "square"),
     "Drake, hydroelastic, ellipse": Series("drake_hydroelastic", _SOFT),
+    "Drake, hydroelastic, square": Series("drake_hydroelastic", _SOFT, "square"),
     "Hertz, 3 ms, ellipse": Series("hertz", _HERTZ),
     "die, single hits": Series("planar_dice", ("mirtich", f"{_DIE}+com_offset")),
     "die, all hits of 150 throws": Series(
