@@ -36,6 +36,7 @@ from thesis_lib.statistics.spread import quantile_std, robust_std
 # a compliant contact takes ten times as long; it is tried beyond this median error over noise, where bodies turn by
 # this much more (rad) during a contact, or where its limit as an impact law gains this much (nats)
 LEAVES, TURNS, GAINS = 1.2, 0.02, 3.0
+NEAR = 1.5  # median error over noise, and mean squares of the other channels, at which slopes tell what is worth a fit
 CHANNELS = ("impact", "flight", "meet", "touch")
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
 FLOOR_SEED = 0
@@ -182,6 +183,11 @@ class Drops(World[Effect, Fit, Judgement]):
             if turn > TURNS or limit.score > rigid.score + GAINS:
                 fits.append(fit(model, self.quick, limit.values, rounds=1))
         return fits
+
+    def leaves_little(self, fitted: Fit, judged: Judgement) -> bool:
+        others = [square for square in judged.sigmas.values() if np.isfinite(square)]
+        is_noise = judged.excess <= NEAR and all(square <= NEAR for square in others)
+        return is_noise or super().leaves_little(fitted, judged)
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         return any(channel_is_material(better, worse, channel, settings) for channel in candidate.channels)

@@ -173,7 +173,8 @@ class _Search(Generic[E, F, J]):
             contenders = [fitted] if steps else [bases[name][0] for name in ranked[: world.rivals]]
             if fitted.base in world.reserve:
                 contenders = [world.fit(fitted.base, fitted.effects, fitted.values, quick=True)]
-                candidates = self.worth_a_fit(candidates, tests) if fixed is None else candidates
+            if fixed is None and world.leaves_little(fitted, judged):
+                candidates = self.worth_a_fit(candidates, tests)
             step, below = self.best_step(fitted, judged, contenders, candidates, tests, fixed is not None)
             if fixed is None and (other := self.other_base(fitted, judged, step)):
                 fitted, judged = other
@@ -218,9 +219,9 @@ class _Search(Generic[E, F, J]):
         return (best, other) if gain[1] > 0.0 and other.total - to_beat.total > least else None
 
     def worth_a_fit(self, candidates: Sequence[E], tests: Scan) -> list[E]:
-        """The candidates whose score test comes within half of what is significant; a base of the reserve fits slowly.
+        """The candidates whose score test comes within half of what is significant.
 
-        It is chosen where it leaves little, so that slopes at the null mean what they say.
+        Where a model leaves little, slopes at the null mean what they say; a base of the reserve is chosen there.
         """
         least = 0.5 * np.quantile(tests.null, 1.0 - self.settings.alpha)
         return [e for e in candidates if tests.gain[e.name] >= least]

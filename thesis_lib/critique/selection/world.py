@@ -143,6 +143,10 @@ class World(ABC, Generic[E, F, J]):
         """
         return []
 
+    def leaves_little(self, fitted: F, judged: J) -> bool:
+        """Whether a model errs by little more than noise, so that slopes at it tell which effects are worth a fit."""
+        return fitted.base in self.reserve
+
     @abstractmethod
     def is_material(self, better: J, worse: J, candidate: E, settings: SearchSettings) -> bool:
         """Whether the candidate lowers an error of its channels by an amount that matters."""
