@@ -28,6 +28,9 @@ def drawn(tmp_path_factory):
         put(store, Case("mechanism", "com_offset_y", 1000 + i), [])
     put(store, Case("law", NOTHING, 1000))
     refuse(store, Case("law", NOTHING, 1001))
+    # drops of real contacts have tables of their own
+    put(store, Case("mujoco", "wear", 1000), [["wear"]])
+    put(store, Case("mechanism", "com_offset_x", 1000, shape="square", contact_time=0.001), [["com_offset"]])
     return pictures(outcomes(store), recovered(store))
 
 

@@ -31,6 +31,7 @@ def pictures(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> dict[str, Drawn
     `outcomes` (a row for each dataset) and `recovered` (a row for each parameter) come from `critique.proof.results`;
     those of the first table are drawn, with contacts of 20 µs.
     """
+    outcomes, recovered = (table[table["source"].isin(SOURCE_TITLE)] for table in (outcomes, recovered))
     outcomes, recovered = usual(outcomes), usual(recovered)
     table = of_table(outcomes)
     drawn = {f"matrix_{source}": draw_matrix(table, source) for source in SOURCE_TITLE}
