@@ -4,11 +4,12 @@ numba compiles this file at the first call and keeps the result beside it.  A ch
 what is compiled must stand here, since numba does not see changes of functions in other files.
 
 Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass in v₀²/L.  Steps of the motion are half a
-drift, a kick and half a drift.  A damper acts at the velocity in the middle of the step; friction ends the slip within
-the step, at most μ f_n, shared by the corners that press.  In a convex contact it is a damper, at most μ f_n.  Where
-the contact gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ carry the friction, at most
-μ f_n; k_n is the slope of the loading force.  A pressure field presses on the whole chord that the surface cuts off,
-with a pressure that grows with the distance from the body's outline.
+drift, a kick and half a drift.  Dampers and springs act at the velocity in the middle of the step; friction ends the
+slip within the step, or turns with it, at most μ f_n, shared by the corners that press.  So errors fall with the square
+of the step.  In a convex contact friction is a damper, at most μ f_n, and both forces hold a little against the
+acceleration, too.  Where the contact gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ
+carry the friction, at most μ f_n; k_n is the slope of the loading force.  A pressure field presses on the whole chord
+that the surface cuts off, with a pressure that grows with the distance from the body's outline.
 """
 
 import numpy as np
@@ -16,8 +17,10 @@ from numba import njit
 
 HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX, PRESSURE_FIELD = range(5)
 SPEED = 1.0  # m/s, v₀
+# of a convex contact: the weight of the acceleration in b v + k x + a = −R f, over R across the surface (d = 0.01)
+IMPEDANCE = 0.01 / 0.99
 RESOLVED = 0.25  # (ω h)² of a tangential spring
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 THIN = 1e-9  # depth over L of a contact that has just begun
 
 compiled = njit(cache=True, error_model="numpy")
@@ -117,21 +120,29 @@ def _inside(axes, vertices, theta, x, y):
 
 @compiled
 def _pressed(axes, vertices, theta, height, damping, v_y, omega, aside):
-    """∫ p dx and ∫ x p dx over the chord at `height`, of p = eᵐ (1 − d (v_y + x ω))₊ with e of `_inside`.
+    """∫ p dx and ∫ x p dx over the chord at `height`, of p = eᵐ (1 − d (v_y + x ω))₊ with e of `_inside`, and their
+    derivatives: −∂/∂v_y of the first, −∂/∂ω of the first (which is −∂/∂v_y of the second), −∂/∂ω of the second.
 
     m is 1 of a prism; of an ellipsoid 3/2, as the pressure is also integrated across the plane.
     """
     left, right = _chord(axes, vertices, theta, height)
-    total = moment = 0.0
+    total = moment = slope = across = turning = 0.0
     half, middle = 0.5 * (right - left), 0.5 * (right + left)
     for i in range(len(NODES)):
         x = middle + half * NODES[i]
         e = _inside(axes, vertices, theta, x, height)
         pressure = e if len(vertices) else e * np.sqrt(e)
-        pressure *= half * WEIGHTS[i] * max(1.0 - damping * (v_y + (x + aside) * omega), 0.0)
-        total += pressure
-        moment += (x + aside) * pressure
-    return total, moment
+        pressure *= half * WEIGHTS[i]
+        x += aside
+        factor = 1.0 - damping * (v_y + x * omega)
+        if factor > 0.0:
+            total += pressure * factor
+            moment += x * pressure * factor
+            damped = damping * pressure
+            slope += damped
+            across += x * damped
+            turning += x * x * damped
+    return total, moment, slope, across, turning
 
 
 @compiled
@@ -173,12 +184,12 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
     shift, after, elapsed = np.zeros((n, 3)), velocity.copy(), np.zeros(n)
     c_t, c_n = np.zeros((p, n)), np.zeros((p, n))
     r_x, r_y, push, depths, deepest = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
-    stretch = np.zeros(p)
+    stretch, share = np.zeros(p), np.zeros(p)
     for i in range(n):
         h, w, ratio = step[i], ws[i], ratios[i]
         x = y = turn = t = 0.0
         v_x, v_y, omega = velocity[i]
-        deepest[:], stretch[:] = 0.0, 0.0
+        deepest[:], stretch[:], share[:] = 0.0, 0.0, 0.0
         # where the contact point is beside the lowest one of a smooth body
         beside = _lowest(axes, vertices, thetas[i]) if smooth else (0.0, 0.0)
         for _ in range(most[i]):
@@ -200,25 +211,46 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 length, loss = lengths[k, i], losses[k, i]
                 deep, fast = depth / length, -(v_y + r_x[k] * omega) / SPEED
                 f, slope = _push(kind, exponent, deep, fast, deepest[k] / length, loss)
+                # what the force changes at its point until the middle of the step, with friction as in the step before
+                turns = (r_x[k] - share[k] * r_y[k]) * w
+                mobility = 1.0 + r_x[k] * turns
+                yields = 0.0
                 if kind == CONVEX:
-                    f = _lifted(f, deep, fast, loss, abs(v_x - r_y[k] * omega) / SPEED, mus[k, i], ratio)
+                    yields = IMPEDANCE
+                    slip = v_x - r_y[k] * omega
+                    lifted = _lifted(f, deep, fast, loss, abs(slip) / SPEED, mus[k, i], ratio)
+                    if lifted != f:
+                        slope /= 1.0 + mus[k, i] ** 2 / ratio
+                        yields /= 1.0 + mus[k, i] ** 2 / ratio
+                        mobility -= mus[k, i] * np.sign(slip) * (share[k] - r_y[k] * turns)
+                    f = lifted * (1.0 + IMPEDANCE)
                 kick = h * SPEED**2 / length
-                push[k] = kick * f / (1.0 + 0.5 * kick * slope * (1.0 + r_x[k] * r_x[k] * w))
+                push[k] = kick * f / (1.0 + (0.5 * kick * slope + yields) * mobility)
                 if kind == PRESSURE_FIELD and depth > 0.0:
                     r_y[k] += depth
                     aside, angle = r_x[k] - under[0], thetas[i] + turn
                     height = under[1] + depth
-                    total, moment = _pressed(axes, vertices, angle, height, loss / SPEED, v_y, omega, aside)
-                    push[k] = h * SPEED**2 / length**3 / central * total
-                    r_x[k] = moment / total if total > 0.0 else r_x[k]
+                    total, moment, slope, across, turning = _pressed(
+                        axes, vertices, angle, height, loss / SPEED, v_y, omega, aside
+                    )
+                    # with the velocities in the middle of the step
+                    kick, friction = h * SPEED**2 / length**3 / central, share[k] * r_y[k]
+                    a, b = 1.0 + 0.5 * kick * (slope - across * w * friction), 0.5 * kick * across * w
+                    c, d = 0.5 * kick * (across - turning * w * friction), 1.0 + 0.5 * kick * turning * w
+                    push[k] = max(kick * (total * d - moment * b) / (a * d - b * c), 0.0)
+                    if push[k] > 0.0:
+                        r_x[k] = (kick * moment - c * push[k]) / (d * push[k])
                 pressing += push[k] > 0.0
                 gained += push[k]
                 turned += r_x[k] * push[k]
+            before = omega
             v_y += gained - h * gravity
             omega += w * turned
             dragged, turned = 0.0, 0.0
             for k in range(p):
                 mobility, slip, limit = 1.0 + r_y[k] * r_y[k] * w, v_x - r_y[k] * omega, mus[k, i] * push[k]
+                slid = v_x - r_y[k] * before
+                pulled = slip - slid  # by the forces across the surface
                 if etas[i] > 0.0 and push[k] > 0.0:
                     thick = exponent * _power(max(deepest[k] / lengths[k, i], THIN), exponent - 1.0)
                     stiffness = (SPEED / lengths[k, i]) ** 2 * thick / etas[i]
@@ -226,17 +258,28 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                     # both at the middle of a step that resolves them, or it would damp; else at its end
                     part = 0.5 if stiffness * mobility * h * h < RESOLVED else 1.0
                     carries = h * (part * h * stiffness + damping)
-                    drag = -(h * stiffness * stretch[k] + carries * slip) / (1.0 + part * carries * mobility)
+                    drag = h * stiffness * stretch[k] + carries * (slip - (1.0 - part) * pulled)
+                    drag /= -(1.0 + part * carries * mobility)
                     drag = min(max(drag, -limit), limit)
                     # spring and damper carry the drag together, sliding or not
                     stretch[k] -= (h * stiffness * stretch[k] + drag) * h / carries
                 else:
                     stretch[k] = 0.0
                     ends = 1.0 / (mobility * max(pressing, 1))
+                    # friction first holds against the slip, then, where it is too weak, in the other direction
+                    most_change = limit / ends
+                    turns_round = slid * pulled < 0.0 and most_change < abs(pulled) > abs(slid) - most_change
                     if kind == CONVEX:
-                        slows = ratio * losses[k, i] * h * SPEED / lengths[k, i]
-                        ends = ends * slows / (ends + slows)
-                    drag = min(max(-slip * ends, -limit), limit)
+                        slows = (1.0 + IMPEDANCE) * ratio * losses[k, i] * h * SPEED / lengths[k, i]
+                        # at the middle of a step that resolves it, or it would swing; else at its end
+                        weight = (0.5 if slows < ends else 1.0) * slows + ratio * IMPEDANCE
+                        drag = -(slows * slid + weight * pulled) / (1.0 + weight / ends)
+                        drag = min(max(drag, -limit), limit)
+                    elif turns_round:
+                        drag = np.sign(slid) * limit * (1.0 - 2.0 * abs(slid) / (abs(pulled) + most_change))
+                    else:
+                        drag = min(max(-slip * ends, -limit), limit)
+                share[k] = drag / push[k] if push[k] > 0.0 else 0.0
                 dragged += drag
                 turned += r_y[k] * drag
                 c_t[k, i] += drag
