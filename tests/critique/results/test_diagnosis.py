@@ -17,8 +17,8 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table
+from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.critique.selection.scan import scan
-from thesis_lib.critique.selection.search import paired_gain
 from thesis_lib.effects import EFFECTS
 
 LEAST_RISE = 0.25  # of the noise floor: the setting material_floor

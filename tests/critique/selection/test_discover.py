@@ -31,7 +31,7 @@ def discover(
 def test_nothing_hidden_nothing_found(nothing_hidden):
     found = nothing_hidden.discovery
     assert found.steps == () and nothing_hidden.verdict == "adequate"
-    assert found.fitted is found.bases[found.base][0]
+    assert found.fitted is found.bases[found.base]
     assert set(found.bases) == set(SIX_LAWS)
 
 

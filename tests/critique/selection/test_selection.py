@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from thesis_lib.critique.selection.discovery import judge_held_out
 from thesis_lib.critique.selection.scan import orthonormal
-from thesis_lib.critique.selection.search import judge_held_out, search, split
+from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
 
@@ -79,7 +80,7 @@ class Line(World[Curve, Fitted, Scores]):
     def residual(self, fitted: Fitted) -> np.ndarray:
         return self.y - self.columns(fitted.effects, fitted.base) @ list(fitted.values.values())
 
-    def fit(self, base, effects, start=None, *, quick=False) -> Fitted:
+    def fit(self, base, effects, start=None, effort="full") -> Fitted:
         X = self.columns(effects, base)
         p = np.linalg.lstsq(X, self.y, rcond=None)[0]
         z = self.y - X @ p
@@ -126,7 +127,7 @@ def test_what_is_injected_is_found_with_its_size():
     std = 1.0 / np.linalg.norm(SHAPES["square"](world.x))
     assert discovery.fitted.values["square"] == pytest.approx(3.0 * SIZE, abs=4.0 * std)
     # the gain of the fit is that of the score test, because the model is linear
-    gain = discovery.fitted.score - discovery.bases["line"][0].score
+    gain = discovery.fitted.score - discovery.bases["line"].score
     assert step.scan.gain["square"] == pytest.approx(gain, rel=1e-9)
 
 
@@ -144,7 +145,10 @@ class WithReserve(Line):
 
     reserve = ("bend",)
 
-    def reserve_fits(self, fitted, judged):
+    def leaves_an_error(self, judged):
+        return True
+
+    def reserve_fits(self, fitted):
         return [self.fit("bend", fitted.effects)]
 
 

@@ -21,7 +21,8 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, Judgement, testable_effects
-from thesis_lib.critique.selection.search import judge_held_out, paired_gain, search, split
+from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
+from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
@@ -146,7 +147,7 @@ def criticise(
     say("judging on held-out trials")
     unseen = Drops(held_out)
     ladder, without = judge_held_out(world, unseen, discovery)
-    laws = {name: unseen.judge(fitted) for name, (fitted, _) in discovery.bases.items()}
+    laws = {name: unseen.judge(fitted) for name, fitted in discovery.bases.items()}
     base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")
     structure = remaining(final, training.single, rng)

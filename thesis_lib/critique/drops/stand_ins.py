@@ -17,7 +17,7 @@ import numpy as np
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.selection.search import Step
+from thesis_lib.critique.selection.discovery import Step
 from thesis_lib.effects import EFFECTS
 
 CONTRADICTS = 4.0  # standard errors; by chance once in 16,000 effects, of two parameters once in 3,000

@@ -29,7 +29,8 @@ from thesis_lib.critique.mechanisms.settings import MechanismSettings
 from thesis_lib.critique.mechanisms.trials import Trial
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, ForceJudgement, Windows, sensor_excess
-from thesis_lib.critique.selection.search import Discovery, Step, judge_held_out, paired_gain, search, split
+from thesis_lib.critique.selection.discovery import Discovery, Step, judge_held_out, paired_gain
+from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Sampling
 from thesis_lib.datasets.recordings.recording import Recording

@@ -24,7 +24,7 @@ import numpy as np
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependence, smallest_sizes, states_of_windows
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
 from thesis_lib.critique.mechanisms.world import ForceFit, predict
-from thesis_lib.critique.selection.search import Step
+from thesis_lib.critique.selection.discovery import Step
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
 
@@ -38,7 +38,7 @@ STATES = 3  # proposed for the next experiment
 def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.random.Generator) -> dict:
     """Content of diagnosis.json, rounded to six digits; `rng` permutes windows."""
     weak, held, model = critique.training, critique.held_out, critique.model
-    base_fit = critique.discovery.bases[critique.discovery.base][0]
+    base_fit = critique.discovery.bases[critique.discovery.base]
     depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
     base, augmented = critique.ladder[0], critique.ladder[-1]
     left_out = weak.left_out + held.left_out
@@ -222,7 +222,7 @@ def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.Da
     import pandas as pd
 
     held, names = critique.held_out, critique.model.coordinates
-    base, _ = critique.discovery.bases[critique.discovery.base]
+    base = critique.discovery.bases[critique.discovery.base]
     residuals = pd.DataFrame(
         {
             "window": held.window,

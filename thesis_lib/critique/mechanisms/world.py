@@ -26,7 +26,7 @@ from thesis_lib.critique.mechanisms.effects import MechanismEffect, Motion
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.selection.scan import RANK
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import Slopes, World
+from thesis_lib.critique.selection.world import Effort, Slopes, World
 from thesis_lib.statistics.bootstrap import central_95, draw_counts
 
 BASE = "believed"
@@ -134,8 +134,7 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
         base: str,
         effects: tuple[MechanismEffect, ...],
         start: Mapping[str, np.ndarray] | None = None,
-        *,
-        quick: bool = False,
+        effort: Effort = "full",
     ) -> ForceFit:
         names = tuple(e.name for e in effects)
         if names not in self._fits:

@@ -127,9 +127,9 @@ def fit_in_steps(world: Drops, model: str) -> Fit:
     """Fit a model to all hits from where quick fits end, in which its effects are added one after the other."""
     base, *names = model.split("+")
     effects = tuple(EFFECTS[name] for name in names)
-    fitted = world.fit(base, (), quick=True)
+    fitted = world.fit(base, (), effort="quick")
     for i, effect in enumerate(effects):
-        fitted = world.fit(base, effects[: i + 1], world.start_with(fitted, effect), quick=True)
+        fitted = world.fit(base, effects[: i + 1], world.start_with(fitted, effect), effort="quick")
     return world.fit(base, effects, fitted.values)
 
 

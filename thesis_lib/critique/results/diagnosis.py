@@ -91,7 +91,7 @@ def _parameters(fitted: Fit, of: str = "") -> dict:
 
 def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
     """One law without effects: what two runs that chose different laws can be compared by."""
-    fitted, _ = critique.discovery.bases[name]
+    fitted = critique.discovery.bases[name]
     judged = critique.laws[name]
     return {
         "parameters": _parameters(fitted),

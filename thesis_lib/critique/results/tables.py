@@ -30,7 +30,7 @@ from thesis_lib.critique.drops.questions.flight_residuals import flight_table
 from thesis_lib.critique.drops.residuals import impact_residuals, synthesise
 from thesis_lib.critique.drops.world import Judgement
 from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
-from thesis_lib.critique.selection.search import paired_gain
+from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain
 from thesis_lib.impact_study.cost import target_of
@@ -65,13 +65,13 @@ def comparison(critique: Critique) -> pd.DataFrame:
     """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
     o = critique.held_out
     bases = critique.discovery.bases
-    errors = {name: impact_errors(fitted, o) for name, (fitted, _) in bases.items()}
+    errors = {name: impact_errors(fitted, o) for name, fitted in bases.items()}
     base = critique.ladder[0][1]
     share, tolerance = _shares_in_range(critique)
     rows = [
         _row(name, "law", errors[name], fitted, critique.laws[name])
         | {"share_in_range": share[name], "tolerance": tolerance}
-        for name, (fitted, _) in bases.items()
+        for name, fitted in bases.items()
     ]
     if critique.discovery.steps:
         _, fitted, judged = critique.ladder[-1]
@@ -183,7 +183,7 @@ def left_out_impacts(observations: Observations) -> pd.DataFrame:
 def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
     """Parts of the mean square error of the base law on held-out single hits, as in the module's table."""
     o, base = critique.held_out.single, critique.ladder[0][1]
-    laws = [fitted for fitted, _ in critique.discovery.bases.values()]
+    laws = list(critique.discovery.bases.values())
     weights = np.array([1.0, 1.0, o.rig.k_g]) ** 2
     squares, irb, gap = _bounds(base, laws, o)
     noise, made_irb, made_gap = 0.0, np.nan, np.nan
@@ -229,7 +229,7 @@ def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
     n = len(v_pre)
     target = target_of(Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g))
     shares = {}
-    for name, (fitted, _) in critique.discovery.bases.items():
+    for name, fitted in critique.discovery.bases.items():
         error = fit_individual(fitted.model.law, target, "velocity").error
         shares[name] = float(np.mean(np.nan_to_num(error, nan=np.inf) <= tolerance))
     return shares, tolerance

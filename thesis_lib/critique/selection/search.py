@@ -1,88 +1,37 @@
 """Forward selection of missing effects with a backward check.
 
 1. Every base is fitted and judged by K-fold over training trials; the search starts from the best.
-2. Each step screens all candidates by score tests and quick fits.  The best few are fitted with *all* parameters
-   free, and the best three of those are judged by K-fold.  Best is the gain less one nat for each parameter, which is
-   what K-fold will find of it (Akaike 1974, doi:10.1109/TAC.1974.1100705; Stone 1977,
+2. Each step screens all candidates by score tests and quick fits.  The best few are fitted to all data with *all*
+   parameters free, and the best of those are judged by K-fold.  Best is the gain less one nat for each parameter, which
+   is what K-fold will find of it (Akaike 1974, doi:10.1109/TAC.1974.1100705; Stone 1977,
    doi:10.1111/j.2517-6161.1977.tb01603.x).
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
    and it lowers a held-out error materially.  A gain near the null is corrected by refits to data without the effect.
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
-   the next effect would.
+   the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged first.
 
 Random streams are named by effects, so that a further candidate changes no draw of the others.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Generic
 
 import numpy as np
 
+from thesis_lib.critique.selection.discovery import Discovery, Step, paired_gain
 from thesis_lib.critique.selection.scan import Scan, scan
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import E, F, J, Judgement, World
+from thesis_lib.critique.selection.world import E, F, J, Slopes, World
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.statistics.bootstrap import bootstrap_gain
 
 JUDGED = 3  # finalists judged by K-fold
+CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
+RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
+FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve is taken without more ado
 REFITS = 199  # of data drawn without the effect, if its gain is near the null
 FAR_BEYOND = 3.0  # times the largest draw of the null: refits stretch no gain this far
-
-
-@dataclass(frozen=True)
-class Step(Generic[E, F, J]):
-    """One chosen effect.
-
-    Attributes:
-        alternatives: names that the data cannot tell from it, nearest first.
-        clears: whether it passes all three tests; false only for an effect switched on by hand.
-        p_value: of its gain against the null of the largest gain.
-        gain: held-out gain per unit by K-fold with 95 % interval, nats.
-        fitted: the model with it, on all training trials; judged: by K-fold.
-        scan: score tests before it was added.
-    """
-
-    effect: E
-    alternatives: tuple[str, ...]
-    clears: bool
-    p_value: float
-    gain: tuple[float, float, float]
-    fitted: F
-    judged: J
-    scan: Scan
-
-
-@dataclass(frozen=True)
-class Discovery(Generic[E, F, J]):
-    """The chosen model and the steps that led to it.
-
-    Attributes:
-        bases: by name, fit and K-fold judgement without effects; base: name of the best.
-        first_scan, last_scan: score tests at the best base and at the final model.
-        below: fit with a significant but immaterial effect, at which the search ended.
-        not_testable: name -> why.
-    """
-
-    bases: dict[str, tuple[F, J]]
-    base: str
-    steps: tuple[Step[E, F, J], ...]
-    first_scan: Scan
-    last_scan: Scan
-    below: F | None
-    not_testable: Mapping[str, str]
-
-    @property
-    def fitted(self) -> F:
-        """The final model."""
-        return self.steps[-1].fitted if self.steps else self.bases[self.base][0]
-
-    def verdict(self, is_structured: bool) -> str:
-        """adequate, effects or unexplained; `is_structured`: something that matters remains."""
-        if is_structured:
-            return "unexplained"
-        return "effects" if any(step.clears for step in self.steps) else "adequate"
 
 
 def split(trials: np.ndarray, share: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -109,31 +58,6 @@ def search(
     return _Search(world, settings, rng, say).run(fixed)
 
 
-def judge_held_out(
-    training: World[E, F, J], held_out: World[E, F, J], discovery: Discovery[E, F, J]
-) -> tuple[tuple[tuple[str, F, J], ...], dict[str, J]]:
-    """Held-out judgements: the ladder (label, fit, judgement) after 0, 1, ... effects, and the worth of each effect.
-
-    The latter is, by effect, the judgement of the final model refitted without it.
-    """
-    fits = [("no effect", discovery.bases[discovery.base][0])]
-    fits += [(step.effect.name, step.fitted) for step in discovery.steps]
-    ladder = tuple((label, fitted, held_out.judge(fitted)) for label, fitted in fits)
-    final, without = discovery.fitted, {}
-    for step in discovery.steps:
-        others = tuple(e for e in final.effects if e.name != step.effect.name)
-        without[step.effect.name] = held_out.judge(training.fit(final.base, others, final.values))
-    return ladder, without
-
-
-def paired_gain(
-    better: Judgement, worse: Judgement, rng: np.random.Generator, draws: int = 999
-) -> tuple[float, float, float]:
-    """Gain of log score per unit in nats, with a 95 % interval from the bootstrap over trials."""
-    difference = better.by_trial(better.trials) - worse.by_trial(better.trials)
-    return bootstrap_gain(difference, better.units, draws, rng)
-
-
 class _Search(Generic[E, F, J]):
     """State that stays fixed during the search: data, thresholds, folds and seed."""
 
@@ -144,17 +68,19 @@ class _Search(Generic[E, F, J]):
         n = len(world.trials)
         self.folds = rng.permutation(np.arange(n) % min(settings.folds, n))
         self.seed = int(rng.integers(2**63))
+        self.known: tuple[F, Slopes] | None = None  # the last fit that was scanned, and its slopes
 
     def run(self, fixed: Sequence[str] | None) -> Discovery[E, F, J]:
         world = self.world
-        fits = {name: world.fit(name, ()) for name in world.bases}
-        bases = {name: (fitted, world.cross_validate(fitted, self.folds)) for name, fitted in fits.items()}
-        ranked = sorted(bases, key=lambda name: -bases[name][1].total)
-        fitted, judged = bases[ranked[0]]
+        bases = {name: world.fit(name, (), effort="near") for name in world.bases}
+        ranked = sorted(bases, key=lambda name: -bases[name].score)
+        base, judged = next(self.judged_in_turn(bases, ranked))
+        ranked = [base, *(name for name in ranked if name != base)]
+        fitted = bases[base] = self.in_full(bases[base])
         most = self.settings.max_effects if fixed is None else len(fixed)
-        if (fixed is not None or not most) and (other := self.other_base(fitted, judged, None)):
-            bases[other[0].base] = fitted, judged = other
-        base = fitted.base
+        if (fixed is not None or not most) and (other := self.other_base(self.reserve(fitted), fitted, judged)):
+            fitted, judged = other
+            bases[fitted.base], base = fitted, fitted.base
         steps: list[Step[E, F, J]] = []
         dropped: set[str] = set()
         first_scan = below = None
@@ -170,19 +96,28 @@ class _Search(Generic[E, F, J]):
             first_scan = first_scan or tests
             self.say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
             # a missing effect may favour the wrong base: the next best bases are tried with it, too
-            contenders = [fitted] if steps else [bases[name][0] for name in ranked[: world.rivals]]
+            contenders = [fitted] if steps else [bases[name] for name in ranked[: world.rivals]]
             if fitted.base in world.reserve:
-                contenders = [world.fit(fitted.base, fitted.effects, fitted.values, quick=True)]
+                contenders = [world.fit(fitted.base, fitted.effects, fitted.values, "quick")]
             if fixed is None and world.leaves_little(fitted, judged):
                 candidates = self.worth_a_fit(candidates, tests)
-            step, below = self.best_step(fitted, judged, contenders, candidates, tests, fixed is not None)
-            if fixed is None and (other := self.other_base(fitted, judged, step)):
+            quick = self.quick_fits(contenders, candidates, fitted)
+            step, other, reserve = None, None, []
+            if fixed is None and world.leaves_an_error(judged):
+                reserve = self.reserve(fitted)
+                other = self.far_better_base(reserve, quick, contenders, judged)
+            if other is None:
+                step, below = self.best_step(fitted, judged, contenders, quick, tests, fixed is not None)
+                if reserve and (step is None or world.leaves_an_error(step.judged)):
+                    rival = (step.fitted, step.judged) if step else (fitted, judged)
+                    other = self.other_base(reserve, *rival)
+            if other:
                 fitted, judged = other
                 self.say(f"step {len(steps) + 1}: another base, {fitted.base}")
                 if steps:
                     steps[-1] = replace(steps[-1], fitted=fitted, judged=judged)
                 else:
-                    bases[fitted.base], base = other, fitted.base
+                    bases[fitted.base], base = fitted, fitted.base
                 continue
             if step is None:
                 break
@@ -200,23 +135,42 @@ class _Search(Generic[E, F, J]):
         last_scan = self.scan(fitted, rest, "last null")
         return Discovery(bases, base, tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
 
-    def other_base(self, fitted: F, judged: J, step: Step[E, F, J] | None) -> tuple[F, J] | None:
-        """Fit and judgement of a base of the reserve with the same effects, if it predicts better than the next effect.
+    def in_full(self, fitted: F) -> F:
+        """The same model, fitted until nothing changes."""
+        return self.world.fit(fitted.base, fitted.effects, fitted.values)
 
-        `step` is that with the next effect; None if there is none.
+    def reserve(self, fitted: F) -> list[F]:
+        """Quick fits of bases of the reserve with the same effects; none for a fit that has one of them."""
+        world = self.world
+        return world.reserve_fits(fitted) if world.reserve and fitted.base not in world.reserve else []
+
+    def far_better_base(
+        self, reserve: Sequence[F], quick: Mapping[str, F], contenders: Sequence[F], judged: J
+    ) -> tuple[F, J] | None:
+        """`other_base` if its quick fit gains far more over the `contenders` than any effect does by its own."""
+        world = self.world
+        gain = max((world.quick_gain(fit, contenders) for fit in reserve), default=0.0)
+        most = max((world.quick_gain(fit, contenders) for fit in quick.values()), default=0.0)
+        if gain < max(FAR_BETTER * most, self.settings.tell_apart):
+            return None
+        return self.other_base(reserve, max(contenders, key=lambda fit: fit.score), judged)
+
+    def other_base(self, reserve: Sequence[F], rival: F, to_beat: J) -> tuple[F, J] | None:
+        """Fit and judgement of the best base of the reserve, if it predicts better than the model `rival`.
+
+        `reserve` holds quick fits; `to_beat` is the judgement of `rival`.
         """
         world, least = self.world, self.settings.tell_apart
-        rival, to_beat = (step.fitted, step.judged) if step else (fitted, judged)
-        quick = [] if fitted.base in world.reserve else world.reserve_fits(fitted, to_beat)
-        if not quick:
+        if not reserve:
             return None
-        best = max(quick, key=lambda fit: fit.score)
-        best = world.fit(best.base, best.effects, best.values)
+        best = max(reserve, key=lambda fit: fit.score)
+        best = world.fit(best.base, best.effects, best.values, "near")
         if best.score - rival.score < least:
             return None
         other = world.cross_validate(best, self.folds)
         gain = self.gain(other, to_beat, "reserve", best.base)
-        return (best, other) if gain[1] > 0.0 and other.total - to_beat.total > least else None
+        better = gain[1] > 0.0 and other.total - to_beat.total > least
+        return (self.in_full(best), other) if better else None
 
     def worth_a_fit(self, candidates: Sequence[E], tests: Scan) -> list[E]:
         """The candidates whose score test comes within half of what is significant.
@@ -227,45 +181,61 @@ class _Search(Generic[E, F, J]):
         return [e for e in candidates if tests.gain[e.name] >= least]
 
     def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
-        slopes = self.world.slopes(fitted, candidates)
-        return scan(slopes, self.world.resamples, generator(self.seed, *stream))
+        if self.known is None or self.known[0] is not fitted:
+            self.known = fitted, self.world.slopes(fitted, candidates)
+        slopes = self.known[1]
+        of_candidates = {e.name: slopes.candidates[e.name] for e in candidates}
+        return scan(replace(slopes, candidates=of_candidates), self.world.resamples, generator(self.seed, *stream))
 
     def gain(self, better: J, worse: J, *stream: str) -> tuple[float, float, float]:
         return paired_gain(better, worse, generator(self.seed, *stream), self.world.resamples)
 
+    def quick_fits(self, contenders: Sequence[F], candidates: Sequence[E], fitted: F) -> dict[str, F]:
+        """The best quick fit with each candidate, by its name, the best first.
+
+        They rank better than score tests: far from the null a robust fit may treat as outliers what the effect
+        explains, and the slope at the null then means nothing.
+        """
+        world = self.world
+
+        def with_effect(f: F, e: E) -> F:
+            return world.fit(f.base, (*f.effects, e), world.start_with(f, e), "quick")
+
+        first, *rivals = contenders
+        quick = {e.name: with_effect(first, e) for e in candidates}
+        for name in self.ranked(quick, fitted)[: RIVALLED if rivals else 0]:
+            others = [with_effect(f, quick[name].effects[-1]) for f in rivals]
+            quick[name] = max([quick[name], *others], key=lambda fit: fit.score)
+        return {name: quick[name] for name in self.ranked(quick, fitted)}
+
+    def ranked(self, fits: Mapping[str, F], fitted: F) -> list[str]:
+        """Names of fits with one effect more than `fitted`, by score less one nat a parameter."""
+        return sorted(fits, key=lambda name: len(fits[name].values) - len(fitted.values) - fits[name].score)
+
     def best_step(
-        self, fitted: F, judged: J, contenders: Sequence[F], candidates: Sequence[E], tests: Scan, forced: bool
+        self, fitted: F, judged: J, contenders: Sequence[F], quick: Mapping[str, F], tests: Scan, forced: bool
     ) -> tuple[Step[E, F, J] | None, F | None]:
         """The step that enters, or None and the fit with a significant but immaterial effect."""
         world, settings = self.world, self.settings
-        by_name = {e.name: e for e in candidates}
         on = [e.name for e in fitted.effects]
-
-        def quick_fits(e: E) -> list[F]:
-            return [world.fit(f.base, (*f.effects, e), world.start_with(f, e), quick=True) for f in contenders]
-
-        quick = {e.name: max(quick_fits(e), key=lambda fit: fit.score) for e in candidates}
-        # quick fits rank better than score tests: far from the null a robust fit may treat as outliers what the
-        # effect explains, and the slope at the null then means nothing
-        cost = {name: len(fit.values) - len(fitted.values) for name, fit in quick.items()}
-        names = sorted(quick, key=lambda name: cost[name] - quick[name].score)[: settings.finalists]
+        gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
+        least = 0.5 * np.quantile(tests.null, 1.0 - settings.alpha)
+        names = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least][: settings.finalists]
         bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
-        full = {name: world.fit(bases[name], quick[name].effects, quick[name].values) for name in names}
+        near = {name: world.fit(bases[name], quick[name].effects, quick[name].values, "near") for name in names}
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
-        gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
-        gains |= {name: fit.score - best.score for name, fit in full.items()}
-        names = sorted(names, key=lambda name: cost[name] - gains[name])[:JUDGED]
-        judgements = {name: world.cross_validate(full[name], self.folds) for name in names}
+        gains |= {name: fit.score - best.score for name, fit in near.items()}
         below = None
-        for name in sorted(names, key=lambda name: -judgements[name].total):
-            e, judgement = by_name[name], judgements[name]
+        p_values = {name: tests.p_value(gains[name]) for name in near}
+        finalists = [name for name in self.ranked(near, fitted)[:JUDGED] if forced or p_values[name] <= settings.alpha]
+        for name, judgement in self.judged_in_turn(near, finalists):
+            e, p_value = near[name].effects[-1], p_values[name]
             gain = self.gain(judgement, judged, "gain", *on, name)
-            p_value = tests.p_value(gains[name])
             significant = gain[1] > 0.0 and p_value <= settings.alpha
             material = world.is_material(judgement, judged, e, settings)
             if significant and not material:
-                below = below or full[name]
+                below = below or near[name]
             if significant and material and gains[name] < FAR_BEYOND * tests.null.max():
                 stretch = self.stretch_of_null(best, e, tests, generator(self.seed, "refits", *on, name))
                 p_value = tests.p_value(gains[name] / stretch)
@@ -273,8 +243,16 @@ class _Search(Generic[E, F, J]):
             clears = significant and material
             if forced or clears:
                 others = self.alternatives(name, gains, tests)
-                return Step(e, others, clears, p_value, gain, full[name], judgement, tests), None
+                return Step(e, others, clears, p_value, gain, near[name], judgement, tests), None
         return None, below
+
+    def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, J]]:
+        """Fits `names`, the best first, with their judgements by K-fold: those close to the best, then the others."""
+        top = near[names[0]].score if names else 0.0
+        for is_close in (True, False):
+            part = [name for name in names if (near[name].score > top - CLOSE) == is_close]
+            judgements = {name: self.world.cross_validate(near[name], self.folds) for name in part}
+            yield from sorted(judgements.items(), key=lambda pair: -pair[1].total)
 
     def stretch_of_null(self, fitted: F, effect: E, tests: Scan, rng: np.random.Generator) -> float:
         """Mean gain of `REFITS` full refits to data drawn without the effect, over that of the score test; at least 1.
@@ -286,8 +264,8 @@ class _Search(Generic[E, F, J]):
             drawn = self.world.drawn(fitted, rng)
             if drawn is None:
                 return 1.0
-            plain = drawn.fit(fitted.base, fitted.effects, fitted.values, quick=True)
-            with_it = drawn.fit(fitted.base, (*fitted.effects, effect), plain.values, quick=True)
+            plain = drawn.fit(fitted.base, fitted.effects, fitted.values, "quick")
+            with_it = drawn.fit(fitted.base, (*fitted.effects, effect), plain.values, "quick")
             gains.append(with_it.score - plain.score)
         expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
         return max(1.0, float(np.mean(np.maximum(gains, 0.0))) / expected)
@@ -303,18 +281,18 @@ class _Search(Generic[E, F, J]):
         return tuple(other for other in sorted(loss, key=lambda o: loss[o]) if loss[other] < self.settings.tell_apart)
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
-        """The step with the base that fits best with the effect; without it another base may have compensated."""
+        """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
         world, fitted, least = self.world, step.fitted, self.settings.tell_apart
-        if len(world.bases) == 1:
-            return step
-        fits = {name: world.fit(name, fitted.effects, fitted.values) for name in world.bases}
-        best = max(fits, key=lambda name: fits[name].score)
-        if best == fitted.base or fits[best].score - fitted.score < least:
-            return step
-        judged = world.cross_validate(fits[best], self.folds)
-        if judged.total - step.judged.total < least:
-            return step
-        return replace(step, fitted=fits[best], judged=judged)
+        others = [
+            world.fit(name, fitted.effects, fitted.values, "quick") for name in world.bases if name != fitted.base
+        ]
+        for quick in sorted(others, key=lambda fit: -fit.score)[:1]:
+            best = world.fit(quick.base, quick.effects, quick.values, "near")
+            if best.score - fitted.score >= least:
+                judged = world.cross_validate(best, self.folds)
+                if judged.total - step.judged.total >= least:
+                    step = replace(step, fitted=best, judged=judged)
+        return replace(step, fitted=self.in_full(step.fitted))
 
     def superfluous(self, steps: Sequence[Step[E, F, J]]) -> str | None:
         """The first earlier effect that the last one makes superfluous, or None (backward check)."""

@@ -7,7 +7,7 @@ believed equations of motion) with effects in order.  docs/architecture.md lists
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Literal, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -49,6 +49,8 @@ class Judgement(Protocol):
     def total(self) -> float: ...
     def by_trial(self, trials: np.ndarray) -> np.ndarray: ...
 
+
+Effort = Literal["quick", "near", "full"]  # a part of the data; all of them in one round; until nothing changes
 
 E = TypeVar("E", bound=Candidate)
 F = TypeVar("F", bound=Fit)
@@ -116,9 +118,13 @@ class World(ABC, Generic[E, F, J]):
 
     @abstractmethod
     def fit(
-        self, base: str, effects: tuple[E, ...], start: Mapping[str, Any] | None = None, *, quick: bool = False
+        self, base: str, effects: tuple[E, ...], start: Mapping[str, Any] | None = None, effort: Effort = "full"
     ) -> F:
-        """Fit all parameters to these data, from `start` where it has them; `quick` may stop early."""
+        """Fit all parameters to these data, from `start` where it has them.
+
+        A "quick" fit ranks, and may take a part of the data; a "near" one is near enough to be compared, and is
+        repeated in "full" if it is chosen.
+        """
 
     def quick_gain(self, fitted: F, contenders: Sequence[F]) -> float:
         """Gain in nats of a quick fit over the best of the contenders, which lack its last effect."""
@@ -136,11 +142,12 @@ class World(ABC, Generic[E, F, J]):
     def slopes(self, fitted: F, candidates: Sequence[E]) -> Slopes:
         """Slopes of the fitted model and of the candidates."""
 
-    def reserve_fits(self, fitted: F, judged: J) -> list[F]:
-        """Quick fits, with the effects of `fitted`, of those of the reserve that may explain an error that is left.
+    def leaves_an_error(self, judged: J) -> bool:
+        """Whether a model without the reserve errs by more than noise, so that a base of the reserve may be better."""
+        return False
 
-        `judged` is the best model without the reserve, which may have one effect more.
-        """
+    def reserve_fits(self, fitted: F) -> list[F]:
+        """Quick fits, with the effects of `fitted`, of those of the reserve that may explain an error that is left."""
         return []
 
     def leaves_little(self, fitted: F, judged: J) -> bool:
