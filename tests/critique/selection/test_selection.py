@@ -168,6 +168,19 @@ def test_a_base_of_the_reserve_is_taken_where_it_beats_the_next_effect(monkeypat
     }
 
 
+def test_an_effect_that_stood_in_for_a_base_leaves_when_the_base_is_taken():
+    class Late(WithReserve):
+        def reserve_fits(self, fitted):
+            return super().reserve_fits(fitted) if fitted.effects else []
+
+    world = with_reserve(0, bend=3.0)
+    discovery = found(Late(world.trial, world.x, world.y))
+    assert discovery.base == discovery.fitted.base == "bend" and discovery.steps == ()
+    said = []
+    found(Late(world.trial, world.x, world.y), say=said.append)
+    assert any(line.startswith("step 1: square") for line in said) and "not needed any more: square" in said
+
+
 def test_a_base_of_the_reserve_is_left_where_an_effect_says_the_same():
     discovery = found(with_reserve(0, bend=0.0, square=3.0 * SIZE))
     assert discovery.base == "line" and [step.effect.name for step in discovery.steps] == ["square"]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.levenberg_marquardt import levenberg_marquardt
+from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
@@ -174,7 +174,7 @@ def _fitting(
     for _ in range(rounds):
         values |= dict(zip(free, x.tolist()))
         whitening = Whitening.at(model, values, observations)
-        search = levenberg_marquardt(x, low, high, step)
+        search = levenberg_marquardt(x, low, high, step, ENOUGH if rounds > 1 else NEAR)
         points = next(search)
         while points:
             found = yield whitening, [{**values, **dict(zip(free, point.tolist()))} for point in points]

@@ -1,8 +1,8 @@
 """The datasets of the table of real contacts, in the order in which they are computed, by several processes.
 
-By source and shape: `NOTHING_HIDDEN` datasets with nothing hidden, whose contact times take turns; each cause and each
-pair once with each contact time; each cause once with `FEW` drops.  Kinds, sources and shapes are mixed evenly, so
-that a table of a part of them counts as the whole would.
+By source and shape: `NOTHING_HIDDEN` datasets with nothing hidden, whose contact times take turns; each cause once with
+each contact time; each pair once, with contact times in turn; every third cause once with `FEW` drops.  Kinds, sources
+and shapes are mixed evenly, so that a table of a part of them counts as the whole would.
 """
 
 import tempfile
@@ -38,10 +38,10 @@ def real_contacts(sources: Sequence[str] = REAL) -> list[Case]:
         ]
         for kind, of_source in {"single": lambda source: truths(source)[1:], "pair": pairs}.items()
     }
+    hidden["pair"] = [case for i, case in enumerate(hidden["pair"]) if case.seed == SEEDS + i % len(TIMES)]
     few = [
         Case(case.source, case.truth, case.seed, FEW, shape=case.shape, contact_time=case.contact_time)
-        for case in hidden["single"]
-        if case.seed == SEEDS
+        for case in [case for case in hidden["single"] if case.seed == SEEDS][:: len(TIMES)]
     ]
     rng = generator(0, "proof plan")
     placed = []

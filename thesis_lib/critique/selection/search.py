@@ -28,6 +28,7 @@ from thesis_lib.foundation.randomness import generator
 
 JUDGED = 3  # finalists judged by K-fold
 CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
+HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
 RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
 FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve is taken without more ado
 REFITS = 199  # of data drawn without the effect, if its gain is near the null
@@ -103,7 +104,12 @@ class _Search(Generic[E, F, J]):
                 candidates = self.worth_a_fit(candidates, tests)
             quick = self.quick_fits(contenders, candidates, fitted)
             step, other, reserve = None, None, []
-            if fixed is None and world.leaves_an_error(judged):
+            # a base of the reserve is asked for where the best effect leaves an error, too
+            if (
+                fixed is None
+                and world.leaves_an_error(judged)
+                and all(map(self.leaves_an_error, [*quick.values()][:1]))
+            ):
                 reserve = self.reserve(fitted)
                 other = self.far_better_base(reserve, quick, contenders, judged)
             if other is None:
@@ -116,7 +122,15 @@ class _Search(Generic[E, F, J]):
                 self.say(f"step {len(steps) + 1}: another base, {fitted.base}")
                 if steps:
                     steps[-1] = replace(steps[-1], fitted=fitted, judged=judged)
-                else:
+                # an effect may have stood in for the base that was missing
+                while steps and (name := self.superfluous(steps, steps)):
+                    self.say(f"not needed any more: {name}")
+                    dropped.add(name)
+                    smaller = tuple(e for e in fitted.effects if e.name != name)
+                    fitted = world.fit(fitted.base, smaller, fitted.values)
+                    judged, steps = world.cross_validate(fitted, self.folds), self.without(steps, name)
+                    steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
+                if not steps:
                     bases[fitted.base], base = fitted, fitted.base
                 continue
             if step is None:
@@ -124,7 +138,7 @@ class _Search(Generic[E, F, J]):
             step = self.with_best_base(step)
             self.say(f"step {len(steps) + 1}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
             steps.append(step)
-            superfluous = self.superfluous(steps) if fixed is None else None
+            superfluous = self.superfluous(steps, steps[:-1]) if fixed is None else None
             if superfluous:
                 self.say(f"not needed any more: {superfluous}")
                 dropped.add(superfluous)
@@ -134,6 +148,10 @@ class _Search(Generic[E, F, J]):
         rest = [e for e in world.candidates.values() if e.name not in taken]
         last_scan = self.scan(fitted, rest, "last null")
         return Discovery(bases, base, tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
+
+    def leaves_an_error(self, fitted: F) -> bool:
+        """Whether a model errs by more than noise where it was fitted."""
+        return self.world.leaves_an_error(self.world.judge(fitted))
 
     def in_full(self, fitted: F) -> F:
         """The same model, fitted until nothing changes."""
@@ -181,9 +199,10 @@ class _Search(Generic[E, F, J]):
         return [e for e in candidates if tests.gain[e.name] >= least]
 
     def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
-        if self.known is None or self.known[0] is not fitted:
-            self.known = fitted, self.world.slopes(fitted, candidates)
-        slopes = self.known[1]
+        known = self.known
+        if known is None or known[0] is not fitted or any(e.name not in known[1].candidates for e in candidates):
+            self.known = known = fitted, self.world.slopes(fitted, candidates)
+        slopes = known[1]
         of_candidates = {e.name: slopes.candidates[e.name] for e in candidates}
         return scan(replace(slopes, candidates=of_candidates), self.world.resamples, generator(self.seed, *stream))
 
@@ -220,6 +239,7 @@ class _Search(Generic[E, F, J]):
         on = [e.name for e in fitted.effects]
         gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
         least = 0.5 * np.quantile(tests.null, 1.0 - settings.alpha)
+        least = max(least, HOPELESS * max(gains.values(), default=0.0))
         names = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least][: settings.finalists]
         bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
         near = {name: world.fit(bases[name], quick[name].effects, quick[name].values, "near") for name in names}
@@ -294,13 +314,13 @@ class _Search(Generic[E, F, J]):
                     step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
 
-    def superfluous(self, steps: Sequence[Step[E, F, J]]) -> str | None:
-        """The first earlier effect that the last one makes superfluous, or None (backward check)."""
+    def superfluous(self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]]) -> str | None:
+        """The first of the effects `asked` that the model of the last step does not need, or None (backward check)."""
         world, last = self.world, steps[-1]
         names = [step.effect.name for step in steps]
-        for step in steps[:-1]:
+        for step in asked:
             others = tuple(e for e in last.fitted.effects if e.name != step.effect.name)
-            smaller = world.fit(last.fitted.base, others, last.fitted.values)
+            smaller = world.fit(last.fitted.base, others, last.fitted.values, "near")
             judged = world.cross_validate(smaller, self.folds)
             gain = self.gain(last.judged, judged, "needed", *names, step.effect.name)
             if gain[1] <= 0.0 or not world.is_material(last.judged, judged, step.effect, self.settings):
