@@ -76,7 +76,7 @@ def test_an_effect_that_a_later_one_makes_superfluous_leaves_again():
     (left,) = checks.without(steps, "wrong_inertia")
     assert [effect.name for effect in left.fitted.model.effects] == ["tangential_restitution"]
     assert set(left.fitted.values) == {"mu", "epsilon", "tangential_restitution.e_t"}
-    assert checks.superfluous([left]) is None
+    assert checks.superfluous([left], []) is None
 
 
 def test_refits_stretch_the_null_of_the_score_test_little(monkeypatch):
