@@ -68,12 +68,14 @@ PROOF_PICTURES = (
     "sizes",
     "misfits",
     "recovery",
+    "real_contacts",
 )
+PROOF_SOURCES = ("law", "mechanism", "drake", "mujoco", "drake_point", "drake_hydroelastic")
 
 
 rule critique_proof:
     input:
-        expand("config/proof/{source}.csv", source=("law", "mechanism", "drake")),
+        expand("config/proof/{source}.csv", source=PROOF_SOURCES),
         sizes="config/proof_sizes.json",
     output:
         [shown("proof", f"{PROOF}/{name}.png") for name in PROOF_PICTURES],
@@ -81,7 +83,6 @@ rule critique_proof:
         confusion=f"{PROOF}/confusion.csv",
         summary=shown("proof", f"{PROOF}/summary.csv"),
         misses=f"{PROOF}/misses.csv",
-        real_contacts=f"{PROOF}/real_contacts.csv",
         rerun=f"{PROOF}/rerun.csv",
     log:
         "results/logs/critique_proof.log",

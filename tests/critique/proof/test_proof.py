@@ -13,7 +13,7 @@ from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.proof import cause_sizes, sizes
-from thesis_lib.critique.proof.by_contact import by_contact, contact_lines
+from thesis_lib.critique.proof.by_contact import as_markdown, by_contact, contact_lines
 from thesis_lib.critique.proof.cases import (
     BODIES,
     CORNERED,
@@ -211,6 +211,13 @@ def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
     )
     text = "\n".join(contact_lines(by_contact(outcomes(tmp_path), recovered(tmp_path))))
     assert "mujoco              square   1 ms     81.8" in text
+    datasets = outcomes(tmp_path)
+    lines = as_markdown(by_contact(datasets, recovered(tmp_path)), datasets).splitlines()
+    assert [line for line in lines if line.startswith("| mujoco | square | 1 |  | 9 of 11 |")]
+    assert lines[2].startswith("| all | all | all | 4 of 4 | 10 of 13 |") and lines[-1] == (
+        "- wear, 1 ms: adequate, nothing named"
+    )
+    assert "- tilt, 1 ms: unexplained, surface_tilt" in lines and sum(line.startswith("- ") for line in lines) == 3
     assert set(usual(outcomes(tmp_path))["source"]) == {"mechanism"}  # at 20 µs; a square and 3 ms are asked for
 
 

@@ -3,6 +3,7 @@
 python -m thesis_lib.critique.proof run --seeds 10 --source law --truths com_offset
 python -m thesis_lib.critique.proof check --sample 10 --stamp
 python -m thesis_lib.critique.proof table
+python -m thesis_lib.critique.proof contacts
 python -m thesis_lib.critique.proof size com_offset
 python -m thesis_lib.critique.proof run --source mujoco --shape square --contact-time 1 --truths nothing
 python -m thesis_lib.critique.proof run-table --jobs 2
@@ -15,11 +16,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from thesis_lib.critique.proof.by_contact import as_markdown, by_contact
 from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
 from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.check import ages, check, rows_to_check
 from thesis_lib.critique.proof.compute import compute
 from thesis_lib.critique.proof.plan import REAL, real_contacts, run
+from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.sizes import find_size, require_checkout, store_cause_size, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.critique.proof.summary import report
@@ -41,6 +44,9 @@ def main(arguments: list[str] | None = None) -> int:
             print(ages())
             cases = rows_to_check(None if options.all else options.sample, options.source)
             return 0 if check(cases, stamp=options.stamp, tell=lambda line: print(line, flush=True)) else 1
+        elif options.command == "contacts":
+            datasets = outcomes()
+            print(as_markdown(by_contact(datasets, recovered()), datasets), end="")
         elif options.command == "table":
             print(report(folder=options.csv), end="")
         else:
@@ -136,6 +142,9 @@ def _parser() -> argparse.ArgumentParser:
     every = "all that are older than the code: over night; goes on with --stamp"
     again.add_argument("--all", action="store_true", help=every)
     again.add_argument("--stamp", action="store_true", help="store what was computed where the verdict agrees")
+    commands.add_parser(
+        "contacts", help="contacts as long as real ones, as a table in Markdown, with every miss by name"
+    )
     table = commands.add_parser("table", help="the stored results against the targets, the misses, the confusion table")
     files = "write summary.csv, real_contacts.csv, misses.csv and confusion.csv there too"
     table.add_argument("--csv", type=Path, metavar="DIR", help=files)

@@ -1,5 +1,7 @@
 """The proof in contacts as long as real ones: exact verdicts by source, shape and contact time, against what is asked.
 
+`python -m thesis_lib.critique.proof contacts` prints `as_markdown`, which stands in docs/findings.md.
+
 A verdict is exact if it is right and nothing else is named (`results.is_exact`): `adequate` with nothing hidden, one
 cause alone or with what cannot be told from it, both of a pair, and `unexplained` for a cause outside the library.
 Parameters count where they have a true value.  Shares have 95 % Wilson intervals.
@@ -77,3 +79,39 @@ def contact_lines(table: pd.DataFrame) -> list[str]:
         share = f"{100 * row['share']:.1f} [{100 * row['low']:.0f}, {100 * row['high']:.0f}]"
         lines.append(f"    {row['source']:<20}{row['shape']:<9}{time:<9}{share:<18}{row['n']:>4}  {row['met']}")
     return lines
+
+
+def misses(outcomes: pd.DataFrame) -> list[str]:
+    """A line for each dataset of `by_contact` whose verdict is not exact, by source and what was hidden."""
+    rows = _real(outcomes[outcomes["drops"].isin({drops for *_, drops, _ in ASKED})]).query("not exact")
+    lines = []
+    for (source, shape), group in rows.sort_values([*PLACE, "truth"]).groupby(["source", "shape"]):
+        lines += ["", f"{source}, {shape}:", ""]
+        for row in group.to_dict("records"):
+            drops = ", 50 drops" if row["drops"] != 150 else ""
+            said = row["why"] or row["named"] or "nothing named"
+            lines.append(f"- {row['truth']}, {1e3 * row['contact_time']:g} ms{drops}: {row['verdict']}, {said}")
+    return lines
+
+
+def as_markdown(table: pd.DataFrame, outcomes: pd.DataFrame) -> str:
+    """The table with a row for each source, shape and contact time and a column for each figure, then all misses."""
+    figures = [*(figure for figure, *_ in ASKED), COVERED]
+    heads = [f"{name} (≥ {100 * share:.0f} %)" for name, *_, share in ASKED]
+    heads.append(f"{COVERED} ({100 * COVERAGE[0]:.0f} to {100 * COVERAGE[1]:.0f} %)")
+    cells = {
+        (
+            row["source"],
+            row["shape"],
+            row["contact_time"],
+            row["figure"],
+        ): f"{row['share'] * row['n']:.0f} of {row['n']}"
+        for row in table.fillna({"contact_time": 0.0}).to_dict("records")
+    }
+    lines = ["| source | shape | ms | " + " | ".join(heads) + " |", "|---" * (3 + len(heads)) + "|"]
+    places = table.fillna({"contact_time": 0.0})[list(PLACE)].drop_duplicates()
+    first = places["source"] != EVERY
+    for source, shape, time in places.assign(first=first).sort_values(["first", *PLACE])[list(PLACE)].to_numpy():
+        row = [cells.get((source, shape, time, figure), "") for figure in figures]
+        lines.append(" | ".join([f"| {source} | {shape} | {f'{1e3 * time:g}' if time else 'all'}", *row]) + " |")
+    return "\n".join([*lines, *misses(outcomes)]) + "\n"

@@ -11,15 +11,17 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from thesis_lib.critique.proof.by_contact import by_contact
 from thesis_lib.critique.proof.results import of_table, usual
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.proof import curves
+from thesis_lib.figures.proof.contacts import draw_real_contacts
 from thesis_lib.figures.proof.curves import SOURCE_TITLE, say_not_run, words
 from thesis_lib.figures.style import DARK, GREY, INK, SHADES, WIDTH, Drawn, house_style, new_figure
 
-NAMES = (*(f"matrix_{source}" for source in SOURCE_TITLE), "detection", "sizes", "misfits", "recovery")
+NAMES = (*(f"matrix_{source}" for source in SOURCE_TITLE), "detection", "sizes", "misfits", "recovery", "real_contacts")
 UNNAMED = {"adequate": "adequate", "unexplained": "unexplained, none named", "refused": "refused"}
 CHARACTER = 0.047  # inches, width of a character in the rows' labels
 FRAME = 2.5  # inches above and below the cells: title, families, labels of the columns
@@ -29,8 +31,9 @@ def pictures(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> dict[str, Drawn
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
     `outcomes` (a row for each dataset) and `recovered` (a row for each parameter) come from `critique.proof.results`;
-    those of the first table are drawn, with contacts of 20 µs.
+    those of the first table are drawn, with contacts of 20 µs, and in `real_contacts` all others.
     """
+    contacts = draw_real_contacts(by_contact(outcomes, recovered))
     outcomes, recovered = (table[table["source"].isin(SOURCE_TITLE)] for table in (outcomes, recovered))
     outcomes, recovered = usual(outcomes), usual(recovered)
     table = of_table(outcomes)
@@ -39,6 +42,7 @@ def pictures(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> dict[str, Drawn
     drawn["sizes"] = curves.draw_sizes(outcomes)
     drawn["misfits"] = curves.draw_misfits(table)
     drawn["recovery"] = curves.draw_parameters(of_table(recovered))
+    drawn["real_contacts"] = contacts
     return drawn
 
 
