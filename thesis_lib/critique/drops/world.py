@@ -174,6 +174,7 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def reserve_fits(self, fitted: Fit) -> list[Fit]:
         before, after = states_at_impact(fitted.model, fitted.values, self.observations)
+        is_compliant = fitted.base in self.reserve
         turn = fitted.values["tau"] * float(np.median(np.abs(after.omega - before.omega)))
         rigid = fit(fitted.model, self.quick, fitted.values, rounds=1)
         of_law = {p.name for p in BASE_PARAMETERS}
@@ -188,7 +189,7 @@ class Drops(World[Effect, Fit, Judgement]):
                 fits.append(fit(model, self.quick, rigid.values, rounds=2))
                 continue
             limit = fit(model.limit, self.quick, start, rounds=1)
-            if turn > TURNS or limit.score > rigid.score + GAINS:
+            if is_compliant or turn > TURNS or limit.score > rigid.score + GAINS:
                 fits.append(fit(model, self.quick, limit.values, rounds=1))
         return fits
 

@@ -147,7 +147,10 @@ class World(ABC, Generic[E, F, J]):
         return False
 
     def reserve_fits(self, fitted: F) -> list[F]:
-        """Quick fits, with the effects of `fitted`, of those of the reserve that may explain an error that is left."""
+        """Quick fits, with the effects of `fitted`, of those of the reserve that may explain an error that is left.
+
+        All of them for a fit that has one.
+        """
         return []
 
     def leaves_little(self, fitted: F, judged: J) -> bool:
