@@ -80,11 +80,13 @@ def test_adhesion_takes_energy() -> None:
     np.testing.assert_allclose(rebound[0] ** 2 - rebound[1] ** 2, 0.4**2)
 
 
-def test_restitution_depends_on_body_angle() -> None:
+def test_restitution_depends_on_the_place_on_the_body() -> None:
     name = "orientation_dependent_restitution"
-    assert coefficients(name, theta=0.0, a_c=0.1)[1] == pytest.approx(0.55)
-    assert coefficients(name, theta=np.pi / 2, a_c=0.1)[1] == pytest.approx(0.45)
-    assert coefficients(name, theta=np.pi / 4, a_s=0.2)[1] == pytest.approx(0.6)
+    # an ellipse at θ = 0 stands on the end of its minor axis, β = −π/2
+    assert coefficients(name, theta=0.0, a_c=0.1)[1] == pytest.approx(0.45)
+    assert coefficients(name, theta=np.pi / 2, a_c=0.1)[1] == pytest.approx(0.55)
+    up, down = (coefficients(name, theta=theta, a_s=0.2)[1] for theta in (np.pi / 4, -np.pi / 4))
+    assert up > 0.5 > down and up - 0.5 == pytest.approx(0.5 - down)
 
 
 def test_wear_counts_trials() -> None:

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
-from thesis_lib.critique.drops.model import Model, inward
+from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, together, weight
@@ -86,6 +86,10 @@ def fit(
             "(python -m thesis_lib datasets check DATASET says which and why)."
         )
     tries = [dict(start or {})]
+    ratio = DAMPING_RATIO.name
+    if tries[0].get(ratio, 0.0) > 5.0 * DAMPING_RATIO.null:
+        # so strong a damper is rigid friction, whatever the ratio: no slope leads back
+        tries[0][ratio] = DAMPING_RATIO.null
     if model.effects:
         effect = model.effects[-1]
         if not any(key.startswith(f"{effect.name}.") for key in tries[0]):
