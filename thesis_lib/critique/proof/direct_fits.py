@@ -84,6 +84,11 @@ _DIE = (
     "mirtich+linear_drag+rounded_corners+angle_offset+wrong_inertia+tangential_compliance"
     "+velocity_dependent_restitution+surface_patch"
 )
+# a pressure field has no rounded corners: the field gives way there
+_DIE_FIELD = (
+    "pressure_field_contact+linear_drag+angle_offset+wrong_inertia+velocity_dependent_restitution+surface_patch"
+    "+surface_height"
+)
 _PLATE = "mirtich+mirrored_rotation+surface_patch+tangential_compliance+position_dependent_restitution"
 SERIES = {
     "MuJoCo, ellipse": Series("mujoco", _MUJOCO),
@@ -95,7 +100,7 @@ SERIES = {
     "Hertz, 3 ms, ellipse": Series("hertz", _HERTZ),
     "die, single hits": Series("planar_dice", ("mirtich", f"{_DIE}+com_offset")),
     "die, all hits of 150 throws": Series(
-        "planar_dice", ("mirtich", f"{_DIE}+surface_height"), trials=150, episodes=True
+        "planar_dice", ("mirtich", f"{_DIE}+surface_height", _DIE_FIELD), trials=150, episodes=True
     ),
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }

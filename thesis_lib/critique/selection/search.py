@@ -103,20 +103,17 @@ class _Search(Generic[E, F, J]):
             if fixed is None and world.leaves_little(fitted, judged):
                 candidates = self.worth_a_fit(candidates, tests)
             quick = self.quick_fits(contenders, candidates, fitted)
-            step, other, reserve = None, None, []
+            step, other, reserve = None, None, list[F]()
             # a base of the reserve is asked for where the best effect leaves an error, too
-            if (
-                fixed is None
-                and world.leaves_an_error(judged)
-                and all(map(self.leaves_an_error, [*quick.values()][:1]))
-            ):
+            best = next(iter(quick.values()), fitted)
+            if fixed is None and world.leaves_an_error(judged) and self.leaves_an_error(best):
                 reserve = self.reserve(fitted)
                 other = self.far_better_base(reserve, quick, contenders, judged)
             if other is None:
                 step, below = self.best_step(fitted, judged, contenders, quick, tests, fixed is not None)
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
-                    rival = (step.fitted, step.judged) if step else (fitted, judged)
-                    other = self.other_base(reserve, *rival)
+                    rival = step.fitted if step else fitted
+                    other = self.other_base(reserve, rival, step.judged if step else judged)
             if other:
                 fitted, judged = other
                 self.say(f"step {len(steps) + 1}: another base, {fitted.base}")
