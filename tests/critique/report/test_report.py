@@ -260,7 +260,8 @@ def test_parameters_that_move_little_but_surely_do_not_hardly_move(hidden_drops)
     first = hidden_drops.ladder[0][1]
     last = hidden_drops.ladder[-1][1]
     std = {**last.std, "mu": 1e-4 * first.values["mu"], "epsilon": 1e-4 * first.values["epsilon"]}
-    sure = another(first, std={**first.std, **std})
+    of_one_law = replace(first.model, law=last.model.law)
+    sure = another(first, std={**first.std, **std}, model=of_one_law)
     critique = replace(
         hidden_drops, ladder=((hidden_drops.ladder[0][0], sure, hidden_drops.ladder[0][2]), hidden_drops.ladder[-1])
     )
