@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import chi2
 
+from thesis_lib.contact import mirtich
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, inward
@@ -85,6 +86,10 @@ def fit(
             f"There is no impact to fit {model.law.title} to: none was found, or all were left out "
             "(python -m thesis_lib datasets check DATASET says which and why)."
         )
+    if model.is_compliant and "tau" not in (start or {}):
+        # an integrated contact that takes no time has no slope along its time: an impulse law finds a start
+        impulsive = replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
+        start = fit(impulsive, observations, start, rounds=1).values
     tries = [dict(start or {})]
     ratio = DAMPING_RATIO.name
     if tries[0].get(ratio, 0.0) > 5.0 * DAMPING_RATIO.null:

@@ -32,7 +32,8 @@ class Prediction:
 
     Attributes:
         v: (n, 3) velocity after, m/s and rad/s.
-        touch: (n,) gap in m that is left where the arcs meet; None without trajectories.
+        touch: (n,) gap in m that is left where the arcs meet, NaN where a contact was integrated and `q` says where
+            the body is; None without trajectories.
         q: (n, 3) poses after, m and rad, NaN where they are those before; None if all are.
     """
 
@@ -90,7 +91,7 @@ def impact_residuals(
 ) -> np.ndarray:
     """R (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m); `states` as of `states_at_impact`."""
     before, after = states or states_at_impact(model, values, observations)
-    return compare(model, values, before, after, predict(model, values, observations, before))
+    return compare(model, values, observations.rig, before, after, predict(model, values, observations, before))
 
 
 def predict(model: Model, values: Mapping[str, float], observations: Observations, before: State) -> Prediction:
@@ -106,11 +107,13 @@ def predict(model: Model, values: Mapping[str, float], observations: Observation
     for rows, ends in _played(model, values, o, before):
         q = np.full((n, 3), np.nan) if q is None else q
         v[rows], q[rows] = ends.v, ends.q
+        if not o.span[rows].any():
+            touch[rows] = np.nan
     return Prediction(v, touch, q)
 
 
 def compare(
-    model: Model, values: Mapping[str, float], before: State, after: State, prediction: Prediction
+    model: Model, values: Mapping[str, float], rig: Rig, before: State, after: State, prediction: Prediction
 ) -> np.ndarray:
     """R of measured states `before` and `after` impacts, as `impact_residuals`."""
     dv = after.v - prediction.v
@@ -119,7 +122,26 @@ def compare(
     meet = after.q - before.q - model.jump(before, after, values)
     if prediction.q is not None:
         meet = np.where(np.isnan(prediction.q), meet, after.q - prediction.q)
-    return np.concatenate([dv, meet, prediction.touch[:, None]], axis=1)
+    touch, rows = prediction.touch.copy(), np.flatnonzero(np.isnan(prediction.touch))
+    if len(rows):
+        touch[rows] = _apart(model, values_of(values, rows), rig, before.select(rows), after.select(rows))
+    return np.concatenate([dv, meet, touch[:, None]], axis=1)
+
+
+def _apart(model: Model, values: Mapping[str, float], rig: Rig, before: State, after: State) -> np.ndarray:
+    """How far apart (n,) in m measured arcs are across the surface, where they should meet.
+
+    No contact that is integrated has a say in it; an impact law compares it instead of the pose after impact.  In the
+    unit v_n⁻ / (v_n⁺ − v_n⁻), both sets of residuals have the same volume, so that their likelihoods can be compared.
+    """
+    gaps, rates = [], []
+    for state in (before, after):
+        true = model.to_true(state, model.active(values), rig)
+        seen, r_x, *_ = model.contact_at(true, model.active(values), rig)
+        gaps.append(model.gap(true, values, rig))
+        rates.append(seen.vy + r_x * seen.omega)
+    apart = rates[1] - rates[0]
+    return np.divide(rates[0] * (gaps[1] - gaps[0]), apart, out=np.zeros_like(apart), where=apart > 0.0)
 
 
 def _played(
