@@ -3,6 +3,8 @@
 The residual of an impact has three components, velocity after impact measured minus predicted ("impact").  Trajectories
 add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  That of an episode is measured minus
 predicted velocity and pose where the flight after it begins; its touch is solved for, so that the last component is 0.
+A single hit whose contact is integrated has the pose predicted, too; its last component is how far the measured arcs
+are apart where they should meet.
 The residual of a flight has three, acceleration measured minus predicted ("flight").
 """
 
