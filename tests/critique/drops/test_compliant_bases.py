@@ -13,6 +13,7 @@ from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.pressing import press
+from thesis_lib.critique.drops.whitening import Whitening
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
@@ -99,6 +100,16 @@ def test_a_convex_contact_is_that_of_mujoco():
     assert error("convex_contact") < 0.008  # m/s, of 3; MuJoCo's contact point is half the depth above the lowest
     # Coulomb's friction, or another strength of it, is another contact
     assert min(error("damped_contact"), error("convex_contact", damping_ratio=3.0)) > 1.5 * error("convex_contact")
+
+
+def test_a_clock_so_late_that_bodies_do_not_come_off_can_be_weighed():
+    rng = np.random.default_rng(4)
+    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, 12, noise=RIG_NOISE, rng=rng)
+    o = observe(Dataset("late", made.header, made.trajectories))
+    model = Model(BASES["convex_contact"], (EFFECTS["time_lag"],), takes_time=True)
+    values = {"mu": 0.15, "epsilon": 0.55, "tau": 4e-4, "damping_ratio": 10.0, "time_lag.lag": -0.03}
+    whitening = Whitening.at(model, values, o)  # a residual without noise would make it singular
+    assert np.isfinite(whitening.log_scores(values)[0]).all()
 
 
 @pytest.mark.slow

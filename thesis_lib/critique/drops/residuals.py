@@ -101,11 +101,12 @@ def predict(model: Model, values: Mapping[str, float], observations: Observation
     o, rig, n = observations, observations.rig, len(before.x)
     if not o.arcs:
         return Prediction(model.predict(before, values, rig, o.offset).v, None, None)
-    v, touch, rows = np.empty((n, 3)), np.zeros(n), np.flatnonzero(o.span == 0.0)
-    single, own = before.select(rows), values_of(values, rows)
-    after, depth = model.strike(single, own, rig, o.offset[rows])
-    v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(own), rig), own, rig) + depth
-    q = None
+    v, touch, q = np.empty((n, 3)), np.zeros(n), None
+    if not model.is_compliant:
+        rows = np.flatnonzero(o.span == 0.0)
+        single, own = before.select(rows), values_of(values, rows)
+        after, depth = model.strike(single, own, rig, o.offset[rows])
+        v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(own), rig), own, rig) + depth
     for rows, ends in _played(model, values, o, before):
         q = np.full((n, 3), np.nan) if q is None else q
         v[rows], q[rows] = ends.v, ends.q
@@ -135,6 +136,7 @@ def _apart(model: Model, values: Mapping[str, float], rig: Rig, before: State, a
 
     No contact that is integrated has a say in it; an impact law compares it instead of the pose after impact.  In the
     unit v_n⁻ / (v_n⁺ − v_n⁻), both sets of residuals have the same volume, so that their likelihoods can be compared.
+    Where an effect (a time lag) says that the body did not come off, the unit is that of v_n⁺ = 0.
     """
     gaps, rates = [], []
     for state in (before, after):
@@ -142,8 +144,9 @@ def _apart(model: Model, values: Mapping[str, float], rig: Rig, before: State, a
         seen, r_x, *_ = model.contact_at(true, model.active(values), rig)
         gaps.append(model.gap(true, values, rig))
         rates.append(seen.vy + r_x * seen.omega)
-    apart = rates[1] - rates[0]
-    return np.divide(rates[0] * (gaps[1] - gaps[0]), apart, out=np.zeros_like(apart), where=apart > 0.0)
+    apart = np.maximum(rates[1] - rates[0], np.abs(rates[0]))
+    unit = np.divide(rates[0], apart, out=-np.ones_like(apart), where=apart > 0.0)
+    return unit * (gaps[1] - gaps[0])
 
 
 def _played(
