@@ -153,7 +153,7 @@ def test_smoothed_drops_are_adequate_with_the_contact_time_that_they_have():
 @pytest.mark.slow
 def test_data_smoothed_beyond_their_flights_are_refused():
     dataset = recorded(Case(250.0, Tracker(filter="zero_phase_butterworth", cutoff=8.0)), "ellipse", 1e-3, 60, 5)
-    with pytest.raises(UserError, match=r"The samples are smoothed: .* Write the data without a filter"):
+    with pytest.raises(UserError, match=r"leave the free flight: they are smoothed.* Write the data without a filter"):
         find_impacts(dataset)
 
 

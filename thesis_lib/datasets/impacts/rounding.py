@@ -1,7 +1,8 @@
-"""How far around an impact the samples are rounded: by a filter that smoothed them, or by a long contact.
+"""How far around an impact the samples are rounded: by a filter that smoothed them, a long contact, or a vibration.
 
-Flights bend at an impact.  A filter that smooths the samples rounds that corner, and so does a contact that lasts
-several samples.  Samples in the rounding belong to neither flight, so the guard (`windows`) must cover them.
+Flights bend at an impact.  A filter that smooths the samples rounds that corner, and so do a contact that lasts
+several samples and a body that vibrates after it.  Samples in the rounding belong to neither flight, so the guard
+(`windows`) must cover them.
 
 A parabola is fitted to the samples of each side beyond a reach R.  Let e be the deviation from it of samples nearer to
 the impact, over the noise, averaged over those whose |τ| lies between two `EDGES`.  Rounding moves samples along Δv
@@ -90,9 +91,9 @@ def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSe
             break
     if not ends:
         raise UserError(
-            f"The samples are smoothed: over {1e3 * widest:.2g} ms and more from an impact they leave the free flight, "
-            "and too few flights are long enough to see where that ends. Write the data without a filter, or with a "
-            "higher cutoff frequency, or drop the body from higher up."
+            f"Over {1e3 * widest:.2g} ms and more from an impact the samples leave the free flight: they are smoothed, "
+            "or the body vibrates. Too few flights are long enough to see where that ends. Write the data without a "
+            "filter, or with a higher cutoff frequency; fasten what is loose; or drop the body from higher up."
         )
     if not widest:
         return 0.0
