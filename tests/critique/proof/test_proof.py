@@ -214,9 +214,9 @@ def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
     datasets = outcomes(tmp_path)
     lines = as_markdown(by_contact(datasets, recovered(tmp_path)), datasets).splitlines()
     assert [line for line in lines if line.startswith("| mujoco | square | 1 |  | 9 of 11 |")]
-    assert lines[2].startswith("| all | all | all | 4 of 4 | 10 of 13 |") and lines[-1] == (
-        "- wear, 1 ms: adequate, nothing named"
-    )
+    assert lines[2].startswith("| asked |  |  | ≥ 95 % | ≥ 90 % |")
+    assert lines[3].startswith("| all | all | all | 4 of 4 | 10 of 13 |")
+    assert lines[-1] == "- wear, 1 ms: adequate, nothing named"
     assert "- tilt, 1 ms: unexplained, surface_tilt" in lines and sum(line.startswith("- ") for line in lines) == 3
     assert set(usual(outcomes(tmp_path))["source"]) == {"mechanism"}  # at 20 µs; a square and 3 ms are asked for
 

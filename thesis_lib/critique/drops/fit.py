@@ -25,6 +25,7 @@ from thesis_lib.foundation.errors import UserError
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
+BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `SHORTEST` there is no slope along τ
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
@@ -91,6 +92,8 @@ def fit(
         impulsive = replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
         start = fit(impulsive, observations, start, rounds=1).values
     tries = [dict(start or {})]
+    if model.is_compliant:
+        tries[0]["tau"] = max(tries[0]["tau"], BRIEF)
     ratio = DAMPING_RATIO.name
     if tries[0].get(ratio, 0.0) > 5.0 * DAMPING_RATIO.null:
         # so strong a damper is rigid friction, whatever the ratio: no slope leads back

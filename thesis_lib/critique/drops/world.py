@@ -23,7 +23,7 @@ from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureFiel
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES, RESERVE
 from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covariance
-from thesis_lib.critique.drops.fit import ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, fit, fit_each
+from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, fit, fit_each
 from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
@@ -194,12 +194,17 @@ class Drops(World[Effect, Fit, Judgement]):
         return fits
 
     def leaves_little(self, fitted: Fit, judged: Judgement) -> bool:
+        if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
+            return False  # hardly a slope along the time of an integrated contact
         others = [square for square in judged.sigmas.values() if np.isfinite(square)]
         is_noise = judged.excess <= NEAR and all(square <= NEAR for square in others)
         return is_noise or super().leaves_little(fitted, judged)
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
-        return any(channel_is_material(better, worse, channel, settings) for channel in candidate.channels)
+        channels = set(candidate.channels)
+        if self.timed and "touch" in channels:
+            channels.add("impact")  # a contact time that made up for the touch erred in the velocities
+        return any(channel_is_material(better, worse, channel, settings) for channel in channels)
 
     def start_with(self, fitted: Fit, candidate: Effect) -> Mapping[str, float]:
         if all(p.discrete is None for p in candidate.parameters):

@@ -7,6 +7,8 @@ cause alone or with what cannot be told from it, both of a pair, and `unexplaine
 Parameters count where they have a true value.  Shares have 95 % Wilson intervals.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import pandas as pd
 
@@ -23,6 +25,9 @@ ASKED = (
     ("one cause, named alone, 50 drops", "single", 50, 0.75),
 )
 COVERED = "parameter inside its 95 % interval"
+# the figures as heads of columns
+SHORT = dict(zip((name for name, *_ in ASKED), ("nothing hidden", "one cause", "pair", "outside", "50 drops")))
+SHORT[COVERED] = "parameter"
 COVERAGE = (0.90, 0.98)
 PLACE = ("source", "shape", "contact_time")
 CONTACTS = ("figure", *PLACE, "at_least", "share", "low", "high", "n", "met")
@@ -95,10 +100,10 @@ def misses(outcomes: pd.DataFrame) -> list[str]:
 
 
 def as_markdown(table: pd.DataFrame, outcomes: pd.DataFrame) -> str:
-    """The table with a row for each source, shape and contact time and a column for each figure, then all misses."""
-    figures = [*(figure for figure, *_ in ASKED), COVERED]
-    heads = [f"{name} (≥ {100 * share:.0f} %)" for name, *_, share in ASKED]
-    heads.append(f"{COVERED} ({100 * COVERAGE[0]:.0f} to {100 * COVERAGE[1]:.0f} %)")
+    """A row for each source, shape and contact time (ms) and a column for each figure, then all misses."""
+    table = table.fillna({"contact_time": 0.0})
+    figures = {figure: f"≥ {100 * share:.0f} %" for figure, *_, share in ASKED}
+    figures[COVERED] = f"{100 * COVERAGE[0]:.0f} to {100 * COVERAGE[1]:.0f} %"
     cells = {
         (
             row["source"],
@@ -106,12 +111,20 @@ def as_markdown(table: pd.DataFrame, outcomes: pd.DataFrame) -> str:
             row["contact_time"],
             row["figure"],
         ): f"{row['share'] * row['n']:.0f} of {row['n']}"
-        for row in table.fillna({"contact_time": 0.0}).to_dict("records")
+        for row in table.to_dict("records")
     }
-    lines = ["| source | shape | ms | " + " | ".join(heads) + " |", "|---" * (3 + len(heads)) + "|"]
-    places = table.fillna({"contact_time": 0.0})[list(PLACE)].drop_duplicates()
-    first = places["source"] != EVERY
-    for source, shape, time in places.assign(first=first).sort_values(["first", *PLACE])[list(PLACE)].to_numpy():
-        row = [cells.get((source, shape, time, figure), "") for figure in figures]
-        lines.append(" | ".join([f"| {source} | {shape} | {f'{1e3 * time:g}' if time else 'all'}", *row]) + " |")
+    places = table[list(PLACE)].drop_duplicates().sort_values(list(PLACE))
+    ordered = pd.concat([places[places["source"] == EVERY], places[places["source"] != EVERY]])
+    lines = [
+        _line(("source", "shape", "ms", *(SHORT[figure] for figure in figures))),
+        "|---" * (len(PLACE) + len(figures)) + "|",
+        _line(("asked", "", "", *figures.values())),
+    ]
+    for source, shape, time in ordered.to_numpy():
+        counted = (cells.get((source, shape, time, figure), "") for figure in figures)
+        lines.append(_line((source, shape, f"{1e3 * time:g}" if time else EVERY, *counted)))
     return "\n".join([*lines, *misses(outcomes)]) + "\n"
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
