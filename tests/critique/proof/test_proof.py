@@ -212,7 +212,7 @@ def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
     text = "\n".join(contact_lines(by_contact(outcomes(tmp_path), recovered(tmp_path))))
     assert "mujoco              square   1 ms     81.8" in text
     datasets = outcomes(tmp_path)
-    lines = as_markdown(by_contact(datasets, recovered(tmp_path)), datasets).splitlines()
+    lines = as_markdown(datasets, recovered(tmp_path)).splitlines()
     assert [line for line in lines if line.startswith("| mujoco | square | 1 |  | 9 of 11 |")]
     assert lines[2].startswith("| asked |  |  | ≥ 95 % | ≥ 90 % |")
     assert lines[3].startswith("| all | all | all | 4 of 4 | 10 of 13 |")

@@ -26,6 +26,7 @@ from thesis_lib.foundation.errors import UserError
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `SHORTEST` there is no slope along τ
+FAR = 3.0  # scales from the null; no fit of an integrated contact comes back from there, that of an impulse law does
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
@@ -109,7 +110,8 @@ def fit(
             elif key not in tries[0]:
                 # off the null, where many effects have no slope
                 either_side = (p.null + p.scale, p.null - p.scale)
-                options = p.starts[:2] or either_side[: 2 if p.low < p.null < p.high else 1]
+                far = model.is_compliant and all(abs(x - p.null) > FAR * p.scale for x in p.starts)
+                options = p.starts[:2] * (not far) or either_side[: 2 if p.low < p.null < p.high else 1]
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
     if "mu" not in tries[0]:
         # single hits find the basin: an episode is far from linear while (μ, ε) are far off

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from thesis_lib.critique.proof.by_contact import as_markdown, by_contact
+from thesis_lib.critique.proof.by_contact import as_markdown
 from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
 from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.check import ages, check, rows_to_check
@@ -45,8 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
             cases = rows_to_check(None if options.all else options.sample, options.source)
             return 0 if check(cases, stamp=options.stamp, tell=lambda line: print(line, flush=True)) else 1
         elif options.command == "contacts":
-            datasets = outcomes()
-            print(as_markdown(by_contact(datasets, recovered()), datasets), end="")
+            print(as_markdown(outcomes(), recovered()), end="")
         elif options.command == "table":
             print(report(folder=options.csv), end="")
         else:

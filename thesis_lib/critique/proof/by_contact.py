@@ -99,9 +99,19 @@ def misses(outcomes: pd.DataFrame) -> list[str]:
     return lines
 
 
-def as_markdown(table: pd.DataFrame, outcomes: pd.DataFrame) -> str:
+def outside(recovered: pd.DataFrame) -> list[str]:
+    """A line for each parameter of `by_contact` that lies outside its 95 % interval."""
+    rows = _real(of_table(recovered)).query("not inside").sort_values([*PLACE, "truth"]).to_dict("records")
+    return ["", "Parameters outside their 95 % interval:", ""] * bool(rows) + [
+        f"- {row['source']}, {row['shape']}, {row['truth']}, {1e3 * row['contact_time']:g} ms: `{row['parameter']}` "
+        f"{row['found']:.4g} ± {row['std']:.2g}, where {row['true']:g} was hidden"
+        for row in rows
+    ]
+
+
+def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> str:
     """A row for each source, shape and contact time (ms) and a column for each figure, then all misses."""
-    table = table.fillna({"contact_time": 0.0})
+    table = by_contact(outcomes, recovered).fillna({"contact_time": 0.0})
     figures = {figure: f"≥ {100 * share:.0f} %" for figure, *_, share in ASKED}
     figures[COVERED] = f"{100 * COVERAGE[0]:.0f} to {100 * COVERAGE[1]:.0f} %"
     cells = {
@@ -123,7 +133,7 @@ def as_markdown(table: pd.DataFrame, outcomes: pd.DataFrame) -> str:
     for source, shape, time in ordered.to_numpy():
         counted = (cells.get((source, shape, time, figure), "") for figure in figures)
         lines.append(_line((source, shape, f"{1e3 * time:g}" if time else EVERY, *counted)))
-    return "\n".join([*lines, *misses(outcomes)]) + "\n"
+    return "\n".join([*lines, *misses(outcomes), *outside(recovered)]) + "\n"
 
 
 def _line(cells: Iterable[str]) -> str:

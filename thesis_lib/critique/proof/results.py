@@ -52,7 +52,7 @@ OUTCOMES = (
     *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right", "exact"),
     *("error_before", "error_after", "floor", "before_over_floor", "after_over_floor", "why"),
 )
-RECOVERED = (*CELL, "seed", "effect", "parameter", "z", "inside", "width")
+RECOVERED = (*CELL, "seed", "effect", "parameter", "true", "found", "std", "z", "inside", "width")
 TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary; other sizes show the curve
 MISFITS = ("error_before", "error_after", "floor", "before_over_floor", "after_over_floor")
 CONFUSION = (
@@ -123,7 +123,14 @@ def recovered(store: Path = STORE) -> pd.DataFrame:
 
 def _deviation(p: Recovered) -> dict:
     off, width = p.found - p.true, p.std / p.fisher if p.fisher else np.nan
-    return {"z": off / p.std, "inside": abs(off) <= Z95 * p.std, "width": width}
+    return {
+        "true": p.true,
+        "found": p.found,
+        "std": p.std,
+        "z": off / p.std,
+        "inside": abs(off) <= Z95 * p.std,
+        "width": width,
+    }
 
 
 def _sorted(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
