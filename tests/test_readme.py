@@ -169,6 +169,50 @@ def test_table_of_the_games_is_that_of_the_stored_study():
             assert more == f"{row['difference']:.1f} ({row['low']:.1f} to {row['high']:.1f})", key
 
 
+def test_sentences_on_the_games_are_those_of_the_stored_study():
+    stored = ROOT / "config" / "reference" / "chapter5"
+    games = pd.read_csv(stored / "study_games.csv").query("refused == 0")
+    won = games.pivot(index="tower", columns=["policy", "size"], values="extractions")
+    said = " ".join(FINDINGS.split())
+
+    def ahead(first: tuple, second: tuple, training_set: int | None = None) -> tuple[str, int]:
+        more = (won[first] - won[second]).dropna()
+        more = more if training_set is None else more[more.index % 3 == training_set]
+        return f"{more.mean():.1f} ± {more.sem():.1f}", len(more)
+
+    hma, network = ("hma", 100), ("network", 100)
+    for (found, n), sentence in (
+        (ahead(hma, network), "HMA brings out {} blocks more than the network (n = {n};"),
+        (ahead(hma, ("mor", 100)), "and {} more than MOR (n = {n}); PPO is slowest"),
+        (ahead(("hma", 300), ("network", 300)), "At 300 samples HMA is {} ahead of the network,"),
+        (ahead(("hma", 1000), ("network", 1000)), "at 1,000 samples {} (n = {n}): too few games"),
+        (ahead(hma, ("mor", 300)), "it stays {} behind with 300 and"),
+        (ahead(hma, ("mor", 1000)), "and {} with 1,000"),
+        (ahead(network, ("hma_without_cost", 100)), "HMA brings out {} fewer than the network (n = {n})"),
+        (ahead(hma, network, 2), "HMA leads by most, {} (n = {n}), where its training set has no stuck abstraction"),
+    ):
+        assert sentence.format(found, n=n) in said
+    stuck = pd.read_csv(stored / "model_agreement.csv").query("size == 100").set_index("set")["n_stuck_abstractions"]
+    assert [i for i in range(3) if not stuck[i]] == [2]
+    assert max(range(3), key=lambda i: float(ahead(hma, network, i)[0].split()[0])) == 2
+    curve = pd.read_csv(stored / "study_curve.csv").set_index(["policy", "size"])["mean"]
+    assert max(curve[name, 50] for name in ("hma", "mor", "network")) < curve["exploration", 0]
+    assert curve["ppo"].max() < curve["mor"].min()
+    assert f"no policy brings out more than {won.max(axis=None):.0f} on any tower" in said
+    behind = (won[hma] - won["oracle", 0]).dropna()
+    assert (behind > 0).sum() == 1 and f"one tower of five HMA brings out {behind.max():.0f} more" in said
+    shares = pd.read_csv(stored / "study_success.csv").query("action == 'extract'").set_index(["phase", "position"])
+    numbers = re.search(
+        r"in (\d+) % of the attempts in exploration and in (\d+) % with the learned model \(thesis: (\d+) and (\d+) %\)"
+        r".* middle blocks \((\d+) %\) more than at side blocks \((\d+) %\); .* \((\d+) and (\d+) %\)",
+        said,
+    )
+    whole, exploration = shares.xs("all", level="position"), shares.loc["exploration"]
+    found = [*whole["share"], *whole["published"], *exploration.loc[["middle", "side"], "published"]]
+    found += [*exploration.loc[["middle", "side"], "share"]]
+    assert [int(x) for x in numbers.groups()] == [round(100 * x) for x in found]
+
+
 @pytest.mark.parametrize(
     "target", sorted(set(re.findall(r"(?:`|^    )make ([a-z-]+)", README + HARNESSES + BENCHMARKS, re.M)))
 )

@@ -3,6 +3,7 @@
 import itertools
 import json
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.effects import EFFECTS
 from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
+ROOT = Path(__file__).resolve().parents[3]
 STORED_SIZES = json.loads(SIZES.read_text(encoding="utf-8"))["law"]
 
 
@@ -219,6 +221,11 @@ def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
     assert lines[-1] == "- wear, 1 ms: adequate, nothing named"
     assert "- tilt, 1 ms: unexplained, surface_tilt" in lines and sum(line.startswith("- ") for line in lines) == 3
     assert set(usual(outcomes(tmp_path))["source"]) == {"mechanism"}  # at 20 µs; a square and 3 ms are asked for
+
+
+def test_the_documents_hold_the_table_of_real_contacts():
+    findings = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
+    assert as_markdown(outcomes(), recovered()) in findings
 
 
 @pytest.mark.slow
