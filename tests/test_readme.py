@@ -143,6 +143,15 @@ def test_calibration_sentence_is_that_of_the_stored_run():
     assert [int(x) for x in said.groups()] == [round(100 * x) for x in found]
 
 
+def test_sentences_on_the_dice_are_those_of_the_stored_run():
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice.csv").set_index(["quantity", "model"])
+    said = re.search(r"from which our (\d+) % \(95 % (\d+) to (\d+)\) cannot be told", FINDINGS)
+    faces = stored.loc["face_right", "compliant_residual"]
+    assert [int(x) for x in said.groups()] == [round(100 * faces[x]) for x in ("value", "low", "high")]
+    assert faces["low"] < 0.43 < faces["high"]
+    assert "more than eight of ten throws" in FINDINGS and stored.loc["limit_face", "value"].min() > 0.8
+
+
 STUDY_NAMES = {
     "HMA": "hma",
     "MOR": "mor",
