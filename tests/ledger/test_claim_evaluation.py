@@ -7,6 +7,7 @@ import pytest
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
+from thesis_lib.ledger.page import render_page
 from thesis_lib.ledger.result import COLUMNS, Status, refuse_errors, summary_line, to_table, write_results
 
 PRESENT = {"planar_impact": True, "drops": True}
@@ -249,6 +250,15 @@ def test_the_table(entries, results, tmp_path):
     write_results(run([*entries, {**entries[0], "id": "a.b", "published": 1}], results), tmp_path / "two.csv")
     assert (tmp_path / "one.csv").read_bytes() == (tmp_path / "two.csv").read_bytes()
     assert b"nan" not in (tmp_path / "one.csv").read_bytes()
+
+
+def test_agreement_that_says_little_is_counted_apart_and_shown(entries, results):
+    weak = [{**entries[0], "weak": "anything passes"}, {**entries[0], "id": "a.b", "published": 1, "weak": "too"}]
+    found = run([*entries[1:], *weak], results)
+    assert to_table(found)["weak"].tolist()[-2:] == ["anything passes", "too"]
+    assert "9 reproduced, 1 deviates, 0 without data. Of those reproduced 1 says little: " in summary_line(found)
+    page = render_page(found)
+    assert page.count("Says little: ") == 1 and "Says little: anything passes." in page  # one that deviates says enough
 
 
 def test_a_threshold_is_its_own_reference(make_claim, results):

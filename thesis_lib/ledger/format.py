@@ -7,6 +7,8 @@ checks:                       # optional: checks that claims refer to by name
   two_errors: {kind: interval, k: 2, reason: two bootstrap standard errors}
 notes:                        # optional: the same for notes
   flat_cost: the cost is flat here, so that many pairs fit nearly as well
+weak:                         # optional: the same for what makes agreement say little
+  recount: this recounts the authors' own file
 claims:
   - id: table_3_1.mirtich.mu.as_published     # unique, dotted
     location: Table 3.1, row Mirtich, column mu
@@ -29,6 +31,7 @@ claims:
       std_column: epsilon_std}
     check: two_errors         # the name of a check above
     note: flat_cost           # a note of one word names a note above
+    weak: recount             # why a wrong result could agree as well, if so; `weak` counts them apart   # optional
 ```
 
 - abs, rel and interval (kinds of checks: `checks`) need a `published` number; greater and less may have one, which is
@@ -36,8 +39,10 @@ claims:
 - `where` compares text exactly and numbers to 8 digits; it may name several columns.
 - A tolerance, a k or a tie_tolerance requires a `reason`; so does a threshold that differs from `published`, or from 0
   if nothing is published.
-- A folder is read as one ledger, its files ordered by name.  Names of checks and notes hold within one file.  A name
-  that is unknown or unused is an error.
+- `weak` says why agreement tells little: a wrong result would pass, a criterion was chosen on our own data, or the
+  number is not the thesis's.  Such claims are counted apart.
+- A folder is read as one ledger, its files ordered by name.  Names of checks, notes and weak hold within one file.  A
+  name that is unknown or unused is an error.
 """
 
 import re
@@ -56,6 +61,11 @@ from thesis_lib.ledger.reading import Name, Text, line_of, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
 NAME = r"[A-Za-z0-9_-]+"
+SHARED = {
+    "check": "checks",
+    "note": "notes",
+    "weak": "weak",
+}  # part of a claim: where a file keeps those that it shares
 
 
 class Claim(Section):
@@ -71,6 +81,7 @@ class Claim(Section):
     check: Check
     needs: list[Name] = Field([], description="datasets without which nothing is compared")
     note: Text | None = None
+    weak: Text | None = Field(None, description="why agreement says little: a wrong result could agree as well")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -107,6 +118,7 @@ class Ledger(Section):
     defaults: Defaults = Field(Defaults(), description="of the claims that do not say otherwise")
     checks: dict[Name, Check] = Field({}, description="that claims refer to by name")
     notes: dict[Name, Text] = Field({}, description="that claims refer to by name")
+    weak: dict[Name, Text] = Field({}, description="that claims refer to by name")
     claims: list[Claim]
 
 
@@ -129,12 +141,12 @@ def read_ledger(path: str | Path) -> Ledger:
 
 
 def _read_file(path: Path) -> Ledger:
-    """One file, with its defaults, shared checks and shared notes written out in the claims that use them."""
+    """One file, with its defaults and all that claims share written out in the claims that use them."""
     document = load_yaml(path)
     content = document.content
     if not isinstance(content, dict) or not isinstance(content.get("claims"), list):
         return validate(Ledger, document, path)
-    shared = {key: content.get(key) for key in ("defaults", "checks", "notes")}
+    shared = {key: content.get(key) for key in ("defaults", *SHARED.values())}
     shared = {key: values if isinstance(values, dict) else {} for key, values in shared.items()}
     claims = []
     uses: dict[Key, Key] = {}  # a shared check or note, and where it is used
@@ -143,14 +155,14 @@ def _read_file(path: Path) -> Ledger:
         if isinstance(claim, dict):
             copies |= {("claims", i, key) for key in shared["defaults"].keys() - claim.keys()}
             claim = {**shared["defaults"], **claim}
-            for key in ("check", "note"):
+            for key, pool in SHARED.items():
                 name = claim.get(key)
                 if isinstance(name, str) and re.fullmatch(NAME, name):
-                    uses[f"{key}s", name] = place = ("claims", i, key)
+                    uses[pool, name] = place = ("claims", i, key)
                     copies.add(place)
-                    claim[key] = shared[f"{key}s"].get(name)
+                    claim[key] = shared[pool].get(name)
         claims.append(claim)
-    shared_keys: set[Key] = {(key, str(name)) for key in ("checks", "notes") for name in shared[key]}
+    shared_keys: set[Key] = {(pool, str(name)) for pool in SHARED.values() for name in shared[pool]}
     at = {place: f"line {line_of(place, document)}" for place in (*uses.values(), *shared_keys)}
     ids = Counter(str(claim.get("id")) for claim in claims if isinstance(claim, dict))
     problems = [

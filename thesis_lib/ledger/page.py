@@ -76,6 +76,7 @@ def _cells(result: Result) -> dict:
         "ours": value or "–",
         "difference": difference or "–",
         "reason": reason,
+        "weak": claim.weak if result.status is Status.REPRODUCED else None,
     }
 
 

@@ -62,7 +62,7 @@ class Result:
 
 COLUMNS = (  # explained in foundation/columns.yaml
     *("id", "chapter", "location", "statement", "published", "ours", "std", "unit"),
-    *("difference", "relative_difference", "status", "reason", "tolerance"),
+    *("difference", "relative_difference", "status", "reason", "tolerance", "weak"),
 )
 
 
@@ -85,7 +85,7 @@ def to_table(results: Sequence[Result]) -> pd.DataFrame:
             *(r.claim.id, str(r.claim.chapter), r.claim.location, r.claim.statement),
             *(r.published, r.ours, exact(r.std), r.claim.unit),
             *(exact(r.difference), exact(r.relative_difference), str(r.status)),
-            *(r.reason, r.claim.check.text()),
+            *(r.reason, r.claim.check.text(), r.claim.weak or ""),
         )
         for r in results
     ]
@@ -103,7 +103,7 @@ def count_statuses(results: Sequence[Result]) -> dict[Status, int]:
 
 
 def summary_line(results: Sequence[Result]) -> str:
-    """One sentence: the number of claims, and how many have each status."""
+    """The number of claims, how many have each status, and how many agree where a wrong result could."""
     counts = count_statuses(results)
     parts = [
         f"{counts[Status.REPRODUCED]} reproduced",
@@ -112,4 +112,7 @@ def summary_line(results: Sequence[Result]) -> str:
     ]
     if counts[Status.ERROR]:
         parts.append(f"{counts[Status.ERROR]} could not be compared")
-    return f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
+    line = f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
+    weak = sum(r.status is Status.REPRODUCED and r.claim.weak is not None for r in results)
+    say = "says" if weak == 1 else "say"
+    return f"{line} Of those reproduced {weak} {say} little: a wrong result could agree as well." if weak else line
