@@ -15,6 +15,7 @@ from thesis_lib.identify.base_parameters.identifiability import (
 from thesis_lib.identify.base_parameters.regressor import PlantRegressor
 from thesis_lib.identify.base_parameters.window import free_body_window
 from thesis_lib.simulate.chapter2.motions import block, disk
+from thesis_lib.simulate.chapter2.scenes import Mode, contact_modes
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.stepping import simulate
 
@@ -72,11 +73,21 @@ def test_section_2_3_3_in_singular_values() -> None:
     assert table.loc["disk slides, no force", "eq_2_18_rank"] == 1
     # 1/m and 1/I come in with force; the column of m/I² vanishes identically, so never four
     assert table.loc["disk slides, force", "eq_2_18_rank"] == 3
+    # contact that sticks gives the same as contact that slides, if a corner is pivoted about
+    assert table.loc[["square pivots, no force", "square pivots, force"], "rank"].tolist() == [1, 2]
     # figure 2-5, left: like a point
     assert table.loc["square lands flat, no force", "rank"] == 0
     radius = disk().shape.radius
     # a rolling disk shows m + I/R² only: m may grow while I falls by R²
     assert table.loc["disk rolls, force", "not_identified"] == f"m - {radius**2:.4g} I"
+
+
+@pytest.mark.parametrize("case", ["square pivots, no force", "square pivots, force"])
+def test_the_square_that_pivots_sticks_on_one_corner(case: str) -> None:
+    record, _ = excitation_cases()[case]
+    modes = contact_modes(record)
+    assert record.solved and (modes == Mode.SLIDES).sum() == 0
+    assert ((modes == Mode.STICKS).sum(axis=1) == 1).all() and np.ptp(record.q[:, 2]) > 0.05
 
 
 def test_equation_2_18_holds_on_a_sliding_motion() -> None:

@@ -1,8 +1,9 @@
 """What a rigid body's contact identifies: the cases of thesis section 2.3.3 as singular values.
 
 Each case is a simulated motion of a free body whose m and I are unknown, analysed by `identifiability`: sliding or
-sticking contact, with and without a known external force; flight; and two special cases, a square that lands flat
-(thesis figure 2-5, left) and a disk that only rolls (not in the thesis).  For the sliding cases the columns of eq. 2.18
+sticking contact (a disk; a square that pivots about a corner, as in thesis figure 2-5), with and without a known
+external force; flight; and two special cases, a square that lands flat (figure 2-5, left) and a disk that only rolls
+(not in the thesis), whose motion shows m + I/R² alone.  For the sliding cases the columns of eq. 2.18
 in (m/I, 1/m, 1/I, m/I²) are analysed as well.
 
 | column           | unit | meaning |
@@ -32,6 +33,8 @@ STEPS = 60
 # N and N m at 1 kg: an uneven push with turns in all directions, less than the weight, so that the contact stays
 PUSH = ((2.0, 5.0, 0.3), (1.0, 7.0, 1.1), (0.15, 3.0, 0.7))
 GAP = 1e-4  # m, expected gap within which the contact of a body that stays on the surface counts as closed
+TILTED = 0.4  # rad, of the square that pivots
+PIVOT_STEPS = 40
 LOW_FRICTION, HIGH_FRICTION = 0.1, 5.0  # the pushed body always slides, or never
 
 
@@ -45,6 +48,13 @@ def _balanced(body: PlanarFreeBody, mu: float, v: tuple[float, float, float], fo
     q = np.array([0.0, 0.0, 0.0])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
     return simulate(body, q, np.array(v), force, DEFAULT.h, STEPS, mu, 0.0)
+
+
+def _pivoting(body: PlanarFreeBody, force: Callable | None) -> Record:
+    """A square that is released on a corner and falls about it, without slip, until just before the next one lands."""
+    q = np.array([0.0, 0.0, TILTED])
+    q[1] = -body.contacts_of(q[None]).phi[0].min()
+    return simulate(body, q, np.zeros(3), force, DEFAULT.h, PIVOT_STEPS, HIGH_FRICTION, 0.0)
 
 
 def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
@@ -62,6 +72,8 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Reco
         "disk slides, force": (_balanced(rolling, LOW_FRICTION, fast, push), LOW_FRICTION),
         "disk rolls, no force": (_balanced(rolling, HIGH_FRICTION, still, None), HIGH_FRICTION),
         "disk rolls, force": (_balanced(rolling, HIGH_FRICTION, still, push), HIGH_FRICTION),
+        "square pivots, no force": (_pivoting(square, None), HIGH_FRICTION),
+        "square pivots, force": (_pivoting(square, push), HIGH_FRICTION),
         "flight, no force": released(high, (1.0, 0.0, 2.0), None),
         "flight, force": released(high, (1.0, 0.0, 2.0), push),
         "square lands tilted, no force": released(tilted, still, None),
