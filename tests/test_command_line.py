@@ -162,7 +162,7 @@ def test_claims_check_is_json(tmp_path, capsys):
     given |= {"expected": "expected.yaml", "stored": "stored"}
     options = [word for name, file in given.items() for word in (f"--{name}", str(tmp_path / file))]
     content = told(["claims", "check", "--scale", "quick", *options, "--json"], capsys, code=1)
-    assert content["counts"] == {"reproduced": 0, "deviates": 1, "data not present": 0, "error": 0}
+    assert content["counts"] == {"reproduced": 0, "deviates": 1, "data not present": 0, "not decided": 0, "error": 0}
     (claim,) = content["claims"]
     assert (claim["id"], claim["status"], claim["ours"]) == ("table_3_1.mu", "deviates", "0.5")
     assert content["changes"][0]["expected"] == "" and content["changes"][0]["found"] == "deviates"

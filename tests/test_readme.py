@@ -65,6 +65,14 @@ def test_claims_summary_is_that_of_the_stored_statuses(statuses):
     ]
 
 
+def test_scales_that_disagree_say_that_the_quick_one_cannot_tell(statuses):
+    text = (ROOT / "config" / "claims_expected.yaml").read_text(encoding="utf-8")
+    quick = yaml.safe_load(text)["expected"]["quick"]
+    undecided = {claim.id for claim in read_ledger(ROOT / "config/claims").claims if claim.quick}
+    assert {name for name, status in quick.items() if status == "not decided"} == undecided
+    assert {name for name in quick if name in statuses and quick[name] != statuses[name]} <= undecided
+
+
 def test_what_deviates_is_counted_as_said(statuses):
     deviating = [name for name, status in statuses.items() if status == "deviates"]
     defined = sum(name.endswith("as_defined") for name in deviating)

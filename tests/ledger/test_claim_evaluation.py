@@ -261,6 +261,18 @@ def test_agreement_that_says_little_is_counted_apart_and_shown(entries, results)
     assert page.count("Says little: ") == 1 and "Says little: anything passes." in page  # one that deviates says enough
 
 
+def test_what_the_quick_scale_cannot_tell_is_not_decided_there(entries, results):
+    noisy = {**entries[0], "quick": "10 impacts are too few"}
+    missing = {**noisy, "id": "a.b", "source": {**noisy["source"], "file": "missing.csv"}}
+    ledger = Ledger.model_validate({"schema": 1, "claims": [noisy, missing]})
+    quick, error = evaluate(ledger, results, PRESENT, "quick")
+    assert (quick.status, quick.reason, quick.ours) == (Status.UNDECIDED, "10 impacts are too few", "0.065")
+    assert error.status is Status.ERROR
+    assert summary_line([quick]) == "1 claim: 0 reproduced, 0 deviate, 0 without data, 1 not decided at this scale."
+    assert evaluate(ledger, results, PRESENT, "default")[0].status is Status.REPRODUCED
+    assert "10 impacts are too few" in render_page([quick])
+
+
 def test_a_threshold_is_its_own_reference(make_claim, results):
     result = one(make_claim("x", {"kind": "greater", "threshold": 0.1, "reason": "half"}, 0.2), results)
     assert result.difference == pytest.approx(-0.035)

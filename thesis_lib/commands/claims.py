@@ -82,7 +82,7 @@ def _evaluate(options: argparse.Namespace) -> tuple[list, dict[str, bool]]:
     from thesis_lib.ledger.reading import read_present
 
     present = read_present(options.present)
-    return evaluate(read_ledger(options.ledger), options.results, present), present
+    return evaluate(read_ledger(options.ledger), options.results, present, options.scale), present
 
 
 def _check(options: argparse.Namespace) -> int:

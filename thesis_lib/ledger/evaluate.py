@@ -21,13 +21,23 @@ SAME_NUMBER = 1e-8  # relative; tables carry 9 digits, so equal numbers differ b
 SLACK = 1e-9  # relative; 0.13 − 0.12 must not exceed 0.01 by the last bits of binary fractions
 
 
-def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool]) -> list[Result]:
+def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool], scale: str = "") -> list[Result]:
     """The result of each claim, in the ledger's order; mistakes in the results do not raise (see the module's head).
 
-    `results_dir` holds the sources; `present`: whether this run had each dataset (`reading.read_present`).
+    `results_dir` holds the sources; `present`: whether this run had each dataset (`reading.read_present`); `scale` at
+    which it ran, which may be too noisy to decide a claim.
     """
     read = functools.cache(lambda file: Cells.read(Path(results_dir) / file))
-    return [_evaluate(claim, present, read) for claim in ledger.claims]
+    results = [_evaluate(claim, present, read) for claim in ledger.claims]
+    return [_undecided(result) if scale == "quick" else result for result in results]
+
+
+def _undecided(result: Result) -> Result:
+    """The result at the quick scale, which decides nothing about claims that say so."""
+    why = result.claim.quick
+    if why is None or result.status not in (Status.REPRODUCED, Status.DEVIATES):
+        return result
+    return replace(result, status=Status.UNDECIDED, finding=why)
 
 
 def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], Cells]) -> Result:

@@ -9,6 +9,8 @@ notes:                        # optional: the same for notes
   flat_cost: the cost is flat here, so that many pairs fit nearly as well
 weak:                         # optional: the same for what makes agreement say little
   recount: this recounts the authors' own file
+quick:                        # optional: the same for what the quick scale cannot decide
+  too_few: 150 impacts are too few
 claims:
   - id: table_3_1.mirtich.mu.as_published     # unique, dotted
     location: Table 3.1, row Mirtich, column mu
@@ -31,7 +33,8 @@ claims:
       std_column: epsilon_std}
     check: two_errors         # the name of a check above
     note: flat_cost           # a note of one word names a note above
-    weak: recount             # why a wrong result could agree as well, if so; `weak` counts them apart   # optional
+    weak: recount             # why a wrong result could agree as well, if so                # optional
+    quick: too_few            # why the quick scale is too noisy to tell, if so              # optional
 ```
 
 - abs, rel and interval (kinds of checks: `checks`) need a `published` number; greater and less may have one, which is
@@ -41,8 +44,9 @@ claims:
   if nothing is published.
 - `weak` says why agreement tells little: a wrong result would pass, a criterion was chosen on our own data, or the
   number is not the thesis's.  Such claims are counted apart.
-- A folder is read as one ledger, its files ordered by name.  Names of checks, notes and weak hold within one file.  A
-  name that is unknown or unused is an error.
+- At the quick scale a claim with `quick` is compared and shown, but not decided.
+- A folder is read as one ledger, its files ordered by name.  Names of what claims share hold within one file.  A name
+  that is unknown or unused is an error.
 """
 
 import re
@@ -61,11 +65,8 @@ from thesis_lib.ledger.reading import Name, Text, line_of, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
 NAME = r"[A-Za-z0-9_-]+"
-SHARED = {
-    "check": "checks",
-    "note": "notes",
-    "weak": "weak",
-}  # part of a claim: where a file keeps those that it shares
+# part of a claim: where a file keeps those that claims share
+SHARED = {"check": "checks", "note": "notes", "weak": "weak", "quick": "quick"}
 
 
 class Claim(Section):
@@ -82,6 +83,7 @@ class Claim(Section):
     needs: list[Name] = Field([], description="datasets without which nothing is compared")
     note: Text | None = None
     weak: Text | None = Field(None, description="why agreement says little: a wrong result could agree as well")
+    quick: Text | None = Field(None, description="why the quick scale is too noisy to decide it")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -119,6 +121,7 @@ class Ledger(Section):
     checks: dict[Name, Check] = Field({}, description="that claims refer to by name")
     notes: dict[Name, Text] = Field({}, description="that claims refer to by name")
     weak: dict[Name, Text] = Field({}, description="that claims refer to by name")
+    quick: dict[Name, Text] = Field({}, description="that claims refer to by name")
     claims: list[Claim]
 
 

@@ -8,12 +8,13 @@ from thesis_lib.ledger.result import Result, Status, count_statuses, summary_lin
 from thesis_lib.pages import page
 
 TEMPLATE = Path(__file__).with_name("page.html")
-SIGNS = {Status.REPRODUCED: "✓", Status.DEVIATES: "≠", Status.NO_DATA: "○", Status.ERROR: "!"}
-CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "error")))
+SIGNS = {Status.REPRODUCED: "✓", Status.DEVIATES: "≠", Status.NO_DATA: "○", Status.UNDECIDED: "~", Status.ERROR: "!"}
+CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "undecided", "error")))
 MEANINGS = {
     Status.REPRODUCED: "our value agrees within the tolerance stated beside it",
     Status.DEVIATES: "it does not; by how much, and why if known, stands beside it",
     Status.NO_DATA: "the measurements behind it were not at hand in this run; nothing is said",
+    Status.UNDECIDED: "this scale is too noisy to tell; a larger one decides",
     Status.ERROR: "our value is missing or not a number; this run is incomplete",
 }
 HEADINGS = {  # heading: class that sets the column's width

@@ -5,6 +5,7 @@
 | `reproduced`       | the claim's check holds                                                                     |
 | `deviates`         | it does not hold; the result says by how much, and why if the ledger knows                  |
 | `data not present` | the run lacked a dataset that the claim needs: neutral                                      |
+| `not decided`      | the claim says that this scale is too noisy to tell: compared and shown, neutral            |
 | `error`            | nothing was compared, e.g. because a file is missing; `refuse_errors` lists all errors      |
 
 difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
@@ -30,6 +31,7 @@ class Status(StrEnum):
     REPRODUCED = "reproduced"
     DEVIATES = "deviates"
     NO_DATA = "data not present"
+    UNDECIDED = "not decided"
     ERROR = "error"
 
 
@@ -110,6 +112,8 @@ def summary_line(results: Sequence[Result]) -> str:
         f"{counts[Status.DEVIATES]} deviate{'s' if counts[Status.DEVIATES] == 1 else ''}",
         f"{counts[Status.NO_DATA]} without data",
     ]
+    if counts[Status.UNDECIDED]:
+        parts.append(f"{counts[Status.UNDECIDED]} not decided at this scale")
     if counts[Status.ERROR]:
         parts.append(f"{counts[Status.ERROR]} could not be compared")
     line = f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."

@@ -13,7 +13,8 @@ PROVEN = {  # figure and source in summary.csv of the proof: where the effect wa
 }
 QUIET = "nothing hidden, verdict adequate, per source"
 OUTSIDE = ("outside the library: unexplained", "mechanism + drake")
-REPRODUCED, DEVIATES, NO_DATA = "reproduced", "deviates", "data not present"
+REPRODUCED, DEVIATES = "reproduced", "deviates"
+OTHERS = {"data not present": "without the data", "not decided": "not decided at this scale"}
 MUCH_LEFT_OUT = 0.2  # larger shares of impacts left out are mentioned
 WITHIN = ("falls", "goes, within its interval,", "rises")
 
@@ -113,16 +114,17 @@ def _right(row: Row) -> str:
     job=Job("claims", ""),
     title="What the thesis states against what this run finds",
     caption="Number by number and sentence by sentence: reproduced, deviates (by how much, and why if that is "
-    "known), or data not present.",
+    "known), data not present, or not decided at this scale.",
 )
 def claims(table: DataFrame) -> str:
     """Claims by status, and how many of those compared each chapter reproduces."""
-    number = {status: int((table["status"] == status).sum()) for status in (REPRODUCED, DEVIATES, NO_DATA)}
+    number = {status: int((table["status"] == status).sum()) for status in (REPRODUCED, DEVIATES, *OTHERS)}
     compared = table[table["status"].isin([REPRODUCED, DEVIATES])]
     chapters = [
         f"{int((rows['status'] == REPRODUCED).sum())} of {len(rows)} in chapter {chapter}"
         for chapter, rows in compared.groupby("chapter")
     ]
-    sentence = f"Of {counted(len(table), 'claim')}: {number[REPRODUCED]} reproduced, {number[DEVIATES]} deviating"
-    sentence += f", {number[NO_DATA]} without the data." if number[NO_DATA] else "."
+    parts = [f"{number[REPRODUCED]} reproduced", f"{number[DEVIATES]} deviating"]
+    parts += [f"{number[status]} {words}" for status, words in OTHERS.items() if number[status]]
+    sentence = f"Of {counted(len(table), 'claim')}: {', '.join(parts)}."
     return sentence + (f" Of those compared, reproduced are {listed(chapters)}." if chapters else "")

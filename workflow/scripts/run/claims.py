@@ -13,7 +13,10 @@ from thesis_lib.ledger.reading import read_present
 from thesis_lib.ledger.result import refuse_errors, summary_line, write_results
 
 results = evaluate(
-    read_ledger(Path(snakemake.input.ledger[0]).parent), "results", read_present(snakemake.input.present)
+    read_ledger(Path(snakemake.input.ledger[0]).parent),
+    "results",
+    read_present(snakemake.input.present),
+    snakemake.params.scale,
 )
 refuse_errors(results)
 write_results(results, snakemake.output.table)
