@@ -10,6 +10,7 @@
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
    the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged first.
+   Where a step leaves an error, the next best effects are tried with these bases, too.
 
 Random streams are named by effects, so that a further candidate changes no draw of the others.
 """
@@ -29,6 +30,7 @@ from thesis_lib.foundation.randomness import generator
 JUDGED = 3  # finalists judged by K-fold
 CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
 HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
+RUNNERS_UP = 3  # effects that are tried with other bases of the reserve where the best one leaves an error
 RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
 FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve is taken without more ado
 REFITS = 199  # of data drawn without the effect, if its gain is near the null
@@ -51,10 +53,8 @@ def search(
 ) -> Discovery[E, F, J]:
     """Choose base and effects on the training trials of `world`.
 
-    Args:
-        rng: draws the folds and seeds the named streams.
-        fixed: effects to switch on, in this order, instead of the automatic choice.
-        say: receives a line for each step.
+    `rng` draws the folds and seeds the named streams.  `fixed` are effects to switch on, in this order, instead of the
+    automatic choice.  `say` receives a line for each step.
     """
     return _Search(world, settings, rng, say).run(fixed)
 
@@ -95,7 +95,8 @@ class _Search(Generic[E, F, J]):
             on = [step.effect.name for step in steps]
             tests = self.scan(fitted, candidates, "null", *on)
             first_scan = first_scan or tests
-            self.say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
+            number = len(steps) + 1
+            self.say(f"step {number}: trying {len(candidates)} effects")
             # a missing effect may favour the wrong base: the next best bases are tried with it, too
             contenders = [fitted] if steps else [bases[name] for name in ranked[: world.rivals]]
             if fitted.base in world.reserve:
@@ -114,9 +115,16 @@ class _Search(Generic[E, F, J]):
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
                     rival = step.fitted if step else fitted
                     other = self.other_base(reserve, rival, step.judged if step else judged)
+            if step and not other:
+                step = self.with_best_base(step)
+                self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
+                steps.append(step)
+                if fixed is None and world.reserve and world.leaves_an_error(step.judged):
+                    steps[-1] = self.with_other_base(step, list(quick.values())[:RUNNERS_UP])
+                    other = None if steps[-1] is step else (steps[-1].fitted, steps[-1].judged)
             if other:
                 fitted, judged = other
-                self.say(f"step {len(steps) + 1}: another base, {fitted.base}")
+                self.say(f"step {number}: another base, {fitted.base}")
                 if steps:
                     steps[-1] = replace(steps[-1], fitted=fitted, judged=judged)
                 # an effect may have stood in for the base that was missing
@@ -132,9 +140,6 @@ class _Search(Generic[E, F, J]):
                 continue
             if step is None:
                 break
-            step = self.with_best_base(step)
-            self.say(f"step {len(steps) + 1}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
-            steps.append(step)
             superfluous = self.superfluous(steps, steps[:-1]) if fixed is None else None
             if superfluous:
                 self.say(f"not needed any more: {superfluous}")
@@ -188,10 +193,7 @@ class _Search(Generic[E, F, J]):
         return (self.in_full(best), other) if better else None
 
     def worth_a_fit(self, candidates: Sequence[E], tests: Scan) -> list[E]:
-        """The candidates whose score test comes within half of what is significant.
-
-        Where a model leaves little, slopes at the null mean what they say; a base of the reserve is chosen there.
-        """
+        """Candidates whose score test comes within half of what is significant; where little is left, slopes tell."""
         least = 0.5 * np.quantile(tests.null, 1.0 - self.settings.alpha)
         return [e for e in candidates if tests.gain[e.name] >= least]
 
@@ -310,6 +312,18 @@ class _Search(Generic[E, F, J]):
                 if judged.total - step.judged.total >= least:
                     step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
+
+    def with_other_base(self, step: Step[E, F, J], rivals: Sequence[F]) -> Step[E, F, J]:
+        """The step, or the best of the `rivals` on a base of the reserve, if these two together predict better.
+
+        An effect may have been chosen because the base was the wrong one, and a base because the effect was missing.
+        """
+        reserve = [fit for rival in rivals for fit in self.world.reserve_fits(rival)]
+        if (other := self.other_base(reserve, step.fitted, step.judged)) is None:
+            return step
+        fitted, judged = other
+        others = step.alternatives if fitted.effects == step.fitted.effects else ()
+        return replace(step, effect=fitted.effects[-1], alternatives=others, fitted=fitted, judged=judged)
 
     def superfluous(self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]]) -> str | None:
         """The first of the effects `asked` that the model of the last step does not need, or None (backward check)."""
