@@ -26,7 +26,9 @@ ASKED = (
 )
 COVERED = "parameter inside its 95 % interval"
 # the figures as heads of columns
-SHORT = dict(zip((name for name, *_ in ASKED), ("nothing hidden", "one cause", "pair", "outside", "50 drops")))
+SHORT: dict[str, str] = dict(
+    zip((name for name, *_ in ASKED), ("nothing hidden", "one cause", "pair", "outside", "50 drops"))
+)
 SHORT[COVERED] = "parameter"
 COVERAGE = (0.90, 0.98)
 PLACE = ("source", "shape", "contact_time")
