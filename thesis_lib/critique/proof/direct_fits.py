@@ -4,8 +4,8 @@
     python -m thesis_lib.critique.proof.direct_fits run --drops "die, single hits" --measured data/measured
     python -m thesis_lib.critique.proof.direct_fits table
 
-Two kinds of drops: simulated ones of other sources with nothing hidden, all of which are fitted and judged, as nothing
-is chosen by them; and measured ones, with the effects that residuals ask for, judged on the 30 % of the trials that are
+Two kinds of drops: simulated ones, most with nothing hidden, all of which are fitted and judged, as nothing is chosen
+by them; and measured ones, with the effects that residuals ask for, judged on the 30 % of the trials that are
 not fitted.  Effects are added in their order.  `run` replaces the rows of some drops in config/proof/direct_fits.csv.
 
 | column              | unit | meaning                                                                     |
@@ -70,6 +70,7 @@ class Series:
     shape: str = "ellipse"
     trials: int | None = None  # the first ones of a measured set
     episodes: bool = False
+    truth: str = NOTHING  # what is hidden in simulated drops
 
     @property
     def is_measured(self) -> bool:
@@ -80,6 +81,7 @@ _MUJOCO = ("mirtich", "damped_contact", "convex_contact")
 _POINT = ("mirtich", "mirtich+velocity_dependent_restitution", "hunt_crossley_contact")
 _SOFT = ("hunt_crossley_contact", "hunt_crossley_contact+soft_body", "pressure_field_contact")
 _HERTZ = ("mirtich", "mirtich+velocity_dependent_contact_time", "hertz_contact")
+_BASES = ("mirtich", "compliant_contact")
 _DIE = (
     "mirtich+linear_drag+rounded_corners+angle_offset+wrong_inertia+tangential_compliance"
     "+velocity_dependent_restitution+surface_patch"
@@ -98,6 +100,13 @@ SERIES = {
     "Drake, hydroelastic, ellipse": Series("drake_hydroelastic", _SOFT),
     "Drake, hydroelastic, square": Series("drake_hydroelastic", _SOFT, "square"),
     "Hertz, 3 ms, ellipse": Series("hertz", _HERTZ),
+    "own, nothing hidden": Series("mechanism", tuple(f"{base}+time_lag" for base in _BASES)),
+    "own, height 0.28 mm": Series(
+        "mechanism", tuple(f"{base}+surface_height" for base in _BASES), truth="surface_height"
+    ),
+    "own, plate 0.056 m/s": Series(
+        "mechanism", tuple(f"{base}+moving_surface" for base in _BASES), truth="plate_velocity"
+    ),
     "die, single hits": Series("planar_dice", ("mirtich", f"{_DIE}+com_offset")),
     "die, all hits of 150 throws": Series(
         "planar_dice", ("mirtich", f"{_DIE}+surface_height", _DIE_FIELD), trials=150, episodes=True
@@ -118,7 +127,7 @@ def drops_of(series: Series, measured: Path) -> Dataset:
             dataset = replace(dataset, trajectories=poses[first].reset_index(drop=True))
         return dataset
     if series.source != "hertz":
-        return make(Case(series.source, NOTHING, SEEDS, shape=series.shape, contact_time=1e-3))[0]
+        return make(Case(series.source, series.truth, SEEDS, shape=series.shape, contact_time=1e-3))[0]
     from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
     from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, CompliantContact
 
