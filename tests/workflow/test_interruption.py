@@ -1,7 +1,9 @@
 """The runner of the pipeline: one at a time, clears away what a killed run left, and says what went wrong."""
 
+import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -36,13 +38,16 @@ def start():
     started = []
 
     def run(words: list[str], cwd: Path) -> subprocess.Popen:
-        started.append(subprocess.Popen([sys.executable, *words], cwd=cwd, stdout=subprocess.PIPE, text=True))
+        command = [sys.executable, *words]
+        process = subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, text=True, start_new_session=True)
+        started.append(process)
         started[-1].said = started[-1].stdout.readline().strip()
         return started[-1]
 
     yield run
     for process in started:
-        process.kill()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # with its jobs, which would hold its output open
         process.communicate()
 
 
