@@ -30,7 +30,7 @@ from thesis_lib.foundation.randomness import generator
 JUDGED = 3  # finalists judged by K-fold
 CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
 HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
-RUNNERS_UP = 3  # effects that are tried with other bases of the reserve where the best one leaves an error
+RUNNERS_UP, NEARLY = 3, 0.8  # effects tried with bases of the reserve where the best leaves an error; of its quick gain
 RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
 FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve is taken without more ado
 REFITS = 199  # of data drawn without the effect, if its gain is near the null
@@ -120,7 +120,7 @@ class _Search(Generic[E, F, J]):
                 self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
                 steps.append(step)
                 if fixed is None and world.reserve and world.leaves_an_error(step.judged):
-                    steps[-1] = self.with_other_base(step, list(quick.values())[:RUNNERS_UP])
+                    steps[-1] = self.with_other_base(step, quick, contenders)
                     other = None if steps[-1] is step else (steps[-1].fitted, steps[-1].judged)
             if other:
                 fitted, judged = other
@@ -140,14 +140,12 @@ class _Search(Generic[E, F, J]):
                 continue
             if step is None:
                 break
-            superfluous = self.superfluous(steps, steps[:-1]) if fixed is None else None
-            if superfluous:
-                self.say(f"not needed any more: {superfluous}")
-                dropped.add(superfluous)
-                steps = self.without(steps, superfluous)
+            if fixed is None and (name := self.superfluous(steps, steps[:-1])):
+                self.say(f"not needed any more: {name}")
+                dropped.add(name)
+                steps = self.without(steps, name)
             fitted, judged = steps[-1].fitted, steps[-1].judged
-        taken = {step.effect.name for step in steps}
-        rest = [e for e in world.candidates.values() if e.name not in taken]
+        rest = [e for e in world.candidates.values() if e not in fitted.effects]
         last_scan = self.scan(fitted, rest, "last null")
         return Discovery(bases, base, tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
 
@@ -313,12 +311,14 @@ class _Search(Generic[E, F, J]):
                     step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
 
-    def with_other_base(self, step: Step[E, F, J], rivals: Sequence[F]) -> Step[E, F, J]:
-        """The step, or the best of the `rivals` on a base of the reserve, if these two together predict better.
+    def with_other_base(self, step: Step[E, F, J], quick: Mapping[str, F], contenders: Sequence[F]) -> Step[E, F, J]:
+        """The step, or one of the effects that gain nearly as much, on a base of the reserve, if these predict better.
 
         An effect may have been chosen because the base was the wrong one, and a base because the effect was missing.
         """
-        reserve = [fit for rival in rivals for fit in self.world.reserve_fits(rival)]
+        gains = [(self.world.quick_gain(fit, contenders), fit) for fit in list(quick.values())[:RUNNERS_UP]]
+        rivals = [fit for gain, fit in gains if gain >= NEARLY * gains[0][0]]
+        reserve = [fit for rival in rivals if len(rivals) > 1 for fit in self.world.reserve_fits(rival)]
         if (other := self.other_base(reserve, step.fitted, step.judged)) is None:
             return step
         fitted, judged = other
