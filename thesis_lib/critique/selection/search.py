@@ -104,12 +104,11 @@ class _Search(Generic[E, F, J]):
             if fixed is None and world.leaves_little(fitted, judged):
                 candidates = self.worth_a_fit(candidates, tests)
             quick = self.quick_fits(contenders, candidates, fitted)
-            step, other, reserve = None, None, list[F]()
             # a base of the reserve is asked for where the best effect leaves an error, too
             best = next(iter(quick.values()), fitted)
-            if fixed is None and world.leaves_an_error(judged) and self.leaves_an_error(best):
-                reserve = self.reserve(fitted)
-                other = self.far_better_base(reserve, quick, contenders, judged)
+            leaves = fixed is None and world.leaves_an_error(judged) and self.leaves_an_error(best)
+            step, reserve = None, self.reserve(fitted) if leaves else []
+            other: tuple[F, J] | None = self.far_better_base(reserve, quick, contenders, judged)
             if other is None:
                 step, below = self.best_step(fitted, judged, contenders, quick, tests, fixed is not None)
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
