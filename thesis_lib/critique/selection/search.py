@@ -119,7 +119,7 @@ class _Search(Generic[E, F, J]):
                 self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
                 steps.append(step)
                 if fixed is None and world.reserve and world.leaves_an_error(step.judged):
-                    steps[-1] = self.with_other_base(step, quick, contenders)
+                    steps[-1] = self.with_other_base(step, quick, contenders, judged)
                     other = None if steps[-1] is step else (steps[-1].fitted, steps[-1].judged)
             if other:
                 fitted, judged = other
@@ -310,19 +310,19 @@ class _Search(Generic[E, F, J]):
                     step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
 
-    def with_other_base(self, step: Step[E, F, J], quick: Mapping[str, F], contenders: Sequence[F]) -> Step[E, F, J]:
-        """The step, or one of the effects that gain nearly as much, on a base of the reserve, if these predict better.
-
-        An effect may have been chosen because the base was the wrong one, and a base because the effect was missing.
-        """
+    def with_other_base(
+        self, step: Step[E, F, J], quick: Mapping[str, F], contenders: Sequence[F], before: J
+    ) -> Step[E, F, J]:
+        """The step, or an effect that gains nearly as much, on a base of the reserve, if these predict better."""
+        # an effect may have been chosen because the base was the wrong one, and a base because the effect was missing
         gains = [(self.world.quick_gain(fit, contenders), fit) for fit in list(quick.values())[:RUNNERS_UP]]
         rivals = [fit for gain, fit in gains if gain >= NEARLY * gains[0][0]]
         reserve = [fit for rival in rivals if len(rivals) > 1 for fit in self.world.reserve_fits(rival)]
         if (other := self.other_base(reserve, step.fitted, step.judged)) is None:
             return step
-        fitted, judged = other
-        others = step.alternatives if fitted.effects == step.fitted.effects else ()
-        return replace(step, effect=fitted.effects[-1], alternatives=others, fitted=fitted, judged=judged)
+        effect, others = other[0].effects[-1], step.alternatives if other[0].effects == step.fitted.effects else ()
+        gain = self.gain(other[1], before, "gain", *(e.name for e in other[0].effects))
+        return replace(step, effect=effect, alternatives=others, gain=gain, fitted=other[0], judged=other[1])
 
     def superfluous(self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]]) -> str | None:
         """The first of the effects `asked` that the model of the last step does not need, or None (backward check)."""
