@@ -10,6 +10,7 @@ from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
+from thesis_lib.critique.selection import evidence
 from thesis_lib.critique.selection import search as search_module
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.critique.selection.search import search
@@ -72,21 +73,21 @@ def test_an_effect_that_a_later_one_makes_superfluous_leaves_again():
     world, settings, rng = Drops(table_only()), CritiqueSettings(), np.random.default_rng(0)
     steps = search(world, settings, rng, fixed=["wrong_inertia", "tangential_restitution"]).steps
     checks = search_module._Search(world, settings, rng, lambda text: None)
-    assert checks.superfluous(steps, steps[:-1]) == "wrong_inertia"
+    assert checks.evidence.superfluous(steps, steps[:-1]) == "wrong_inertia"
     (left,) = checks.without(steps, "wrong_inertia")
     assert [effect.name for effect in left.fitted.model.effects] == ["tangential_restitution"]
     assert set(left.fitted.values) == {"mu", "epsilon", "tangential_restitution.e_t"}
-    assert checks.superfluous([left], []) is None
+    assert checks.evidence.superfluous([left], []) is None
 
 
 def test_refits_stretch_the_null_of_the_score_test_little(monkeypatch):
-    monkeypatch.setattr(search_module, "REFITS", 40)
+    monkeypatch.setattr(evidence, "REFITS", 40)
     world, rng = Drops(table_only()), np.random.default_rng(0)
     fitted = world.fit("anitescu_potra_newton", ())
     effect = EFFECTS["wrong_inertia"]
     tests = scan(world.slopes(fitted, [effect]), 999, rng)
-    checks = search_module._Search(world, CritiqueSettings(), rng, lambda text: None)
-    stretch = checks.stretch_of_null(fitted, effect, tests, rng)
+    checks = evidence.Evidence(world, CritiqueSettings(), rng)
+    stretch = checks.stretch_of_null(fitted, effect, tests, "refits")
     # the mean of 40 halves of chi² with one degree of freedom is known to 0.22 of itself
     assert 1.0 <= stretch < 1.0 + 4.0 * 0.22
 

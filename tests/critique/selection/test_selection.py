@@ -148,7 +148,7 @@ class WithReserve(Line):
     def leaves_an_error(self, judged):
         return True
 
-    def reserve_fits(self, fitted):
+    def reserve_fits(self, fitted, refine=False):
         return [self.fit("bend", fitted.effects)]
 
 
@@ -170,8 +170,8 @@ def test_a_base_of_the_reserve_is_taken_where_it_beats_the_next_effect(monkeypat
 
 def test_an_effect_that_stood_in_for_a_base_leaves_when_the_base_is_taken():
     class Late(WithReserve):
-        def reserve_fits(self, fitted):
-            return super().reserve_fits(fitted) if fitted.effects else []
+        def reserve_fits(self, fitted, refine=False):
+            return super().reserve_fits(fitted) if fitted.effects and not refine else []
 
     world = with_reserve(0, bend=3.0)
     discovery = found(Late(world.trial, world.x, world.y))
@@ -179,6 +179,23 @@ def test_an_effect_that_stood_in_for_a_base_leaves_when_the_base_is_taken():
     said = []
     found(Late(world.trial, world.x, world.y), say=said.append)
     assert any(line.startswith("step 1: square") for line in said) and "not needed any more: square" in said
+
+
+def test_an_effect_found_on_a_simpler_base_is_fitted_once_more_on_the_reserve():
+    class Refined(WithReserve):
+        def leaves_an_error(self, judged):
+            return False
+
+        def reserve_fits(self, fitted, refine=False):
+            return super().reserve_fits(fitted) if refine else []
+
+    # a bend that is too small to be looked for, and bends the effect
+    world = with_reserve(0, bend=0.3, wave=3.0 * SIZE)
+    refined = Refined(world.trial, world.x, world.y)
+    for fixed in (None, ["wave"]):
+        discovery = found(refined, fixed=fixed)
+        assert discovery.base == "line" and discovery.fitted.base == "bend"
+        assert [effect.name for effect in discovery.fitted.effects] == ["wave"]
 
 
 def test_a_base_of_the_reserve_is_left_where_an_effect_says_the_same():

@@ -37,6 +37,7 @@ from thesis_lib.statistics.spread import quantile_std, robust_std
 # a compliant contact takes ten times as long; it is tried beyond this median error over noise, where bodies turn by
 # this much more (rad) during a contact, or where its limit as an impact law gains this much (nats)
 LEAVES, TURNS, GAINS = 1.2, 0.02, 3.0
+REFINED = RESERVE[:1]  # an impulse that takes time, integrated
 NEAR = 1.5  # median error over noise, and mean squares of the other channels, at which slopes tell what is worth a fit
 CHANNELS = ("impact", "flight", "meet", "touch")
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
@@ -172,14 +173,14 @@ class Drops(World[Effect, Fit, Judgement]):
     def leaves_an_error(self, judged: Judgement) -> bool:
         return judged.excess > LEAVES
 
-    def reserve_fits(self, fitted: Fit) -> list[Fit]:
+    def reserve_fits(self, fitted: Fit, refine: bool = False) -> list[Fit]:
         before, after = states_at_impact(fitted.model, fitted.values, self.observations)
         is_compliant = fitted.base in self.reserve
         turn = fitted.values["tau"] * float(np.median(np.abs(after.omega - before.omega)))
         rigid = fit(fitted.model, self.quick, fitted.values, rounds=1)
         of_law = {p.name for p in BASE_PARAMETERS}
         start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
-        for name in self.reserve:
+        for name in REFINED if refine else self.reserve:
             model = Model(BASES[name], fitted.effects, self.timed)
             best = max(fits, key=lambda fit: fit.score, default=rigid)
             # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long
@@ -189,7 +190,7 @@ class Drops(World[Effect, Fit, Judgement]):
                 fits.append(fit(model, self.quick, rigid.values, rounds=2))
                 continue
             limit = fit(model.limit, self.quick, start, rounds=1)
-            if is_compliant or turn > TURNS or limit.score > rigid.score + GAINS:
+            if refine or is_compliant or turn > TURNS or limit.score > rigid.score + GAINS:
                 fits.append(fit(model, self.quick, limit.values, rounds=1))
         return fits
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from thesis_lib.critique.proof.cases import BODIES, CORNERED, NOTHING, SEEDS, Case, pairs, truths
-from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.compute import code_hash, compute
 from thesis_lib.critique.proof.store import STORE, put_row, read_rows
 from thesis_lib.foundation.isolated import Task, run_isolated
 from thesis_lib.foundation.randomness import generator
@@ -59,7 +59,7 @@ def run(cases: Sequence[Case], jobs: int, tell: Callable[[str], object], store: 
     tell(f"{len(cases) - len(missing)} of {len(cases)} are stored; {len(missing)} to compute, about 20 s of CPU each")
     done, complete = 0, True
     with tempfile.TemporaryDirectory() as logs:
-        tasks = [Task(str(case), (case, store), Path(logs) / f"{i}.txt") for i, case in enumerate(missing)]
+        tasks = [Task(str(case), (case, store, code_hash()), Path(logs) / f"{i}.txt") for i, case in enumerate(missing)]
         for outcome in run_isolated(_work, tasks, jobs=jobs, preload=(__name__,)):
             done, complete = done + 1, complete and outcome.result is not None
             said = outcome.failure or (outcome.result or {})["said"]
@@ -68,7 +68,7 @@ def run(cases: Sequence[Case], jobs: int, tell: Callable[[str], object], store: 
     return complete
 
 
-def _work(case: Case, store: Path) -> dict:
-    row = compute(case)
+def _work(case: Case, store: Path, code: str) -> dict:
+    row = compute(case, code)
     put_row(row, store)
     return {"said": f"{row.verdict}, {row.named or row.why or 'nothing named'}"}

@@ -11,29 +11,26 @@
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
    the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged first.
    Where a step leaves an error, the next best effects are tried with these bases, too.
-
-Random streams are named by effects, so that a further candidate changes no draw of the others.
+6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Generic
 
 import numpy as np
 
-from thesis_lib.critique.selection.discovery import Discovery, Step, paired_gain
-from thesis_lib.critique.selection.scan import Scan, scan
+from thesis_lib.critique.selection.discovery import Discovery, Step
+from thesis_lib.critique.selection.evidence import Drop, Evidence
+from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import E, F, J, Slopes, World
-from thesis_lib.foundation.randomness import generator
+from thesis_lib.critique.selection.world import E, F, J, World
 
 JUDGED = 3  # finalists judged by K-fold
-CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
 HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
 RUNNERS_UP, NEARLY = 3, 0.8  # effects tried with bases of the reserve where the best leaves an error; of its quick gain
 RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
 FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve is taken without more ado
-REFITS = 199  # of data drawn without the effect, if its gain is near the null
 FAR_BEYOND = 3.0  # times the largest draw of the null: refits stretch no gain this far
 
 
@@ -60,22 +57,19 @@ def search(
 
 
 class _Search(Generic[E, F, J]):
-    """State that stays fixed during the search: data, thresholds, folds and seed."""
+    """State that stays fixed during the search: data, thresholds and what counts as evidence."""
 
     def __init__(
         self, world: World[E, F, J], settings: SearchSettings, rng: np.random.Generator, say: Callable[[str], None]
     ) -> None:
         self.world, self.settings, self.say = world, settings, say
-        n = len(world.trials)
-        self.folds = rng.permutation(np.arange(n) % min(settings.folds, n))
-        self.seed = int(rng.integers(2**63))
-        self.known: tuple[F, Slopes] | None = None  # the last fit that was scanned, and its slopes
+        self.evidence = Evidence(world, settings, rng)
 
     def run(self, fixed: Sequence[str] | None) -> Discovery[E, F, J]:
         world = self.world
         bases = {name: world.fit(name, (), effort="near") for name in world.bases}
         ranked = sorted(bases, key=lambda name: -bases[name].score)
-        base, judged = next(self.judged_in_turn(bases, ranked))
+        base, judged = next(self.evidence.judged_in_turn(bases, ranked))
         ranked = [base, *(name for name in ranked if name != base)]
         fitted = bases[base] = self.in_full(bases[base])
         most = self.settings.max_effects if fixed is None else len(fixed)
@@ -93,7 +87,7 @@ class _Search(Generic[E, F, J]):
             if not candidates:
                 break
             on = [step.effect.name for step in steps]
-            tests = self.scan(fitted, candidates, "null", *on)
+            tests = self.evidence.scan(fitted, candidates, "null", *on)
             first_scan = first_scan or tests
             number = len(steps) + 1
             self.say(f"step {number}: trying {len(candidates)} effects")
@@ -122,30 +116,24 @@ class _Search(Generic[E, F, J]):
                     steps[-1] = self.with_other_base(step, quick, contenders, judged)
                     other = None if steps[-1] is step else (steps[-1].fitted, steps[-1].judged)
             if other:
-                fitted, judged = other
-                self.say(f"step {number}: another base, {fitted.base}")
-                if steps:
-                    steps[-1] = replace(steps[-1], fitted=fitted, judged=judged)
-                # an effect may have stood in for the base that was missing
-                while steps and (name := self.superfluous(steps, steps)):
-                    self.say(f"not needed any more: {name}")
-                    dropped.add(name)
-                    smaller = tuple(e for e in fitted.effects if e.name != name)
-                    fitted = world.fit(fitted.base, smaller, fitted.values)
-                    judged, steps = world.cross_validate(fitted, self.folds), self.without(steps, name)
-                    steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
+                fitted, judged, steps = self.on_other_base(other, steps, dropped)
                 if not steps:
                     bases[fitted.base], base = fitted, fitted.base
                 continue
             if step is None:
                 break
-            if fixed is None and (name := self.superfluous(steps, steps[:-1])):
+            if fixed is None and (name := self.evidence.superfluous(steps, steps[:-1])):
                 self.say(f"not needed any more: {name}")
                 dropped.add(name)
                 steps = self.without(steps, name)
             fitted, judged = steps[-1].fitted, steps[-1].judged
+        if steps and (other := self.other_base(self.reserve(fitted, refine=True), fitted, judged)):
+            drop = "useless" if fixed is None else "none"
+            fitted, judged, steps = self.on_other_base(other, steps, dropped, drop)
+            if not steps:
+                bases[fitted.base], base = fitted, fitted.base
         rest = [e for e in world.candidates.values() if e not in fitted.effects]
-        last_scan = self.scan(fitted, rest, "last null")
+        last_scan = self.evidence.scan(fitted, rest, "last null")
         return Discovery(bases, base, tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
 
     def leaves_an_error(self, fitted: F) -> bool:
@@ -156,10 +144,10 @@ class _Search(Generic[E, F, J]):
         """The same model, fitted until nothing changes."""
         return self.world.fit(fitted.base, fitted.effects, fitted.values)
 
-    def reserve(self, fitted: F) -> list[F]:
+    def reserve(self, fitted: F, refine: bool = False) -> list[F]:
         """Quick fits of bases of the reserve with the same effects; none for a fit that has one of them."""
         world = self.world
-        return world.reserve_fits(fitted) if world.reserve and fitted.base not in world.reserve else []
+        return world.reserve_fits(fitted, refine) if world.reserve and fitted.base not in world.reserve else []
 
     def far_better_base(
         self, reserve: Sequence[F], quick: Mapping[str, F], contenders: Sequence[F], judged: J
@@ -184,8 +172,8 @@ class _Search(Generic[E, F, J]):
         best = world.fit(best.base, best.effects, best.values, "near")
         if best.score - rival.score < least:
             return None
-        other = world.cross_validate(best, self.folds)
-        gain = self.gain(other, to_beat, "reserve", best.base)
+        other = self.evidence.judge(best)
+        gain = self.evidence.gain(other, to_beat, "reserve", best.base)
         better = gain[1] > 0.0 and other.total - to_beat.total > least
         return (self.in_full(best), other) if better else None
 
@@ -193,17 +181,6 @@ class _Search(Generic[E, F, J]):
         """Candidates whose score test comes within half of what is significant; where little is left, slopes tell."""
         least = 0.5 * np.quantile(tests.null, 1.0 - self.settings.alpha)
         return [e for e in candidates if tests.gain[e.name] >= least]
-
-    def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
-        known = self.known
-        if known is None or known[0] is not fitted or any(e.name not in known[1].candidates for e in candidates):
-            self.known = known = fitted, self.world.slopes(fitted, candidates)
-        slopes = known[1]
-        of_candidates = {e.name: slopes.candidates[e.name] for e in candidates}
-        return scan(replace(slopes, candidates=of_candidates), self.world.resamples, generator(self.seed, *stream))
-
-    def gain(self, better: J, worse: J, *stream: str) -> tuple[float, float, float]:
-        return paired_gain(better, worse, generator(self.seed, *stream), self.world.resamples)
 
     def quick_fits(self, contenders: Sequence[F], candidates: Sequence[E], fitted: F) -> dict[str, F]:
         """The best quick fit with each candidate, by its name, the best first.
@@ -245,56 +222,22 @@ class _Search(Generic[E, F, J]):
         below = None
         p_values = {name: tests.p_value(gains[name]) for name in near}
         finalists = [name for name in self.ranked(near, fitted)[:JUDGED] if forced or p_values[name] <= settings.alpha]
-        for name, judgement in self.judged_in_turn(near, finalists):
+        for name, judgement in self.evidence.judged_in_turn(near, finalists):
             e, p_value = near[name].effects[-1], p_values[name]
-            gain = self.gain(judgement, judged, "gain", *on, name)
+            gain = self.evidence.gain(judgement, judged, "gain", *on, name)
             significant = gain[1] > 0.0 and p_value <= settings.alpha
             material = world.is_material(judgement, judged, e, settings)
             if significant and not material:
                 below = below or near[name]
             if significant and material and gains[name] < FAR_BEYOND * tests.null.max():
-                stretch = self.stretch_of_null(best, e, tests, generator(self.seed, "refits", *on, name))
+                stretch = self.evidence.stretch_of_null(best, e, tests, "refits", *on, name)
                 p_value = tests.p_value(gains[name] / stretch)
                 significant = p_value <= settings.alpha
             clears = significant and material
             if forced or clears:
-                others = self.alternatives(name, gains, tests)
+                others = self.evidence.alternatives(name, gains, tests)
                 return Step(e, others, clears, p_value, gain, near[name], judgement, tests), None
         return None, below
-
-    def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, J]]:
-        """Fits `names`, the best first, with their judgements by K-fold: those close to the best, then the others."""
-        top = near[names[0]].score if names else 0.0
-        for is_close in (True, False):
-            part = [name for name in names if (near[name].score > top - CLOSE) == is_close]
-            judgements = {name: self.world.cross_validate(near[name], self.folds) for name in part}
-            yield from sorted(judgements.items(), key=lambda pair: -pair[1].total)
-
-    def stretch_of_null(self, fitted: F, effect: E, tests: Scan, rng: np.random.Generator) -> float:
-        """Mean gain of `REFITS` full refits to data drawn without the effect, over that of the score test; at least 1.
-
-        The mean gain of the score test is half the number of its columns (Bartlett's correction).
-        """
-        gains = []
-        for _ in range(REFITS):
-            drawn = self.world.drawn(fitted, rng)
-            if drawn is None:
-                return 1.0
-            plain = drawn.fit(fitted.base, fitted.effects, fitted.values, "quick")
-            with_it = drawn.fit(fitted.base, (*fitted.effects, effect), plain.values, "quick")
-            gains.append(with_it.score - plain.score)
-        expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
-        return max(1.0, float(np.mean(np.maximum(gains, 0.0))) / expected)
-
-    def alternatives(self, name: str, gains: Mapping[str, float], tests: Scan) -> tuple[str, ...]:
-        """Effects that would explain the same on this design, nearest first."""
-        # the observed difference counts as well as the expected one
-        loss = {
-            other: max(tests.expected_loss(name, other), gains[name] - gains.get(other, tests.gain[other]))
-            for other, columns in tests.basis.items()
-            if other != name and columns.shape[1]
-        }
-        return tuple(other for other in sorted(loss, key=lambda o: loss[o]) if loss[other] < self.settings.tell_apart)
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
         """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
@@ -305,7 +248,7 @@ class _Search(Generic[E, F, J]):
         for quick in sorted(others, key=lambda fit: -fit.score)[:1]:
             best = world.fit(quick.base, quick.effects, quick.values, "near")
             if best.score - fitted.score >= least:
-                judged = world.cross_validate(best, self.folds)
+                judged = self.evidence.judge(best)
                 if judged.total - step.judged.total >= least:
                     step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
@@ -315,27 +258,33 @@ class _Search(Generic[E, F, J]):
     ) -> Step[E, F, J]:
         """The step, or an effect that gains nearly as much, on a base of the reserve, if these predict better."""
         # an effect may have been chosen because the base was the wrong one, and a base because the effect was missing
-        gains = [(self.world.quick_gain(fit, contenders), fit) for fit in list(quick.values())[:RUNNERS_UP]]
-        rivals = [fit for gain, fit in gains if gain >= NEARLY * gains[0][0]]
+        gains = {name: self.world.quick_gain(quick[name], contenders) for name in list(quick)[:RUNNERS_UP]}
+        rivals = [quick[name] for name, gain in gains.items() if gain >= NEARLY * max(gains.values())]
         reserve = [fit for rival in rivals if len(rivals) > 1 for fit in self.world.reserve_fits(rival)]
         if (other := self.other_base(reserve, step.fitted, step.judged)) is None:
             return step
         effect, others = other[0].effects[-1], step.alternatives if other[0].effects == step.fitted.effects else ()
-        gain = self.gain(other[1], before, "gain", *(e.name for e in other[0].effects))
-        return replace(step, effect=effect, alternatives=others, gain=gain, fitted=other[0], judged=other[1])
+        gain = self.evidence.gain(other[1], before, "gain", *(e.name for e in other[0].effects))
+        p_value = step.scan.p_value(gains[effect.name])
+        return replace(
+            step, effect=effect, alternatives=others, p_value=p_value, gain=gain, fitted=other[0], judged=other[1]
+        )
 
-    def superfluous(self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]]) -> str | None:
-        """The first of the effects `asked` that the model of the last step does not need, or None (backward check)."""
-        world, last = self.world, steps[-1]
-        names = [step.effect.name for step in steps]
-        for step in asked:
-            others = tuple(e for e in last.fitted.effects if e.name != step.effect.name)
-            smaller = world.fit(last.fitted.base, others, last.fitted.values, "near")
-            judged = world.cross_validate(smaller, self.folds)
-            gain = self.gain(last.judged, judged, "needed", *names, step.effect.name)
-            if gain[1] <= 0.0 or not world.is_material(last.judged, judged, step.effect, self.settings):
-                return step.effect.name
-        return None
+    def on_other_base(
+        self, other: tuple[F, J], steps: Sequence[Step[E, F, J]], dropped: set[str], drop: Drop = "immaterial"
+    ) -> tuple[F, J, list[Step[E, F, J]]]:
+        """Fit, judgement and steps on another base; what had stood in for it goes to `dropped`."""
+        world, (fitted, judged), steps = self.world, other, list(steps)
+        self.say(f"another base, {fitted.base}")
+        steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
+        while drop != "none" and steps and (name := self.evidence.superfluous(steps, steps, drop)):
+            self.say(f"not needed any more: {name}")
+            dropped.add(name)
+            smaller = tuple(e for e in fitted.effects if e.name != name)
+            fitted = world.fit(fitted.base, smaller, fitted.values)
+            judged, steps = self.evidence.judge(fitted), self.without(steps, name)
+            steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
+        return fitted, judged, steps
 
     def without(self, steps: Sequence[Step[E, F, J]], name: str) -> list[Step[E, F, J]]:
         """The steps without one effect; all later ones are fitted and judged again."""
@@ -344,6 +293,6 @@ class _Search(Generic[E, F, J]):
         for step in steps[at + 1 :]:
             effects = (*(earlier.effect for earlier in kept), step.effect)
             fitted = self.world.fit(step.fitted.base, effects, step.fitted.values)
-            judged = self.world.cross_validate(fitted, self.folds)
+            judged = self.evidence.judge(fitted)
             kept.append(replace(step, fitted=fitted, judged=judged))
         return kept

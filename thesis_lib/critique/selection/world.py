@@ -146,10 +146,11 @@ class World(ABC, Generic[E, F, J]):
         """Whether a model without the reserve errs by more than noise, so that a base of the reserve may be better."""
         return False
 
-    def reserve_fits(self, fitted: F) -> list[F]:
+    def reserve_fits(self, fitted: F, refine: bool = False) -> list[F]:
         """Quick fits, with the effects of `fitted`, of those of the reserve that may explain an error that is left.
 
-        All of them for a fit that has one.
+        All of them for a fit that has one.  To `refine` a fit that leaves none: that which says the same with the
+        fewest approximations.
         """
         return []
 

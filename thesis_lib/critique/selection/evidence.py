@@ -1,0 +1,99 @@
+"""Evidence for or against an effect: score tests, gains by K-fold, refits of drawn data, and effects that look alike.
+
+Random streams are named by effects, so that a further candidate changes no draw of the others.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Generic, Literal
+
+import numpy as np
+
+from thesis_lib.critique.selection.discovery import Step, paired_gain
+from thesis_lib.critique.selection.scan import Scan, scan
+from thesis_lib.critique.selection.settings import SearchSettings
+from thesis_lib.critique.selection.world import E, F, J, Slopes, World
+from thesis_lib.foundation.randomness import generator
+
+CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
+REFITS = 199  # of data drawn without the effect, if its gain is near the null
+# an effect that predicts no better leaves; with "immaterial" also one that lowers no error by an amount that matters
+Drop = Literal["none", "useless", "immaterial"]
+
+
+class Evidence(Generic[E, F, J]):
+    """The training trials of a world with their folds, which stay the same during a search."""
+
+    def __init__(self, world: World[E, F, J], settings: SearchSettings, rng: np.random.Generator) -> None:
+        self.world, self.settings = world, settings
+        n = len(world.trials)
+        self.folds = rng.permutation(np.arange(n) % min(settings.folds, n))
+        self.seed = int(rng.integers(2**63))
+        self.known: tuple[F, Slopes] | None = None  # the last fit that was scanned, and its slopes
+
+    def judge(self, fitted: F) -> J:
+        """Judge each fold by a fit to the others."""
+        return self.world.cross_validate(fitted, self.folds)
+
+    def scan(self, fitted: F, candidates: Sequence[E], *stream: str) -> Scan:
+        """Score tests of the candidates."""
+        known = self.known
+        if known is None or known[0] is not fitted or any(e.name not in known[1].candidates for e in candidates):
+            self.known = known = fitted, self.world.slopes(fitted, candidates)
+        slopes = known[1]
+        of_candidates = {e.name: slopes.candidates[e.name] for e in candidates}
+        return scan(replace(slopes, candidates=of_candidates), self.world.resamples, generator(self.seed, *stream))
+
+    def gain(self, better: J, worse: J, *stream: str) -> tuple[float, float, float]:
+        """Gain in nats a unit of one judgement over another, with 95 % interval."""
+        return paired_gain(better, worse, generator(self.seed, *stream), self.world.resamples)
+
+    def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, J]]:
+        """Fits `names`, the best first, with their judgements by K-fold: those close to the best, then the others."""
+        top = near[names[0]].score if names else 0.0
+        for is_close in (True, False):
+            part = [name for name in names if (near[name].score > top - CLOSE) == is_close]
+            judgements = {name: self.judge(near[name]) for name in part}
+            yield from sorted(judgements.items(), key=lambda pair: -pair[1].total)
+
+    def stretch_of_null(self, fitted: F, effect: E, tests: Scan, *stream: str) -> float:
+        """Mean gain of `REFITS` full refits to data drawn without the effect, over that of the score test; at least 1.
+
+        The mean gain of the score test is half the number of its columns (Bartlett's correction).
+        """
+        gains, rng = [], generator(self.seed, *stream)
+        for _ in range(REFITS):
+            drawn = self.world.drawn(fitted, rng)
+            if drawn is None:
+                return 1.0
+            plain = drawn.fit(fitted.base, fitted.effects, fitted.values, "quick")
+            with_it = drawn.fit(fitted.base, (*fitted.effects, effect), plain.values, "quick")
+            gains.append(with_it.score - plain.score)
+        expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
+        return max(1.0, float(np.mean(np.maximum(gains, 0.0))) / expected)
+
+    def alternatives(self, name: str, gains: Mapping[str, float], tests: Scan) -> tuple[str, ...]:
+        """Effects that would explain the same on this design, nearest first."""
+        # the observed difference counts as well as the expected one
+        loss = {
+            other: max(tests.expected_loss(name, other), gains[name] - gains.get(other, tests.gain[other]))
+            for other, columns in tests.basis.items()
+            if other != name and columns.shape[1]
+        }
+        return tuple(other for other in sorted(loss, key=lambda o: loss[o]) if loss[other] < self.settings.tell_apart)
+
+    def superfluous(
+        self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]], drop: Drop = "immaterial"
+    ) -> str | None:
+        """The first of the effects `asked` that the model of the last step does not need, or None (backward check)."""
+        world, last = self.world, steps[-1]
+        names = [step.effect.name for step in steps]
+        for step in asked:
+            others = tuple(e for e in last.fitted.effects if e.name != step.effect.name)
+            smaller = world.fit(last.fitted.base, others, last.fitted.values, "near")
+            judged = self.judge(smaller)
+            useless = self.gain(last.judged, judged, "needed", *names, step.effect.name)[1] <= 0.0
+            lowers = world.is_material(last.judged, judged, step.effect, self.settings)
+            if useless or (drop == "immaterial" and not lowers):
+                return step.effect.name
+        return None
