@@ -32,6 +32,8 @@ from thesis_lib.foundation.errors import UserError
 
 MIN_TRIALS = 10
 MIN_IMPACTS = 30
+# relative standard error of a misfit from n values, times √n: of their median, and of that of norms of three components
+OF_MEDIAN, OF_NORM = 1.17, 0.56
 
 
 @dataclass(frozen=True)
@@ -88,11 +90,11 @@ class Critique:
     def misfit_channels(self) -> tuple[str, ...]:
         """Channels with a held-out misfit far above noise after all effects: impact, flight, meet, touch."""
         last, limit = self.ladder[-1][2], self.settings.excess_scatter
-        far = ["impact"] if last.excess > limit else []
-        for channel, mean_square in last.sigmas.items():
-            count = len(last.flight_score if channel == "flight" else last.score)
-            # from the median of n values its relative standard error is 1.17 / √n, from the upper tenth 0.89 / √n
-            if np.sqrt(mean_square) > limit * (1.0 + 2.0 * 1.17 / np.sqrt(max(count, 1))):
+        far = []
+        for channel, misfit in {"impact": last.excess**2, **last.sigmas}.items():
+            count = max(len(last.flight_score if channel == "flight" else last.score), 1)
+            spread = (OF_NORM if channel == "impact" else OF_MEDIAN) / np.sqrt(count)
+            if np.sqrt(misfit) > limit * (1.0 + 2.0 * spread):
                 far.append(channel)
         return tuple(far)
 
