@@ -174,6 +174,8 @@ class Drops(World[Effect, Fit, Judgement]):
         return judged.excess > LEAVES
 
     def reserve_fits(self, fitted: Fit, refine: bool = False) -> list[Fit]:
+        if refine and fitted.values["tau"] <= BRIEF:
+            return []
         before, after = states_at_impact(fitted.model, fitted.values, self.observations)
         is_compliant = fitted.base in self.reserve
         turn = fitted.values["tau"] * float(np.median(np.abs(after.omega - before.omega)))
