@@ -270,4 +270,13 @@ class TestPlan:
         few = Case("law", NOTHING, 5, drops=12)
         assert run([few], 1, said.append, tmp_path) and "adequate" in said[-1]
         assert read_rows("law", tmp_path)[few].is_of_today
-        assert run([few], 1, said.append, tmp_path) and said[-1].startswith("1 of 1 are stored")
+        assert run([few], 1, said.append, tmp_path) and said[-2:] == [
+            "1 of 1 are stored, 0 by older code",
+            "0 to compute, about 20 s of CPU each",
+        ]
+
+    def test_rows_of_older_code_are_computed_again_if_told_to(self, tmp_path):
+        few = Case("law", NOTHING, 5, drops=12)
+        put(tmp_path, few, code="0" * 16)
+        assert run([few], 1, lambda line: None, tmp_path) and not read_rows("law", tmp_path)[few].is_of_today
+        assert run([few], 1, lambda line: None, tmp_path, again=True) and read_rows("law", tmp_path)[few].is_of_today

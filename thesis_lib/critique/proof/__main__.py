@@ -39,7 +39,9 @@ def main(arguments: list[str] | None = None) -> int:
         if options.command == "run":
             _run(options)
         elif options.command == "run-table":
-            return 0 if run(real_contacts(options.source), options.jobs, lambda line: print(line, flush=True)) else 1
+            cases = real_contacts(options.source)
+            computed = run(cases, options.jobs, lambda line: print(line, flush=True), again=options.again)
+            return 0 if computed else 1
         elif options.command == "check":
             print(ages())
             cases = rows_to_check(None if options.all else options.sample, options.source)
@@ -134,6 +136,7 @@ def _parser() -> argparse.ArgumentParser:
     table_of = commands.add_parser("run-table", help=whole)
     table_of.add_argument("--source", nargs="+", choices=REAL, default=REAL)
     table_of.add_argument("--jobs", type=int, default=1, help="processes at a time (1)")
+    table_of.add_argument("--again", action="store_true", help="then compute rows of older code again")
     older = "say which stored rows are older than the code, and compute some of them again"
     again = commands.add_parser("check", help=older)
     again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)

@@ -52,11 +52,19 @@ def real_contacts(sources: Sequence[str] = REAL) -> list[Case]:
     return [case for _, _, case in sorted(placed, key=lambda one: one[:2])]
 
 
-def run(cases: Sequence[Case], jobs: int, tell: Callable[[str], object], store: Path = STORE) -> bool:
-    """Compute the cases that are not stored, `jobs` at a time, `tell` each, and return whether all were computed."""
+def run(
+    cases: Sequence[Case], jobs: int, tell: Callable[[str], object], store: Path = STORE, again: bool = False
+) -> bool:
+    """Compute the cases that are not stored, `jobs` at a time, `tell` each, and return whether all were computed.
+
+    With `again` also those whose row was made by other code than today's, after the others.
+    """
     stored = {source: read_rows(source, store) for source in {case.source for case in cases}}
     missing = [case for case in cases if case not in stored[case.source]]
-    tell(f"{len(cases) - len(missing)} of {len(cases)} are stored; {len(missing)} to compute, about 20 s of CPU each")
+    older = [case for case in cases if case in stored[case.source] and not stored[case.source][case].is_of_today]
+    tell(f"{len(cases) - len(missing)} of {len(cases)} are stored, {len(older)} by older code")
+    missing += older if again else []
+    tell(f"{len(missing)} to compute, about 20 s of CPU each")
     done, complete = 0, True
     with tempfile.TemporaryDirectory() as logs:
         tasks = [Task(str(case), (case, store, code_hash()), Path(logs) / f"{i}.txt") for i, case in enumerate(missing)]
@@ -70,5 +78,5 @@ def run(cases: Sequence[Case], jobs: int, tell: Callable[[str], object], store: 
 
 def _work(case: Case, store: Path, code: str) -> dict:
     row = compute(case, code)
-    put_row(row, store)
+    put_row(row, store, replace=True)
     return {"said": f"{row.verdict}, {row.named or row.why or 'nothing named'}"}
