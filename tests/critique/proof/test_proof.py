@@ -256,6 +256,10 @@ class TestPlan:
             assert sorted(c.truth for c in of_pairs) == sorted(pairs(source))
             assert len({c.contact_time for c in of_pairs}) == len(TIMES)
 
+    def test_the_table_of_some_sources_is_part_of_the_whole(self):
+        some = ("mechanism", "mujoco")
+        assert real_contacts(some) == [case for case in real_contacts() if case.source in some]
+
     def test_a_part_of_it_is_mixed_as_the_whole(self):
         cases = real_contacts()
         for figure in (lambda c: (c.kind, c.drops), lambda c: (c.source, c.shape)):

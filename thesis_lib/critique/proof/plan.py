@@ -21,8 +21,8 @@ NOTHING_HIDDEN, FEW = 40, 50
 
 
 def real_contacts(sources: Sequence[str] = REAL) -> list[Case]:
-    """The datasets of the table of real contacts, from the given sources."""
-    bodies = [(source, shape) for source in sources for shape in BODIES]
+    """The datasets of the table of real contacts: those from the given sources."""
+    bodies = [(source, shape) for source in REAL for shape in BODIES]
     none = [
         Case(source, NOTHING, SEEDS + k, shape=shape, contact_time=TIMES[k % len(TIMES)])
         for k in range(NOTHING_HIDDEN)
@@ -49,7 +49,7 @@ def real_contacts(sources: Sequence[str] = REAL) -> list[Case]:
         # datasets with nothing hidden are in turn already
         order = range(len(cases)) if cases is none else rng.permutation(len(cases))
         placed += [((rank + 0.5) / len(cases), i, cases[k]) for rank, k in enumerate(order)]
-    return [case for _, _, case in sorted(placed, key=lambda one: one[:2])]
+    return [case for _, _, case in sorted(placed, key=lambda one: one[:2]) if case.source in sources]
 
 
 def run(
