@@ -14,6 +14,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.residual.dice.budget import budget
 from thesis_lib.residual.dice.data import read_throws
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.models import Thrower, critique_model, leave_one_out, noise_limit, scattered
@@ -302,3 +303,42 @@ def test_the_study_of_simulated_throws(recorded):
     width = shown.beliefs.groupby("case")["distance"].std()
     assert width["easy"] < width["hard"]
     assert set(shown.samples["trial"]) == {shown.hard}
+
+
+def test_the_budget_tells_what_each_contact_costs(recorded):
+    dataset, hits, _, _ = recorded
+    releases, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+    order = np.arange(len(releases))
+    training, held = releases.select(order % 2 == 0), releases.select(order % 2 == 1)
+    of_held = contacts.select(np.isin(contacts.trial, held.trial))
+    wrong = replace(MODEL, epsilon=0.3)
+    throwers = [Thrower(name, m, m.impact, m.impact) for name, m in (("true", MODEL), ("wrong", wrong))]
+    settings = DiceStudySettings(bootstrap=20)
+    table = budget(throwers, training, held, of_held, side_of(dataset), settings, np.random.default_rng(0))
+    explain("dice_budget", table.columns)
+    table = table.set_index(["model", "contact"])
+    start = table.loc[("true", 0)]
+    assert start["std"] < 0.5 * table.loc[("wrong", 0), "std"] and start["face_right"] > 0.7
+    # a wrong model has less and less to spoil
+    late = table.loc[("wrong", 3)]
+    assert late["std"] < 0.7 * late["std_start"] and late["face_right"] >= late["face_start"]
+    # without a model, from half of so few throws, one errs by more than the true model
+    assert table.loc[("nearest", 0), "std"] > start["std"]
+    assert table.loc[("pairs", 0), "throws"] >= 2
+
+
+def test_estimates_without_a_model_find_what_is_certain(recorded):
+    dataset, hits, _, _ = recorded
+    releases, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+    # every throw twice, the second elsewhere along the surface and on another side
+    again = replace(
+        releases, trial=releases.trial + 1000, q=releases.q + [0.3, 0.0, np.pi], end=releases.end + [0.3, 0.0, np.pi]
+    )
+    both = replace(
+        releases, **{n: np.concatenate([getattr(releases, n), getattr(again, n)]) for n in ("trial", "q", "v", "end")}
+    )
+    thrower = Thrower("law", MODEL, MODEL.impact, MODEL.impact)
+    table = budget(
+        [thrower], releases, both, contacts, side_of(dataset), DiceStudySettings(bootstrap=0), np.random.default_rng(0)
+    ).set_index("model")
+    assert table.loc["pairs", "std"] < 1e-6 and table.loc["pairs", "face_right"] == 1.0

@@ -71,8 +71,14 @@ def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[
         "dice_calibration": coverage[first + [name for name in coverage.columns if name not in first]],
         "dice_first_contact": over_splits(first_contact, ["model", "belief", "quantity"], "value"),
         "dice_first_contact_throws": stacked(studies, lambda s: s.first),
+        "dice_budget": _budget(stacked(studies, lambda s: s.budget)),
         "dice_counts": stacked(counts, lambda table: table),
     }
+
+
+def _budget(table: pd.DataFrame) -> pd.DataFrame:
+    """Means over splits of a table of the budget, the order of models kept."""
+    return table.drop(columns="split").groupby(["model", "contact"], sort=False).mean().reset_index()
 
 
 def stacked(studies: Sequence, table: Callable[..., pd.DataFrame]) -> pd.DataFrame:

@@ -36,6 +36,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
+from thesis_lib.residual.dice.budget import budget
 from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, Releases, flight_drag, read_throws
 from thesis_lib.residual.dice.fit import DiceModel, fit_dice
 from thesis_lib.residual.dice.mixture_belief import first_contact_scores, first_contact_summary
@@ -77,6 +78,7 @@ class DiceStudy:
     # first, first_table: scores of the beliefs over the state after the first contact, and their summary
     first: pd.DataFrame
     first_table: pd.DataFrame
+    budget: pd.DataFrame  # where the error is made (`budget`)
     counts: dict[str, int] = field(default_factory=dict)  # throws, contacts and impacts used and left out
 
 
@@ -171,6 +173,7 @@ def _one_split(
         contact_pits=pd.concat(pits, ignore_index=True),
         first=first,
         first_table=first_contact_summary(first, settings.bootstrap, first_rng),
+        budget=budget(throwers, training.releases, held.releases, held.contacts, side, settings, stream("budget")),
         counts={
             "throws": int(dataset.trials.size),
             "used": len(measured.releases.trial),
@@ -178,6 +181,7 @@ def _one_split(
             "train": len(train),
             "held_out": len(held.releases.trial),
             "contacts": len(measured.contacts),
+            "contacts_of_a_throw": int(np.median(np.unique(measured.contacts.trial, return_counts=True)[1])),
             "contact_outliers": outliers,
             "training_impacts": len(training.impacts),
             "training_single_hits": len(single_hits(law_model, training.impacts, settings)),
