@@ -192,6 +192,17 @@ def test_slopes_of_restitution(measured: float, model: float, words: tuple[str, 
     assert all(word in said for word in words), said
 
 
+def test_the_budget_says_what_each_contact_costs_the_best_model() -> None:
+    columns = ["model", "contact", "std", "face_right", "std_start", "face_start"]
+    rows = [("law", 0, 2.0, 0.2, 2.0, 0.2), ("compliant", 0, 0.9, 0.45, 0.9, 0.45)]
+    rows += [("compliant", 1, 0.4, 0.8, 0.95, 0.43), ("nearest", 0, 0.83, 0.26, 0.83, 0.26)]
+    rows += [("pairs", 0, 0.7, 0.3, 0.7, 0.3)]
+    said = chapter4_dice.figure_budget(pd.DataFrame(rows, columns=columns)).replace("\xa0", " ")
+    assert "The compliant contact names 45 % of the faces from the release, with a scatter of 0.90 sides" in said
+    assert "80 % and 0.40 sides from contact 1 (43 % and 0.95 from their release)" in said
+    assert "the nearest throws name 26 % and scatter by 0.83 sides; of pairs that start alike 30 %" in said
+
+
 def test_two_contacts_give_no_slope() -> None:
     assert "too little for a slope: 2 first contacts" in chapter4_dice.figure_restitution(contacts(0.2, 0.0).head(2))
 

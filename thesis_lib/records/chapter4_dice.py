@@ -141,6 +141,51 @@ def _slope(contacts: DataFrame, column: str) -> dict[str, float]:
     return {"value": 0.1 * line.slope, "low": 0.1 * (line.slope - half), "high": 0.1 * (line.slope + half)}
 
 
+@Figure.found_by(
+    job=THROWING,
+    title="Where a thrown die loses its face: throws that go on from before each of their contacts",
+    caption="""Left the share of right faces (grey: chance), right the scatter of the resting position, of held-out
+throws that each model carries on without uncertainty from the measured state before a contact; 0 is the release.
+Squares and diamonds need no contact model: the nearest training throws, and the pairs of throws that start most alike.
+
+What to look for: the contact after which the faces come right. What is lost before it is lost there; where a model is
+as good as the throws that start most alike, the start does not tell more.""",
+    reads=("dice_budget.csv",),
+    keys="model contact",
+    tolerances={"throws std std_error median_abs face_right face_error std_start face_start": PARTICLES},
+    columns={
+        "model": ("", "contact model thrown, or nearest, pairs: see thesis_lib/residual/dice/budget.py"),
+        "contact": ("1", "before which the throw goes on; 0: the release"),
+        "throws": ("1", "held-out throws, mean over splits; pairs: pairs of throws"),
+        "std": ("1", "standard deviation of the error in resting position, in sides"),
+        "std_error": ("1", "its standard error, bootstrap over throws"),
+        "median_abs": ("1", "median of the error's absolute value, in sides"),
+        "face_right": ("1", "share of throws that end on the predicted side"),
+        "face_error": ("1", "its standard error, bootstrap over throws"),
+        "std_start": ("1", "std of the same throws from their release"),
+        "face_start": ("1", "face_right of the same throws from their release"),
+    },
+)
+def figure_budget(budget: DataFrame) -> str:
+    """What the first contacts of a throw cost its best model, and how well one can do without a model."""
+    start = budget[(budget["contact"] == 0) & budget["model"].isin(list(THROWERS))].set_index("model")
+    best = str(start["std"].idxmin())
+    rows = budget[(budget["model"] == best) & (budget["contact"] > 0)]
+    parts = [
+        f"{percent(row['face_right'])} and {number(row['std'], digits=2)} sides from contact {row['contact']:.0f} "
+        f"({percent(row['face_start'])} and {number(row['std_start'], digits=2)} from their release)"
+        for _, row in rows.iterrows()
+    ]
+    nearest, pairs = (row_of(budget, model=name) for name in ("nearest", "pairs"))
+    return (
+        f"The {THROWERS[best]} names {percent(start.loc[best, 'face_right'])} of the faces from the release, with a "
+        f"scatter of {number(start.loc[best, 'std'], digits=2)} sides; of throws that have the contact, "
+        f"{listed(parts)}. Without a model, the nearest throws name {percent(nearest['face_right'])} and scatter by "
+        f"{number(nearest['std'], digits=2)} sides; of pairs that start alike {percent(pairs['face_right'])} make as "
+        f"many quarter turns, and they differ by {number(pairs['std'], digits=2)} sides over √2."
+    )
+
+
 @Table.found_by(
     job=THROWING,
     title="Thrown dice: how far each contact model misses the end",

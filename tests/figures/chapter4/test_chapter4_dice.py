@@ -6,7 +6,7 @@ import pytest
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.figures.chapter4.belief import figure_4_3, figure_4_4, figure_4_10, figure_calibration
-from thesis_lib.figures.chapter4.dice import MODEL_STYLE, figure_4_7, figure_4_8, figure_4_9
+from thesis_lib.figures.chapter4.dice import MODEL_STYLE, figure_4_7, figure_4_8, figure_4_9, figure_budget
 from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
 
 SQUARE = Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03)))
@@ -99,3 +99,13 @@ def test_resting_beliefs_and_calibration_can_be_drawn():
         pit_histogram(pit).assign(model="law"), coverage_table(pit, central=True).assign(model="law")
     )
     assert table.loc[table["panel"] == "pit", "value"].sum() == pytest.approx(1.0)
+
+
+def test_the_budget_is_drawn_for_each_model_and_contact():
+    rows = [(model, k, 1.0 / (k + 1), 0.1, 0.3 + 0.1 * k, 0.03) for model in MODEL_STYLE for k in range(6)]
+    rows += [(model, 0, 0.8, 0.05, 0.3, 0.03) for model in ("nearest", "pairs")]
+    columns = ["model", "contact", "std", "std_error", "face_right", "face_error"]
+    figure, drawn = figure_budget(pd.DataFrame(rows, columns=columns))
+    faces, scatter = figure.axes
+    assert len(faces.containers) == len(MODEL_STYLE) and drawn["contact"].max() == 5
+    assert faces.get_ylim()[1] == 100.0 and scatter.get_ylim()[0] == 0.0

@@ -1,4 +1,4 @@
-"""Figures 4-7, 4-8 and 4-9: thrown dice as outlines, and the errors of their predicted ends.
+"""Figures 4-7, 4-8 and 4-9: thrown dice as outlines, the errors of their predicted ends, and where they are made.
 
 Poses x, y, θ are in m, rad; the error is (x measured − x expected)/side at rest, positive for an undershoot.
 """
@@ -124,3 +124,28 @@ def figure_restitution(table: pd.DataFrame) -> Drawn:
     axes[0].set(ylabel="restitution $e_n$", ylim=(0.1, 0.8))
     axes[0].legend(loc="lower left")
     return figure, table[["first", "trial", "x", "measured", "model"]]
+
+
+@house_style
+def figure_budget(table: pd.DataFrame) -> Drawn:
+    """Share of right faces, and scatter at rest, of throws that go on from before each of their contacts.
+
+    `table`: model, contact, std (sides), std_error, face_right, face_error; "nearest" and "pairs" have contact 0.
+    """
+    figure = new_figure(width=WIDTH, height=2.8)
+    axes = figure.subplots(1, 2)
+    columns = (("face_right", "face_error", 100.0), ("std", "std_error", 1.0))
+    for ax, (column, error, scale) in zip(axes, columns):
+        for i, (model, (color, dash, label)) in enumerate(MODEL_STYLE.items()):
+            part = table[table["model"] == model]
+            at = part["contact"] + 0.05 * (i - 2.5)
+            ax.errorbar(at, scale * part[column], scale * part[error], color=color, linestyle=dash, label=label)
+        for model, marker, label in (("nearest", "s", "nearest throws"), ("pairs", "D", "most alike pairs")):
+            part = table[table["model"] == model]
+            ax.plot(part["contact"] - 0.3, scale * part[column], marker, color=INK, markersize=4, label=label)
+        ax.set(xlabel="contact before which the throw goes on", xticks=range(int(table["contact"].max()) + 1))
+    axes[0].axhline(25.0, color=GREY, linewidth=0.7, zorder=0)
+    axes[0].set(ylabel="faces right (%)", ylim=(0.0, 100.0))
+    axes[1].set(ylabel="scatter at rest (sides)", ylim=(0.0, None))
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, fontsize="x-small")
+    return figure, table

@@ -50,6 +50,7 @@ drawn = {
     "figure_4_9": dice.figure_4_9(poses, hits, shape, shown.easy, shown.hard),
     "figure_4_10": belief.figure_4_10(shown.beliefs, shown.marks),
     "figure_restitution": dice.figure_restitution(results.held_out_restitution(studies[0], settings)),
+    "figure_budget": dice.figure_budget(tables["dice_budget"]),
     "figure_calibration": belief.figure_calibration(
         *results.calibration(tables["dice_throws"], tables["dice_calibration"])
     ),
