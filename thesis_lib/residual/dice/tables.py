@@ -138,12 +138,19 @@ def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.r
             "face_right_certain": (part["face_right_certain"].to_numpy(float), np.mean),
             "log_score": (part["log_score"].to_numpy(), np.mean),
             "crps": (part["crps"].to_numpy(), np.mean),
+            "wide_over_narrow": (part["spread_rest"].to_numpy(), _wide_over_narrow),
         }
         add(model, quantities)
     for model, part in limit.groupby("model", sort=False):
         still, kept = part["spread"].to_numpy(), part["face_kept"].to_numpy()
         add(model, {"limit_std": (still, np.median), "limit_face": (kept, np.mean)})
     return pd.DataFrame(rows, columns=["model", "quantity", "value", "std", "low", "high"])
+
+
+def _wide_over_narrow(width: np.ndarray) -> float:
+    """Ratio of the 95 % to the 5 % quantile of the beliefs' widths, as of the throws that figure 4-10 shows."""
+    low, high = np.quantile(width, [0.05, 0.95])
+    return float(high / low)
 
 
 def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
