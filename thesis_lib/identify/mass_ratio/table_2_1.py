@@ -5,6 +5,8 @@ in which two corners hit in one step (no state shows how they share the impulse)
 drops with fewer than `min_after` samples after the last one.  Each ratio adds fresh noise.  Methods on the same states:
 
 - plain: eq. 2.23 on the samples, noise level and μ known (`plain_program.plain_ratio`)
+- softened, complementary, projected: the three treatments of noise of section 2.3.2, noise level and μ known
+  (`treatments.treated_ratio`)
 - least_squares: Δω against lever at the true impact steps (`plain_program.impact_least_squares`)
 - arcs: maximum likelihood over arcs and impulses, noise estimated (`estimate.estimate_ratio`), impulses free, no gap
 - arcs_gap: the same, with the gap at the impacts
@@ -19,7 +21,7 @@ The thesis's column for the ellipse contradicts its text: its percentages are th
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import pandas as pd
@@ -27,6 +29,7 @@ import pandas as pd
 from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound, true_impacts
 from thesis_lib.identify.mass_ratio.estimate import EstimateStatus, estimate_ratio
 from thesis_lib.identify.mass_ratio.plain_program import impact_least_squares, plain_ratio
+from thesis_lib.identify.mass_ratio.treatments import Treatment, treated_ratio
 from thesis_lib.identify.settings import Table21
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, releases
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
@@ -34,8 +37,8 @@ from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import Record, simulate
 from thesis_lib.statistics.spread import MAD_TO_STD
 
-Method = Literal["plain", "least_squares", "arcs", "arcs_gap", "arcs_law"]
-METHODS: tuple[Method, ...] = ("plain", "least_squares", "arcs", "arcs_gap", "arcs_law")
+Method = Literal["plain", "softened", "complementary", "projected", "least_squares", "arcs", "arcs_gap", "arcs_law"]
+METHODS: tuple[Method, ...] = get_args(Method)
 # table 2.1: mean error and its standard deviation in 1/m², and the mean error in percent; by SNR in dB
 THESIS = {
     "block": {
@@ -148,6 +151,8 @@ def _apply(method, body, h, noisy, impacts, mu, gravity) -> tuple[float, float, 
     q, v = noisy.q, noisy.v
     if method == "plain":
         value = plain_ratio(body, h, q, v, mu, noisy.sigma)
+    elif method in get_args(Treatment):
+        value = treated_ratio(method, body, h, q, v, mu, noisy.sigma)
     elif method == "least_squares":
         value = impact_least_squares(body, h, q, v, impacts.steps)
     else:
