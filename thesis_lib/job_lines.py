@@ -1,5 +1,6 @@
-"""Print a line for each job of the pipeline that ends, for logs, in which Snakemake's own display shows nothing.
+"""Print how long the pipeline will take, and a line for each job that ends, for logs, where Snakemake shows neither.
 
+    81 jobs, about 9 min of CPU where they were measured: about 5 min on 2 cores
     [12/81] ch2_programs: Chapter 2: equations 2.12 to 2.14, wheel; 72 s of CPU in 48 s, about 3 min left
 
 All is read from Snakemake's log below .snakemake/log.  The time left is the measured time of the unfinished jobs
@@ -51,6 +52,7 @@ class JobLines:
                     self._left[row[1]] = int(row[2])
                 else:
                     self._total = int(row[2])
+                    return self._start()
         elif re.fullmatch(r"job +count", line):
             self._in_table, self._ended = True, 0
             self._left.clear()
@@ -65,6 +67,12 @@ class JobLines:
         elif job := re.match(r"Finished jobid: (\d+) \(Rule: (\w+)\)", line):
             return self._end(job[1], job[2], cpu, wall)
         return ""
+
+    def _start(self) -> str:
+        measured = sum(n * self._cpu_s.get(rule, UNMEASURED) for rule, n in self._left.items())
+        jobs, cores = (f"{n} {noun}{'s' * (n > 1)}" for n, noun in ((self._total, "job"), (self._cores, "core")))
+        alone = duration(measured / self._cores)
+        return f"{jobs}, about {duration(measured)} of CPU where they were measured: about {alone} on {cores}"
 
     def _end(self, job: str, rule: str, cpu: float, wall: float) -> str:
         self._ended += 1

@@ -28,7 +28,8 @@ rule draw:
 
 def test_each_job_that_ends_has_a_line_with_what_is_done_and_what_is_left():
     lines = JobLines({"fit": 100.0})
-    assert lines.read(HEAD, cpu=0.0, wall=1.0) == []
+    (begin,) = lines.read(HEAD, cpu=0.0, wall=1.0)
+    assert begin == "3 jobs, about 3 min of CPU where they were measured: about 2 min on 2 cores"
     # took half as long as when it was measured; what is left shares two cores
     pace = (50.0 + TRUST) / (100.0 + TRUST)
     left = pace * (100.0 + UNMEASURED) / 2
@@ -63,4 +64,5 @@ def test_without_a_terminal_the_runner_prints_them(tmp_path, logger):
     assert done.returncode == 0, done.stderr
     said = re.findall(r"^\[(\d)/3\] (write: Writing [ab]|all); \d+ s of CPU in \d+ s", done.stdout, re.M)
     assert [number for number, _ in said] == ["1", "2", "3"]
+    assert done.stdout.index("3 jobs, about ") < done.stdout.index("[1/3]")
     assert {name for _, name in said} == {"all", "write: Writing a", "write: Writing b"}
