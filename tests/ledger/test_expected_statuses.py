@@ -1,12 +1,16 @@
 """Committed statuses: a change in either direction is found, data not present is neutral."""
 
+from pathlib import Path
+
+import pandas as pd
 import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.expected import compare_with_expected, read_expected, update_expected
-from thesis_lib.ledger.format import Ledger
+from thesis_lib.ledger.format import Ledger, read_ledger
 
+ROOT = Path(__file__).resolve().parents[2]
 PRESENT = {"planar_impact": True}
 ABSENT = {"planar_impact": False}
 CHECK = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}
@@ -114,3 +118,19 @@ def test_a_bad_file_is_refused(tmp_path, text):
     path.write_text(text)
     with pytest.raises(UserError, match=r"expected\.yaml"):
         read_expected(path)
+
+
+def test_means_of_table_2_1_that_no_error_at_all_would_pass_say_little():
+    stored = pd.read_csv(ROOT / "config/figures/default/common/figure_table_2_1.csv")
+    rows = stored.set_index(["shape", "method", "snr"])["mean_error_std"]
+    statuses = read_expected(ROOT / "config/claims_expected.yaml")["default"]
+    means = [
+        claim
+        for claim in read_ledger(ROOT / "config/claims").claims
+        if claim.id.startswith("table_2_1.") and ".mean." in claim.id and statuses[claim.id] == "reproduced"
+    ]
+    for claim in means:
+        std = rows[tuple(claim.source.where[name] for name in rows.index.names)]
+        zero_passes = abs(claim.published) <= claim.check.k * std + claim.check.rounding
+        assert bool(claim.weak) == zero_passes, claim.id
+    assert sum(bool(claim.weak) for claim in means) < len(means)
