@@ -8,11 +8,11 @@ Without a model, from a state at the first touch (velocity, spin, and the angle 
 surface does not count), with every throw also as its mirror image:
 
     nearest   mean displacement, and most frequent number of quarter turns, of the K nearest training throws
-    pairs     difference of two throws, over √2, among the two-hundredth of all pairs that start most alike; faces:
-              the share of them that make equally many quarter turns
+    pairs     difference of two throws, over √2, of the 50 pairs of all throws that start most alike; faces: the share
+              of them that make equally many quarter turns
 
-No prediction from the first touch errs by much more than `pairs`, for two throws that start alike show what is left to
-chance and to their distance.  It is an upper bound for the cost of the start's noise.
+Two throws that start alike differ by chance, by the noise of their starts and by the distance between these.  So what
+noise and chance cost any prediction from the first touch is at most `pairs`.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ from thesis_lib.residual.throwing.flight import first_touch, fly
 
 CONTACTS = 6  # restarts before contacts 0 to 5
 NEIGHBOURS = (3, 5, 10, 20, 40)  # tried on training throws
-ALIKE = 0.005  # share of pairs that count as alike
+ALIKE = 50  # pairs; of 500 throws these start a quarter of a standard deviation apart
 QUARTER = 0.5 * np.pi
 
 
@@ -73,7 +73,10 @@ def budget(
                 again = _ends(thrower, part.q, part.v, held.select(of), side, settings)
                 add(thrower.name, k, *again, *(values[of] for values in start))
     body = throwers[0].model
-    for name, outcome in (("nearest", _nearest(body, training, held, side)), ("pairs", _pairs(body, held, side))):
+    for name, outcome in (
+        ("nearest", _nearest(body, training, held, side)),
+        ("pairs", _pairs(body, (training, held), side)),
+    ):
         add(name, 0, *outcome)
     columns = ["model", "contact", "throws", "std", "std_error", "median_abs", "face_right", "face_error"]
     return pd.DataFrame(rows, columns=[*columns, "std_start", "face_start"])
@@ -127,16 +130,16 @@ def _nearest(model: DiceModel, training: Releases, held: Releases, side: float) 
     return ends[:, 0] - found[:, :, 0].mean(axis=1), ((usual - ends[:, 1]) % 4 == 0).astype(float)
 
 
-def _pairs(model: DiceModel, releases: Releases, side: float) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(model: DiceModel, parts: Sequence[Releases], side: float) -> tuple[np.ndarray, np.ndarray]:
     """Difference in sides over √2, and whether quarter turns are equal, of the pairs that start most alike."""
-    features, outcomes = _touches(model, releases, side)
-    n = len(releases)
+    features, outcomes = (np.vstack(rows) for rows in zip(*(_touches(model, part, side) for part in parts)))
+    n = len(features)
     known, both = _with_mirrored(features, outcomes)
     first, second = np.triu_indices(2 * n, 1)
     away = pdist(known / known.std(axis=0))
     # each pair once, and no throw with its own image
     distinct = (first < n) & (first % n < second % n)
     first, second, away = first[distinct], second[distinct], away[distinct]
-    alike = np.argsort(away, kind="stable")[: max(2, round(ALIKE * len(away)))]
+    alike = np.argsort(away, kind="stable")[:ALIKE]
     apart = both[first[alike]] - both[second[alike]]
     return apart[:, 0] / np.sqrt(2.0), (apart[:, 1] % 4 == 0).astype(float)
