@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from thesis_lib.critique.selection import search as search_module
 from thesis_lib.critique.selection.discovery import judge_held_out
 from thesis_lib.critique.selection.scan import orthonormal
 from thesis_lib.critique.selection.search import search, split
@@ -138,6 +139,31 @@ def test_parameters_that_gain_by_chance_do_not_rank_a_candidate_first():
     assert gains["bundle"] > gains["square"]
     (step,) = found(world, SearchSettings(finalists=1)).steps
     assert step.effect.name == "square" and "bundle" in step.alternatives
+
+
+class Turned(Line):
+    """A wave that shows on one of two bases alone, which fit equally well without it."""
+
+    bases, rivals = ("line", "turned"), 2
+
+    def part(self, trials: np.ndarray) -> "Turned":
+        rows = np.isin(self.trial, trials)
+        return Turned(self.trial[rows], self.x[rows], self.y[rows])
+
+    def columns(self, effects, base: str = "line") -> np.ndarray:
+        seen = np.array([1.0, 1.0, *(float(base == "turned" or e.name != "wave") for e in effects)])
+        return super().columns(effects, base) * seen
+
+    def turns_bases(self, candidate):
+        return candidate.name == "wave"
+
+
+def test_an_effect_that_turns_bases_is_tried_with_each(monkeypatch):
+    monkeypatch.setattr(search_module, "RIVALLED", 1)
+    monkeypatch.delitem(SHAPES, "twin_of_wave")
+    world = line(0, wave=3.0 * SIZE)
+    discovery = found(Turned(world.trial, world.x, world.y))
+    assert [step.effect.name for step in discovery.steps] == ["wave"] and discovery.fitted.base == "turned"
 
 
 class WithReserve(Line):

@@ -209,8 +209,11 @@ class Drops(World[Effect, Fit, Judgement]):
             channels.add("impact")  # a contact time that made up for the touch erred in the velocities
         return any(channel_is_material(better, worse, channel, settings) for channel in channels)
 
+    def turns_bases(self, candidate: Effect) -> bool:
+        return any(p.discrete is not None for p in candidate.parameters)
+
     def start_with(self, fitted: Fit, candidate: Effect) -> Mapping[str, float]:
-        if all(p.discrete is None for p in candidate.parameters):
+        if not self.turns_bases(candidate):
             return fitted.values
         # a mirrored axis inverts the contact: (μ, ε) fitted without it are a bad start
         of_law = {p.name for p in BASE_PARAMETERS}

@@ -195,7 +195,9 @@ class _Search(Generic[E, F, J]):
 
         first, *rivals = contenders
         quick = {e.name: with_effect(first, e) for e in candidates}
-        for name in self.ranked(quick, fitted)[: RIVALLED if rivals else 0]:
+        ranked = self.ranked(quick, fitted)
+        turned = [name for name in ranked[RIVALLED:] if world.turns_bases(quick[name].effects[-1])]
+        for name in [*ranked[:RIVALLED], *turned] if rivals else []:
             others = [with_effect(f, quick[name].effects[-1]) for f in rivals]
             quick[name] = max([quick[name], *others], key=lambda fit: fit.score)
         return {name: quick[name] for name in self.ranked(quick, fitted)}
@@ -263,7 +265,10 @@ class _Search(Generic[E, F, J]):
         reserve = [fit for rival in rivals if len(rivals) > 1 for fit in self.world.reserve_fits(rival)]
         if (other := self.other_base(reserve, step.fitted, step.judged)) is None:
             return step
-        effect, others = other[0].effects[-1], step.alternatives if other[0].effects == step.fitted.effects else ()
+        fitted, effect = other[0], other[0].effects[-1]
+        scores = {fit.effects[-1].name: fit.score for fit in reserve if fit.base == fitted.base}
+        least = scores.pop(effect.name) - self.settings.tell_apart
+        others = tuple(name for name, score in scores.items() if score > least)
         gain = self.evidence.gain(other[1], before, "gain", *(e.name for e in other[0].effects))
         p_value = step.scan.p_value(gains[effect.name])
         return replace(

@@ -162,6 +162,10 @@ class World(ABC, Generic[E, F, J]):
     def is_material(self, better: J, worse: J, candidate: E, settings: SearchSettings) -> bool:
         """Whether the candidate lowers an error of its channels by an amount that matters."""
 
+    def turns_bases(self, candidate: E) -> bool:
+        """Whether with the candidate a base may be the best that was among the worst without it."""
+        return False
+
     def start_with(self, fitted: F, candidate: E) -> Mapping[str, Any]:
         """Start values for the fit with one more effect."""
         return fitted.values
