@@ -196,6 +196,10 @@ class Drops(World[Effect, Fit, Judgement]):
                 fits.append(fit(model, self.quick, limit.values, rounds=1))
         return fits
 
+    def errs_more(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
+        # the log score forgives a minority that is far off, as hits of two corners may be
+        return channel_is_material(than, judged, "impact", settings)
+
     def leaves_little(self, fitted: Fit, judged: Judgement) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
             return False  # hardly a slope along the time of an integrated contact

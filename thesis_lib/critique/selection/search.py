@@ -161,7 +161,7 @@ class _Search(Generic[E, F, J]):
         return self.other_base(reserve, max(contenders, key=lambda fit: fit.score), judged)
 
     def other_base(self, reserve: Sequence[F], rival: F, to_beat: J) -> tuple[F, J] | None:
-        """Fit and judgement of the best base of the reserve, if it predicts better than the model `rival`.
+        """Fit and judgement of the best base of the reserve, if it predicts better than `rival` and errs no more.
 
         `reserve` holds quick fits; `to_beat` is the judgement of `rival`.
         """
@@ -175,6 +175,7 @@ class _Search(Generic[E, F, J]):
         other = self.evidence.judge(best)
         gain = self.evidence.gain(other, to_beat, "reserve", best.base)
         better = gain[1] > 0.0 and other.total - to_beat.total > least
+        better = better and not world.errs_more(other, to_beat, self.settings)
         return (self.in_full(best), other) if better else None
 
     def worth_a_fit(self, candidates: Sequence[E], tests: Scan) -> list[E]:

@@ -154,6 +154,10 @@ class World(ABC, Generic[E, F, J]):
         """
         return []
 
+    def errs_more(self, judged: J, than: J, settings: SearchSettings) -> bool:
+        """Whether a model errs by more than another one by an amount that matters, whatever their log scores say."""
+        return False
+
     def leaves_little(self, fitted: F, judged: J) -> bool:
         """Whether a model errs by little more than noise, so that slopes at it tell which effects are worth a fit."""
         return fitted.base in self.reserve
