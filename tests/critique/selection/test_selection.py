@@ -224,6 +224,15 @@ def test_an_effect_found_on_a_simpler_base_is_fitted_once_more_on_the_reserve():
         assert [effect.name for effect in discovery.fitted.effects] == ["wave"]
 
 
+def test_a_base_of_the_reserve_that_errs_more_is_left_whatever_its_score():
+    class Erring(WithReserve):
+        def errs_more(self, judged, than, settings):
+            return judged.total > than.total
+
+    world = with_reserve(0, bend=3.0, wave=SIZE)
+    assert found(Erring(world.trial, world.x, world.y)).fitted.base == "line"
+
+
 def test_a_base_of_the_reserve_is_left_where_an_effect_says_the_same():
     discovery = found(with_reserve(0, bend=0.0, square=3.0 * SIZE))
     assert discovery.base == "line" and [step.effect.name for step in discovery.steps] == ["square"]
