@@ -164,6 +164,33 @@ def test_sentences_on_the_dice_are_those_of_the_stored_run():
     assert "more than eight of ten throws" in FINDINGS and stored.loc["limit_face", "value"].min() > 0.8
 
 
+BUDGET_NAMES = {
+    "law alone": "law",
+    "law + wrench residual": "residual_wrench",
+    "contacts that take time": "compliant",
+    "contacts that take time + residual": "compliant_residual",
+    "nearest throws": "nearest",
+    "most alike pairs": "pairs",
+}
+
+
+def test_budget_of_the_dice_is_that_of_the_stored_run():
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice_budget.csv").set_index(["model", "contact"])
+    table = FINDINGS[FINDINGS.index("<!-- budget -->") : FINDINGS.index("<!-- /budget -->")]
+    rows = [line.strip("| ").split("|") for line in table.splitlines()[3:]]
+    assert [row[0].strip() for row in rows] == list(BUDGET_NAMES)
+    for name, *cells in rows:
+        own = stored.loc[BUDGET_NAMES[name.strip()]].sort_index()
+        said = [cell.strip() for cell in cells if cell.strip()]
+        assert said == [f"{100 * face:.0f} %, {std:.2f}" for face, std in zip(own["face_right"], own["std"])], name
+    # what is said of it
+    models = stored.reset_index().query("model not in ('nearest', 'pairs')")
+    start, past = (models[models["contact"] == k]["face_right"] for k in (0, 1))
+    assert start.max() < 0.5 and past.between(0.7, 0.9).all()
+    assert stored.loc[("nearest", 0), "face_right"] < stored.loc[("compliant", 0), "face_right"] - 0.1
+    assert stored.loc[("nearest", 0), "std"] < 1.1 * stored.loc[("compliant", 0), "std"]
+
+
 STUDY_NAMES = {
     "HMA": "hma",
     "MOR": "mor",
