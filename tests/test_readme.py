@@ -164,6 +164,27 @@ def test_sentences_on_the_dice_are_those_of_the_stored_run():
     assert "more than eight of ten throws" in FINDINGS and stored.loc["limit_face", "value"].min() > 0.8
 
 
+TREATMENT_NAMES = {
+    "eq. 2.23 (`plain`)": "plain",
+    "distance softened, eq. 2.13": "softened",
+    "complementarity as cost, eq. 2.14": "complementary",
+    "projected to contact": "projected",
+}
+
+
+def test_table_of_treatments_is_that_of_the_stored_run():
+    stored = pd.read_csv(ROOT / "config/reference/chapter2/treatments.csv").set_index(["method", "snr", "shape"])
+    start = FINDINGS.index("<!-- config/reference/chapter2/treatments.csv -->")
+    table = FINDINGS[start : FINDINGS.index("<!-- /treatments -->")]
+    rows = [[cell.strip() for cell in line.strip("| ").split("|")] for line in table.splitlines()[3:]]
+    assert [row[0] for row in rows] == list(TREATMENT_NAMES)
+    for name, *cells in rows:
+        for snr, cell in zip((40.0, 30.0, 20.0, 10.0), cells, strict=True):
+            for shape, said in zip(("block", "ellipse"), cell.split("; "), strict=True):
+                own = stored.loc[(TREATMENT_NAMES[name], snr, shape), "median_error"]
+                assert float(said.replace("−", "-").replace(",", "")) == pytest.approx(own, abs=0.051, rel=0.004)
+
+
 BUDGET_NAMES = {
     "law alone": "law",
     "law + wrench residual": "residual_wrench",
