@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -226,6 +227,10 @@ def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
 def test_the_documents_hold_the_table_of_real_contacts():
     findings = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
     assert as_markdown(outcomes(), recovered()) in findings
+    said = re.search(r"inside: (\d+) % at 0.3 ms, (\d+) % at 1 ms, (\d+) % at 3 ms", findings)
+    table = recovered().query("contact_time >= 3e-4 and drops == 150")
+    shares = table.groupby("contact_time")["inside"].mean()
+    assert [int(share) for share in said.groups()] == [round(100 * share) for share in shares]
 
 
 @pytest.mark.slow
