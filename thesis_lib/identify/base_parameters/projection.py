@@ -18,7 +18,7 @@ import numpy as np
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.window import States, expected_gap
 from thesis_lib.simulate.chapter2.scenes import NoisyMotion
-from thesis_lib.simulate.stepping.multibody import Mechanism
+from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import Record
 
 # Newton steps; three or four are enough for a body unless contacts contradict each other
@@ -83,21 +83,30 @@ def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.nda
     return W_inverse * (J.T @ np.linalg.lstsq((J * W_inverse) @ J.T, value, rcond=1e-10)[0])
 
 
+def contact_tolerances(body: PlanarFreeBody, sigma: np.ndarray) -> tuple[float, float]:
+    """`GAP_SIGMAS` standard deviations of a gap in m and of a sliding velocity in m/s, from the noise `sigma` (2, 3).
+
+    The gap moves with y and r θ, the touching point's velocity with v_x and r ω; r is the largest there is.
+    """
+    reach = body.shape.extent
+    gap, slip = (GAP_SIGMAS * float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
+    return gap, slip
+
+
 def project_motion(motion: NoisyMotion) -> ProjectedRecord:
     """The noisy states of a motion, projected to the contact manifold in the kinetic metric.
 
     The tolerances use the true noise level, which an estimator does not know: this is for figures, not for estimates.
     """
-    body, sigma, reach = motion.body, motion.observed.sigma, motion.body.shape.extent
+    body = motion.body
     noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)
     inertias = np.diag(body.mass_matrix(motion.record.q[0]))
-    # the gap moves with y and with r θ, the touching point's velocity with v_x and r ω
-    gap, slip = (float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
+    gap, slip = contact_tolerances(body, motion.observed.sigma)
     return project_to_contact(
         noisy,
         body,
         a_free=np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1)),
-        gap_tolerance=GAP_SIGMAS * gap,
-        v_tolerance=GAP_SIGMAS * slip,
+        gap_tolerance=gap,
+        v_tolerance=slip,
         metric=inertias / body.mass,
     )

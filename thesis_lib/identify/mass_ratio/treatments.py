@@ -4,7 +4,7 @@
     complementary   eq. 2.14 with the dynamics as cost: every product of the complementarity has a price
     projected       eq. 2.12 on states moved to the contact manifold (`base_parameters.projection`)
 
-Gaps and sliding velocities within `GAP_SIGMAS` standard deviations of their noise count as zero; without that hardly
+Gaps and sliding velocities within three standard deviations of their noise count as zero; without that hardly
 any contact acts.  Each program is solved to its global minimum (`programs.mode_qp`).  Eq. 2.14 as printed, with the
 dynamics as a constraint, has no solution: in flight the noisy spin changes without a torque.  For the same reason all
 three find too small an inertia: I times the noise of the spin's change is a misfit, and I = 0 has none.
@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.identify.base_parameters.projection import GAP_SIGMAS, project_to_contact
+from thesis_lib.identify.base_parameters.projection import contact_tolerances, project_to_contact
 from thesis_lib.identify.base_parameters.window import GAP_TOLERANCE, V_TOLERANCE, States, free_body_window
 from thesis_lib.identify.mass_ratio.plain_program import SEARCH
 from thesis_lib.identify.programs.mode_qp import Program, solve_mode_qp
@@ -34,8 +34,7 @@ def treated_ratio(
     states = States.of(body, h, q, v, np.zeros((len(q) - 1, 3)))
     gravity = body.gravity(q[0])[:2] / body.mass
     reach = body.shape.extent
-    # the gap moves with y and r θ, the touching point's velocity with v_x and r ω
-    gap, slip = (GAP_SIGMAS * float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
+    gap, slip = contact_tolerances(body, sigma)
     closed = None
     if treatment == "projected":
         # a uniform disk of that extent stands for the inertia, which is not known
