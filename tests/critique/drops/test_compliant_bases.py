@@ -143,7 +143,8 @@ def test_a_spring_along_the_surface_is_that_of_the_simulated_contact(shape, expo
     fitted = fit(Model(base, (EFFECTS["tangential_compliance"],), takes_time=True), o)
     assert fitted.values["tangential_compliance.eta"] == pytest.approx(0.3, rel=0.02)
     judged = Drops(o).judge(fitted)
-    assert judged.excess < 1.3  # an impulse added to a rigid one errs by 6 times the floor
+    # at a tenth of a rig's noise, where an impulse added to a rigid one errs by 6 times the floor and more
+    assert judged.excess < 2.0
 
 
 def test_a_stiff_spring_along_the_surface_is_a_rigid_contact():

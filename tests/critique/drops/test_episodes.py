@@ -93,8 +93,10 @@ def test_a_square_that_lands_flat_does_not_turn():
     after, elapsed = press(MODEL, truth(T) | {"mu": 0.0}, RIG, flat(0.0))
     assert abs(after.omega[0]) < 1e-9
     assert after.vy[0] == pytest.approx(2.0 * EPSILON, rel=0.02)  # gravity acts meanwhile
-    # two springs are stiffer than one by √2
-    assert elapsed[0] == pytest.approx(T / np.sqrt(2.0), rel=0.1)
+    # two springs are stiffer than one by √2; then the body leaves its dent of (1 − ε²) of the depth
+    pressing = T / np.sqrt(2.0)
+    depth = 2.0 / np.pi * pressing / (1.0 + EPSILON)
+    assert elapsed[0] == pytest.approx(pressing + (1.0 - EPSILON**2) * depth / EPSILON, rel=0.05)
 
 
 def test_pressing_corners_lose_energy_and_mirror():
@@ -154,7 +156,7 @@ def test_a_corner_that_touches_as_another_comes_free_is_struck_once():
     stands = outcome.after.select(np.flatnonzero(outcome.hits == MOST_HITS))
     assert len(stands.x) > 20
     assert np.hypot(stands.vy, RIG.k_g * stands.omega).max() < 0.2
-    assert stands.y.min() > 0.03  # half a side
+    assert stands.y.min() > 0.029  # half a side, less the dent of a contact that loses nine tenths of its work
 
 
 @pytest.mark.slow

@@ -154,13 +154,15 @@ def central_pressure(axes, vertices, theta, depth):
 
 @compiled
 def integrate(force, points, body, outline, spring, chord, velocity, step, most):
-    """The motion of n bodies from their first touch until none of their p contact points presses any more.
+    """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
+
+    A contact that has unloaded before the body is out of its dent remembers how deep it was: the body may press again.
 
     Args:
         force: kind, exponent, damping along the surface over that across it (n,) of a convex contact, and
             `central_pressure` of a pressure field.
         points: r_x, r_y, gap in m, μ, D and L in m of each point, (6, p, n).
-        body: 1/k² (n,) in 1/m², gravity in m/s², angle θ (n,) in rad.
+        body: 1/k² (n,) in 1/m², acceleration in flight (n, 3) in m/s² and rad/s², angle θ (n,) in rad.
         outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
             (k, 2) in m.
         spring: η and ζ (n,) of the spring along the surface; η = 0 is rigid.
@@ -176,7 +178,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
     """
     kind, exponent, ratios, central = force
     r_xs, r_ys, gaps, mus, losses, lengths = points
-    ws, gravity, thetas = body
+    ws, accelerations, thetas = body
     smooth, axes, vertices = outline
     etas, zetas = spring
     shares, leans = chord
@@ -187,6 +189,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
     stretch, share = np.zeros(p), np.zeros(p)
     for i in range(n):
         h, w, ratio = step[i], ws[i], ratios[i]
+        a_x, a_y, a_omega = accelerations[i]
         x = y = turn = t = 0.0
         v_x, v_y, omega = velocity[i]
         deepest[:], stretch[:], share[:] = 0.0, 0.0, 0.0
@@ -244,8 +247,8 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 gained += push[k]
                 turned += r_x[k] * push[k]
             before = omega
-            v_y += gained - h * gravity
-            omega += w * turned
+            v_x, v_y = v_x + h * a_x, v_y + gained + h * a_y
+            omega += w * turned + h * a_omega
             dragged, turned = 0.0, 0.0
             for k in range(p):
                 mobility, slip, limit = 1.0 + r_y[k] * r_y[k] * w, v_x - r_y[k] * omega, mus[k, i] * push[k]
@@ -292,7 +295,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 deep |= depths[k] > 0.0
                 if depths[k] <= 0.0:  # a corner that has left the surface may press again
                     deepest[k] = 0.0
-            if not pressing and not (deep and t < 2.0 * h):
+            if not pressing and not deep:
                 break
         shift[i, 0], shift[i, 1], shift[i, 2] = x, y, turn
         after[i, 0], after[i, 1], after[i, 2] = v_x, v_y, omega

@@ -57,7 +57,13 @@ class Fit:
     @cached_property
     def covariance(self) -> np.ndarray:
         """(p, p) of the fitted parameters in their order."""
-        return _covariance(self.whitening, self.values)
+        free = self.model.fitted_parameters
+        least = np.array([SLOPE_STEP * p.scale for p in free.values()])
+        found = _covariance(self.whitening, self.values, least)
+        if not self.model.is_compliant:
+            return found
+        # jumps of episodes count the less the wider the step
+        return _covariance(self.whitening, self.values, np.fmax(np.sqrt(np.diag(found)), least))
 
     @cached_property
     def std(self) -> dict[str, float]:
@@ -202,8 +208,8 @@ def _fitting(
     return Fit(model, values, score, len(observations), whitening)
 
 
-def _covariance(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray:
-    """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator.
+def _covariance(whitening: Whitening, values: Mapping[str, float], step: np.ndarray) -> np.ndarray:
+    """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator, from slopes over `step` (p,).
 
     With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals,
 
@@ -213,9 +219,12 @@ def _covariance(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray
     bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.
     """
     free = whitening.model.fitted_parameters
-    steps = [inward(p, values[name], SLOPE_STEP * p.scale) for name, p in free.items()]
-    here, *moved = whitening.many([values, *({**values, name: values[name] + h} for name, h in zip(free, steps))])
-    columns = [[(m[part] - here[part]).ravel() / h for m, h in zip(moved, steps)] for part in (0, 1)]
+    steps = [inward(p, values[name], h) for h, (name, p) in zip(step.tolist(), free.items())]
+    others = [-h if p.low <= values[name] - h <= p.high else h for h, (name, p) in zip(steps, free.items())]
+    points = [{**values, name: values[name] + h} for side in (steps, others) for name, h in zip(free, side)]
+    here, *moved = whitening.many([values, *points])
+    secants = [[(m[part] - here[part]).ravel() / h for m, h in zip(moved, steps + others)] for part in (0, 1)]
+    columns = [[_lesser(*pair) for pair in zip(part, part[len(free) :])] for part in secants]
     H, B = np.zeros((2, len(free), len(free)))
     for part, z in zip(columns, here):
         if not len(z):
@@ -232,6 +241,11 @@ def _covariance(whitening: Whitening, values: Mapping[str, float]) -> np.ndarray
     unit = np.outer(unit, unit) + (unit == 0.0) + (unit == 0.0)[:, None]
     inverse = np.linalg.pinv(H / unit, hermitian=True) / unit
     return inverse @ B @ inverse
+
+
+def _lesser(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Of the slopes to either side the flatter one: one side may cross a jump, as where a body hits once more."""
+    return np.where(np.abs(one) < np.abs(other), one, other)
 
 
 @lru_cache

@@ -43,7 +43,7 @@ BASE_PARAMETERS = (
     Parameter("mu", "1", null=0.1, low=0.0, high=2.0, scale=0.05),
     Parameter("epsilon", "1", null=0.5, low=0.0, high=1.0, scale=0.05),
 )
-CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-4)
+CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-3)
 # of a convex contact: damping of the slip over that of the normal force
 DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.5, high=500.0, scale=1.0)
 LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact is no spring under a mass

@@ -2,7 +2,8 @@
 
 They resolve contacts that overlap, and all contacts of a compliant law.  Each contact point has the normal force of the
 law, or a linear spring that returns the share ε² of its work where the law has none, and Coulomb friction; L and v₀ are
-the units of `thesis_lib/contact/compliant/normal_force.py`.  Per unit mass, with x the depth over L,
+the units of `thesis_lib/contact/compliant/normal_force.py`.  What accelerates the body in flight does so in contact,
+too.  Per unit mass, with x the depth over L,
 
     normal     f_n = f(x, x', x_m; D) v₀²/L,   D and L from ε and τ of a central contact
     friction   what ends the slip within the step, at most μ f_n; of a convex contact a damper, at most μ f_n
@@ -33,8 +34,9 @@ from thesis_lib.effects.tangential_compliance import TangentialCompliance
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
 STEPS = 64  # in one central contact: errors of contacts of 3 ms are then a twentieth of a rig's noise
 SHORTEST = 1e-6  # s; no camera tells it from an instant
+INSTANT = 1e-6  # s, for the acceleration as a difference quotient
 SHALLOW = 1e-4  # m, depth at which a pressure field is compared with a spring
-LONGEST = 4  # central contacts; a body that presses longer rests
+LONGEST = 16  # central contacts; a body that presses longer rests
 MIDDLE = 0.5  # of the overlap: there simulators put the force of a convex contact
 SPRING = NormalForce()  # of laws without a force
 
@@ -79,9 +81,12 @@ def integrates(law: Law, effect: Effect) -> bool:
     )
 
 
-def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> tuple[State, np.ndarray]:
+def press(
+    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = np.inf
+) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
 
+    A contact that is not over after the time `left` (n,) in s ends there, and after `LONGEST` central ones anyway.
     `values` are numbers, or arrays (n,) with one for each body.
     """
     force = model.law.force or SPRING
@@ -102,7 +107,8 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
         mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
         tau = effect.contact_time(tau, space, seen, p, rig)
     length = force.length(np.maximum(tau, SHORTEST), as_fitted)
-    points = np.stack([r_x, r_y, model.gap(tiled, at_corners, at_corner), mu, force.loss(epsilon), length])
+    gap = np.maximum(model.gap(tiled, at_corners, at_corner), 0.0)  # what is below is noise, or a dent
+    points = np.stack([r_x, r_y, gap, mu, force.loss(epsilon), length])
     points = points.reshape(6, corners, n)
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
@@ -110,27 +116,47 @@ def press(model: Model, values: Mapping[str, float], rig: Rig, true: State) -> t
     spring, soft = (_parameters(model.law, active, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
     share, slopes = _chord(model.law, soft, tau[:n], at_corner.shape, tiled.theta)
+    falling = _acceleration(model, model.active(values), true, rig)
     pressed = _Pressed(
         *integrate(
             (force.kind, force.exponent, ratio, _central_pressure(rig.shape) if is_field else 1.0),
             points,
-            (np.full(corners * n, k_g**-2.0)[:n], rig.gravity, true.theta),
+            (np.full(corners * n, k_g**-2.0)[:n], falling, true.theta),
             _outline(rig.shape, corners),
             (eta, zeta),
             (share, slopes.reshape(corners, n)),
             np.ascontiguousarray(frame.v),
             central / STEPS,
-            np.full(n, LONGEST * STEPS),
+            np.ceil(np.minimum(left / central, LONGEST) * STEPS).astype(int),
         )
     )
-    v = pressed.v + _added(others, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g)
-    after = State.of(frame.q + pressed.shift, v, frame.trial, frame.t + pressed.elapsed)
+    v, shift = pressed.v + _added(others, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g), pressed.shift
+    after = State.of(frame.q + shift, v, frame.trial, frame.t + pressed.elapsed)
+    if model.has_varying_flight:
+        # the contact turns the velocity, and with it what slows the flight: the mean of before and after
+        behind = after
+        for effect, p in reversed(model.active(values)):
+            behind = effect.from_contact(behind, p, rig)
+        changed = 0.5 * pressed.elapsed[:, None] * (_acceleration(model, model.active(values), behind, rig) - falling)
+        v, shift = v + changed, shift + 0.5 * pressed.elapsed[:, None] * changed
+        after = State.of(frame.q + shift, v, frame.trial, after.t)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
-    origin, shift = after, pressed.shift
+    origin = after
     for effect, p in reversed(model.active(values)):
         frame, origin = effect.from_contact(frame, p, rig), effect.from_contact(origin, p, rig)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
     return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed), pressed.elapsed
+
+
+def _acceleration(model: Model, active: Sequence[tuple[Effect, Mapping]], true: State, rig: Rig) -> np.ndarray:
+    """Acceleration in flight (n, 3) in m/s² and rad/s² of the frame that the contact sees, in true states."""
+    a = model.true_acceleration(true, active, rig)
+    if not model.has_varying_flight:
+        return a
+    now, later = true, true.flown(a, INSTANT)
+    for effect, p in active:
+        now, later = effect.to_contact(now, p, rig), effect.to_contact(later, p, rig)
+    return (later.v - now.v) / INSTANT
 
 
 def _central_pressure(shape: Shape) -> float:

@@ -179,13 +179,21 @@ def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights
     state = flights.state
     predicted = model.acceleration(state, values, rig)
     if model.has_varying_flight:
-        # the parabola through x(τ) averages x'' with the weight (1 − (2τ/T)²)²
-        first, total = predicted, 0.0
+        # the slope of the parabola through x(τ) exceeds x'(0) by x''' T²/40
+        span = flights.span[:, None]
+        early, late = (
+            model.acceleration(state.with_velocity(state.v + h * predicted), values, rig)
+            for h in (-0.25 * span, 0.25 * span)
+        )
+        jerk = 2.0 * (late - early) / span
+        speed = state.v - jerk * span**2 / 40.0
+        first = model.acceleration(state.with_velocity(speed), values, rig)
+        # the parabola averages x'' with the weight (1 − (2τ/T)²)²
+        predicted = 0.0
         for node, weight in zip(*_PARABOLA):
-            tau = 0.5 * node * flights.span[:, None]
-            later = state.with_velocity(state.v + tau * first)
-            total = total + weight * model.acceleration(later, values, rig)
-        predicted = total
+            tau = 0.5 * node * span
+            later = state.with_velocity(speed + tau * first + 0.5 * tau**2 * jerk)
+            predicted = predicted + weight * model.acceleration(later, values, rig)
     tau = flights.span[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
     beyond = model.arc(tau, state, values, rig)
     if beyond is not None:

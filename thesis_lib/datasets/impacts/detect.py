@@ -30,7 +30,13 @@ from thesis_lib.datasets.impacts.noise import (
     with_colour,
 )
 from thesis_lib.datasets.impacts.quality import assess_arcs, flag_physics, has_flag_text
-from thesis_lib.datasets.impacts.rounding import guard_of, rounding_warning, sampling_interval, touch_time
+from thesis_lib.datasets.impacts.rounding import (
+    contact_guard,
+    guard_of,
+    rounding_warning,
+    sampling_interval,
+    touch_time,
+)
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.foundation.errors import UserError
 
@@ -134,11 +140,12 @@ def find_in_arrays(
     ):  # samples that leave arcs of a body out of its plane are not rounded
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
     low_pass, lasting = None, 0.0
-    if rounded > usual:
-        settings = settings.model_copy(update={"guard": rounded})
+    if (guard := max(rounded, contact_guard(fits, header))) > usual:
+        settings = settings.model_copy(update={"guard": guard})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
+    if rounded > usual:
         lasting, known = touch_time(fits, header), np.fmax(noise.sigma, SIGMA_FLOOR)
-        low_pass = low_pass_of(fits, samples, known, header.gravity, rounded, sampling_interval(samples), lasting)
+        low_pass = low_pass_of(fits, samples, known, header.gravity, guard, sampling_interval(samples), lasting)
         if low_pass is not None and low_pass.moves_parabolas:
             # the filter lowered all free fall alike
             everything = everything.raised(0.5 * header.gravity * low_pass.second_moment)
@@ -173,7 +180,7 @@ def find_in_arrays(
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
     warnings = (
-        *rounding_warning(settings.guard, usual, lasting, sampling_interval(samples), low_pass),
+        *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
     )
     return FoundImpacts(
