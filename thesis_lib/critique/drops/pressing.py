@@ -36,7 +36,7 @@ STEPS = 64  # in one central contact: errors of contacts of 3 ms are then a twen
 SHORTEST = 1e-6  # s; no camera tells it from an instant
 INSTANT = 1e-6  # s, for the acceleration as a difference quotient
 SHALLOW = 1e-4  # m, depth at which a pressure field is compared with a spring
-LONGEST = 16  # central contacts; a body that presses longer rests
+LONGEST = 4  # central contacts; a body that presses longer rests
 MIDDLE = 0.5  # of the overlap: there simulators put the force of a convex contact
 SPRING = NormalForce()  # of laws without a force
 
@@ -82,11 +82,11 @@ def integrates(law: Law, effect: Effect) -> bool:
 
 
 def press(
-    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = np.inf
+    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | None = None
 ) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
 
-    A contact that is not over after the time `left` (n,) in s ends there, and after `LONGEST` central ones anyway.
+    A contact that is not over after the time `left` (n,) in s ends there; if None, after `LONGEST` central ones.
     `values` are numbers, or arrays (n,) with one for each body.
     """
     force = model.law.force or SPRING
@@ -127,7 +127,7 @@ def press(
             (share, slopes.reshape(corners, n)),
             np.ascontiguousarray(frame.v),
             central / STEPS,
-            np.ceil(np.minimum(left / central, LONGEST) * STEPS).astype(int),
+            np.full(n, LONGEST * STEPS) if left is None else np.ceil(left / central * STEPS).astype(int),
         )
     )
     v, shift = pressed.v + _added(others, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g), pressed.shift
