@@ -175,8 +175,8 @@ def contact_guard(fits: ArcFits, header: Header) -> float:
     if len(sunk) < LEAST_SUNK:
         return 0.0
     some = np.unique(np.linspace(0, len(sunk) - 1, MOST_SUNK).astype(int))
-    found = theilslopes(sunk[some], speed[some])
-    return min(_CONTACT * float(found.slope), LONGEST) if found.low_slope > 0.0 else 0.0
+    slope, _, low, _ = np.array([*theilslopes(sunk[some], speed[some])], float).tolist()
+    return min(_CONTACT * slope, LONGEST) if low > 0.0 else 0.0
 
 
 def touch_time(fits: ArcFits, header: Header) -> float:
