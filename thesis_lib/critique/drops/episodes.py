@@ -241,8 +241,8 @@ class _Play:
         self.pressed[rows] = True
         q, v, t = self.touch[rows, :3], self.touch[rows, 3:], self.touch_t[rows]
         touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t)
-        # an episode ends at its time; the arc after a single hit is followed back
-        left = None if self.most == 1 else self.span[rows] - t
+        # a contact that is over later than the arc after it begins: that arc is followed back
+        left = 0.0 if self.most == 1 else self.span[rows] - t
         after, elapsed = press(self.model, self._values(rows), self.rig, touch, left)
         self._set(rows, after)
         self.t[rows] = self.over[rows] = t + elapsed

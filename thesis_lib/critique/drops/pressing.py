@@ -82,11 +82,11 @@ def integrates(law: Law, effect: Effect) -> bool:
 
 
 def press(
-    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | None = None
+    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = 0.0
 ) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
 
-    A contact that is not over after the time `left` (n,) in s ends there; if None, after `LONGEST` central ones.
+    A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there.
     `values` are numbers, or arrays (n,) with one for each body.
     """
     force = model.law.force or SPRING
@@ -127,7 +127,7 @@ def press(
             (share, slopes.reshape(corners, n)),
             np.ascontiguousarray(frame.v),
             central / STEPS,
-            np.full(n, LONGEST * STEPS) if left is None else np.ceil(left / central * STEPS).astype(int),
+            np.ceil((LONGEST + left / central) * STEPS).astype(int),
         )
     )
     v, shift = pressed.v + _added(others, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g), pressed.shift
