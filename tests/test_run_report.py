@@ -8,7 +8,7 @@ import pytest
 from matplotlib import image
 
 from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.report.run import run_report
+from thesis_lib.report.run import chapter_report, run_report
 
 FOUND = "The error is 0.1 m/s & more."
 
@@ -52,6 +52,17 @@ def test_what_was_found_stands_in_caption_and_alternative_text(results):
     assert "Found in this run" not in dice
     assert 'href="chapter3/drops/table_3_1.csv"' in html and 'href="critique/drops/report.html"' in html
     assert 'width="38" height="19"' in drops  # 72 x 36 pixels at 180 an inch, on a page of 96
+
+
+def test_a_chapter_has_a_page_before_the_run_has_ended(results):
+    for path in ("claims.txt", "critique/proof/proof.txt"):  # these come last
+        (results / path).unlink()
+    findings = sorted(results.rglob("chapter3/**/*.txt"))
+    html = chapter_report(results, findings, "quick", 3)
+    assert re.findall(r'<figure id="([\w-]+)"', html) == ["figure-3-1", "figure-3-8-planar_dice", "figure-3-8-drops"]
+    assert html.count("<h2") == 1 and "Chapter 3: six impact laws" in html and "critique/drops" not in html
+    assert 'href="chapter3/drops/table_3_1.csv"' in html and 'href="report.html"' in html
+    assert not re.findall("<figure", chapter_report(results, [], "quick", 2))
 
 
 def test_equal_runs_give_equal_pages(results):

@@ -1,4 +1,4 @@
-"""results/report.html: one page with every figure of a run, what it shows, and what was found.
+"""results/report.html: one page with every figure of a run, what it shows, what was found; one a chapter, too.
 
 Pictures are embedded, so that the one file can be sent, archived and printed, and needs no network.  Captions and
 findings are those of `python -m thesis_lib figures`; measured and simulated data never share a group.
@@ -47,14 +47,8 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
 
     `findings` are files with findings; the table beside such a file is listed, too.
     """
-    made = [(figure, name) for figure in figures() for name, file in figure.files.items() if (results / file).is_file()]
-    tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
-    sections = []
-    for n in sorted({figure.chapter for figure, _ in made}):
-        drawn = [(figure, name) for figure, name in made if figure.chapter == n]
-        written = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
-        content = {"contents": _contents(drawn), "groups": _groups(results, drawn, written)}
-        sections.append({"number": n, "title": f"Chapter {n}: {CHAPTERS[n]}"} | content)
+    made, tables = _made(results, findings)
+    chapters = [_chapter(results, made, tables, n) for n in sorted({figure.chapter for figure, _ in made})]
     verdicts = sorted(path for path in findings if path.stem == "verdict")
     return page(
         TEMPLATE,
@@ -62,11 +56,36 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
         claims=_finding(results / "claims.txt"),
         reading=READING,
         scale=scale,
-        chapters=sections,
+        chapters=chapters,
         critiques=[_critique(results, path) for path in verdicts],
         proof=_finding(results / "critique/proof/proof.txt"),
         found_here=FOUND_HERE,
     )
+
+
+def chapter_report(results: Path, findings: Iterable[Path], scale: str, chapter: int) -> str:
+    """A page of the same kind with one chapter alone, which is there before the others have ended.
+
+    `findings` are files with findings of that chapter.
+    """
+    made, tables = _made(results, findings)
+    one = _chapter(results, [(figure, name) for figure, name in made if figure.chapter == chapter], tables, chapter)
+    known = {"reading": READING, "scale": scale, "chapters": [one], "found_here": FOUND_HERE}
+    return page(TEMPLATE, one["title"], claims=None, **known)
+
+
+def _made(results: Path, findings: Iterable[Path]) -> tuple[list[tuple[Figure, str]], list[Path]]:
+    """Figures with their dataset whose picture is there, and findings of tables."""
+    made = [(figure, name) for figure in figures() for name, file in figure.files.items() if (results / file).is_file()]
+    tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
+    return made, tables
+
+
+def _chapter(results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence[Path], n: int) -> dict:
+    drawn = [(figure, name) for figure, name in made if figure.chapter == n]
+    written = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
+    content = {"contents": _contents(drawn), "groups": _groups(results, drawn, written)}
+    return {"number": n, "title": f"Chapter {n}: {CHAPTERS[n]}"} | content
 
 
 def _contents(made: Sequence[tuple[Figure, str]]) -> list[dict]:

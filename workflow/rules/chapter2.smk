@@ -350,3 +350,4 @@ rule chapter2:
         rules.ch2_gather.output,
         rules.ch2_table_2_1.output,
         rules.ch2_findings.output,
+        chapter_page(2),

@@ -204,3 +204,4 @@ rule chapter3:
         expand(rules.ch3_trajectories.output, dataset=CH3_WITH_TRAJECTORIES),
         expand(rules.ch3_figures.output, dataset=CH3_DATASETS),
         rules.ch3_findings.output,
+        chapter_page(3),

@@ -195,3 +195,4 @@ rule chapter4:
         expand(rules.ch4_named_figure.output, dataset=CH4_CRITICISED),
         expand(f"{CH4}/dice.csv", dataset=CH4_DICE),
         rules.ch4_findings.output,
+        chapter_page(4),

@@ -276,3 +276,4 @@ rule chapter5:
         rules.ch5_showcase.output,
         rules.ch5_hidden.output,
         rules.ch5_findings.output,
+        chapter_page(5),

@@ -115,3 +115,36 @@ rule run_report:
         "Gathering figures, captions and findings on one page"
     script:
         "../scripts/run/run_report.py"
+
+
+CHAPTER_FOUND = {2: CH2_FOUND, 3: CH3_FOUND, 4: CH4_FOUND, 5: CH5_FOUND}
+
+
+def made_by_chapter(wildcards):
+    """All that a chapter asks for, except the page of it."""
+    files = getattr(rules, f"chapter{wildcards.chapter}").input
+    return [file for file in files if file != chapter_page(wildcards.chapter)]
+
+
+# A first look while the other chapters run.
+rule chapter_report:
+    input:
+        made_by_chapter,
+        findings=lambda wildcards: CHAPTER_FOUND[int(wildcards.chapter)],
+    output:
+        chapter_page("{chapter}"),
+    log:
+        "results/logs/chapter_report/{chapter}.log",
+    benchmark:
+        "results/logs/benchmarks/chapter_report/{chapter}.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("chapter_report"),
+    params:
+        scale=CONFIG.scale,
+        lib=code_of("chapter_report"),
+    message:
+        "Chapter {wildcards.chapter} on one page: " + chapter_page("{wildcards.chapter}")
+    script:
+        "../scripts/run/chapter_report.py"

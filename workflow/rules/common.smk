@@ -25,6 +25,7 @@ wildcard_constraints:
     dataset="[a-z][a-z0-9_]*",
     mechanism="block|ellipse|wheel|arm_disk",
     shape="block|ellipse",
+    chapter="[2-5]",
 
 
 SCRIPTS = {path.stem: path for path in Path(workflow.basedir, "workflow/scripts").glob("*/*.py")}
@@ -97,6 +98,11 @@ def drawn_by(rule):
         for figure in figures()
         if figure.job.rule == rule
     ]
+
+
+def chapter_page(chapter):
+    """The page of one chapter, beside that of the whole run."""
+    return f"results/report_chapter{chapter}.html"
 
 
 def findings_of(chapter, datasets=(), **of_rules):

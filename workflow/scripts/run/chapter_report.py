@@ -1,0 +1,13 @@
+"""One page with the figures of one chapter, what they show, and what was found."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from pathlib import Path
+
+from thesis_lib.foundation.files import write_text
+from thesis_lib.report.run import chapter_report
+
+findings, chapter = [Path(path) for path in snakemake.input.findings], int(snakemake.wildcards.chapter)
+write_text(chapter_report(Path("results"), findings, snakemake.params.scale, chapter), snakemake.output[0])
