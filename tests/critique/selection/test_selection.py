@@ -1,6 +1,6 @@
 """The search on a world made for this test: a line through noisy points, and four curves that it may lack."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -231,6 +231,24 @@ def test_a_base_of_the_reserve_that_errs_more_is_left_whatever_its_score():
 
     world = with_reserve(0, bend=3.0, wave=SIZE)
     assert found(Erring(world.trial, world.x, world.y)).fitted.base == "line"
+
+
+def test_on_a_base_of_the_reserve_slopes_name_a_finalist_that_quick_fits_misjudge(monkeypatch):
+    class FarLimit(WithReserve):
+        """Quick fits on the bend take the square for the wave, and the wave for nothing."""
+
+        def fit(self, base, effects, start=None, effort="full"):
+            fit = super().fit(base, effects, start, effort)
+            if base != "bend" or effort != "quick" or not effects:
+                return fit
+            plain, wave = (super(FarLimit, self).fit(base, curves).score for curves in ((), (Curve("wave"),)))
+            return replace(fit, score=wave if effects[-1].name == "square" else plain)
+
+    for twin in ("twin_of_wave", "step"):
+        monkeypatch.delitem(SHAPES, twin)
+    world = with_reserve(0, bend=3.0, wave=3.0 * SIZE)
+    discovery = found(FarLimit(world.trial, world.x, world.y), SearchSettings(finalists=1))
+    assert discovery.base == "bend" and [step.effect.name for step in discovery.steps] == ["wave"]
 
 
 def test_a_base_of_the_reserve_is_left_where_an_effect_says_the_same():

@@ -217,6 +217,10 @@ class _Search(Generic[E, F, J]):
         least = 0.5 * np.quantile(tests.null, 1.0 - settings.alpha)
         least = max(least, HOPELESS * max(gains.values(), default=0.0))
         names = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least][: settings.finalists]
+        if fitted.base in world.reserve and quick:
+            # quick fits are of its limit, which may be far away; slopes are its own
+            best_slope = max(quick, key=lambda name: tests.gain[name])
+            names += [best_slope] * (best_slope not in names)
         bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
         near = {name: world.fit(bases[name], quick[name].effects, quick[name].values, "near") for name in names}
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
