@@ -10,7 +10,7 @@ from thesis_lib.critique.drops.bases import BASES, RESERVE
 from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.episodes import play
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.model import STICTION_TOLERANCE, Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.pressing import press
 from thesis_lib.critique.drops.whitening import Whitening
@@ -21,6 +21,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import simulate_drake_drops
+from thesis_lib.simulate.drake.plant import STICTION
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
 from thesis_lib.simulate.rig.hidden_causes import (
@@ -73,7 +74,7 @@ def test_short_contacts_tend_to_the_limit(name):
     r_x = RIG.shape.contact_point(state.theta)[:, 0]
     state = state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
     model = Model(BASES[name], takes_time=True)
-    after, _ = press(model, SHORT, RIG, state)
+    after, _ = press(model, SHORT | {STICTION_TOLERANCE.name: 0.0}, RIG, state)
     limit, _ = model.limit.collide(state, SHORT, RIG)
     plain, _ = Model(LAWS["mirtich"]).collide(state, SHORT, RIG)
     scale = [1.0, 1.0, RIG.k_g]
@@ -195,6 +196,18 @@ def test_the_pressure_in_a_chord_is_that_of_the_integral():
     assert central_pressure(np.ones(2), corners, 0.25 * np.pi, 1e-4) == pytest.approx(1.0 / np.sqrt(2.0), rel=0.02)
 
 
+@pytest.mark.parametrize("tolerance", [0.0, 0.02, 0.1])
+def test_friction_of_a_pressure_field_falls_as_the_arctangent_of_the_slip(tolerance):
+    # slides on its flat side, hardly slower at the end, so that nothing turns it but the friction's lever
+    state = touching(np.zeros(1), np.array([[0.5, -0.2, 0.0]]))
+    values = SHORT | {"mu": 0.02, STICTION_TOLERANCE.name: tolerance}
+    after, _ = press(Model(BASES["pressure_field_contact"], takes_time=True), values, RIG, state)
+    lost, gained = state.vx[0] - after.vx[0], after.vy[0] - state.vy[0]
+    slip = 0.5 + 0.5 * (after.vx[0] + RIG.shape.semi_axes[1] * after.omega[0] - 0.5)  # in the middle
+    share = 2.0 / np.pi * np.arctan(slip / tolerance) if tolerance else 1.0
+    assert lost / gained == pytest.approx(values["mu"] * share, rel=2e-3)
+
+
 @pytest.mark.slow
 def test_drake_s_hydroelastic_contact_is_a_pressure_field():
     quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
@@ -209,6 +222,8 @@ def test_drake_s_hydroelastic_contact_is_a_pressure_field():
     # measured: 0.011 and 0.003 m/s
     assert errors["pressure_field_contact"] < 0.5 * errors["hunt_crossley_contact"]
     assert fitted.values["mu"] == pytest.approx(0.15, rel=0.02)
+    # an arctangent of the slip over Drake's tolerance, times a soft norm of the slip
+    assert 0.3 * STICTION < fitted.values[STICTION_TOLERANCE.name] < 2.0 * STICTION
 
 
 @pytest.mark.slow

@@ -9,7 +9,8 @@ slip within the step, or turns with it, at most μ f_n, shared by the corners th
 of the step.  In a convex contact friction is a damper, at most μ f_n, and both forces hold a little against the
 acceleration, too.  Where the contact gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ
 carry the friction, at most μ f_n; k_n is the slope of the loading force.  A pressure field presses on the whole chord
-that the surface cuts off, with a pressure that grows with the distance from the body's outline.
+that the surface cuts off, with a pressure that grows with the distance from the body's outline; its friction is at most
+(2/π) arctan(|s|/v_s) μ f_n at the slip s, half of Coulomb's at v_s.
 """
 
 import numpy as np
@@ -159,8 +160,8 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
     A contact that has unloaded before the body is out of its dent remembers how deep it was: the body may press again.
 
     Args:
-        force: kind, exponent, damping along the surface over that across it (n,) of a convex contact, and
-            `central_pressure` of a pressure field.
+        force: kind, exponent, damping along the surface over that across it (n,) of a convex contact or the slip
+            v_s (n,) in m/s of a pressure field, and its `central_pressure`.
         points: r_x, r_y, gap in m, μ, D and L in m of each point, (6, p, n).
         body: 1/k² (n,) in 1/m², acceleration in flight (n, 3) in m/s² and rad/s², angle θ (n,) in rad.
         outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
@@ -253,6 +254,8 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
             for k in range(p):
                 mobility, slip, limit = 1.0 + r_y[k] * r_y[k] * w, v_x - r_y[k] * omega, mus[k, i] * push[k]
                 slid = v_x - r_y[k] * before
+                if kind == PRESSURE_FIELD and ratio > 0.0:
+                    limit *= 2.0 / np.pi * np.arctan(abs(slid) / ratio)
                 pulled = slip - slid  # by the forces across the surface
                 if etas[i] > 0.0 and push[k] > 0.0:
                     thick = exponent * _power(max(deepest[k] / lengths[k, i], THIN), exponent - 1.0)

@@ -34,7 +34,7 @@ from functools import cached_property
 
 import numpy as np
 
-from thesis_lib.contact.compliant.normal_force import ConvexDamper
+from thesis_lib.contact.compliant.normal_force import ConvexDamper, PressureField
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State
@@ -46,6 +46,9 @@ BASE_PARAMETERS = (
 CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-3)
 # of a convex contact: damping of the slip over that of the normal force
 DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.5, high=500.0, scale=1.0)
+# of a pressure field: the slip at which friction is half of Coulomb's
+STICTION_TOLERANCE = Parameter("stiction_tolerance", "m/s", null=1e-3, low=0.0, high=0.05, scale=1e-3)
+OF_FRICTION = {ConvexDamper: (DAMPING_RATIO,), PressureField: (STICTION_TOLERANCE,)}
 LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact is no spring under a mass
 TURNED = 0.25  # of t̄ Δω: turning of the body until the impulse acts, beyond that of the arc before
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
@@ -85,9 +88,13 @@ class Model:
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
         of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in effect.parameters}
-        is_convex = self.is_compliant and isinstance(self.law.force, ConvexDamper)
-        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + (DAMPING_RATIO,) * is_convex
+        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + self.of_friction
         return {p.name: p for p in of_law} | of_effects
+
+    @property
+    def of_friction(self) -> tuple[Parameter, ...]:
+        """The parameter beside μ of an integrated contact whose friction is not Coulomb's, or none."""
+        return OF_FRICTION.get(type(self.law.force), ()) if self.is_compliant else ()
 
     @cached_property
     def fitted_parameters(self) -> dict[str, Parameter]:

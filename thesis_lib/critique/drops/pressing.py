@@ -26,7 +26,7 @@ from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integ
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
-from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, contact_space_of
+from thesis_lib.critique.drops.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Impulse, Rig, State
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
@@ -112,14 +112,14 @@ def press(
     points = points.reshape(6, corners, n)
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
-    ratio = np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null))
+    of_friction = np.full(n, next((values.get(p.name, p.null) for p in model.of_friction), 0.0))
     spring, soft = (_parameters(model.law, active, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
     share, slopes = _chord(model.law, soft, tau[:n], at_corner.shape, tiled.theta)
     falling = _acceleration(model, model.active(values), true, rig)
     pressed = _Pressed(
         *integrate(
-            (force.kind, force.exponent, ratio, _central_pressure(rig.shape) if is_field else 1.0),
+            (force.kind, force.exponent, of_friction, _central_pressure(rig.shape) if is_field else 1.0),
             points,
             (np.full(corners * n, k_g**-2.0)[:n], falling, true.theta),
             _outline(rig.shape, corners),
