@@ -118,12 +118,12 @@ class Tower:
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        kinds = [kind for kind in mujoco.mjtWarning.__members__.values() if kind != mujoco.mjtWarning.mjNWARNING]
-        warned = [kind.name for kind in kinds if self.data.warning[int(kind)].number]
-        if warned or not np.isfinite(self.data.qpos).all():
+        warned = self.data.warning.number
+        if warned.any() or not np.isfinite(self.data.qpos).all():
+            names = [mujoco.mjtWarning(kind).name for kind in np.flatnonzero(warned)]
             raise TowerError(
                 f"tower {self.seed}: the simulation broke down at t = {self.data.time:.3f} s "
-                f"({', '.join(warned) or 'NaN'}). The tower exploded: use a shorter time step."
+                f"({', '.join(names) or 'NaN'}). The tower exploded: use a shorter time step."
             )
 
     def simulate(self, seconds: float) -> None:
