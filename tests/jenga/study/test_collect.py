@@ -7,7 +7,7 @@ from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
 from thesis_lib.figures.chapter5.render import figure_5_5a, figure_game
 from thesis_lib.jenga.robot.movable import comes_out, fractions, hidden_label, is_movable, scan, trial_push
-from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, Samples, as_table
+from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, Samples, as_table
 from thesis_lib.jenga.study import collect as collecting
 from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
 from thesis_lib.jenga.study.tower_study import agreement
@@ -46,12 +46,25 @@ def test_samples_of_a_push_follow_each_other(collected):
     assert not equal[same & ~kept].all()
 
 
+def assert_the_same_but_unlabelled(unlabelled: Samples, labelled: Samples):
+    assert set(labelled.truth) <= {FREE, STUCK} and set(unlabelled.truth) == {UNKNOWN}
+    same = [as_table(samples).drop(columns="truth") for samples in (unlabelled, labelled)]
+    pd.testing.assert_frame_equal(*same, check_exact=True)
+
+
+def test_samples_without_the_hidden_label_are_otherwise_the_same(collected):
+    samples, table = explore_tower(SEED, 7, REDUCED, limit=8, label=False)
+    assert_the_same_but_unlabelled(samples, collected[0].first(8))
+    assert set(table["truth"]) == {UNKNOWN}
+
+
 @pytest.mark.slow
 def test_the_whole_tower_is_played_on():
     samples, table = explore_tower(SEED, 7, limit=6)
     assert len(samples) == 6
-    assert set(samples.truth) <= {FREE, STUCK}
     assert table["block"].is_unique
+    # here a push finds the tower as the last one left it
+    assert_the_same_but_unlabelled(explore_tower(SEED, 7, limit=6, label=False)[0], samples)
 
 
 def test_a_tower_that_explodes_gives_no_samples():
@@ -61,7 +74,7 @@ def test_a_tower_that_explodes_gives_no_samples():
 
 
 def test_a_refused_tower_is_left_out_whole_and_recorded(monkeypatch):
-    def sometimes(seed, base_seed, setup, limit):
+    def sometimes(seed, base_seed, setup, limit, label):
         if seed < REFUSED - 1:
             raise TowerError(f"tower {seed} has toppled")
         n = min(limit, 4)

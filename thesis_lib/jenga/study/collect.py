@@ -4,7 +4,8 @@ A run on one tower tries blocks in random order until one falls, all 45 have bee
 A push ends when the robot gives up (at random, so that 100 samples hold both stuck and free blocks), sees the tower
 move too far or the block leave its way, has advanced 45 mm, or has the block out far enough, which is then extracted
 and placed.  A fall ends the run, and the sample in which it happens is discarded.  Each tower has its own random
-stream.  The hidden label of a push (`Samples.truth`) comes from a trial push just before it.
+stream.  The hidden label of a push (`Samples.truth`) comes from a trial push just before it, which takes about as long
+as the push itself: samples to learn from go without it (`UNKNOWN`) and are otherwise the same to the last bit.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import Gripper
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import MM, RANGE, STATE, Samples, join
+from thesis_lib.jenga.robot.samples import MM, RANGE, STATE, UNKNOWN, Samples, join
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
 
@@ -29,8 +30,8 @@ ATTEMPT = ("tower", "block", "layer", "side", "truth", "steps", "pushed", "extra
 class _Run:
     """One tower under exploration."""
 
-    def __init__(self, seed: int, rng: np.random.Generator, setup: Setup):
-        self.seed, self.rng, self.setup = seed, rng, setup
+    def __init__(self, seed: int, rng: np.random.Generator, setup: Setup, label: bool):
+        self.seed, self.rng, self.setup, self.label = seed, rng, setup, label
         self.rows: list[tuple] = []
         self.attempts: list[tuple] = []
         self.tower = settled_tower(seed, setup)
@@ -44,7 +45,11 @@ class _Run:
         """Try one block; whether the run continues."""
         reduced = self.setup.collect.reduced
         tower = reduce(self.tower, block) if reduced else self.tower
-        truth = hidden_label(tower, block, self.setup.movable)
+        if self.label:
+            truth = hidden_label(tower, block, self.setup.movable)
+        else:
+            truth = UNKNOWN
+            tower.load(tower.save())  # poses of the present state instead of the last step's, as after a trial push
         robot = Robot(tower, Sensor(self.setup.sensing, self.rng))
         first, where = len(self.rows), (tower.layer[block], int(tower.is_side(block)))
         reason = self._push(robot, block, truth, limit)
@@ -112,22 +117,29 @@ def _in_range(state: np.ndarray) -> bool:
 
 
 def explore_tower(
-    seed: int, base_seed: int, setup: Setup | None = None, limit: int = 10**6, blocks: Sequence[int] = tuple(REACHABLE)
+    seed: int,
+    base_seed: int,
+    setup: Setup | None = None,
+    limit: int = 10**6,
+    blocks: Sequence[int] = tuple(REACHABLE),
+    *,
+    label: bool = True,
 ) -> tuple[Samples | None, pd.DataFrame]:
     """At most `limit` samples of one tower (None without any), and a table of the blocks tried.
 
     blocks: candidates, tried in random order.  seed: of the tower; with base_seed it also fixes the policy's choices
-    and the noise.  Columns of the table: `ATTEMPT`; extracted and placed are -1 if not tried.  TowerError if the tower
-    does not stand when settled, or the simulation breaks down.
+    and the noise.  label: find the hidden label of each block before it is pushed.  Columns of the table: `ATTEMPT`;
+    extracted and placed are -1 if not tried.  TowerError if the tower does not stand when settled, or the simulation
+    breaks down.
     """
     rng = np.random.default_rng(np.random.SeedSequence(base_seed, spawn_key=(5, seed)))
-    run = _Run(seed, rng, setup or Setup())
+    run = _Run(seed, rng, setup or Setup(), label)
     run.explore(limit, blocks)
     return run.samples() if run.rows else None, pd.DataFrame(run.attempts, columns=list(ATTEMPT))
 
 
 def collect(
-    n: int, first_seed: int, base_seed: int, setup: Setup | None = None, per_tower: int = 100
+    n: int, first_seed: int, base_seed: int, setup: Setup | None = None, per_tower: int = 100, *, label: bool = True
 ) -> tuple[Samples, pd.DataFrame]:
     """`n` samples from towers first_seed, first_seed + 1, …, at most `per_tower` of each, and their tables.
 
@@ -137,7 +149,7 @@ def collect(
     parts, tables, seed, refused = [], [], first_seed, 0
     while (have := sum(map(len, parts))) < n:
         try:
-            samples, table = explore_tower(seed, base_seed, setup, min(per_tower, n - have))
+            samples, table = explore_tower(seed, base_seed, setup, min(per_tower, n - have), label=label)
         except TowerError as error:
             refused += 1
             if refused == REFUSED:
@@ -157,8 +169,8 @@ def collect(
 def collect_named(
     name: str, most: int, setup: Setup, towers: TowerChoice, choice: SampleChoice, seed: int
 ) -> tuple[Samples, pd.DataFrame]:
-    """Samples of "set_0", "set_1", ... (`most` of each) or of "held_out", and the table of blocks tried."""
+    """Samples of "set_0", "set_1", ... (`most` of each, unlabelled) or of "held_out", and the table of blocks tried."""
     if name == "held_out":
         return collect(choice.held_out, towers.first_held_out + 1, seed, setup, choice.per_tower)
     first = towers.first_training + int(name.split("_")[1]) * APART
-    return collect(most, first, seed, setup, choice.per_tower)
+    return collect(most, first, seed, setup, choice.per_tower, label=False)

@@ -72,7 +72,7 @@ def hidden_study(
         rest = [block for block in REACHABLE if block not in affected_blocks]
         others = rng.permutation(rest)[: -(-choice.others // choice.towers)] if rest else []
         blocks = tuple(int(block) for block in (*affected, *others))
-        samples, _ = explore_tower(first_seed + i, base_seed, with_effect, blocks=blocks)
+        samples, _ = explore_tower(first_seed + i, base_seed, with_effect, blocks=blocks, label=False)
         if samples is not None:
             halves[int(i >= choice.towers // 2)].append(samples)
     if not all(halves):
