@@ -57,10 +57,23 @@ def test_features_are_the_thesiss(impacts):
     np.testing.assert_array_equal(features(impacts, "X1_omega"), np.column_stack([x1, impacts.v_pre[:, 2]]))
 
 
-@pytest.mark.parametrize("chosen", ["X1", "X2", "X2_polar", "X1_omega"])
+@pytest.mark.parametrize("chosen", ["X1", "X2", "X2_polar", "X1_omega", "full"])
 def test_features_know_nothing_of_the_outcome(impacts, chosen):
     blind = replace(impacts, v_post=np.full_like(impacts.v_post, np.nan))
     np.testing.assert_array_equal(features(blind, chosen), features(impacts, chosen))
+
+
+def test_the_ten_inputs_of_the_contact_map_hold_all_that_x1_is_made_of(impacts):
+    full = features(impacts, "full")
+    assert full.shape == (len(impacts), 10)
+    q, v, r, mass, inertia = np.split(full, [3, 6, 8, 9], axis=1)
+    k_g = np.sqrt(inertia[0, 0] / mass[0, 0])
+    again = replace(impacts, q=q, v_pre=v, r=r, mass=float(mass[0, 0]), k_g=float(k_g))
+    np.testing.assert_allclose(features(again, "X1_omega"), features(impacts, "X1_omega"), rtol=1e-9)
+    # unlike X1 it tells where along the surface the impact is, which contact does not depend on
+    away = replace(impacts, q=impacts.q + [0.3, 0.0, 0.0])
+    np.testing.assert_array_equal(features(away, "X1"), features(impacts, "X1"))
+    assert (features(away, "full") != full).any(axis=0).tolist() == [True] + 9 * [False]
 
 
 def test_mirrored_impacts_have_mirrored_features(impacts):

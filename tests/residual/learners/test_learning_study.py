@@ -101,6 +101,17 @@ def test_ratios_are_paired_by_split(curves):
     assert ratios.loc["law_over_wrench", "value"] == pytest.approx(expected)
 
 
+def test_what_ten_inputs_cost_is_told_at_few_impacts():
+    mean = {("rigid_full", 10): 4.0, ("rigid_full", 100): 3.0, ("rigid_full", 400): 1.0}
+    mean |= {(model, n): 1.0 for model, *_ in (*study.CLAIMS.values(), ("law",)) for n in (10, 100, 400)} | mean
+    mean |= {(below, n): mean.get((below, n), 1.0) for _, below in study.CLAIMS.values() for n in (10, 100, 400)}
+    rows = [(model, n, split, value) for (model, n), value in mean.items() for split in (0, 1)]
+    table = pd.DataFrame(rows, columns=["model", "n", "split", "mean"])
+    ratios = study.claim_ratios(table, "law", 450).set_index("statement")
+    assert ratios.loc["full_over_x1_few", ["n", "value"]].tolist() == [100, 3.0]
+    assert ratios.loc["full_over_x1", ["n", "value"]].tolist() == [400, 1.0]
+
+
 def test_named_physics_leaves_nothing_to_learn_where_it_is_the_whole_truth():
     """Impacts with a mirrored rotation: the law with the effect is at the noise, the law alone far off."""
     model = SavedModel.model_validate(

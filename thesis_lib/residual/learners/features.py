@@ -1,9 +1,10 @@
-"""Inputs and targets of learned contact models (thesis section 4.3.2, equations 4.9 to 4.11).
+"""Inputs and targets of learned contact models (thesis section 4.3.2, equations 4.7 and 4.9 to 4.11).
 
     X1 = (M_c,tt, M_c,tn, M_c,nn, v_t, v_n)                 inertia and velocity of the contact point, eq. 4.9
     X2 = ((M_c v_c)_t, (M_c v_c)_n)                         momentum of the contact point, eq. 4.10
     X2 polar = (atan2(p_n, p_t), |p|), p = M_c v_c          as in the authors' repository
     X1 + ω                                                  an extension: ω is not a function of X1
+    full = (q, v, r, m, m k²)                               ten numbers, the input of the contact map as it is, eq. 4.7
 
     rigid   (c_t, c_n)        c_irb = M_C J Δv, the impulse through the contact point that is nearest to Δv
     wrench  (c_t, c_n, τ)     c = m (Δv_x, Δv_y),  τ = m (k² Δω − r_x Δv_y + r_y Δv_x) about the contact point
@@ -21,7 +22,7 @@ import numpy as np
 from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse, residual_couple
 from thesis_lib.datasets.format.impacts import Impacts
 
-FeatureSet = Literal["X1", "X2", "X2_polar", "X1_omega"]
+FeatureSet = Literal["X1", "X2", "X2_polar", "X1_omega", "full"]
 
 
 def space_of(impacts: Impacts) -> ContactSpace:
@@ -30,7 +31,10 @@ def space_of(impacts: Impacts) -> ContactSpace:
 
 
 def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
-    """Features of n impacts, (n, 5), (n, 2), (n, 2) or (n, 6) in kg, m/s, N s, rad/s, from before impact only."""
+    """Features of n impacts, (n, 5), (n, 2), (n, 2), (n, 6) or (n, 10) in SI units, from before impact only."""
+    if chosen == "full":
+        body = np.tile([impacts.mass, impacts.mass * impacts.k_g**2], (len(impacts), 1))
+        return np.column_stack([impacts.q, impacts.v_pre, impacts.r, body])
     space = space_of(impacts)
     if chosen in ("X1", "X1_omega"):
         M_c = space.M_c

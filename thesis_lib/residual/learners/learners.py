@@ -1,6 +1,6 @@
 """Learned contact models: data-driven, residual on a law, law with learned parameters, feasible by construction.
 
-    class 1   c ~ GP(X)                           purely data-driven: rigid on X1, X2, X2 polar; wrench on X1, X1 + ω
+    class 1   c ~ GP(X)                     purely data-driven: rigid on X1, X2, X2 polar, full; wrench on X1, X1 + ω
     class 2   c = c_law(μ, ε) + c_res, c_res ~ GP(0, X1)        residual (rigid or wrench), equations 4.12 and 4.13
               (μ, ε) ~ GP(X1), c = c_law(μ(X), ε(X))            law with learned parameters
     beyond    s ~ GP(X), v⁺ = v⁺(s)               every s is a feasible velocity (see `feasible`)
@@ -273,4 +273,5 @@ def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[
         "law_parameters": ParameterLearner(law, settings=gp),
         "feasible_rigid": FeasibleLearner("X1", False, gp),
         "feasible_wrench": FeasibleLearner("X1_omega", True, gp),
+        "rigid_full": ImpulseLearner("full", False, settings=gp),
     }

@@ -172,24 +172,37 @@ CLAIMS = {
     "best_post_hoc_over_wrench": ("best_post_hoc", "wrench_x1"),
     "x2_over_x1": ("rigid_x2", "rigid_x1"),
     "x2_polar_over_x1": ("rigid_x2_polar", "rigid_x1"),
+    "full_over_x1": ("rigid_full", "rigid_x1"),
     "parameters_over_residual": ("law_parameters", "residual_rigid"),
     "feasible_over_rigid": ("feasible_rigid", "rigid_x1"),
     "feasible_over_wrench_omega": ("feasible_wrench", "wrench_x1_omega"),
 }
 
 
+FEW = 100  # training impacts, from which rigid learners have converged (section 4.4)
+
+
 def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.DataFrame:
-    """Ratios of mean errors at the size of figure 4-5, paired by split: statement, value, standard error, n."""
-    n = min(curves["n"].unique(), key=lambda size: abs(size - density_size))
-    wide = curves[curves["n"] == n].pivot(index="split", columns="model", values="mean")
+    """Ratios of mean errors at the size of figure 4-5, paired by split: statement, value, standard error, n.
+
+    `full_over_x1_few`, what ten inputs cost in samples, is at the size nearest to `FEW`.
+    """
+    n, few = (_nearest_size(curves, size) for size in (density_size, FEW))
+    errors = curves.pivot(index=["n", "split"], columns="model", values="mean")
+    wide, early = errors.loc[n], errors.loc[few]
     pairs = CLAIMS | {
         "law_over_rigid": (base_law, "rigid_x1"),
         "law_over_wrench": (base_law, "wrench_x1"),
         "law_over_wrench_omega": (base_law, "wrench_x1_omega"),
     }
-    ratios = {statement: wide[above] / wide[below] for statement, (above, below) in pairs.items()}
-    rows = [(name, n, ratio.mean(), ratio.std(ddof=1) / np.sqrt(len(ratio))) for name, ratio in ratios.items()]
+    ratios = {statement: (n, wide[above] / wide[below]) for statement, (above, below) in pairs.items()}
+    ratios["full_over_x1_few"] = (few, early["rigid_full"] / early["rigid_x1"])
+    rows = [(name, at, ratio.mean(), ratio.std(ddof=1) / np.sqrt(len(ratio))) for name, (at, ratio) in ratios.items()]
     return pd.DataFrame(rows, columns=["statement", "n", "value", "std"])
+
+
+def _nearest_size(curves: pd.DataFrame, wanted: int) -> int:
+    return min(curves["n"].unique(), key=lambda size: abs(size - wanted))
 
 
 def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) -> int:
