@@ -164,6 +164,50 @@ def test_sentences_on_the_dice_are_those_of_the_stored_run():
     assert "more than eight of ten throws" in FINDINGS and stored.loc["limit_face", "value"].min() > 0.8
 
 
+def test_the_baseline_without_a_contact_model_is_that_of_the_stored_run():
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice_budget.csv").set_index(["model", "contact"])
+    said = re.search(r"^\| no contact model: .* \| ± (\S+) \| (\d+) % \| \|$", FINDINGS, re.M)
+    own = stored.loc[("nearest", 0)]
+    assert list(said.groups()) == [f"{own['std']:.2f}", f"{100 * own['face_right']:.0f}"]
+
+
+def test_what_is_said_of_the_analytical_model_is_that_of_the_stored_run():
+    dice = pd.read_csv(ROOT / "config/reference/chapter4/dice.csv").set_index(["quantity", "model"])["value"]
+    said = re.search(
+        r"errs by (\S+) ± (\S+) and names (\d+) %\. The sign is .* ours is one: −(\S+) along", FINDINGS, re.S
+    )
+    mean, std, face = (dice[f"{name}_certain", "law"] for name in ("mean", "std", "face_right"))
+    assert list(said.groups()) == [f"{mean:.2f}", f"{std:.2f}", f"{100 * face:.0f}", f"{mean:.2f}"]
+    assert f"the {dice['mean', 'residual_wrench']:.2f} of the wrench residual is an overshoot" in " ".join(
+        FINDINGS.split()
+    )
+
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/dice_readings.csv")
+    name = {"as measured": "given", "mirrored": "mirrored"}
+    table = FINDINGS[FINDINGS.index("dice_readings.csv -->") : FINDINGS.index("<!-- /readings -->")]
+    rows = [[cell.strip() for cell in line.strip("| ").split("|")] for line in table.splitlines()[3:]]
+    assert len(rows) == 3
+    shown = stored.set_index(["rotation", "mu", "epsilon"])
+    for rotation, mu, epsilon, error, right, chi2 in rows:
+        own = shown.loc[(name[rotation], float(mu), float(epsilon))]
+        assert error.replace("−", "-") == f"{own['mean']:.2f} ± {own['std']:.2f}"
+        assert (right, chi2) == (f"{100 * own['face_right']:.0f} %", f"{own['chi2']:.1f}")
+    # "the second alone of all is not told"; "with too many right faces"
+    assert stored.query("chi2 < 7.8")[["rotation", "mu", "epsilon"]].to_numpy().tolist() == [["given", 0.3, 0.6]]
+    assert len(stored.query("rotation == 'given'")) == 36
+    wide = stored.query("rotation == 'mirrored' and 4 < std < 5 and mean < -0.4")
+    assert (wide["face_right"] > 0.23 + 0.04).all()
+
+
+def test_widths_of_a_belief_are_those_of_the_stored_figure(statuses):
+    stored = pd.read_csv(ROOT / "config/figures/default/planar_dice/figure_4_4.csv").groupby("state", sort=False)["std"]
+    said = re.search(
+        r"is (\S+) sides at the start, (\S+) and (\S+) after the first and the second contact,\s(\S+) at rest", FINDINGS
+    )
+    assert [float(x) for x in said.groups()] == [float(f"{std:.2g}") for std in stored.first()]
+    assert statuses["figure_4_4.contacts_are_the_main_source"] == "reproduced"
+
+
 TREATMENT_NAMES = {
     "eq. 2.23 (`plain`)": "plain",
     "distance softened, eq. 2.13": "softened",

@@ -5,11 +5,15 @@ CH4_CRITICISED = [name for name in CH4_DATASETS if name in CRITIQUE_DATASETS]
 CH4_DICE = [name for name in CONFIG.chapter4.dice_datasets if name in CH4_CRITICISED]
 CH4_CLAIMED = [  # what the ledger reads
     *(f"results/chapter4/{name}/learning_{table}.csv" for name in CH4_DATASETS for table in ("ratios", "convergence")),
-    *(f"results/chapter4/{name}/{table}.csv" for name in CH4_DICE for table in ("dice", "dice_difficulty")),
+    *(
+        f"results/chapter4/{name}/{table}.csv"
+        for name in CH4_DICE
+        for table in ("dice", "dice_difficulty", "dice_widths")
+    ),
 ]
 CH4_DICE_TABLES = (
     *("throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts"),
-    *("budget", "first_contact", "first_contact_throws"),
+    *("budget", "widths", "readings", "first_contact", "first_contact_throws"),
 )
 CH4_LEARNED = ("curves", "errors", "summary", "convergence", "ratios")
 

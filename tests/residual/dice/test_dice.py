@@ -18,7 +18,7 @@ from thesis_lib.residual.dice.budget import budget
 from thesis_lib.residual.dice.data import read_throws
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.models import Thrower, critique_model, leave_one_out, noise_limit, scattered
-from thesis_lib.residual.dice.results import dice_tables, examples, over_splits
+from thesis_lib.residual.dice.results import dice_tables, examples, over_splits, tables_of_a_split
 from thesis_lib.residual.dice.settings import DiceDataSettings, DiceStudySettings
 from thesis_lib.residual.dice.study import dice_study, side_of
 from thesis_lib.residual.dice.tables import contact_pits, difficulty, spread
@@ -295,8 +295,10 @@ def test_the_study_of_simulated_throws(recorded):
     for i, study in enumerate(studies):
         held = tables["dice_throws"].loc[tables["dice_throws"]["split"] == i, "trial"]
         assert not set(held) & set(study.train)
+    tables |= tables_of_a_split(studies[0], side_of(dataset), settings, np.random.default_rng(0))
     for name, table in tables.items():
         explain(name, table.columns)
+    assert set(tables["dice_widths"]["throws"]) <= set(range(1, N - len(studies[0].train) + 1))
     assert set(tables["dice_calibration"]["kind"]) == {"roll", "contact"}
     shown = examples(studies[0], side_of(dataset), settings, np.random.default_rng(0))
     assert not {shown.easy, shown.hard} & set(studies[0].train)

@@ -17,9 +17,11 @@ import pandas as pd
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.fit import DiceModel, contact_path, touch_down
+from thesis_lib.residual.dice.readings import readings
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.study import DiceStudy, first_contacts
 from thesis_lib.residual.dice.tables import easy_and_hard
+from thesis_lib.residual.dice.widths import belief_widths
 from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
 from thesis_lib.residual.throwing.flight import fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
@@ -73,6 +75,18 @@ def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[
         "dice_first_contact_throws": stacked(studies, lambda s: s.first),
         "dice_budget": _budget(stacked(studies, lambda s: s.budget)),
         "dice_counts": stacked(counts, lambda table: table),
+    }
+
+
+def tables_of_a_split(
+    study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
+) -> dict[str, pd.DataFrame]:
+    """How the beliefs of model `BELIEVED` widen, and the law with other parameters, by file name; `side` in m."""
+    held = study.releases.select(~np.isin(study.releases.trial, study.train))
+    believed, plain = study.outcomes[BELIEVED].thrower, study.outcomes[PLAIN].thrower.model
+    return {
+        "dice_widths": belief_widths(believed, held, side, settings, rng),
+        "dice_readings": readings(plain, study.releases, side, settings.throw),
     }
 
 

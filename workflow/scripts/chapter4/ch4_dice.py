@@ -36,11 +36,12 @@ except UserError as error:
     print(f"{error} Thrown without it.")
     model = None
 studies = dice_study(dataset, hits, impacts, model, settings, stream("study"), say=print)
+side, poses, shape = side_of(dataset), dataset.trajectories, dataset.shape
 tables = results.dice_tables(studies, stream("coverage"))
+tables |= results.tables_of_a_split(studies[0], side, settings, stream("widths"))
 for stem, table in tables.items():
     write_result(table, Path(snakemake.output.dice).with_name(f"{stem}.csv"))
 
-side, poses, shape = side_of(dataset), dataset.trajectories, dataset.shape
 shown = results.examples(studies[0], side, settings, stream("examples"))
 drawn = {
     "figure_4_3": belief.figure_4_3(poses, shown.samples, shape),

@@ -1,0 +1,93 @@
+"""How beliefs widen, and the law thrown with other parameters, on simulated throws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from throws_for_tests import HALF, RIG, throws
+
+from thesis_lib.foundation.columns import explain
+from thesis_lib.records.chapter4_dice import PUBLISHED as SHOWN
+from thesis_lib.residual.dice.data import Releases
+from thesis_lib.residual.dice.fit import DiceModel
+from thesis_lib.residual.dice.models import Thrower
+from thesis_lib.residual.dice.readings import LAW, PUBLISHED, _chi2, readings
+from thesis_lib.residual.dice.settings import DiceStudySettings
+from thesis_lib.residual.dice.widths import STATES, belief_widths
+from thesis_lib.residual.throwing.propagation import ScatteredLaw
+from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.residual.throwing.throw import simulate_throws
+
+MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, LAW, 0.3, 0.6, 9.81)
+N = 30
+SETTINGS = DiceStudySettings(particles=20, bootstrap=50)
+
+
+@pytest.fixture(scope="module")
+def thrown() -> Releases:
+    """Throws by the model, with the uncertainty of start that measured ones have."""
+    q, v = throws(N)
+    out = simulate_throws(MODEL.body, q, v, MODEL.impact, MODEL.mu, ThrowSettings(), np.random.default_rng(0))
+    sigma = np.array([1e-4, 1e-4, 2e-3, 0.005, 0.005, 0.1])
+    cov = np.tile(np.diag(sigma**2), (N, 1, 1))
+    return Releases(np.arange(N), q, v, cov, out.q, {}, sigma[:3])
+
+
+def widths(releases, contact):
+    thrower = Thrower("law", MODEL, contact, MODEL.impact)
+    table = belief_widths(thrower, releases, 2 * HALF, SETTINGS, np.random.default_rng(0))
+    explain("dice_widths", table.columns)
+    return table.set_index("state").loc[list(STATES)]
+
+
+def test_uncertain_contacts_widen_a_belief_beyond_what_its_start_does(thrown):
+    relative = np.diag([0.1, 0.1, 0.1 * RIG.k_g]) ** 2
+    impact = ScatteredLaw(MODEL.body, MODEL.impact, relative=relative)
+    table = widths(thrown, impact)
+    assert table.loc["start", "ratio"] == 1.0
+    # an impulse leaves the pose; the next contact is where the velocity has taken it
+    assert table.loc["first contact", "ratio"] == pytest.approx(1.0, abs=0.05)
+    late = table.loc[["second contact", "rest"]]
+    assert (late["ratio"] - 2.0 * late["ratio_error"] > np.sqrt(2.0)).all()
+    assert (np.diff(table["std"]) > 0.0).all()
+
+
+def test_contacts_without_uncertainty_widen_nothing_though_the_belief_broadens(thrown):
+    table = widths(thrown, MODEL.impact)
+    assert (table["ratio"] == 1.0).all() and table["std"].equals(table["certain"])
+    assert (np.diff(table["std"]) > 0.0).all()  # a thrown die is chaotic
+
+
+def read(releases):
+    table = readings(MODEL, releases, 2 * HALF, ThrowSettings(), (0.15, 0.3), (0.45, 0.6))
+    explain("dice_readings", table.columns)
+    return table.set_index(["rotation", "mu", "epsilon"])
+
+
+def test_the_parameters_that_made_throws_are_told_from_others(thrown):
+    table = read(thrown)
+    assert table.loc[("given", 0.3, 0.6), ["mean", "std", "face_right"]].tolist() == pytest.approx([0.0, 0.0, 1.0])
+    others = table.drop(("given", 0.3, 0.6))
+    assert (others["std"] > 0.5).all() and (others["face_right"] < 0.8).all()
+
+
+def test_a_mirrored_rotation_is_told_from_the_true_one(thrown):
+    flip = np.array([1.0, 1.0, -1.0])
+    table = read(replace(thrown, q=thrown.q * flip, v=thrown.v * flip, end=thrown.end * flip))
+    assert table.loc[("mirrored", 0.3, 0.6), "std"] == pytest.approx(0.0)
+    assert table.loc[("given", 0.3, 0.6), "std"] > 0.5
+
+
+def test_a_throw_that_goes_farther_than_expected_is_a_positive_error(thrown):
+    way = np.sign((thrown.end - thrown.q)[:, 0].mean())
+    farther = replace(thrown, end=thrown.end + way * np.array([2.0 * HALF, 0.0, 0.0]))
+    assert read(farther).loc[("given", 0.3, 0.6), "mean"] == pytest.approx(1.0)
+
+
+def test_the_distance_from_the_thesis_counts_standard_errors():
+    assert SHOWN["law"] == PUBLISHED
+    assert _chi2(PUBLISHED, 485) == 0.0
+    mean, std, face = PUBLISHED
+    error = np.sqrt(1.0 / 485 + 1.0 / 750)
+    assert _chi2((mean + 3.0 * std * error, std, face), 485) == pytest.approx(9.0)
+    assert _chi2((mean, std, face - 2.0 * np.sqrt(face * (1.0 - face)) * error), 485) == pytest.approx(4.0)
