@@ -169,6 +169,8 @@ def test_the_baseline_without_a_contact_model_is_that_of_the_stored_run():
     said = re.search(r"^\| no contact model: .* \| ± (\S+) \| (\d+) % \| \|$", FINDINGS, re.M)
     own = stored.loc[("nearest", 0)]
     assert list(said.groups()) == [f"{own['std']:.2f}", f"{100 * own['face_right']:.0f}"]
+    # "scatter less than any law does"
+    assert own["std"] < stored["std"].xs(0, level="contact")[["law", "residual", "residual_wrench", "critique"]].min()
 
 
 def test_what_is_said_of_the_analytical_model_is_that_of_the_stored_run():
