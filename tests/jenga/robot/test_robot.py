@@ -7,7 +7,7 @@ from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled, exact_robot
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.primitives import Gripper, free_places
 from thesis_lib.jenga.robot.robot import Robot, Sensor, standard_deviations
-from thesis_lib.jenga.robot.samples import STATE
+from thesis_lib.jenga.robot.samples import STATE, Samples
 from thesis_lib.jenga.tower.settings import HiddenEffects, RobotSettings, SensingSettings, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, Tower
 
@@ -90,6 +90,28 @@ def test_noise_is_as_declared_and_falls_with_the_advance():
     assert standard_deviations(0.0, settings)[X] > 2.0 * standard_deviations(30.0, settings)[X]
 
 
+def test_a_robot_that_is_told_states_hears_them_without_noise_and_shifts_no_stream():
+    state, noisy = np.arange(7.0), Sensor(SensingSettings(), np.random.default_rng(1))
+    told = Sensor(SensingSettings(exact=True), np.random.default_rng(1))
+    assert told.read(state).tolist() == state.tolist() != noisy.read(state).tolist()
+    assert told.rng.random() == noisy.rng.random()
+
+
+@pytest.mark.slow
+def test_a_goal_of_three_quarters_is_pushed_to_and_needs_longer_pushes():
+    with pytest.raises(ValueError, match="beyond longest_push"):
+        RobotSettings(goal=56.25e-3)
+    tower = Tower(SEED, robot=RobotSettings(goal=56.25e-3, longest_push=68e-3)).settle()
+    robot = exact_robot(tower)
+    robot.start(FREE_BLOCK)
+    while not (robot.reached_goal() or robot.at_end()):
+        robot.push_step(0.0, 0.0)
+    state = robot.state()
+    assert robot.reached_goal() and 56.25 <= state[X] < 58.0 and robot.steps > 45
+    zeros, row = np.zeros((1, 2)), np.zeros(1)
+    Samples(row, row, state[None], zeros, state[None], zeros, row, row, row)  # within `RANGE`
+
+
 def _out(tower: Tower, block: int = FREE_BLOCK) -> None:
     robot = exact_robot(tower)
     robot.start(block)
@@ -114,6 +136,30 @@ def test_a_free_block_is_extracted_and_placed_on_top():
     assert tower.fallen().size == 0
     layer, places = free_places(tower, held=1)
     assert layer == 18 and len(places) == 2 and tower.place[FREE_BLOCK] not in places
+
+
+@pytest.mark.slow
+def test_the_error_of_a_grasp_is_as_declared_and_drawn_only_if_there_is_one(monkeypatch):
+    tower = Settled.get()
+    _out(tower)
+    out, rng = tower.save(), np.random.default_rng(3)
+    before, places = rng.bit_generator.state, []
+    for sigma in (0.0, 3e-3):
+        tower.load(out)
+        monkeypatch.setattr(tower, "robot_settings", RobotSettings(grasp_error=sigma))
+        gripper = Gripper(tower)
+        gripper.extract(FREE_BLOCK, rng)
+        assert (rng.bit_generator.state == before) == (sigma == 0.0)
+        places.append(gripper._in_hand()[0])
+        gripper.let_go()
+    # closing jaws shift the hand across the block and turn it, not along it; a block that is pulled slips a little
+    assert places[0] - places[1] == pytest.approx(3e-3 * np.random.default_rng(3).standard_normal(), abs=2e-3)
+    monkeypatch.setattr(tower, "robot_settings", RobotSettings(grasp_error=3e-3))
+    gripper = Gripper(tower)
+    drawn = np.array([gripper._error(rng) for _ in range(4000)])
+    assert drawn[:, 0].std() == pytest.approx(3e-3, rel=0.05)
+    assert np.abs(drawn[:, 1]).max() == 6e-3  # the open jaws always go around the block
+    assert drawn[:, 2].std() == pytest.approx(drawn[:, 1].std() / 0.023, rel=0.05)
 
 
 @pytest.mark.slow

@@ -30,6 +30,21 @@ def test_a_tower_gives_the_same_samples_again(collected):
     assert not np.array_equal(other.state, samples.state[:3])
 
 
+@pytest.mark.slow
+def test_a_limit_of_force_ends_pushes_and_none_changes_nothing(collected):
+    no_limit = collected[0]
+    force = STATE.index("f_n")
+    limited = Setup(collect=CollectSettings(reduced=True, force_limit=0.5))
+    samples, table = explore_tower(SEED, 7, limited, limit=15)
+    last = np.append(np.diff(samples.push) != 0, True)
+    assert (samples.next_state[~last, force] <= 0.5).all()
+    ended = table["reason"] == "force"
+    assert ended.any() and (no_limit.next_state[:, force] > 0.5).any()
+    assert "force" not in set(collected[1]["reason"])
+    same = int(table["steps"].to_numpy()[: int(np.argmax(ended))].sum())  # until the first push that it ends
+    pd.testing.assert_frame_equal(as_table(samples.first(same)), as_table(no_limit.first(same)))
+
+
 def test_samples_of_a_push_follow_each_other(collected):
     samples, table = collected
     assert len(samples) == 25 and table["steps"].sum() == 25

@@ -15,10 +15,12 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.robot import push_axes, way_out
+from thesis_lib.jenga.robot.samples import MM, RADIUS_OF_GYRATION
 from thesis_lib.jenga.tower.tower import PER_LAYER, Tower
 from thesis_lib.jenga.tower.tower_model import BLOCKS, OPEN, PARKED
 
 GRASP = 10e-3  # m from the end of the block to the middle of the pads
+ROOM = 6e-3  # m off the middle, or of yaw·r_g, at which the open jaws still clear the block: three quarters of OPEN
 SQUEEZE = -4e-3  # m past the block's side, commanded to the jaws: the force limit stops them before
 CLOSING, OPENING, RESTING = 0.1, 0.1, 0.4  # s
 BEYOND = 5e-3  # m that the block is pulled beyond its length
@@ -51,10 +53,11 @@ class Gripper:
         self._body = model.body("hand").id
         self.held: int | None = None
 
-    def extract(self, block: int) -> PrimitiveOutcome:
+    def extract(self, block: int, rng: np.random.Generator | None = None) -> PrimitiveOutcome:
         """Grasp a block and pull it out of the tower; after success it is held.
 
-        UserError if it does not protrude far enough to be grasped, TowerError if the simulation breaks down.
+        rng: of the hand's `grasp_error`; without it there is none.  UserError if the block does not protrude far enough
+        to be grasped, TowerError if the simulation breaks down.
         """
         tower, (u, _) = self.tower, push_axes(block)
         out = way_out(tower, block)
@@ -63,7 +66,7 @@ class Gripper:
         before = tower.poses()
         if block in tower.settings.hidden.glued:  # the jaws pull in vain: three blocks do not come out as one
             return PrimitiveOutcome(False, "it does not come out", *tower.perturbation(block, before), False)
-        self._grasp(block)
+        self._grasp(block, rng)
         distance = tower.sizes[block, 0] - out + BEYOND
         inside = self._in_hand()
         self._pull(u * distance, distance / self.settings.pull_speed)
@@ -101,16 +104,27 @@ class Gripper:
             reason == "", reason, *tower.perturbation(block, before), reason == FELL_FROM_TOP or tower.toppled(block)
         )
 
-    def _grasp(self, block: int) -> None:
+    def _grasp(self, block: int, rng: np.random.Generator | None) -> None:
         tower, matrix = self.tower, self.tower.matrix(block)
         self.held = block
-        point = tower.position(block) + matrix @ [tower.sizes[block, 0] / 2.0 - GRASP, 0.0, 0.0]
-        self._put_hand((*point, _turn(matrix)))
+        along, across, turned = self._error(rng)
+        point = tower.position(block) + matrix @ [tower.sizes[block, 0] / 2.0 - GRASP + along, across, 0.0]
+        self._put_hand((*point, _turn(matrix) + turned))
         self._let_jaws_touch(block, True)
         mujoco.mj_forward(tower.model, tower.data)
         self._command_jaws(SQUEEZE)
         tower.simulate(CLOSING)
         self._weld(True)
+
+    def _error(self, rng: np.random.Generator | None) -> np.ndarray:
+        """Error of the hand along and across the block (m) and of its turn (rad); draws only if there is one."""
+        sigma = self.settings.grasp_error
+        if rng is None or not sigma:
+            return np.zeros(3)
+        # the open jaws are put around the block: a hand that does not fit is moved until it does
+        fits = np.array([GRASP, ROOM, ROOM])
+        error = np.clip(sigma * rng.standard_normal(3), -fits, fits)
+        return error / [1.0, 1.0, RADIUS_OF_GYRATION / MM]
 
     def _put_hand(self, pose: tuple[float, ...]) -> None:
         """Hand at x, y, z (m) and turn (rad), with open jaws, at rest."""

@@ -24,14 +24,14 @@ ACTION = ("offset", "heading")
 CONTEXT = ("layer", "side")
 FREE, STUCK, UNKNOWN = 0, 1, -1
 
-# Beyond what a push of 45 mm can give: the block has left the tower, or the tower has fallen.
+# Beyond what a push can give: the block has left the tower, or the tower has fallen.
 RANGE = {
-    "x": (-6.0, 60.0),  # mm: at most 45 pushed, plus sliding of the block and camera noise
+    "x": (-6.0, 75.0),  # mm: the block's length, of which at most three quarters are pushed
     "y": (-25.0, 25.0),  # mm: one width sideways
     "yaw": (-25.0, 25.0),  # mm: 62 degrees
     "f_n": (-1.0, 12.0),  # N: the whole tower weighs 8 N; the pusher's limit is lower
     "f_t": (-6.0, 6.0),  # N
-    "advance": (-0.5, 47.0),  # mm: 45 steps of 1 mm
+    "advance": (-0.5, 75.0),  # mm: as x
     "tower": (-5.0, 25.0),  # mm: a block that moved by its own width means a tower that fell
     "offset": (-12.5, 12.5),  # mm: the end face is 25 mm wide
     "heading": (-1.0, 1.0),  # rad

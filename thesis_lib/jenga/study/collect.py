@@ -2,10 +2,11 @@
 
 A run on one tower tries blocks in random order until one falls, all 45 have been tried, or there are enough samples.
 A push ends when the robot gives up (at random, so that 100 samples hold both stuck and free blocks), sees the tower
-move too far or the block leave its way, has advanced 45 mm, or has the block out far enough, which is then extracted
-and placed.  A fall ends the run, and the sample in which it happens is discarded.  Each tower has its own random
-stream.  The hidden label of a push (`Samples.truth`) comes from a trial push just before it, which takes about as long
-as the push itself: samples to learn from go without it (`UNKNOWN`) and are otherwise the same to the last bit.
+move too far, reads a force above the limit (if there is one), sees the block leave its way, has pushed as far as it
+may, or has the block out far enough, which is then extracted and placed.  A fall ends the run, and the sample in which
+it happens is discarded.  Each tower has its own random stream.  The hidden label of a push (`Samples.truth`) comes from
+a trial push just before it, which takes about as long as the push itself: samples to learn from go without it
+(`UNKNOWN`) and are otherwise the same to the last bit.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from thesis_lib.jenga.robot.samples import MM, RANGE, STATE, UNKNOWN, Samples, j
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
 
-SIDEWAYS, YAW, SEEN = (STATE.index(name) for name in ("y", "yaw", "tower"))
+SIDEWAYS, YAW, FORCE, SEEN = (STATE.index(name) for name in ("y", "yaw", "f_n", "tower"))
 APART = 1000  # seeds from one training set to the next
 REFUSED = 3  # unusable towers in a row that point to the settings, not the tower
 ATTEMPT = ("tower", "block", "layer", "side", "truth", "steps", "pushed", "extracted", "placed", "reason")
@@ -59,7 +60,7 @@ class _Run:
         extracted = placed = -1  # not tried
         if reason == "goal" and not reduced:
             gripper = Gripper(tower)
-            outcome = gripper.extract(block)
+            outcome = gripper.extract(block, self.rng)
             extracted = int(outcome.success)
             if gripper.held is not None and not outcome.ends_run:
                 outcome = gripper.place(self.rng)
@@ -96,6 +97,8 @@ class _Run:
                 return "longest push"
             if after[SEEN] > MM * settings.tower_limit:
                 return "tower moves"
+            if settings.force_limit is not None and after[FORCE] > settings.force_limit:
+                return "force"
             if max(abs(after[SIDEWAYS]), abs(after[YAW])) > MM * settings.stray_limit:
                 return "left its way"
             if self.rng.random() < settings.retract:

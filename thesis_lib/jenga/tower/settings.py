@@ -1,8 +1,9 @@
 """Settings of tower, robot, sensing and collection: SI units; "own choice" where the thesis gives no number."""
 
 import math
+from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from thesis_lib.foundation.settings import Section
 
@@ -64,9 +65,16 @@ class RobotSettings(Section):
     jaw_friction: float = Field(0.8, gt=0, description="rubber on wood; own choice")
     pull_speed: float = Field(0.06, gt=0, description="m/s; own choice")
     release_height: float = Field(0.6e-3, gt=0, description="m above the top at which a block is let go; own choice")
+    grasp_error: float = Field(0.0, ge=0, description="m, one sigma of the hand's x, y and yaw·r_g where it grasps")
     weld: bool = Field(False, description="hold by a weld instead of friction, for comparison only")
     damage_distance: float = Field(10e-3, gt=0, description="m of any other block that counts as damage; thesis")
     damage_angle: float = Field(15.0, gt=0, description="degrees of any other block that count as damage; thesis")
+
+    @model_validator(mode="after")
+    def _goal_within_reach(self) -> Self:
+        if self.goal > self.longest_push:
+            raise ValueError("goal is beyond longest_push, so that no block would ever be extracted: raise both")
+        return self
 
     def is_damage(self, distance: float, angle: float) -> bool:
         """Whether another block displaced by `distance` (m) and turned by `angle` (rad) counts as damage."""
@@ -76,6 +84,7 @@ class RobotSettings(Section):
 class SensingSettings(Section):
     """Standard deviations of what the robot is told; all own choice, none is published."""
 
+    exact: bool = Field(False, description="the robot is told true states (thesis, section 5.4.3); the rest is unused")
     pose_first: float = Field(0.8e-3, ge=0, description="m, of x, y and yaw·r_g at the start of a push")
     pose_last: float = Field(0.3e-3, ge=0, description="m, of the same when much of the block shows")
     pose_length: float = Field(8e-3, gt=0, description="m of advance over which the difference falls by e")
@@ -89,7 +98,8 @@ class CollectSettings(Section):
     change: float = Field(0.25, ge=0, le=1, description="probability a step that contact and heading are drawn anew")
     offset: float = Field(8e-3, ge=0, description="m, contact locations are uniform within this of the centre")
     heading: float = Field(0.15, ge=0, description="rad, headings are uniform within this")
-    retract: float = Field(0.1, gt=0, le=1, description="probability a step of giving up: 100 samples hold many blocks")
+    retract: float = Field(0.1, ge=0, le=1, description="probability a step of giving up: 100 samples hold many blocks")
+    force_limit: float | None = Field(None, gt=0, description="N read that end the push; null: only the arm's limit")
     tower_limit: float = Field(6e-3, gt=0, description="m of perturbation seen that ends the push; spares the tower")
     stray_limit: float = Field(12e-3, gt=0, description="m sideways or of yaw·r_g that ends the push: the block leaves")
     reduced: bool = Field(False, description="push on the reduced tower (declared fast variant)")
