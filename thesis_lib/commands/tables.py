@@ -78,6 +78,8 @@ Stuck or free after five steps, without truth in learning
     chapter5/model_agreement: size set balanced_accuracy low high n_stuck n_free n_abstractions
 What each abstraction looks like
     chapter5/model_abstractions: size set abstraction share force move lag drag stuck stuck_share
+Experts of the mixture of regressions (section 5.7: 2 to 11)
+    chapter5/model_experts_summary: quantity size value low high n
 Figure 5-7 in numbers
     chapter5/model_summary: quantity value low high n
 The No-U-Turn sampler against the filter (figure 5-8)

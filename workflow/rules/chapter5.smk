@@ -186,7 +186,7 @@ rule ch5_model:
     resources:
         **needs("ch5_model"),
     params:
-        settings=settings(CONFIG.chapter5, "setup", "learner", "games"),
+        settings=settings(CONFIG.chapter5, "setup", "learner", "games", "experts"),
         seed=CONFIG.seed,
         lib=code_of("ch5_model"),
     message:

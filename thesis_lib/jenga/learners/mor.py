@@ -12,6 +12,7 @@ Belief: b(l) ∝ p(z_{t+1} | …, l) times the gate's prior of the step, times t
 Source: thesis, section 5.5.2; Jordan and Jacobs 1994, doi 10.1162/neco.1994.6.2.181 (EM for gated experts).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,6 +42,10 @@ class Experts:
         square = (y[:, None] - np.einsum("nd,kdo->nko", x, self.w)) ** 2 / self.var
         normal = -0.5 * (square + np.log(2 * np.pi * self.var)).sum(axis=2)
         return self.log_gate(x) + normal
+
+    def log_density(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """log p(Δ | x) (n,)."""
+        return np.logaddexp.reduce(self.log_joint(x, y), axis=1)
 
 
 def _log_softmax(logits: np.ndarray) -> np.ndarray:
@@ -80,6 +85,31 @@ def em(x: np.ndarray, y: np.ndarray, k: int, settings: ExpertSettings, rng: np.r
     return best
 
 
+def cross_validated(
+    x: np.ndarray,
+    y: np.ndarray,
+    push: np.ndarray,
+    numbers: Iterable[int],
+    settings: ExpertSettings,
+    rng: np.random.Generator,
+) -> dict[int, np.ndarray]:
+    """Log density (n,) of each sample under experts fitted to other pushes, for each number of experts.
+
+    x̃ (n, d + 1), changes y (n, 7); push (n,), equal for the samples of a push, which are consecutive.
+    """
+    push = np.cumsum(np.diff(push, prepend=push[0]) != 0)  # numbered from 0
+    fold = rng.permutation(push.max() + 1)[push] % settings.folds
+    once = settings.model_copy(update={"restarts": 1})  # folds already average over starts
+    scores = {}
+    for k in numbers:
+        scores[k] = np.zeros(len(y))
+        for f in np.unique(fold):
+            train, test = fold != f, fold == f
+            if train.any():
+                scores[k][test] = em(x[train], y[train], k, once, rng).log_density(x[test], y[test])
+    return scores
+
+
 def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, ridge: float) -> Experts:
     """M step of EM."""
     d = x.shape[1]
@@ -113,18 +143,9 @@ class Mor(Learner):
         config = self.settings.experts
         inputs, y = self.scale(samples)
         x = with_one(inputs)
-        push = np.cumsum(np.diff(samples.push, prepend=samples.push[0]) != 0)  # numbered from 0
-        fold = rng.permutation(push.max() + 1)[push] % config.folds
-        once = config.model_copy(update={"restarts": 1})  # folds already average over starts
-        self.scores = {}
-        for k in range(config.fewest, config.most + 1):
-            total = 0.0
-            for f in np.unique(fold):
-                train, test = fold != f, fold == f
-                if train.any():
-                    log_joint = em(x[train], y[train], k, once, rng).log_joint(x[test], y[test])
-                    total += np.logaddexp.reduce(log_joint, axis=1).sum()
-            self.scores[k] = total / len(y)
+        numbers = range(config.fewest, config.most + 1)
+        scores = cross_validated(x, y, samples.push, numbers, config, rng)
+        self.scores = {k: float(score.sum()) / len(y) for k, score in scores.items()}
         best = max(self.scores, key=self.scores.get)
         self.experts = em(x, y, best, config, rng)
         self.shares = np.exp(self.experts.log_gate(x)).mean(axis=0)

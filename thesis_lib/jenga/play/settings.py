@@ -67,6 +67,13 @@ class HiddenChoice(Section):
     layer: int = Field(6, ge=0, le=13, description="glued blocks and slippery layer; own choice: amid the tower")
 
 
+class ExpertChoice(Section):
+    """How many experts a mixture of regressions needs: numbers that are tried beside its own, 2 to 11 (thesis)."""
+
+    fewest: int = Field(1, ge=1, description="experts; 1: a single regression")
+    most: int = Field(13, ge=2, description="experts; more than the thesis found, so that more could be found")
+
+
 class Chapter5(Section):
     """Abstractions of a Jenga tower's mechanics, and a robot that plays."""
 
@@ -79,3 +86,4 @@ class Chapter5(Section):
     games: GameChoice = GameChoice()
     showcase: ShowcaseChoice = ShowcaseChoice()
     hidden: HiddenChoice = HiddenChoice()
+    experts: ExpertChoice = ExpertChoice()

@@ -14,6 +14,7 @@ from thesis_lib.jenga.play.players import fitted
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 from thesis_lib.jenga.study import model_study as study
+from thesis_lib.jenga.study.expert_study import expert_tables
 
 params, source = snakemake.params, snakemake.input
 settings = Chapter5.model_validate(params.settings)
@@ -25,6 +26,14 @@ tables = {
     "abstractions": study.looks(learners, held_out),
     "cone": study.cone_table(shown, held_out, settings.setup),
     "height": study.height_table(shown, held_out, settings.setup),
+    **expert_tables(
+        sets,
+        held_out,
+        settings.games.sizes,
+        settings.experts,
+        settings.learner,
+        generator(params.seed, "ch5_model", "experts"),
+    ),
 }
 tables["summary"] = study.summary(tables["cone"], tables["height"], generator(params.seed, "ch5_model", "summary"))
 folder = Path(snakemake.output[0]).parent
