@@ -82,6 +82,10 @@ Experts of the mixture of regressions (section 5.7: 2 to 11)
     chapter5/model_experts_summary: quantity size value low high n
 Figure 5-7 in numbers
     chapter5/model_summary: quantity value low high n
+What beliefs do along held-out pushes (section 5.5.4, figure 5-8)
+    chapter5/model_belief: quantity value low high n
+What the controller does about blocks pushed off their centre (figure 5-9)
+    chapter5/showcase_steering_summary: quantity value low high n
 The No-U-Turn sampler against the filter (figure 5-8)
     chapter5/showcase_runs: case step r_hat ess divergences belief_apart state_apart
 Effects that the learner has never seen

@@ -202,6 +202,7 @@ rule ch5_showcase:
         drawn_by("ch5_showcase"),
         runs=f"{CH5}/showcase_runs.csv",
         ends=f"{CH5}/showcase_steering.csv",
+        summary=f"{CH5}/showcase_steering_summary.csv",
     log:
         "results/logs/ch5_showcase.log",
     benchmark:

@@ -18,7 +18,7 @@ CH5_GAME_FILES = [
 ]
 CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
 CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed")
-CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary", "experts", "experts_summary")
+CH5_MODEL_TABLES = ("agreement", "abstractions", "cone", "height", "summary", "belief", "experts", "experts_summary")
 CH5_CLAIMED = [
     f"{CH5}/{name}.csv"
     for name in (
@@ -28,7 +28,9 @@ CH5_CLAIMED = [
         "study_success",
         "model_summary",
         "model_agreement",
+        "model_belief",
         "model_experts_summary",
+        "showcase_steering_summary",
     )
 ]
 CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")

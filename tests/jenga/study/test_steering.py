@@ -7,7 +7,7 @@ import pytest
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import YAW, Prediction, X, Y
 from thesis_lib.jenga.play.settings import ShowcaseChoice
-from thesis_lib.jenga.study.steering import steering_pushes, strayed_most
+from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, strayed_most
 from thesis_lib.jenga.tower.settings import Setup
 
 
@@ -44,6 +44,27 @@ def test_a_model_of_the_lever_arm_brings_blocks_back_that_were_pushed_off_their_
         pd.testing.assert_frame_equal(straight.loc[disturbed, same], steered.loc[disturbed, same])
         assert (straight.loc[straight["controlled"] == 1, "offset"] == 0).all()
         assert (steered.loc[steered["controlled"] == 1, "offset"] != 0).any()
+    found = steering_summary(steps, ends).set_index("quantity")["value"]
+    assert found["turned_back"] == 1.0 and found["stray_saved"] > 0.0
+
+
+def test_the_summary_counts_blocks_and_sides():
+    """Two blocks, both edges: three pushes begin on the side that turns the block back, one on the other."""
+    steps, ends = [], []
+    for block, edge, yaw, offset, saved in ((1, 8, -3, -8, 4), (1, -8, 3, 8, 0), (2, 8, -2, -4, 5), (2, -8, 2, -4, 1)):
+        for steered in (0, 1):
+            ends.append((block, edge, steered, 10 - saved * steered))
+            rows = [(block, edge, steered, 0, 0.0, edge, 0)]  # the disturbance does not count
+            rows += [(block, edge, steered, step, yaw, offset * steered, 1) for step in range(1, 6)]
+            steps += [*rows, (block, edge, steered, 6, 0.0, 12.5, 1)]  # nor do later steps
+    names = ["block", "edge", "steered"]
+    ends = pd.DataFrame(ends, columns=[*names, "stray"])
+    found = steering_summary(pd.DataFrame(steps, columns=[*names, "step", "yaw", "offset", "controlled"]), ends)
+    found = found.set_index("quantity")
+    assert found.loc["stray_saved", ["value", "n"]].tolist() == [2.5, 2]  # mean of blocks that saved 2 and 3
+    assert found.loc["stray_saved", "std"] == pytest.approx(0.5)
+    assert found.loc["turned_back", ["value", "n"]].tolist() == [0.75, 4]
+    assert found.loc["edge", "value"] == pytest.approx((8 + 8 + 4 + 4) / 4 / 12.5)
 
 
 def test_the_pair_shown_is_the_one_whose_straight_push_strayed_most_of_those_that_came_out():

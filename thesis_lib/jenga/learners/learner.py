@@ -27,6 +27,7 @@ Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/s
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -189,9 +190,11 @@ def push_groups(samples: Samples) -> list[np.ndarray]:
     return np.split(np.arange(len(samples)), np.flatnonzero(np.diff(samples.push)) + 1) if len(samples) else []
 
 
-def log_likelihood(mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings) -> np.ndarray:
-    """Log density (n, K) of `observed` (n, 7) under each abstraction, with mean and var (n, K, 7)."""
-    dims = list(SEEN)
+def log_likelihood(
+    mean: np.ndarray, var: np.ndarray, observed: np.ndarray, settings: BeliefSettings, seen: Sequence[int] = SEEN
+) -> np.ndarray:
+    """Log density (n, K) of the `seen` of `observed` (n, 7) under each abstraction, with mean and var (n, K, 7)."""
+    dims = list(seen)
     var = var[..., dims]
     square = (observed[:, None, dims] - mean[..., dims]) ** 2 / var
     normal = -0.5 * (square + np.log(2 * np.pi * var))

@@ -24,8 +24,11 @@ from thesis_lib.jenga.robot.robot import Robot, Sensor
 from thesis_lib.jenga.robot.samples import FREE, MM
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
+from thesis_lib.statistics.intervals import standard_error, student_mean, wilson, wilson_std
 
 MOST = 60  # steps after which an unfinished push ends
+FIRST = 5  # steps of the controller that show what it does about the disturbance: its horizon
+HALF_WIDTH = 12.5  # mm, of a block
 
 
 def steering_pushes(
@@ -87,6 +90,33 @@ def _push(robot: Robot, block: int, first: Push, policy: Learned | None, disturb
     true = robot.state()
     stray = float(np.hypot(true[Y], true[YAW]))
     return rows, {"steps": len(rows), "out": int(robot.reached_goal()), "stray": stray}
+
+
+def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
+    """What `steering_pushes` show: rows of quantity, value, std (standard error), low, high (95 %), n.
+
+    stray_saved: stray (mm) of the straight push less that of the steered one, mean over blocks.  turned_back: share of
+    steered pushes whose contact, mean of the controller's first `FIRST` steps, lies on the side that turns the block
+    back (+y turns it to −yaw).  edge: that contact's distance from the centre, as a share of half the block's width.
+    """
+    wide = ends.pivot(index=["block", "edge"], columns="steered", values="stray")
+    saved = (wide[0] - wide[1]).groupby("block").mean().to_numpy()
+    controlled = steps[(steps["steered"] == 1) & (steps["controlled"] == 1)]
+    chosen = controlled.groupby(["block", "edge"]).head(FIRST).groupby(["block", "edge"])
+    offset, yaw = chosen["offset"].mean(), chosen["yaw"].first()
+    back, edge = (offset * yaw > 0.0).to_numpy(), (offset.abs() / HALF_WIDTH).to_numpy()
+    n = len(back)
+    rows = [
+        ("stray_saved", *_with_interval(saved), len(saved)),
+        ("turned_back", float(back.mean()), wilson_std(float(back.mean()), n), *wilson(float(back.sum()), n), n),
+        ("edge", *_with_interval(edge), n),
+    ]
+    return pd.DataFrame(rows, columns=["quantity", "value", "std", "low", "high", "n"])
+
+
+def _with_interval(values: np.ndarray) -> tuple[float, float, float, float]:
+    mean, low, high = student_mean(values)
+    return mean, standard_error(values), low, high
 
 
 def strayed_most(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:

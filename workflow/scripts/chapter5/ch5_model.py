@@ -14,18 +14,20 @@ from thesis_lib.jenga.play.players import fitted
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 from thesis_lib.jenga.study import model_study as study
+from thesis_lib.jenga.study.belief_study import belief_table
 from thesis_lib.jenga.study.expert_study import expert_tables
 
 params, source = snakemake.params, snakemake.input
 settings = Chapter5.model_validate(params.settings)
 sets, held_out = [read_samples(path) for path in source.sets], read_samples(source.held_out)
 learners = fitted(sets, settings, generator(params.seed, "ch5_model", "fit"))
-shown = learners[max(learners)]
+shown, largest = learners[max(learners)], max(learners)[0]
 tables = {
     "agreement": study.agreements(learners, held_out, generator(params.seed, "ch5_model", "agreement")),
     "abstractions": study.looks(learners, held_out),
     "cone": study.cone_table(shown, held_out, settings.setup),
     "height": study.height_table(shown, held_out, settings.setup),
+    "belief": belief_table([learner for (size, _), learner in learners.items() if size == largest], held_out),
     **expert_tables(
         sets,
         held_out,

@@ -16,7 +16,7 @@ from thesis_lib.jenga.play.players import policy_of
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 from thesis_lib.jenga.study import showcase
-from thesis_lib.jenga.study.steering import steering_pushes, strayed_most
+from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, strayed_most
 
 params, out = snakemake.params, snakemake.output
 settings, shown = Chapter5.model_validate(params.settings), params.settings["showcase"]
@@ -37,5 +37,6 @@ folder = Path(out.runs).parent
 save_figure(*figures.figure_5_8(beliefs), folder / "figure_5_8")
 steps, ends = steering_pushes(policy.learner, showcase.SHOWN, settings.setup, choice, stream("steering"))
 write_result(ends, out.ends)
+write_result(steering_summary(steps, ends), out.summary)
 save_figure(*figures.figure_5_9(strayed_most(steps, ends)), folder / "figure_5_9")
 save_figure(*figure_game(*showcase.frames(game)), folder / "figure_game")
