@@ -328,6 +328,19 @@ def test_sentences_on_the_games_are_those_of_the_stored_study():
     assert [int(x) for x in numbers.groups()] == [round(100 * x) for x in found]
 
 
+def test_sentences_on_steering_are_those_of_the_stored_study():
+    ends = pd.read_csv(ROOT / "config/reference/chapter5/showcase_steering.csv")
+    stray = ends.pivot(index=["block", "edge"], columns="steered", values="stray")
+    saved = stray[0] - stray[1]
+    blocks = saved.groupby("block").mean()
+    said = " ".join(FINDINGS.split())
+    steered, straight = stray[1].max(), stray[0].max()
+    assert f"within {steered:.1f} mm of the goal. Straight on they stray by up to {straight:.0f} mm," in said
+    assert f"and by more in {(saved > 0).sum()} of {len(saved)} pairs; the mean over the {len(blocks)} blocks," in said
+    assert f"{blocks.mean():.1f} ± {blocks.sem():.1f} mm, is too few to tell" in said
+    assert blocks.mean() < 2.0 * blocks.sem()
+
+
 @pytest.mark.parametrize(
     "target", sorted(set(re.findall(r"(?:`|^    )make ([a-z-]+)", README + HARNESSES + BENCHMARKS, re.M)))
 )

@@ -73,7 +73,9 @@ def _of_one(
     scores = cross_validated(x, y, samples.push, numbers, settings.experts, rng)
     other = with_one(learner.scaling.inputs(held_out.state, held_out.action, held_out.context))
     changes = learner.scaling.outputs(held_out.state, held_out.next_state)
-    held = {k: em(x, y, k, settings.experts, rng).log_density(other, changes) for k in numbers}
+    # as in cross-validation: training sets average over starts
+    once = settings.experts.model_copy(update={"restarts": 1})
+    held = {k: em(x, y, k, once, rng).log_density(other, changes) for k in numbers}
     chosen = max(scores, key=lambda k: scores[k].sum())
     rows = []
     for k in numbers:

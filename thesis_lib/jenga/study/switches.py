@@ -1,0 +1,290 @@
+"""What differences between the thesis's set-up and ours do to the games: one switch at a time.
+
+A switch is an overlay of `chapter5` in config/chapter5_switches.yaml.  With each, training samples are collected anew,
+learners are fitted to them, and every policy plays the same towers as without it ("none", the games of the study):
+
+    effect of a switch on a policy = mean over towers of (extractions with it − extractions without it)
+
+with Student's t interval over towers.  Blocks come in the same order with the same noise, and learners are fitted with
+the same random numbers, so that "none" gives the games of `snakemake chapter5` again, and so does a switch that does
+nothing.  Each set of samples and each game is a file of its own; what is there is not made again.
+
+    python -m thesis_lib.jenga.study.switches --plan                          # how many games, about how long
+    python -m thesis_lib.jenga.study.switches --towers 6                      # plays what is missing, then the table
+    python -m thesis_lib.jenga.study.switches --switches none exact_states    # for a second terminal, the others there
+
+Overlays to choose from are tried on development towers in the same way (switch_success.csv: shares of figure 5-6):
+
+    python -m thesis_lib.jenga.study.switches --first 0 --towers 5 --policies exploration --overlays FILE --folder DIR
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from thesis_lib.foundation.command_line import Parser, command
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_json, write_json, write_result
+from thesis_lib.foundation.progress import Progress, duration
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.jenga.play.game import Game, play, read_game, write_game
+from thesis_lib.jenga.play.players import policy_of
+from thesis_lib.jenga.play.policies import Policy
+from thesis_lib.jenga.play.settings import Chapter5
+from thesis_lib.jenga.robot.samples import Samples, read_samples, write_samples
+from thesis_lib.jenga.study.collect import collect_named
+from thesis_lib.jenga.study.study import games_table, success_table
+from thesis_lib.statistics.intervals import standard_error, student_mean
+
+NONE = "none"
+SWITCHES = Path("config/chapter5_switches.yaml")
+CONFIG = Path("config/config.yaml")
+FOLDER = Path("results/chapter5/switches")
+POLICIES = ("hma", "mor", "network", "rule", "exploration")
+FIXED = ("rule", "always_push", "exploration", "oracle")  # without training
+GAME, SAMPLE = 70.0, 0.25  # s of CPU time that a whole game and a sample took when this was written
+
+
+class Task(NamedTuple):
+    """A game to be played: the switch, who plays, from how many samples (0: does not learn), on which tower."""
+
+    switch: str
+    policy: str
+    size: int
+    tower: int
+
+
+@dataclass(frozen=True)
+class Study:
+    """Games of one folder.
+
+    settings: of each switch, without it under `NONE`.  seed: of the configuration.  blocks: tried in a game.
+    """
+
+    folder: Path
+    settings: Mapping[str, Chapter5]
+    seed: int
+    blocks: int
+
+    def tasks(self, policies: Sequence[str], size: int, towers: int, first: int | None = None) -> list[Task]:
+        """All games, tower by tower, so that an interrupted study compares what it has on the same towers.
+
+        first: seed of the first tower, by default of the first test tower.
+        """
+        first = self.settings[NONE].towers.first_test if first is None else first
+        return [
+            Task(switch, policy, 0 if policy in FIXED else size, first + i)
+            for i in range(towers)
+            for switch in self.settings
+            for policy in policies
+        ]
+
+    def path(self, task: Task) -> Path:
+        """The file of a game."""
+        return self.folder / task.switch / "games" / f"{task.policy}_{task.size}_{task.tower}.json"
+
+    def missing(self, tasks: Sequence[Task]) -> list[Task]:
+        """Games that have not been played."""
+        return [task for task in tasks if not self.path(task).is_file()]
+
+    def run(self, tasks: Sequence[Task], say: Callable[[str], None] = lambda _: None) -> None:
+        """Play the games that are missing; UserError if those that are there were played with other settings."""
+        self._check(tasks)
+        missing = self.missing(tasks)
+        learned: dict[tuple, Policy] = {}
+        for i, task in enumerate(missing):
+            say(f"game {i} of {len(missing)}, {task.policy} with {task.switch} on tower {task.tower}")
+            # all games of a set have the very same learner
+            key = (task.switch, task.policy, task.size, self._set(task) if task.size else 0)
+            if key not in learned:
+                learned[key] = self.policy(task)
+            self.play(task, learned[key])
+
+    def _check(self, tasks: Sequence[Task]) -> None:
+        for switch in dict.fromkeys(task.switch for task in tasks):
+            names = ("setup", "learner", "play", "towers", "samples")
+            now = {name: getattr(self.settings[switch], name).model_dump(mode="json") for name in names}
+            now |= {"seed": self.seed, "blocks": self.blocks}
+            path = self.folder / switch / "settings.json"
+            if path.is_file() and read_json(path) != now:
+                raise UserError(f"the games of {path.parent} were played with other settings: move that folder away.")
+            write_json(now, path)
+
+    def seconds(self, tasks: Sequence[Task]) -> float:
+        """About how long these games and their samples will take, from what they took when this was written."""
+        sets = {(task.switch, self._set(task)): task.size for task in tasks if task.size}
+        samples = sum(size for key, size in sets.items() if not self._samples_path(*key, size).is_file())
+        return SAMPLE * samples + GAME * self.blocks / 45.0 * len(tasks)
+
+    def play(self, task: Task, policy: Policy | None = None) -> Game:
+        """Play a game and write its file."""
+        settings = self.settings[task.switch]
+        policy = policy or self.policy(task)
+        game = play(task.tower, policy, settings.setup, self.seed, blocks=self.blocks)
+        write_game(game, self.path(task))
+        return game
+
+    def policy(self, task: Task) -> Policy:
+        """Who plays a game, fitted as in `workflow/scripts/chapter5/ch5_game.py`."""
+        number = self._set(task)
+        learned_from = [f"results/chapter5/samples/set_{number}.csv"] if task.size else []
+        samples = self.samples(task.switch, number, task.size) if task.size else None
+        # keyed as there, whatever the switch: the same samples give the same learner
+        rng = generator(self.seed, "ch5_game", task.policy, str(task.size), *learned_from)
+        return policy_of(task.policy, samples, task.size, self.settings[task.switch], rng)
+
+    def samples(self, switch: str, number: int, size: int) -> Samples:
+        """The training set of this number with a switch, collected if there is none."""
+        path = self._samples_path(switch, number, size)
+        if not path.is_file():
+            settings = self.settings[switch]
+            name = f"set_{number}"
+            found, attempts = collect_named(name, size, settings.setup, settings.towers, settings.samples, self.seed)
+            write_result(attempts, path.with_name(f"{path.stem}_attempts.csv"))
+            write_samples(found, path)
+        return read_samples(path)
+
+    def tables(self, tasks: Sequence[Task]) -> dict[str, pd.DataFrame]:
+        """`effects` and `success` of the games that have been played."""
+        games = [(task.switch, task.size, read_game(self.path(task))) for task in tasks if self.path(task).is_file()]
+        return {"effects": effects(games), "success": successes(games)}
+
+    def _set(self, task: Task) -> int:
+        return task.tower % self.settings[task.switch].samples.sets
+
+    def _samples_path(self, switch: str, number: int, size: int) -> Path:
+        return self.folder / switch / "samples" / f"set_{number}_{size}.csv"
+
+
+def read_switches(path: str | Path, base: Chapter5) -> dict[str, Chapter5]:
+    """Settings without a switch (`NONE`) and with each switch of a file; UserError for keys that do not exist."""
+    document = read_yaml(path)
+    document.refuse_repeated(path)
+    if not isinstance(document.content, dict) or NONE in document.content:
+        raise UserError(f"{path} must hold `switch: {{section: {{key: value}}}}`, and none called {NONE}.")
+    return {NONE: base} | {name: overlaid(base, values, f"{path}, {name}") for name, values in document.content.items()}
+
+
+def overlaid(base: Chapter5, values: Mapping[str, Any], where: str) -> Chapter5:
+    """Settings with some values replaced; UserError that begins with `where` if they are none of chapter 5's."""
+    try:
+        return Chapter5.model_validate(_merged(base.model_dump(), values))
+    except ValueError as error:
+        raise UserError(f"{where}: {error}") from error
+
+
+def _merged(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    both = {key: _merged(base[key], value) for key, value in values.items() if isinstance(value, Mapping)}
+    return {**base, **values, **both}
+
+
+def effects(games: Sequence[tuple[str, int, Game]]) -> pd.DataFrame:
+    """A row per switch and policy, of games given as (switch, size, game).
+
+    Columns switch, policy, size, mean, std (standard error), low, high, n, refused; and against the games without a
+    switch on the same towers: difference, difference_std, difference_low, difference_high, n_paired.
+    """
+    table = pd.concat([games_table([(size, game)]).assign(switch=switch) for switch, size, game in games])
+    rows = []
+    keys = ["switch", "policy", "size"]
+    for (switch, policy, size), part in table.groupby(keys, sort=False):
+        counts = part.set_index("tower")["extractions"].dropna()
+        if counts.empty:
+            continue
+        mean, low, high = student_mean(counts.to_numpy())
+        row = dict(zip(keys, (switch, policy, size))) | {"mean": mean, "std": standard_error(counts.to_numpy())}
+        row |= {"low": low, "high": high, "n": len(counts), "refused": int(part["refused"].sum())}
+        plain = table[(table["switch"] == NONE) & (table["policy"] == policy) & (table["size"] == size)]
+        apart = (counts - plain.set_index("tower")["extractions"]).dropna().to_numpy()
+        if switch != NONE and len(apart):
+            found = dict(zip(("difference", "difference_low", "difference_high"), student_mean(apart)))
+            row |= found | {"difference_std": standard_error(apart), "n_paired": len(apart)}
+        rows.append(row)
+    names = [*keys, "mean", "std", "low", "high", "n", "refused"]
+    names += ["difference", "difference_std", "difference_low", "difference_high", "n_paired"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def successes(games: Sequence[tuple[str, int, Game]]) -> pd.DataFrame:
+    """`study.success_table` (figure 5-6) of each switch: column switch, then the columns there."""
+    parts = []
+    for switch in dict.fromkeys(switch for switch, _, _ in games):
+        own = [(size, game) for name, size, game in games if name == switch and not game.refused]
+        if not own:
+            continue
+        attempts = pd.concat([game.table().assign(size=size) for size, game in own], ignore_index=True)
+        shown = max((size for size, game in own if game.policy == "hma"), default=0)
+        found = success_table(attempts, shown)
+        parts.append(found[found["attempts"] > 0].assign(switch=switch))
+    table = pd.concat(parts, ignore_index=True)
+    return table[["switch", *(name for name in table.columns if name != "switch")]]
+
+
+def text_of(table: pd.DataFrame) -> str:
+    """The table `effects` for people: a line per switch and policy."""
+    lines = []
+    for row in table.to_dict("records"):
+        line = f"{row['switch']:<24}{row['policy']:<14}{_interval(row, 'mean', 'low', 'high')}, n = {row['n']}"
+        if row["n_paired"] > 0:
+            line += f"; {_interval(row, 'difference', 'difference_low', 'difference_high')} against {NONE}"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def _interval(row: Mapping[Any, Any], value: str, low: str, high: str) -> str:
+    ends = f" ({row[low]:.1f} to {row[high]:.1f})" if row[low] == row[low] else ""
+    return f"{row[value]:.1f}{ends}"
+
+
+@command
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; the exit code."""
+    options = _options(argv)
+    document = read_yaml(options.config).content or {}
+    base = overlaid(Chapter5(), document.get("chapter5") or {}, str(options.config))
+    known = read_switches(options.overlays, base)
+    if unknown := [name for name in options.switches or () if name not in known]:
+        raise UserError(f"there is no switch {unknown[0]} in {options.overlays}; known are {', '.join(known)}.")
+    if "seed" not in document:
+        raise UserError(f"{options.config} has no seed.")
+    study = Study(options.folder, known, int(document["seed"]), options.blocks)
+    tasks = study.tasks(options.policies, options.size, options.towers, options.first)
+    mine = [task for task in tasks if task.switch in (options.switches or known)]
+    missing = study.missing(mine)
+    about = duration(study.seconds(missing))
+    print(f"{len(mine) - len(missing)} of {len(mine)} games are there; the others take about {about} of CPU time")
+    if options.plan:
+        return 0
+    with Progress("switches") as say:
+        study.run(mine, say)
+    tables = study.tables(tasks)
+    for name, table in tables.items():
+        write_result(table, options.folder / f"switch_{name}.csv")
+    print(text_of(tables["effects"]))
+    print(f"tables: {options.folder}/switch_effects.csv, switch_success.csv", file=sys.stderr)
+    return 0
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = Parser(prog="python -m thesis_lib.jenga.study.switches", description=__doc__)
+    parser.add_argument("--plan", action="store_true", help="only say how many games are missing and what they take")
+    parser.add_argument("--towers", type=int, default=6, help="test towers, the same with every switch (6)")
+    parser.add_argument("--first", type=int, help="seed of the first tower (the first test tower)")
+    parser.add_argument("--size", type=int, default=100, help="samples that learners learn from (100)")
+    parser.add_argument("--blocks", type=int, default=45, help="blocks tried in a game (45)")
+    parser.add_argument("--policies", nargs="+", default=POLICIES, help=f"who plays ({' '.join(POLICIES)})")
+    parser.add_argument("--switches", nargs="+", help=f"switches to play, {NONE} among them (all)")
+    parser.add_argument("--overlays", type=Path, default=SWITCHES, help=f"file of the switches ({SWITCHES})")
+    parser.add_argument("--config", type=Path, default=CONFIG, help=f"seed and settings without a switch ({CONFIG})")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help=f"of games and tables ({FOLDER})")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
