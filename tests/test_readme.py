@@ -341,6 +341,34 @@ def test_sentences_on_steering_are_those_of_the_stored_study():
     assert blocks.mean() < 2.0 * blocks.sem()
 
 
+def test_sentences_on_beliefs_and_experts_are_those_of_the_stored_tables():
+    stored, said = ROOT / "config/reference/chapter5", " ".join(FINDINGS.split())
+    belief = pd.read_csv(stored / "model_belief.csv").set_index("quantity")
+
+    def told(row: pd.Series, digits: int, sign: float = 1.0) -> str:
+        return f"{sign * row['value']:.{digits}f} ± {row['std']:.{digits}f}"
+
+    resists, settles = belief.loc["stuck_resists"], belief.loc["easy_settles"]
+    assert f"gain {told(resists, 2)}, as in figure 5-8" in said and resists["low"] > 0.0
+    assert f"“easy move” ends at {told(settles, 2)}" in said
+    assert (belief.loc[["stuck_no_block_first", "easy_no_block_first"], "value"] == 0.0).all()
+    early, later = belief.loc["force_leads_early"], belief.loc["poses_gain_later"]
+    assert f"forces give {told(early, 1)} nats more evidence" in said and early["low"] < 0.0
+    assert f"displacements gain {told(later, 1)} nats a step" in said and later["low"] > 0.0
+
+    curves = pd.read_csv(stored / "model_experts.csv")
+    chosen = curves[curves["chosen"] == 1].groupby("size")["experts"].apply(sorted)
+    assert f"Of {curves['experts'].min()} to {curves['experts'].max()} cross-validation takes" in said
+    assert f"takes {chosen[100][0]} and {chosen[100][1]} experts with 100 samples of two training sets," in said
+    assert f"{chosen[1000][0]} and {chosen[1000][1]} with 1,000" in said
+    gain = pd.read_csv(stored / "model_experts_summary.csv").set_index(["quantity", "size"]).loc["chosen_gain"]
+    assert f"{told(gain.loc[1000], 1)} nats a sample better" in said and gain.loc[1000, "low"] > 0.0
+    assert f"With 100 it is {told(gain.loc[100], 1, -1.0)} worse, too noisy" in said and gain.loc[100, "high"] > 0.0
+    assert "in cross-validation no mixture is better by two standard errors" in said
+    few = curves[curves["size"] == 100]
+    assert (few["cv"] <= 2.0 * few["cv_std"]).all()
+
+
 @pytest.mark.parametrize(
     "target", sorted(set(re.findall(r"(?:`|^    )make ([a-z-]+)", README + HARNESSES + BENCHMARKS, re.M)))
 )
