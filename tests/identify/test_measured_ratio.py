@@ -1,5 +1,8 @@
 """m/I from single impacts: truth recovered from simulated drops, no attenuation, and what the measured sets say."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,6 +14,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.impacts.drop_spread import DROPS, IMPACTS, spreads
 from thesis_lib.identify.impacts.measured_ratio import (
     MIN_IMPACTS,
     ImpactLink,
@@ -183,3 +187,33 @@ def test_measured_dice_fit_best_with_offset_and_round_corners(planar_dice_dir, r
     # the uniform square that the header believes in is excluded under every hypothesis that fits within 3 noises
     fits = table[table["scale"] < 3.0]
     assert (fits["low"] > fits["published"]).all()
+
+
+SPREAD = 0.15  # relative: what the drops' own number leaves open, and resampling
+
+
+def test_spreads_are_those_of_the_noise(rng):
+    """Least squares over J impacts scatters by σ_ω / √Σ L², if only Δω is noisy; a sample of drops by √drops less."""
+    n, sigma = 3 * 2000, 0.5
+    lever = rng.choice([-1.0, 1.0], size=n)
+    spin = RATIO * lever + RATIO * sigma * rng.standard_normal(n)
+    expected = {"drop_spread": sigma / np.sqrt(IMPACTS), "sample_spread": sigma / np.sqrt(IMPACTS * DROPS)}
+    for trial in (np.arange(n), np.repeat(np.arange(n // 3), 3)):
+        assert spreads(lever, spin, trial, rng) == pytest.approx(expected, rel=SPREAD)
+    # of five impacts in a drop the first three count: the others, without any noise, change nothing
+    five = np.repeat(np.arange(n // 5), 5)
+    clean = np.where(np.arange(n) % 5 < IMPACTS, spin, RATIO * lever)
+    assert spreads(lever, clean, five, rng) == pytest.approx(expected, rel=SPREAD)
+
+
+def test_findings_state_the_spreads_of_the_measured_impacts(planar_impact_dir, rng):
+    table = measured_ratio(read_dataset(planar_impact_dir), rng, QUICK).set_index("variant")
+    text = " ".join((Path(__file__).parents[2] / "docs" / "findings.md").read_text(encoding="utf-8").split())
+    said = re.search(
+        r"from drop to drop by (\d+) % as published and (\d+) % with the rotation mirrored, .*? "
+        r"by ([\d.]+) and ([\d.]+) %",
+        text,
+    )
+    assert said, "findings.md has lost its sentence on the scatter of m/I"
+    found = table.loc[["as_published", "mirrored_rotation"], ["drop_spread", "sample_spread"]].to_numpy().T.ravel()
+    assert [float(x) for x in said.groups()] == pytest.approx(list(100.0 * found), rel=0.1)

@@ -41,6 +41,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
+from thesis_lib.identify.impacts.drop_spread import spreads
 from thesis_lib.identify.impacts.settings import MeasuredRatio
 from thesis_lib.statistics.spread import robust_std
 
@@ -68,7 +69,7 @@ _TURN = 1e-6  # rad, step of the derivative of r by θ
 COLUMNS = (
     *("dataset", "variant", "ratio", "std", "low", "high", "published", "lower", "upper"),
     *("n", "n_left_out", "n_outliers", "scale", "velocity_noise", "chi2", "dof", "p_value"),
-    *("d_theta", "d_theta_std", "rho", "rho_std", "status"),
+    *("drop_spread", "sample_spread", "d_theta", "d_theta_std", "rho", "rho_std", "status"),
 )
 
 
@@ -287,7 +288,8 @@ def _row(
     low, high = np.quantile(spread[:, 0], [0.5 * (1.0 - settings.level), 0.5 * (1.0 + settings.level)])
     inlier = fit.weight > 0.0
     chi2, dof = float(fit.u[inlier] @ fit.u[inlier]), int(inlier.sum()) - len(fit.p)
-    lower, upper = regressions(*link.sides(fit.p), fit.weight / fit.sigma**2)
+    sides = link.sides(fit.p)
+    lower, upper = regressions(*sides, fit.weight / fit.sigma**2)
     row: dict[str, object] = {
         "dataset": name,
         "variant": "+".join(variant) or AS_PUBLISHED,
@@ -301,6 +303,7 @@ def _row(
         "n": len(impacts),
         "n_left_out": left_out,
         "n_outliers": int((~inlier).sum()),
+        **spreads(*sides, link.trial, rng),
         "status": "ok" if fit.converged else "not converged",
     }
     if not link.has_cov:  # noise is known up to a factor, and (1) cannot be tested
