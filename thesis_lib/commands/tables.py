@@ -22,6 +22,8 @@ examples:
 TABLES = """\
 What contact identifies of a body's m and I (section 2.3.3)
     chapter2/identifiability: case sigma_1 sigma_2 rank not_identified
+What contact tells without known force: m/I and forces over mass (section 2.3.3)
+    chapter2/homogeneous: case ratio truth ratio_error force_error found
 Success of the programs from random starts, no noise (sections 2.3.2 and 2.4)
     chapter2/programs: mechanism n_steps name n_starts n_success n_false_claims theta_error_max force_error_max
 m/I from noisy drops (table 2.1)

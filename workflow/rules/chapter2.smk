@@ -7,6 +7,7 @@ CH2_CLAIMED = [
     f"{CH2}/{table}.csv"
     for table in (
         "identifiability",
+        "homogeneous",
         "table_2_1",
         "impact_force_summary",
         "measured_ratio",
@@ -66,7 +67,8 @@ rule ch2_motions:
 
 rule ch2_identifiability:
     output:
-        f"{CH2}/identifiability.csv",
+        table=f"{CH2}/identifiability.csv",
+        homogeneous=f"{CH2}/homogeneous.csv",
     log:
         "results/logs/ch2_identifiability.log",
     benchmark:

@@ -41,6 +41,10 @@ NEGATIVE = 1e-12  # of the force scale: an amplitude above minus this is roundin
 SUPPORT = 1e-7  # of the force scale: Clarabel's zeros end below it
 
 
+# by step: the edges that may act in it (e,), and the inverse (e, nv) of their directions
+Inverses = dict[int, tuple[np.ndarray, np.ndarray]]
+
+
 @dataclass(frozen=True)
 class Edges:
     """Edges of the friction cones that may carry force."""
@@ -91,9 +95,9 @@ def solve_mode_qp(
     edges = edges_of(window, program)
     free = edges[edges.price == 0.0]
     theta, amplitude, misfit = least_squares(window, free)
-    admissible = _admissible(window, theta, amplitude)
+    keeps = admissible(window, theta, amplitude)
     # a solution without price and misfit is optimal; for 2.12 the free least squares is the cost itself
-    if admissible and (program == "2.12" or misfit <= NEGATIVE):
+    if keeps and (program == "2.12" or misfit <= NEGATIVE):
         claimed, solver, edges = True, "least squares", free
     else:
         claimed, theta, amplitude = _clarabel(window, edges, program)
@@ -123,27 +127,40 @@ def least_squares(window: ContactWindow, edges: Edges) -> tuple[np.ndarray, np.n
     The forces of a step appear only in its equations.  Projection on the complement of the step's edges leaves a small
     problem in Θ.  For dependent edges the shortest solution is returned.
     """
-    Y, f = window.Y.copy(), window.f.copy()
-    order = np.argsort(edges.step, kind="stable")
-    steps, first = np.unique(edges.step[order], return_index=True)
-    inverse = {}
-    for k, members in zip(steps, np.split(order, first[1:])):
-        B = edges.direction[members].T
-        inverse[k] = (members, np.linalg.pinv(B))
-        project = np.eye(len(B)) - B @ inverse[k][1]
-        Y[k], f[k] = project @ Y[k], project @ f[k]
+    Y, f, inverse = without_forces(window, edges)
     columns = Y.reshape(-1, Y.shape[2])
     scale = np.linalg.norm(columns, axis=0)
     scale[scale == 0.0] = 1.0
     theta = np.linalg.lstsq(columns / scale, f.ravel(), rcond=None)[0] / scale
-    amplitude = np.zeros(len(edges))
-    for k, (members, B_inverse) in inverse.items():
-        amplitude[members] = B_inverse @ (window.Y[k] @ theta - window.f[k])
+    amplitude = amplitudes(window, inverse, theta, len(edges))
     misfit = float(np.sqrt(np.mean((Y @ theta - f) ** 2)) / window.force_scale)
     return theta, amplitude, misfit
 
 
-def _admissible(window: ContactWindow, theta: np.ndarray, amplitude: np.ndarray) -> bool:
+def without_forces(window: ContactWindow, edges: Edges) -> tuple[np.ndarray, np.ndarray, Inverses]:
+    """Y (m, nv, n_Θ) and f (m, nv) outside the span of each step's edges, and the inverses that give the forces."""
+    Y, f = window.Y.copy(), window.f.copy()
+    order = np.argsort(edges.step, kind="stable")
+    steps, first = np.unique(edges.step[order], return_index=True)
+    inverse: Inverses = {}
+    for k, members in zip(steps, np.split(order, first[1:])):
+        B = edges.direction[members].T
+        inverse[int(k)] = (members, np.linalg.pinv(B))
+        project = np.eye(len(B)) - B @ inverse[int(k)][1]
+        Y[k], f[k] = project @ Y[k], project @ f[k]
+    return Y, f, inverse
+
+
+def amplitudes(window: ContactWindow, inverse: Inverses, theta: np.ndarray, n: int) -> np.ndarray:
+    """Amplitudes (n,) in N of the edges that explain best what parameters `theta` leave; the shortest if dependent."""
+    amplitude = np.zeros(n)
+    for k, (members, B_inverse) in inverse.items():
+        amplitude[members] = B_inverse @ (window.Y[k] @ theta - window.f[k])
+    return amplitude
+
+
+def admissible(window: ContactWindow, theta: np.ndarray, amplitude: np.ndarray) -> bool:
+    """Whether all contacts push and all parameters keep their bounds."""
     slack = NEGATIVE * window.force_scale
     return bool((amplitude >= -slack).all() and (theta >= window.theta_min).all())
 
@@ -208,7 +225,7 @@ def _polish(
     support = np.flatnonzero(amplitude > SUPPORT * window.force_scale)
     polished_theta, share, misfit = least_squares(window, edges[support])
     priced = bool((edges.price[support] > 0.0).any())
-    if not _admissible(window, polished_theta, share) or (priced and not (program == "2.14" and misfit <= NEGATIVE)):
+    if not admissible(window, polished_theta, share) or (priced and not (program == "2.14" and misfit <= NEGATIVE)):
         return theta, amplitude
     polished = np.zeros(len(edges))
     polished[support] = np.maximum(share, 0.0)

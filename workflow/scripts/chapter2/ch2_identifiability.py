@@ -6,8 +6,11 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from thesis_lib.foundation.files import write_result
 from thesis_lib.identify.base_parameters.excitation_table import excitation_table
+from thesis_lib.identify.programs.homogeneous import ratios_table
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
-table = excitation_table(Chapter2Bodies.model_validate(snakemake.params.bodies))
+bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
+table = excitation_table(bodies)
 print(table.to_string())
-write_result(table, snakemake.output[0])
+write_result(table, snakemake.output.table)
+write_result(ratios_table(bodies), snakemake.output.homogeneous)
