@@ -118,7 +118,12 @@ class TestTable32:
         values |= {law: [9.0] * 4 for law in SIX_AS_PUBLISHED if law not in SIX_LAWS}
         individual = pd.DataFrame(
             [
-                {"law": law, "weighting": weighting, "misfit": 0.5 * error * (1 if weighting == "kinetic" else 100)}
+                {
+                    "law": law,
+                    "weighting": weighting,
+                    "mu": 2.0 if error == 1.0 else 1.0,
+                    "misfit": 0.5 * error * (1 if weighting == "kinetic" else 100),
+                }
                 for weighting in ("kinetic", "unweighted")
                 for law, list_ in values.items()
                 for error in list_
@@ -129,6 +134,8 @@ class TestTable32:
         assert table.loc[("as_defined", "kinetic", "mirtich", 1.5), "fraction"] == 0.5
         # the tolerance itself is within
         assert table.loc[("as_defined", "kinetic", "mirtich", 2.0), "fraction"] == 0.75
+        # one of them needs μ = 2
+        assert table.loc[("as_defined", "kinetic", "mirtich", 2.0), "fraction_up_to_one"] == 0.5
         # an impact that the law never resolves is outside, and counts
         row = table.loc[("as_defined", "kinetic", "whittaker", 2.0)]
         assert row["fraction"] == 0.5 and row["n"] == 4

@@ -45,8 +45,12 @@ Forces that the models of arm and wheel lack: hidden, found, added
 Ensemble parameters, best and worst, measured ellipse (table 3.1)
     chapter3/planar_impact/table_3_1: variant weighting law mu mu_std epsilon epsilon_std best best_std worst
         worst_std n_train n_held_out
+From which impacts table 3.1 was identified
+    chapter3/planar_impact/published_first_drops: law n mu mu_published mu_random mu_random_std lower nearer
+        nearer_runs n_random
 Share of the outcomes that each law can predict, measured ellipse (table 3.2)
-    chapter3/planar_impact/table_3_2: variant weighting law tolerance fraction fraction_std n
+    chapter3/planar_impact/table_3_2: variant weighting law tolerance fraction fraction_std
+        fraction_up_to_one n
 Held-out error of laws and bounds, measured ellipse (figure 3-8)
     chapter3/planar_impact/error_summary: model mean mean_std median quantile_90 n n_failed
 Learned contact models against the IRB Bound and the laws, 450 training impacts (figure 4-5)

@@ -49,16 +49,18 @@ def fit_ensemble(
     trials: np.ndarray | None = None,
     bootstrap: int = 0,
     rng: np.random.Generator | None = None,
+    tolerance: float = TOLERANCE,
 ) -> EnsembleFit:
     """Best common (μ, ε) of n measured impacts; standard errors from `bootstrap` replicates, which need `rng`.
 
-    `trials` (n,), the trial of each impact, is the unit of the bootstrap; without it, each impact by itself.
+    `trials` (n,), the trial of each impact, is the unit of the bootstrap; without it, each impact by itself.  The
+    search ends in a box as wide as `tolerance`.
     ValueError: no impacts, or a bootstrap without rng.
     """
     n = len(target)
     if n == 0:
         raise ValueError("there are no impacts to identify from")
-    (best,), cost, n_failed = _zoom(law, target, metric, np.ones((n, 1)))
+    (best,), cost, n_failed = _zoom(law, target, metric, np.ones((n, 1)), tolerance)
     replicates = np.zeros((0, 2))
     if bootstrap:
         if rng is None:
@@ -67,7 +69,7 @@ def fit_ensemble(
         replicates, _, _ = _zoom(law, target, metric, weights)
     std = replicates.std(axis=0, ddof=1) if bootstrap > 1 else np.full(2, np.nan)
     edges = {"mu": (best[0], 0.0, MU_MAX), "epsilon": (best[1], 0.0, 1.0)}
-    at_bound = tuple(k for k, (x, low, high) in edges.items() if min(x - low, high - x) <= 2 * TOLERANCE)
+    at_bound = tuple(k for k, (x, low, high) in edges.items() if min(x - low, high - x) <= 2 * tolerance)
     return EnsembleFit(
         float(best[0]), float(best[1]), cost, float(std[0]), float(std[1]), n, n_failed, at_bound, replicates
     )
@@ -85,7 +87,9 @@ def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Gener
     return draw_counts(unit.max() + 1, replicates, rng).T[unit].astype(float)
 
 
-def _zoom(law: Law, target: Target, metric: Metric, weights: np.ndarray) -> tuple[np.ndarray, float, int]:
+def _zoom(
+    law: Law, target: Target, metric: Metric, weights: np.ndarray, tolerance: float = TOLERANCE
+) -> tuple[np.ndarray, float, int]:
     """Minimum of each column of weighted costs: best points (B, 2), the first's mean cost, failures."""
     low, high = np.zeros(2), np.array([MU_MAX, 1.0])
     limits = low.copy(), high.copy()
@@ -99,7 +103,7 @@ def _zoom(law: Law, target: Target, metric: Metric, weights: np.ndarray) -> tupl
         new_high = np.minimum(points.max(axis=0) + cell, limits[1])
         shrunk = np.all(new_high - new_low > 0.7 * (high - low))
         low, high = new_low, new_high
-        if np.all(high - low <= TOLERANCE) or shrunk:
+        if np.all(high - low <= tolerance) or shrunk:
             break
     first = best[0]
     return points, float(costs[first, 0] / weights[:, 0].sum()), int(failures[first])

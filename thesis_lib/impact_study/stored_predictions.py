@@ -11,7 +11,7 @@ Matching the stored predictions shows how they were computed:
 If table 3.1 was identified with the same code, it includes the gravity step, so `parameters` repeats it: the law gets
 v + h (0, −g, 0), and its impulse is compared with c_irb − M_C J h (0, −g, 0), the measured impulse without gravity's
 part.  That part is at most 1.4 mN s; it lowers ε by 0.007 to 0.009 for all laws but AP Newton (which rebounds from the
-velocity before the step) and raises μ by 0.001 to 0.003.  The authors' choice of impacts and search is not known.
+velocity before the step) and raises μ by 0.001 to 0.003.  `first_drops` says from which impacts table 3.1 comes.
 """
 
 from dataclasses import replace
@@ -24,7 +24,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study.cost import misfit, target_of
+from thesis_lib.impact_study.cost import Target, misfit, target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
 from thesis_lib.impact_study.tables import SIX_AS_PUBLISHED, best_and_worst
 
@@ -91,23 +91,28 @@ def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
     Target unweighted, metric impulse.  Standard errors come from `REPLICATES` bootstrap replicates over trials, whose
     streams derive from `seed` and the law's name.
     """
-    # contact space after the gravity step, and the target for the law's impulse there
-    step = np.broadcast_to(GRAVITY_STEP, impacts.v_pre.shape)
-    part = measured_impulse(step, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
-    measured = target_of(impacts, "unweighted")
-    space = target_of(replace(impacts, v_pre=impacts.v_pre + GRAVITY_STEP)).space
-    target = replace(measured, space=space, c_t=measured.c_t - part[0], c_n=measured.c_n - part[1])
+    target = target_with_gravity_step(impacts)
     rows = []
     for law, name in zip(SIX_LAWS, SIX_AS_PUBLISHED):
         stream = generator(seed, "published_parameters", law)
-        fed = _with_gravity_step(law, LAWS[name])
+        fed = law_with_gravity_step(law, name)
         fit = fit_ensemble(fed, target, "impulse", trials=impacts.trial, bootstrap=REPLICATES, rng=stream)
         rows.append({"law": law, **fit.columns()})
     return pd.DataFrame(rows).drop(columns="n_failed")
 
 
-def _with_gravity_step(law: str, variant: Law) -> Law:
-    """The law as the authors call it, in a contact space after the gravity step."""
+def target_with_gravity_step(impacts: Impacts) -> Target:
+    """Contact space after the gravity step, and the measured impulse without gravity's part, unweighted."""
+    step = np.broadcast_to(GRAVITY_STEP, impacts.v_pre.shape)
+    part = measured_impulse(step, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
+    measured = target_of(impacts, "unweighted")
+    space = target_of(replace(impacts, v_pre=impacts.v_pre + GRAVITY_STEP)).space
+    return replace(measured, space=space, c_t=measured.c_t - part[0], c_n=measured.c_n - part[1])
+
+
+def law_with_gravity_step(law: str, name: str) -> Law:
+    """The variant `name` of a law as the authors call it, in a contact space after the gravity step."""
+    variant = LAWS[name]
 
     def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return variant.impulse(space, mu, epsilon * _rebound(law, space))
@@ -122,8 +127,7 @@ def _rebound(law: str, after: ContactSpace) -> np.ndarray | float:
 
 def drops_kept(all_drops: pd.DataFrame) -> pd.DataFrame:
     """Numbers of the authors' drops without any of their flags and with each flag."""
-    flags = [name for name in all_drops.columns if name.startswith("flag_")]
-    flagged = all_drops[flags] != 0
+    flagged = all_drops.filter(like="flag_") != 0
     rows = [("all", len(flagged)), ("kept", int((~flagged.any(axis=1)).sum()))]
-    rows += [(name, int(flagged[name].sum())) for name in flags]
+    rows += [(name, int(flagged[name].sum())) for name in flagged]
     return pd.DataFrame(rows, columns=["drops", "count"])

@@ -82,6 +82,7 @@ rule ch3_published:
         cost="results/chapter3/planar_impact/published_cost.csv",
         kept="results/chapter3/planar_impact/published_kept.csv",
         parameters="results/chapter3/planar_impact/published_parameters.csv",
+        first_drops="results/chapter3/planar_impact/published_first_drops.csv",
     log:
         "results/logs/ch3_published.log",
     benchmark:
@@ -94,6 +95,7 @@ rule ch3_published:
         folder=lambda wildcards: DATASETS["planar_impact"].folder,
         seed=CONFIG.seed,
         max_impacts=CONFIG.chapter3.max_impacts,
+        subsets=CONFIG.chapter3.bootstrap // 2,  # each is fitted by itself
         lib=code_of("ch3_published"),
     message:
         "Chapter 3: comparing our laws with the predictions that the authors stored"
