@@ -123,6 +123,24 @@ def test_named_physics_table_is_that_of_the_stored_figure():
         assert [float(x) for x in row] == pytest.approx(list(found), abs=0.0006)
 
 
+def test_classes_of_learned_models_are_those_of_the_stored_run():
+    stored = pd.read_csv(ROOT / "config/reference/chapter4/learning_classes.csv").set_index("statement")
+    text = " ".join(FINDINGS.split())
+    said = re.search(
+        r"class II errs (\S+) ± (\S+) times \(rigid\) and (\S+) ± (\S+) times \(wrench\) as much as class I\. "
+        r"With ten, class I errs (\S+) ± (\S+) % more \(rigid\) and (\S+) ± (\S+) % more \(wrench; not told apart\)",
+        text,
+    )
+    assert said, "the findings have lost the comparison of classes I and II"
+    numbers = [float(x) for x in said.groups()]
+    many = stored.loc[["residual_rigid_over_rigid", "residual_wrench_over_wrench"], ["value", "std"]].to_numpy()
+    few = stored.loc[["rigid_over_residual_few", "wrench_over_residual_few"], ["value", "std"]].to_numpy()
+    assert numbers[:4] == pytest.approx(many.ravel(), abs=0.00051)
+    more = 100.0 * (few - [1.0, 0.0])
+    assert numbers[4:6] == pytest.approx(more[0], abs=0.051) and numbers[6:] == pytest.approx(more[1], abs=0.51)
+    assert more[0, 0] > 2.0 * more[0, 1] and not more[1, 0] > 2.0 * more[1, 1]
+
+
 DICE_NAMES = {
     "law alone": "law",
     "law + wrench residual (the thesis's way)": "residual_wrench",

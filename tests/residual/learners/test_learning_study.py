@@ -99,6 +99,12 @@ def test_ratios_are_paired_by_split(curves):
     wide = curves[0][curves[0]["n"] == 40].pivot(index="split", columns="model", values="mean")
     expected = (wide["wang_mason"] / wide["wrench_x1"]).mean()
     assert ratios.loc["law_over_wrench", "value"] == pytest.approx(expected)
+    # class I over class II with the fewest impacts
+    fewest = curves[0]["n"].min()
+    wide = curves[0][curves[0]["n"] == fewest].pivot(index="split", columns="model", values="mean")
+    row = ratios.loc["wrench_over_residual_few"]
+    assert row["n"] == fewest < 40
+    assert row["value"] == pytest.approx((wide["wrench_x1"] / wide["residual_wrench"]).mean())
 
 
 def test_what_ten_inputs_cost_is_told_at_few_impacts():

@@ -174,30 +174,38 @@ CLAIMS = {
     "x2_polar_over_x1": ("rigid_x2_polar", "rigid_x1"),
     "full_over_x1": ("rigid_full", "rigid_x1"),
     "parameters_over_residual": ("law_parameters", "residual_rigid"),
+    "residual_rigid_over_rigid": ("residual_rigid", "rigid_x1"),  # class II over class I
+    "residual_wrench_over_wrench": ("residual_wrench", "wrench_x1"),
     "feasible_over_rigid": ("feasible_rigid", "rigid_x1"),
     "feasible_over_wrench_omega": ("feasible_wrench", "wrench_x1_omega"),
 }
-
-
+# with the fewest training impacts: purely data-driven over reinforced by a law
+OF_FEWEST = {
+    "rigid_over_residual_few": ("rigid_x1", "residual_rigid"),
+    "wrench_over_residual_few": ("wrench_x1", "residual_wrench"),
+}
+# what ten inputs cost in samples
+OF_FEW = {"full_over_x1_few": CLAIMS["full_over_x1"]}
 FEW = 100  # training impacts, from which rigid learners have converged (section 4.4)
 
 
 def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.DataFrame:
-    """Ratios of mean errors at the size of figure 4-5, paired by split: statement, value, standard error, n.
+    """Ratios of mean errors at the size of figure 4-5, of `OF_FEW` near `FEW`, and of `OF_FEWEST` at the smallest size.
 
-    `full_over_x1_few`, what ten inputs cost in samples, is at the size nearest to `FEW`.
+    Statement, n, value, std (standard error); they are paired by split.
     """
-    n, few = (_nearest_size(curves, size) for size in (density_size, FEW))
-    errors = curves.pivot(index=["n", "split"], columns="model", values="mean")
-    wide, early = errors.loc[n], errors.loc[few]
     pairs = CLAIMS | {
         "law_over_rigid": (base_law, "rigid_x1"),
         "law_over_wrench": (base_law, "wrench_x1"),
         "law_over_wrench_omega": (base_law, "wrench_x1_omega"),
     }
-    ratios = {statement: (n, wide[above] / wide[below]) for statement, (above, below) in pairs.items()}
-    ratios["full_over_x1_few"] = (few, early["rigid_full"] / early["rigid_x1"])
-    rows = [(name, at, ratio.mean(), ratio.std(ddof=1) / np.sqrt(len(ratio))) for name, (at, ratio) in ratios.items()]
+    rows = []
+    for size, chosen in ((density_size, pairs), (FEW, OF_FEW), (curves["n"].min(), OF_FEWEST)):
+        n = _nearest_size(curves, size)
+        wide = curves[curves["n"] == n].pivot(index="split", columns="model", values="mean")
+        for statement, (above, below) in chosen.items():
+            ratio = wide[above] / wide[below]
+            rows.append((statement, n, ratio.mean(), ratio.std(ddof=1) / np.sqrt(len(ratio))))
     return pd.DataFrame(rows, columns=["statement", "n", "value", "std"])
 
 
