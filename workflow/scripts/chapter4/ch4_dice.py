@@ -38,10 +38,11 @@ except UserError as error:
 studies = dice_study(dataset, hits, impacts, model, settings, stream("study"), say=print)
 side, poses, shape = side_of(dataset), dataset.trajectories, dataset.shape
 tables = results.dice_tables(studies, stream("coverage"))
-tables |= results.tables_of_a_split(studies[0], side, settings, stream("widths"))
-for stem, table in tables.items():
+of_first = results.tables_of_a_split(studies[0], side, settings, stream("widths"))
+for stem, table in (*tables.items(), *of_first.items()):
     write_result(table, Path(snakemake.output.dice).with_name(f"{stem}.csv"))
 
+calibrated = tables["dice_throws"], tables["dice_calibration"]
 shown = results.examples(studies[0], side, settings, stream("examples"))
 drawn = {
     "figure_4_3": belief.figure_4_3(poses, shown.samples, shape),
@@ -52,9 +53,7 @@ drawn = {
     "figure_4_10": belief.figure_4_10(shown.beliefs, shown.marks),
     "figure_restitution": dice.figure_restitution(results.held_out_restitution(studies[0], settings)),
     "figure_budget": dice.figure_budget(tables["dice_budget"]),
-    "figure_calibration": belief.figure_calibration(
-        *results.calibration(tables["dice_throws"], tables["dice_calibration"])
-    ),
+    "figure_calibration": belief.figure_calibration(*results.calibration(*calibrated)),
 }
 for stem, figure in drawn.items():
     save_figure(*figure, Path(snakemake.output.dice).with_name(stem))
