@@ -15,7 +15,7 @@ from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.proof import cause_sizes, sizes
-from thesis_lib.critique.proof.by_contact import as_markdown, by_contact, contact_lines
+from thesis_lib.critique.proof.by_contact import accuracy, as_markdown, by_contact, contact_lines
 from thesis_lib.critique.proof.cases import (
     BODIES,
     CORNERED,
@@ -30,7 +30,7 @@ from thesis_lib.critique.proof.cases import (
     simulate,
     truths,
 )
-from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.compute import Recovered, compute
 from thesis_lib.critique.proof.plan import REAL, TIMES, real_contacts, run
 from thesis_lib.critique.proof.results import confusion, is_exact, is_right, outcomes, recovered, usual
 from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, find_size, law_size, stored_factor
@@ -222,6 +222,16 @@ def test_real_contacts_are_counted_by_source_shape_and_contact_time(tmp_path):
     assert lines[-1] == "- wear, 1 ms: adequate, nothing named"
     assert "- tilt, 1 ms: unexplained, surface_tilt" in lines and sum(line.startswith("- ") for line in lines) == 3
     assert set(usual(outcomes(tmp_path))["source"]) == {"mechanism"}  # at 20 µs; a square and 3 ms are asked for
+
+
+def test_how_far_parameters_are_off_is_told_by_source(tmp_path):
+    for k in range(20):  # 1 to 20 % off with standard errors of 5 %: |z| up to 4
+        value = Recovered(2.0, 2.0 * (1.0 + 0.01 * (k + 1)), 0.1, np.nan)
+        case = Case("mujoco", "tilt", SEEDS + k, shape="square", contact_time=1e-3)
+        put(tmp_path, case, parameters={"alpha": value})
+    *_, every, mujoco = accuracy(recovered(tmp_path))
+    assert every == mujoco.replace("mujoco", "all") == "| all | 9 of 20 | 11 % | 18 % | 1.9 |"
+    assert accuracy(recovered(tmp_path / "none")) == []
 
 
 def test_the_documents_hold_the_table_of_real_contacts():

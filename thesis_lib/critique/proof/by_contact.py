@@ -14,7 +14,7 @@ import pandas as pd
 
 from thesis_lib.critique.proof.cases import NOTHING, RIGID
 from thesis_lib.critique.proof.results import of_table, usual
-from thesis_lib.statistics.intervals import wilson
+from thesis_lib.statistics.intervals import Z95, wilson
 
 # figure, kind of the datasets, drops, share asked
 ASKED = (
@@ -111,6 +111,22 @@ def outside(recovered: pd.DataFrame) -> list[str]:
     ]
 
 
+def accuracy(recovered: pd.DataFrame) -> list[str]:
+    """A table of how far parameters are off, by source: relative to what was hidden, and in standard errors."""
+    rows = _real(of_table(recovered))
+    if not len(rows):
+        return []
+    rows = rows.assign(off=100.0 * np.abs(rows["found"] / rows["true"] - 1.0), z=np.abs(rows["z"]))
+    heads = ("source", "parameters inside", "off by (median)", "9 of 10 within", "95 % if standard errors times")
+    lines = ["", _line(heads), _line(["---"] * len(heads))]
+    for source, group in [(EVERY, rows), *rows.groupby("source")]:
+        beyond = max(float(np.quantile(group["z"], 0.95)) / Z95, 1.0)
+        inside = f"{group['inside'].sum():.0f} of {len(group)}"
+        off = [f"{np.quantile(group['off'], share):.2g} %" for share in (0.5, 0.9)]
+        lines.append(_line((source, inside, *off, f"{beyond:.2g}")))
+    return lines
+
+
 def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> str:
     """A row for each source, shape and contact time (ms) and a column for each figure, then all misses."""
     table = by_contact(outcomes, recovered).fillna({"contact_time": 0.0})
@@ -135,7 +151,7 @@ def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> str:
     for source, shape, time in ordered.to_numpy():
         counted = (cells.get((source, shape, time, figure), "") for figure in figures)
         lines.append(_line((source, shape, f"{1e3 * time:g}" if time else EVERY, *counted)))
-    return "\n".join([*lines, *misses(outcomes), *outside(recovered)]) + "\n"
+    return "\n".join([*lines, *misses(outcomes), *outside(recovered), *accuracy(recovered)]) + "\n"
 
 
 def _line(cells: Iterable[str]) -> str:
