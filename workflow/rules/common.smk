@@ -105,6 +105,12 @@ def chapter_page(chapter):
     return f"results/report_chapter{chapter}.html"
 
 
+def made_by_chapter(wildcards):
+    """All that a chapter asks for, except the page of it."""
+    files = getattr(rules, f"chapter{wildcards.chapter}").input
+    return [file for file in files if file != chapter_page(wildcards.chapter)]
+
+
 def findings_of(chapter, datasets=(), **of_rules):
     """What is said of a chapter's figures and tables, for these datasets or for those of the rule that makes them."""
     return [
