@@ -30,6 +30,7 @@ SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}
 # where a clock is read, and what becomes of it
 ALLOWED = {
     "thesis_lib/identify/arm/fit.py": "CPU seconds for benchmarks.programs; arm_forces leaves them out of its tables",
+    "thesis_lib/identify/programs/homogeneous.py": "the same; ratios_table leaves them out",
     "thesis_lib/identify/programs/mode_qp.py": "the same; programs_table drops them",
     "thesis_lib/identify/programs/nonlinear.py": "the same; programs_table drops them",
     "thesis_lib/jenga/play/ppo.py": "hours left, for the log",

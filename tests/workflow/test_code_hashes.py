@@ -13,7 +13,7 @@ UNDRAWN = {"ch2_noise", "ch3_identify", "ch3_evaluate", "find_impacts", "simulat
 # the critique's package imports `criticise` on first use, so that whatever is in it depends on all of it
 CRITIQUE = {"ch4_dice", "ch4_learn", "ch4_named_physics", "critique", "critique_proof", "ch2_hidden"}
 # captions and findings are read by these alone: a new caption draws no figure anew
-RECORDED = {"findings", "run_report"}
+RECORDED = {"findings", "chapter_report", "run_report"}
 RATIOS = {"ch2_impact_forces", "ch2_measured_ratio", "ch2_measured_ratios"}
 # edited file, scripts that must run again, scripts that must not (None: all others)
 EDITS = [
