@@ -68,8 +68,7 @@ def chapter_report(results: Path, findings: Iterable[Path], scale: str, chapter:
 
     `findings` are files with findings of that chapter.
     """
-    made, tables = _made(results, findings)
-    one = _chapter(results, [(figure, name) for figure, name in made if figure.chapter == chapter], tables, chapter)
+    one = _chapter(results, *_made(results, findings), chapter)
     known = {"reading": READING, "scale": scale, "chapters": [one], "found_here": FOUND_HERE}
     return page(TEMPLATE, one["title"], claims=None, **known)
 
