@@ -7,10 +7,11 @@ from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.compliant.compiled import central_pressure
 from thesis_lib.critique.drops.bases import BASES, RESERVE
+from thesis_lib.critique.drops.contact_time import STICTION_TOLERANCE
 from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.episodes import play
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import STICTION_TOLERANCE, Model
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.pressing import press
 from thesis_lib.critique.drops.whitening import Whitening

@@ -9,9 +9,10 @@ from plain_drops import LAW, TRUTH, observed
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.contact_time import CONTACT_TIME, duration
 from thesis_lib.critique.drops.criticise import Critique, criticise
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import CONTACT_TIME, Model, duration
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis

@@ -11,10 +11,11 @@ from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.episodes import MOST_HITS, Outcome, play
 from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model, duration
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.pressing import press
 from thesis_lib.critique.drops.residuals import impact_residuals, synthesise

@@ -6,10 +6,11 @@ from scipy.integrate import solve_ivp
 from test_contact_time import BODIES, EPSILON, MU, drops
 
 from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.covariance import noisy_residuals
 from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.model import Model, duration
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.pressing import press
 from thesis_lib.critique.drops.residuals import flight_residuals

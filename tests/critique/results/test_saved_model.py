@@ -10,8 +10,8 @@ import pytest
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.episodes import contact
-from thesis_lib.critique.drops.model import duration
 from thesis_lib.critique.drops.residuals import end_of_episodes, states_at_impact
 from thesis_lib.critique.results.saved_model import STATE, SavedModel, load_model, predict, save_model, saved
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE

@@ -26,7 +26,7 @@ from thesis_lib.contact.compliant.normal_force import (
 )
 from thesis_lib.contact.law import ImpulseFunction, Law
 from thesis_lib.contact.slip_path import slip_path
-from thesis_lib.critique.drops.model import LEAST_MOBILITY
+from thesis_lib.critique.drops.contact_time import LEAST_MOBILITY
 
 HERTZ = 1.5  # exponent
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from thesis_lib.critique.drops.model import Model, duration
+from thesis_lib.critique.drops.contact_time import duration
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.pressing import all_points, contact_points, one_point, press
 from thesis_lib.effects.effect import Rig, State
 

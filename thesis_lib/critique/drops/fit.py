@@ -14,9 +14,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from thesis_lib.contact import mirtich
+from thesis_lib.critique.drops.contact_time import DAMPING_RATIO
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
-from thesis_lib.critique.drops.model import DAMPING_RATIO, Model, inward
+from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, together, weight

@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import roots_gegenbauer
 
+from thesis_lib.critique.drops.contact_time import TURNED
 from thesis_lib.critique.drops.episodes import MOST_HITS, play
 from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.model import TURNED, Model
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.effects.effect import Rig, State
 

@@ -22,9 +22,10 @@ from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureField
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES, RESERVE
+from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS
 from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covariance
 from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, fit, fit_each
-from thesis_lib.critique.drops.model import BASE_PARAMETERS, Model, inward
+from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
 from thesis_lib.critique.drops.whitening import Whitening, weight

@@ -14,9 +14,10 @@ from pydantic import Field, ValidationError
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.contact_time import CONTACT_TIME
 from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import CONTACT_TIME, Model
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.foundation.errors import UserError
