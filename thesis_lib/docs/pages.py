@@ -4,14 +4,17 @@ A page is Markdown written by hand, except that `BLOCKS[NAME]` writes the text b
 
     <!-- written by python -m thesis_lib.docs: NAME -->
     <!-- end of NAME -->
+
+and that the numbers of some sentences come from stored tables (`sentences`).
 """
 
 import re
 from collections.abc import Callable
 from pathlib import Path
 
-from thesis_lib.docs import configuration, dataset_keys, effects, laws
+from thesis_lib.docs import configuration, dataset_keys, effects, findings, laws
 from thesis_lib.docs.markdown import code, table
+from thesis_lib.docs.sentences import read_sentences, with_numbers
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
 
@@ -38,6 +41,10 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "dataset keys": dataset_keys.text,
     "recording keys": dataset_keys.recording_text,
     "columns": columns_text,
+    "real contacts": findings.real_contacts,
+    "fits of simulated drops": findings.fits_of_simulated_drops,
+    "fits of measured drops": findings.fits_of_measured_drops,
+    "measured sets": findings.measured_sets,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S
@@ -57,14 +64,18 @@ def rendered(page: str, where: str) -> str:
 
 
 def stale_pages(folder: Path) -> dict[Path, str]:
-    """Outdated pages of `folder` with the text that they should have; UserError without pages or for a broken block."""
+    """Outdated pages of `folder`, and the README beside it, with the text that they should have.
+
+    UserError without pages, for a broken block, or for a sentence that is not on its page.
+    """
     pages = sorted(folder.glob("*.md"))
     if not pages:
         raise UserError(f"There are no pages in {folder}; run this in the root of the repository.")
-    stale = {}
-    for path in pages:
+    stale, sentences, root = {}, read_sentences(), folder.resolve().parent
+    for path in [*pages, *root.glob("README.md")]:
         page = path.read_text(encoding="utf-8")
-        wanted = rendered(page, str(path))
+        name = path.resolve().relative_to(root).as_posix()
+        wanted = with_numbers(rendered(page, str(path)), name, sentences)
         if wanted != page:
             stale[path] = wanted
     return stale

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import re
 from collections import Counter
 from pathlib import Path
 
@@ -232,19 +231,6 @@ def test_how_far_parameters_are_off_is_told_by_source(tmp_path):
     *_, every, mujoco = accuracy(recovered(tmp_path))
     assert every == mujoco.replace("mujoco", "all") == "| all | 9 of 20 | 11 % | 18 % | 1.9 |"
     assert accuracy(recovered(tmp_path / "none")) == []
-
-
-def test_the_documents_hold_the_table_of_real_contacts():
-    findings = (ROOT / "docs" / "findings.md").read_text(encoding="utf-8")
-    assert as_markdown(outcomes(), recovered()) in findings
-    table = outcomes().query("source == 'drake_hydroelastic' and shape == 'ellipse' and contact_time == 3e-3")
-    (first,) = table.query("truth == @NOTHING and seed == @SEEDS + 2").to_dict("records")
-    told = f"errs by {first['error_after']:.4f} m/s, where noise alone gives {first['floor']:.4f}"
-    assert told in " ".join(findings.split())
-    said = re.search(r"inside: (\d+) % at 0.3 ms, (\d+) % at 1 ms, (\d+) % at 3 ms", findings)
-    table = recovered().query("contact_time >= 3e-4 and drops == 150")
-    shares = table.groupby("contact_time")["inside"].mean()
-    assert [int(share) for share in said.groups()] == [round(100 * share) for share in shares]
 
 
 @pytest.mark.slow

@@ -161,12 +161,12 @@ def report(table: "pd.DataFrame") -> str:
         f"({r.before:g} → {r.after:g}, sensors {r.sensor_excess:g})"
         for r in misses.itertuples()
     ]
-    errors = np.array([abs(error) for text in table["parameters"] for error in _errors(text)])
-    low, high = wilson(int((errors <= WITHIN).sum()), len(errors))
-    share = 100.0 * float((errors <= WITHIN).mean()) if len(errors) else np.nan
+    inside = within(table)["inside"]
+    low, high = wilson(int(inside.sum()), len(inside))
     lines += [
         "",
-        f"Parameters in their 95 % interval: {share:.1f} % ({100 * low:.1f} to {100 * high:.1f} %) of {len(errors)}.",
+        f"Parameters in their 95 % interval: {100 * inside.mean():.1f} % ({100 * low:.1f} to {100 * high:.1f} %) "
+        f"of {len(inside)}.",
     ]
     return "\n".join(lines) + "\n"
 
@@ -177,7 +177,10 @@ def _share(rows: "pd.DataFrame") -> str:
     return f"{100 * right / n:.3g} % | {100 * low:.3g} to {100 * high:.3g} % | {n}"
 
 
-def _errors(text: str) -> list[float]:
-    """Errors of the parameters of a row in standard errors."""
-    numbers = (map(float, part.split("=")[1].split(":")) for part in text.split(";") if part)
-    return [(found - true) / std for true, found, std in numbers]
+def within(table: "pd.DataFrame") -> "pd.DataFrame":
+    """A row per parameter of a hidden cause: its error in standard errors, and whether it lies in its 95 % interval."""
+    import pandas as pd
+
+    parts = (part.split("=")[1].split(":") for text in table["parameters"] for part in text.split(";") if part)
+    errors = [(float(found) - float(true)) / float(std) for true, found, std in parts]
+    return pd.DataFrame({"error": errors, "inside": [abs(error) <= WITHIN for error in errors]})

@@ -127,8 +127,11 @@ def accuracy(recovered: pd.DataFrame) -> list[str]:
     return lines
 
 
-def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> str:
-    """A row for each source, shape and contact time (ms) and a column for each figure, then all misses."""
+def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame, folded: bool = False) -> str:
+    """A row for each source, shape and contact time (ms) and a column for each figure, then accuracy, then all misses.
+
+    `folded`: a page shows the misses only when asked.
+    """
     table = by_contact(outcomes, recovered).fillna({"contact_time": 0.0})
     figures = {figure: f"≥ {100 * share:.0f} %" for figure, *_, share in ASKED}
     figures[COVERED] = f"{100 * COVERAGE[0]:.0f} to {100 * COVERAGE[1]:.0f} %"
@@ -151,7 +154,10 @@ def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> str:
     for source, shape, time in ordered.to_numpy():
         counted = (cells.get((source, shape, time, figure), "") for figure in figures)
         lines.append(_line((source, shape, f"{1e3 * time:g}" if time else EVERY, *counted)))
-    return "\n".join([*lines, *misses(outcomes), *outside(recovered), *accuracy(recovered)]) + "\n"
+    missed = [*misses(outcomes), *outside(recovered)]
+    if folded:
+        missed = ["", "<details>", "<summary>Every miss by name</summary>", *missed, "", "</details>"]
+    return "\n".join([*lines, *accuracy(recovered), *missed]) + "\n"
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -190,6 +190,19 @@ def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:
     return {"learned": rest.learned, "low": rest.gain[1], "high": rest.gain[2], "pairs": rest.pairs}
 
 
+def parameters(path: Path = STORE) -> "pd.DataFrame":
+    """The stored parameters, a row each: drops, model, name, value, std."""
+    import pandas as pd
+
+    plain = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
+    rows = [
+        (one["drops"], one["model"], name, *(float(x.translate(plain).replace("·10", "e")) for x in (value, std)))
+        for _, one in pd.read_csv(path).iterrows()
+        for name, value, _, std in (text.split() for text in one["parameters"].split("; "))
+    ]
+    return pd.DataFrame(rows, columns=["drops", "model", "name", "value", "std"])
+
+
 def table(path: Path = STORE) -> list[str]:
     """The stored rows as lines of Markdown: of simulated drops, of measured ones, and parameters of the latter."""
     import pandas as pd
