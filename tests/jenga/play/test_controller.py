@@ -7,6 +7,7 @@ from thesis_lib.jenga.learners.learner import Prediction, bayes, log_likelihood
 from thesis_lib.jenga.learners.settings import BeliefSettings
 from thesis_lib.jenga.play.controller import Learned, branch_costs, rollout
 from thesis_lib.jenga.play.controller_settings import ControllerSettings
+from thesis_lib.jenga.play.no_move import no_move
 from thesis_lib.jenga.play.policies import Push, Retract
 from thesis_lib.jenga.robot.samples import STATE
 
@@ -134,10 +135,45 @@ def test_the_term_of_no_move_ends_a_push_that_nothing_else_would():
     assert push_of(0, controller(learner, **(without | {"no_move": 4.0}))) == 30
 
 
-def test_a_learner_that_does_not_name_its_abstractions_has_no_such_term():
-    policy = controller(MadeLearner(stuck_named=False), no_move=100.0)
+class MadeNetwork(MadeLearner):
+    """One prediction: the block goes along until the force has climbed, then it stands and drags nothing."""
+
+    def __init__(self):
+        super().__init__(first=(1.0,), drag=0.0, stuck_named=False)
+
+    def predict(self, state, action, context, belief):
+        both = self._next(state, action)
+        mean = np.where((state[:, F_N] > 1.0)[:, None, None], both[:, 1:], both[:, :1])
+        return Prediction(mean, np.full_like(mean, 0.01), belief)
+
+
+def test_a_network_says_by_its_prediction_that_a_block_does_not_move():
+    without = {"progress": 0.0, "no_move": 0.0}
+    assert push_of(1, controller(MadeNetwork(), **without)) == 30
+    assert push_of(1, controller(MadeNetwork(), **(without | {"no_move": 4.0}))) < 10
+    assert push_of(0, controller(MadeNetwork(), **(without | {"no_move": 4.0}))) == 30
+    network, state = MadeNetwork(), np.zeros(7)
+    belief = network.initial_belief(CONTEXT[None])[0]
+    assert no_move(network, belief, state, CONTEXT) < 0.06  # the tower is not seen better
+    state[F_N] = 2.0  # it will not move, against a force
+    assert no_move(network, belief, state, CONTEXT) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_block_that_takes_the_tower_along_counts_as_one_that_does_not_move():
+    class Dragging(MadeNetwork):
+        def _next(self, state, action):
+            both = super()._next(state, action)
+            both[:, :, TOWER] += 0.5
+            return both
+
+    network = Dragging()
+    assert no_move(network, network.initial_belief(CONTEXT[None])[0], np.zeros(7), CONTEXT) > 0.99
+
+
+def test_no_move_is_nothing_new_where_it_was_expected():
+    policy = controller(MadeLearner(first=(0.0, 1.0)), no_move=100.0)
     push_of(1, policy)
-    assert policy.belief[1] > 0.9 and policy.growth() == 0.0
+    assert policy.belief[1] > 0.9 and policy.growth(np.zeros(7)) == 0.0
 
 
 def test_sequences_keep_within_limits_and_hold_the_straight_push():

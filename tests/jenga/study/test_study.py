@@ -97,6 +97,9 @@ def test_policies_by_name():
     policy = policy_of("hma_without_cost", samples, 100, quick, rng)
     assert isinstance(policy, Learned) and policy.name == "hma_without_cost"
     assert policy.settings.no_move == 0.0
+    for name, charged in (("mor", False), ("mor_with_cost", True), ("network", False), ("network_with_cost", True)):
+        policy = policy_of(name, samples, 100, quick, rng)
+        assert policy.name == name and bool(policy.settings.no_move) == charged
     with pytest.raises(UserError, match="100000 samples"):
         policy_of("hma", samples, 100_000, quick, rng)
     with pytest.raises(UserError, match="no learner oracles"):

@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thesis_lib.jenga.learners.learner import Learner, Prediction, bayes, mix
+from thesis_lib.jenga.learners.learner import Learner, Prediction, bayes, mix, windows
+from thesis_lib.jenga.learners.mixture import describe
 from thesis_lib.jenga.learners.settings import ExpertSettings
 from thesis_lib.jenga.robot.samples import Samples
 
@@ -130,13 +131,15 @@ def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, 
 class Mor(Learner):
     """Mixture of linear regressions; its abstractions are the experts.
 
-    Once fitted: experts; scores, the held-out log likelihood (nats per sample) for each number of experts.
+    Once fitted: experts; scores, the held-out log likelihood (nats per sample) for each number of experts; look of each
+    expert, as `mixture.describe` tells it, by its share in the training samples.
     """
 
     name: str = "mor"
 
     experts: Experts = field(init=False, repr=False)
     scores: dict[int, float] = field(init=False, repr=False)
+    look: dict[str, np.ndarray] = field(init=False, repr=False)
 
     def fit(self, samples: Samples, rng: np.random.Generator) -> "Mor":
         """Choose the number of experts and fit them.  Errors as in `Learner.fit`."""
@@ -149,6 +152,8 @@ class Mor(Learner):
         best = max(self.scores, key=self.scores.get)
         self.experts = em(x, y, best, config, rng)
         self.shares = np.exp(self.experts.log_gate(x)).mean(axis=0)
+        resp = np.exp(_log_softmax(self.experts.log_joint(x, y)))
+        self.look = describe(windows(samples, self.settings.window), resp, self.settings.window.force_scale)
         return self
 
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:

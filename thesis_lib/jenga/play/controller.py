@@ -4,17 +4,16 @@ At each step n action sequences a^j of H steps are rolled out through the learne
 one branch per abstraction k, which starts with certainty in k and then follows the learner's weights:
 
     s^{jk}_0 = z_t,   s^{jk}_{h+1} = Σ_l p(l | s^{jk}_h, a^j_h, e_k) μ_l(s^{jk}_h, a^j_h)
-    J_j = Σ_k p(k | z_t, a^j_0, b_t) C(s^{jk}) + w_a |a^j|² + w_c [contact elsewhere] + w_n g(b_t)
+    J_j = Σ_k p(k | z_t, a^j_0, b_t) C(s^{jk}) + w_a |a^j|² + w_c [contact elsewhere] + w_n g_t
     C = w_p (1 − (x_H − x_0)/H)₊ + w_g (T_H − T_0)₊/H + (T_H / T_d)² + (y_H² + ψ_H²)/y_d²
-    g = (b_t(no move) − b_0(no move))₊ / (1 − b_0(no move)),   b_0: before contact
+    g_t = (p_t(no move) − p_0(no move))₊ / (1 − p_0(no move)),   p_0: before contact
 
 The first action of the cheapest sequence is executed.  If it costs more than giving up, J* > J_g, the robot retracts,
 but not before `probe` pushes: before contact nothing is known of the block.  All learners share costs and weights.
 
-Only learners with abstractions that count as stuck (`abstractions.stuck_group`) have the term g of p(no move), which
-can be switched off: the comparison of learners would otherwise measure the term.  It is the same for all pushes, so it
-only weighs pushing against giving up.  Predicted variances are not used: C is nearly linear where it matters, and the
-branches carry the spread that decides.
+The term g of p(no move) can be switched off: the comparison of learners would otherwise measure it.  `no_move` says
+what each learner's p is.  It is the same for all pushes, so it only weighs pushing against giving up.  Predicted
+variances count in it alone: C is nearly linear where it matters, and the branches carry the spread that decides.
 
 Sequences: all pairs of a few contact locations and headings held for H steps, the straight push and the present contact
 among them, and random pairs of which the second takes over midway.  x, y, ψ and T are those of `samples.STATE`, in mm.
@@ -24,9 +23,9 @@ Source: thesis, section 5.5.4, figure 5-9, which names the costs without equatio
 
 import numpy as np
 
-from thesis_lib.jenga.learners.abstractions import stuck_group
 from thesis_lib.jenga.learners.learner import Learner
 from thesis_lib.jenga.play.controller_settings import ControllerSettings
+from thesis_lib.jenga.play.no_move import no_move
 from thesis_lib.jenga.play.policies import Action, Policy, Push, Retract
 from thesis_lib.jenga.robot.samples import STATE
 
@@ -77,14 +76,14 @@ class Learned(Policy):
     def __init__(self, learner: Learner, settings: ControllerSettings | None = None, name: str | None = None):
         self.learner, self.settings = learner, settings or ControllerSettings()
         self.name = name or learner.name
-        self.no_move = stuck_group(learner) if hasattr(learner, "look") else None
         offsets = np.linspace(-self.settings.offset, self.settings.offset, OFFSETS)
         headings = np.linspace(-self.settings.heading, self.settings.heading, HEADINGS)
         self._held = np.array([(offset, heading) for offset in offsets for heading in headings])
 
     def start(self, block: int, context: np.ndarray) -> None:
         self.context, self.contact, self.steps = context, 0.0, 0
-        self.belief = self._first = self.learner.initial_belief(context[None])[0]
+        self.belief = self.learner.initial_belief(context[None])[0]
+        self._first: float | None = None
 
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
         sequences = self.sequences()
@@ -126,11 +125,12 @@ class Learned(Policy):
         scale = np.array([max(settings.offset, 1e-9), max(settings.heading, 1e-9)])
         cost += settings.effort * ((sequences / scale) ** 2).sum(axis=2).mean(axis=1)
         cost += settings.change * (np.abs(sequences[:, 0, 0] - self.contact) > 1e-9)
-        return cost + settings.no_move * self.growth()
+        return cost + settings.no_move * self.growth(state)
 
-    def growth(self) -> float:
-        """g: growth of p(no move) since before contact; 0 for a learner without such an abstraction."""
-        if self.no_move is None or not self.settings.no_move:
+    def growth(self, state: np.ndarray) -> float:
+        """g: growth of p(no move) since the first reading (7,) of this block; 0 if the term is switched off."""
+        if not self.settings.no_move:
             return 0.0
-        first, now = (float(belief[self.no_move].sum()) for belief in (self._first, self.belief))
+        now = no_move(self.learner, self.belief, state, self.context, self.contact)
+        first = self._first = now if self._first is None else self._first
         return max(0.0, (now - first) / max(1.0 - first, 1e-9))

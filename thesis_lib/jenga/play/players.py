@@ -1,7 +1,9 @@
 """Policies by name, trained on samples if they learn.
 
-Learners are hma, mor and network; hma_without_cost is hma whose controller lacks the term of p(no move), hma_one_shot
-learns abstractions and transitions jointly.  Without training are rule, always_push, exploration and oracle.
+Learners are hma, mor and network.  The controller charges the growth of p(no move) for hma only; hma_without_cost,
+mor_with_cost and network_with_cost are the same learners, fitted with the same random numbers, without and with it.
+hma_one_shot learns abstractions and transitions jointly.  Without training are rule, always_push, exploration and
+oracle.
 """
 
 from collections.abc import Sequence
@@ -20,17 +22,23 @@ if TYPE_CHECKING:  # learners need torch, which takes longer to import than a ru
     from thesis_lib.jenga.learners.learner import Learner
 
 
+# policy -> whose learner it is, if it differs in the controller only
+LEARNS_AS = {"hma_without_cost": "hma", "mor_with_cost": "mor", "network_with_cost": "network"}
+WITHOUT_COST = ("hma_without_cost", "mor", "network")
+
+
 def learner_of(name: str, settings: Chapter5) -> "Learner":
-    """An unfitted learner, hma for hma_without_cost; UserError for an unknown name."""
+    """An unfitted learner, by the name of a policy; UserError for an unknown name."""
     from thesis_lib.jenga.learners.hma import Hma
     from thesis_lib.jenga.learners.mor import Mor
     from thesis_lib.jenga.learners.network import Network
 
-    learners = {"hma": Hma, "mor": Mor, "network": Network, "hma_without_cost": Hma, "hma_one_shot": Hma}
-    if name not in learners:
-        raise UserError(f"there is no learner {name}; known are {', '.join(learners)}.")
+    learners = {"hma": Hma, "hma_one_shot": Hma, "mor": Mor, "network": Network}
+    learns = LEARNS_AS.get(name, name)
+    if learns not in learners:
+        raise UserError(f"there is no learner {name}; known are {', '.join([*learners, *LEARNS_AS])}.")
     one_shot = settings.learner.one_shot or name == "hma_one_shot"
-    return learners[name](settings.learner.model_copy(update={"one_shot": one_shot}))
+    return learners[learns](settings.learner.model_copy(update={"one_shot": one_shot}))
 
 
 def policy_of(name: str, samples: Samples | None, size: int, settings: Chapter5, rng: np.random.Generator) -> Policy:
@@ -54,7 +62,7 @@ def policy_of(name: str, samples: Samples | None, size: int, settings: Chapter5,
         have = 0 if samples is None else len(samples)
         raise UserError(f"{name} is to learn from {size} samples, but there are {have}.")
     controller = play.controller
-    if name == "hma_without_cost":
+    if name in WITHOUT_COST:
         controller = controller.model_copy(update={"no_move": 0.0})
     return Learned(learner.fit(samples.first(size), rng), controller, name)
 

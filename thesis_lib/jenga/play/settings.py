@@ -26,12 +26,12 @@ class GameChoice(Section):
     towers: int = Field(2, ge=1, description="test towers, the same for all policies")
     paired_towers: int = Field(0, ge=0, description="towers of hma, network (`shown`) and rule, if more than `towers`")
     blocks: int = Field(45, ge=1, le=45, description="blocks tried in a game; the thesis's 45")
-    learners: tuple[str, ...] = Field(("hma", "mor", "network"), description="learners that play at every size")
+    learners: tuple[str, ...] = Field(("hma", "mor", "network"), description="policies that learn, at every size")
     sizes: tuple[int, ...] = Field((100, 1000), min_length=1, description="training samples")
     shown: int = Field(100, ge=20, description="of `sizes`: of the ablations and of figure 5-6 (100 in the thesis)")
     ppo_sizes: tuple[int, ...] = Field((1000, 20_000), description="samples of PPO: checkpoints of one training")
     fixed: tuple[str, ...] = Field(("rule", "always_push", "exploration", "oracle"), description="without training")
-    ablations: tuple[str, ...] = Field(("hma_without_cost",), description="at `shown`: hma_without_cost, hma_one_shot")
+    ablations: tuple[str, ...] = Field(("hma_without_cost",), description="policies that learn, at `shown` only")
 
 
 class SampleChoice(Section):

@@ -45,7 +45,7 @@ def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.
         "games": table,
         "attempts": attempts,
         "curve": learning_curve(table),
-        "paired": paired(table),
+        "paired": pd.concat([paired(table), paired(table, "hma_without_cost")], ignore_index=True),
         "success": success_table(attempts, shown),
         "needed": needed_samples(table, shown),
     }

@@ -34,7 +34,7 @@ from thesis_lib.foundation.progress import Progress, duration
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.yaml_file import read_yaml
 from thesis_lib.jenga.play.game import Game, play, read_game, write_game
-from thesis_lib.jenga.play.players import policy_of
+from thesis_lib.jenga.play.players import LEARNS_AS, policy_of
 from thesis_lib.jenga.play.policies import Policy
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import Samples, read_samples, write_samples
@@ -136,7 +136,8 @@ class Study:
         learned_from = [f"results/chapter5/samples/set_{number}.csv"] if task.size else []
         samples = self.samples(task.switch, number, task.size) if task.size else None
         # keyed as there, whatever the switch: the same samples give the same learner
-        rng = generator(self.seed, "ch5_game", task.policy, str(task.size), *learned_from)
+        learns = LEARNS_AS.get(task.policy, task.policy)
+        rng = generator(self.seed, "ch5_game", learns, str(task.size), *learned_from)
         return policy_of(task.policy, samples, task.size, self.settings[task.switch], rng)
 
     def samples(self, switch: str, number: int, size: int) -> Samples:

@@ -6,7 +6,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.jenga.play.game import play, write_game
-from thesis_lib.jenga.play.players import policy_of
+from thesis_lib.jenga.play.players import LEARNS_AS, policy_of
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 
@@ -19,7 +19,8 @@ if wildcards.policy == "ppo":
     policy = read_policy(source[0])
 else:
     # keyed by what is learned from: all games of a set have the very same learner
-    rng = generator(params.seed, "ch5_game", wildcards.policy, wildcards.size, *source)
+    learns = LEARNS_AS.get(wildcards.policy, wildcards.policy)
+    rng = generator(params.seed, "ch5_game", learns, wildcards.size, *source)
     policy = policy_of(wildcards.policy, read_samples(source[0]) if source else None, size, settings, rng)
 game = play(tower, policy, settings.setup, params.seed, blocks=params.blocks)
 write_game(game, snakemake.output[0])

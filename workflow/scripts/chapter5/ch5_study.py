@@ -19,4 +19,4 @@ for name, table in tables.items():
     write_result(table, folder / f"study_{name}.csv")
 save_figure(*figures.figure_5_5b(tables["curve"]), folder / "figure_5_5b")
 save_figure(*figures.figure_5_6(tables["success"]), folder / "figure_5_6")
-save_figure(*figures.figure_paired(tables["paired"]), folder / "figure_paired")
+save_figure(*figures.figure_paired(tables["paired"].query("policy == 'hma'")), folder / "figure_paired")
