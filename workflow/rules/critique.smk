@@ -22,7 +22,7 @@ rule critique_dataset:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         effects=lambda wildcards: CONFIG.critique.effects.get(wildcards.dataset),
         settings=settings(CONFIG.critique.settings),
-        max_trials=CONFIG.critique.max_trials,
+        max_trials=lambda wildcards: CONFIG.critique.max_trials.get(wildcards.dataset),
         arcs=settings(CONFIG.arcs),
         seed=CONFIG.seed,
         lib=code_of("critique"),

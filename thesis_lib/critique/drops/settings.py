@@ -26,7 +26,9 @@ class CritiqueRun(Section):
         ("planar_impact", "planar_dice", "drops"), description="to criticise; absent measured ones are left out"
     )
     effects: dict[Name, tuple[Name, ...]] = Field({}, description="dataset -> effects to switch on instead of choosing")
-    max_trials: Annotated[int, Field(ge=10)] | None = Field(None, description="first trials used a dataset; null: all")
+    max_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
+        {"planar_dice": 150}, description="dataset -> first trials used; others: all"
+    )
     proof: tuple[str, ...] = Field(
         ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),
         description="source/truth of the proof's datasets that the pipeline runs again to check the stored table",
