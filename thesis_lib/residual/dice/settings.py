@@ -35,6 +35,7 @@ class DiceFitSettings(Section):
 class DiceStudySettings(Section):
     """The study of thrown dice."""
 
+    throws: int | None = Field(None, ge=40, description="first throws used; null: all")
     train_share: float = Field(0.5, gt=0, lt=1, description="share of throws that train")
     splits: int = Field(3, ge=1, description="random splits of the throws: one alone is partly luck (own choice)")
     particles: int = Field(40, ge=10, description="of each held-out throw's belief (own choice)")

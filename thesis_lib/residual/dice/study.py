@@ -98,6 +98,9 @@ def dice_study(
     Raises UserError if the shape is no square, or the critique's model has effects that throws do not know.
     """
     side = side_of(dataset)
+    dataset = dataset.first_trials(settings.throws)
+    trials = dataset.trials
+    hits, impacts = hits[hits["trial"].isin(trials)], impacts.select(np.isin(impacts.trial, trials))
     measured = Measured(*read_throws(dataset, hits, settings.data), impacts)
     studies = []
     for i, split_rng in enumerate(rng.spawn(settings.splits)):
