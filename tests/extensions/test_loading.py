@@ -145,6 +145,7 @@ def test_a_file_that_cannot_be_used_says_why(tmp_path, text, says):
 def test_paths_that_are_no_programs_are_refused(tmp_path):
     assert "does not exist" in refusal(tmp_path / "gone.py")
     assert "no Python file" in refusal(written(tmp_path, own_files.EFFECT, "own.txt"))
+    assert "a name that reports could not show" in refusal(written(tmp_path, own_files.EFFECT, "o\nwn.py"))
     (tmp_path / "folder.py").mkdir()
     assert "is a folder" in refusal(tmp_path / "folder.py")
     os.mkfifo(tmp_path / "pipe.py")
@@ -199,7 +200,8 @@ def test_a_model_whose_effect_is_not_loaded_says_which_and_how_to_load_it(tmp_pa
     path = tmp_path / "model.json"
     of_file = {"file": "my_effects.py", "sha256": "0" * 64}
     of_package = {"package": "drop-effects", "version": "1.2", "sha256": "0" * 64}
-    for origin, remedy in ((of_file, "add --effects my_effects.py"), (of_package, "pip install drop-effects")):
+    trust = {"if you trust that file, add --effects my_effects.py": of_file, "pip install drop-effects": of_package}
+    for remedy, origin in trust.items():
         path.write_text(json.dumps(MODEL | {"origins": {NAME: origin}}))
         with pytest.raises(UserError, match=f"no effect '{NAME}'; it came from .*{remedy}"):
             load_model(path)
@@ -211,6 +213,25 @@ def test_a_model_whose_effect_is_not_loaded_says_which_and_how_to_load_it(tmp_pa
     path.write_text(json.dumps(MODEL | {"origins": {NAME: of_file}}))
     (changed,) = changed_code(load_model(path))
     assert changed.startswith(f"{NAME} was fitted with another state of my_effects.py")
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        {"file": "/tmp/evil.py"},
+        {"file": "own.py\n"},
+        {"file": "own.py", "package": "drop-effects"},
+        {"package": "https://example.org/evil.zip"},
+        {"package": "a; rm -rf b"},
+        {},
+    ],
+    ids=str,
+)
+def test_a_model_cannot_tell_a_user_to_load_something_from_anywhere(tmp_path, origin):
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(MODEL | {"origins": {NAME: {"sha256": "0" * 64} | origin}}))
+    with pytest.raises(UserError, match="is not a model that this program wrote"):
+        load_model(path)
 
 
 def test_a_model_of_the_library_alone_is_written_as_ever(tmp_path):

@@ -21,6 +21,7 @@ import importlib.abc
 import importlib.metadata
 import importlib.util
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -31,11 +32,12 @@ from thesis_lib.datasets.format.folder import holds_data
 from thesis_lib.effects import Effect
 from thesis_lib.extensions.check import results
 from thesis_lib.extensions.contract import raised
-from thesis_lib.extensions.registry import Loaded, Origin, add, contents
+from thesis_lib.extensions.registry import PACKAGE, VERSION, Loaded, Origin, add, contents
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import FileProblem, read_bytes
 
 MAX_CODE = 1_000_000  # bytes; the longest module of the library has 20 kB
+MAX_NAME = 200  # characters
 GROUPS = ("thesis_lib.effects", "thesis_lib.laws")
 KINDS = (("EFFECT", "EFFECTS", Effect), ("LAW", "LAWS", Law))
 REQUIRED = {"EFFECT": ("name", "family", "title", "equation", "parameters"), "LAW": ()}  # what has no default
@@ -70,6 +72,8 @@ def read_file(path: str | Path, *, data: Iterable[str | Path] = (), say: Say) ->
         raise FileProblem(
             path, "is no Python file (.py)", "give the file with your effects; --effect NAME takes a name"
         )
+    if len(path.name) > MAX_NAME or not path.name.isprintable() or "\\" in path.name:
+        raise FileProblem(path, "has a name that reports could not show", "give it a short, plain one")
     code = read_bytes(path, MAX_CODE)
     sha256 = hashlib.sha256(code).hexdigest()
     say(f"{path} is a program, which runs now with all your rights (SHA-256 {sha256[:12]}…)")
@@ -167,6 +171,8 @@ def installed() -> list[Loaded]:
         effects: list[Effect] = []
         laws: list[Law] = []
         package, version = distribution.metadata["Name"], distribution.version
+        if not (re.match(PACKAGE, package) and re.match(VERSION, version)):
+            raise UserError(f"The installed package {package!r} {version!r} has a name or a version that is none.")
         for point in sorted(offered, key=lambda point: (point.group, point.name)):
             try:
                 value = point.load()

@@ -16,6 +16,7 @@ from thesis_lib.foundation.errors import UserError
 
 Kind = Literal["effect", "law"]
 NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
+PACKAGE, VERSION = r"^[\w.-]*$", r"^[\w.!+-]*$"  # of an installed package
 # what tables and the critique call something else by: bounds, the model with effects, contacts that take time
 RESERVED = re.compile(r"augmented|best_post_hoc|irb_bound|no_impact|\w*_contact|\w*_as_published")
 
@@ -42,8 +43,8 @@ class Origin:
     def remedy(self) -> str:
         """How to load what comes from here."""
         if self.file:
-            return f"add --effects {self.file}, with the path to that file"
-        return f"install that package (python -m pip install {self.package})"
+            return f"if you trust that file, add --effects {self.file}, with the path to it"
+        return f"if you trust that package, install it (python -m pip install {self.package})"
 
     def content(self) -> dict[str, str]:
         """For JSON: what is known of the origin."""

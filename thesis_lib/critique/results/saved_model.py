@@ -6,11 +6,11 @@
 import csv
 import io
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import pandas as pd
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.critique.drops.bases import BASES
@@ -19,7 +19,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import CONTACT_TIME, Model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
-from thesis_lib.extensions.registry import Origin, additions, origin_of
+from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes, regular_size
@@ -46,10 +46,17 @@ class SavedParameter(Section):
 class SavedOrigin(Section):
     """Where an effect or a law comes from that is not the library's: a file or an installed package."""
 
-    file: str = Field("", max_length=300, description="its name, without folders")
-    package: str = Field("", max_length=300)
-    version: str = Field("", max_length=100, description="of the package")
+    # neither a path nor words: a message repeats them
+    file: str = Field("", max_length=200, pattern=r"^([^/\\\x00-\x1f]+\.py)?$", description="its name, without folders")
+    package: str = Field("", max_length=200, pattern=PACKAGE)
+    version: str = Field("", max_length=100, pattern=VERSION, description="of the package")
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the code")
+
+    @model_validator(mode="after")
+    def _is_from_somewhere(self) -> Self:
+        if bool(self.file) == bool(self.package):
+            raise ValueError("it names a file or a package, not both")
+        return self
 
     @property
     def origin(self) -> Origin:
