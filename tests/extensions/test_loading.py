@@ -48,6 +48,16 @@ def test_a_file_joins_the_library_in_its_order_with_its_origin(own_effect):
     assert load([own_effect], say=lambda text: None) == told  # again
 
 
+def test_a_file_can_hold_several_and_any_line_ends(tmp_path):
+    second = own_files.EFFECT.split("EFFECT =")[0].replace("slip_dependent_restitution", "second")
+    second = second.replace("SlipDependentRestitution", "Second").replace("depends on slip", "depends on it again")
+    text = own_files.EFFECT.split("EFFECT =")[0] + second + "EFFECTS = [Second(), SlipDependentRestitution()]\n"
+    path = tmp_path / "two.py"
+    path.write_bytes(b"\xef\xbb\xbf" + (text + own_files.LAW).replace("\n", "\r\n").encode())
+    told = load([path], say=lambda text: None)
+    assert [(one["kind"], one["name"]) for one in told] == [("effect", "second"), ("effect", NAME), ("law", "my_law")]
+
+
 def test_it_is_said_before_it_runs(tmp_path):
     said: list[str] = []
     path = written(tmp_path, "raise ValueError('it ran')\n" + own_files.EFFECT)

@@ -12,7 +12,8 @@ a tuple of them, or a module like such a file:
 
 Loading runs code with the rights of the user.  So a file runs only if its path was given, never because it lies
 somewhere; that it runs is said before; and nothing runs out of a folder that holds data, which may be a stranger's.
-Whatever is loaded meets the contracts of the library, or is refused.
+Whatever is loaded meets the contracts of the library, or is refused.  The SHA-256 by which results name a file is that
+of the file alone, not of modules that it imports; that of a package is of all its Python files.
 """
 
 import contextlib
