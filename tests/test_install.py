@@ -91,12 +91,16 @@ def test_the_wheel_holds_every_file_of_the_package(wheel):
     assert {path for path in ours if "__pycache__" not in path} <= held
 
 
-def write_impacts(folder: Path, n: int = 120) -> None:
-    """Impacts of an ellipse that obey one of the six laws, with the noise that the header states."""
+def write_impacts(folder: Path, n: int = 120, h: float = 0.0) -> None:
+    """Impacts of an ellipse that obey one of the six laws, with the noise that the header states.
+
+    `h` in s/m is the relative change of ε for each m/s of slip.
+    """
     rng = np.random.default_rng(0)
     v, theta = rng.normal([0.0, -1.8, 0.0], [0.6, 0.3, 5.0], (n, 3)), rng.uniform(-np.pi, np.pi, n)
     r = Ellipse(semi_axes=(0.035, 0.025)).contact_point(theta)
-    after = LAWS["mirtich"](v, r, mass=0.0364, k_g=0.0192, mu=0.15, epsilon=0.55)
+    epsilon = 0.55 * (1.0 + h * np.abs(v[:, 0] - r[:, 1] * v[:, 2]))
+    after = LAWS["mirtich"](v, r, mass=0.0364, k_g=0.0192, mu=0.15, epsilon=epsilon)
     kept = after.status == 0
     noise = [0.01, 0.01, 0.5] * rng.normal(size=(2, n, 3))
     columns = ["x", "y", "theta", "vx_pre", "vy_pre", "omega_pre", "vx_post", "vy_post", "omega_post"]
@@ -118,6 +122,48 @@ def test_the_installed_library_criticises_a_dataset_elsewhere(installed, tmp_pat
     assert Path(answer["from"]).is_relative_to(installed)
     assert answer["verdict"] == "adequate" and len(answer["laws"]) >= 6
     assert not EXTRA & set(answer["loaded"])
+
+
+@pytest.mark.slow
+def test_an_effect_in_a_file_of_the_users_is_found_with_the_installed_package_alone(installed, tmp_path):
+    """The drops obey the equation of the effect, but are made without its code and not by the library's simulator."""
+    write_impacts(tmp_path / "my_drops", 150, h=-0.2)
+    name = "slip_dependent_restitution"
+    shutil.copy(ROOT / "tests" / "extensions" / "own_files.py", tmp_path / "texts.py")
+    save = "import texts, pathlib; pathlib.Path('my_effects.py').write_text(texts.EFFECT, encoding='utf-8')"
+    run(sys.executable, "-c", save, folder=tmp_path)
+    program = (sys.executable, "-m", "thesis_lib")
+    printed = run(*program, "effects", "--check", "my_effects.py", folder=tmp_path, path=installed)
+    assert "FAIL" not in printed and "checks pass" in printed
+
+    critique = (*program, "critique", "my_drops", "-q", "--json")
+    alone = json.loads(run(*critique, "-o", "alone", folder=tmp_path, path=installed))
+    own = json.loads(run(*critique, "-o", "own", "--effects", "my_effects.py", folder=tmp_path, path=installed))
+    assert name not in json.dumps(alone)
+    assert [effect["name"] for effect in own["effects"]] == [name] and own["verdict"] == "effects"
+    found = own["effects"][0]["parameters"]["h"]
+    assert abs(found["value"] + 0.2) < 4.0 * found["std"] < 0.1
+    assert own["error"]["augmented"] < alone["error"]["augmented"] < alone["error"]["base"] * (1.0 + 1e-9)
+    assert "is not of the library but from my_effects.py." in " ".join(own["summary"])
+    assert "from my_effects.py" in (tmp_path / "own" / "report.html").read_text(encoding="utf-8")
+
+    states = "x,y,theta,vx,vy,omega\n0.00,0.031,0.30,0.8,-2.1,5.0\n"
+    (tmp_path / "states.csv").write_text(states)
+    predict = (*program, "predict", "own/model.json", "states.csv")
+    assert ",ok" in run(*predict, "--effects", "my_effects.py", folder=tmp_path, path=installed)
+    with pytest.raises(AssertionError, match=r"came from my_effects\.py and is not loaded"):
+        run(*predict, folder=tmp_path, path=installed)
+
+    # the same from a package that is installed beside it
+    info = installed / "drop_effects-1.2.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: drop-effects\nVersion: 1.2\n")
+    (info / "entry_points.txt").write_text("[thesis_lib.effects]\nslip = drop_effects\n")
+    shutil.copy(tmp_path / "my_effects.py", installed / "drop_effects.py")
+    packaged = json.loads(run(*critique, "-o", "packaged", folder=tmp_path, path=installed))
+    assert packaged["additions"][0]["package"] == "drop-effects"
+    assert packaged["effects"] == own["effects"] and packaged["error"] == own["error"]
+    shutil.rmtree(info)
 
 
 @pytest.mark.slow

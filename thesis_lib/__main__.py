@@ -14,7 +14,7 @@ COMMANDS = {  # name -> module, function, what it does; in groups
         "critique": ("commands.critique", "critique", "what the models miss in one dataset or in many"),
         "predict": ("commands.model", "predict", "velocities after impact, by a criticised model"),
         "simulate": ("commands.model", "simulate", "drops as such a model makes them"),
-        "effects": ("commands.printed", "effects", "the physical effects that are looked for"),
+        "effects": ("commands.effects", "effects", "the physical effects that are looked for; add your own"),
     },
     "the thesis": {
         "claims": ("commands.claims", "main", "what the thesis states against what this program finds"),

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from impact_draws import Impacts, reference_draw
 
-N_REFERENCE = 20_000  # as in the published constraint summary that the rates are compared with
+from thesis_lib.extensions import law_contract
+from thesis_lib.extensions.impact_draws import Impacts
 
 
 @pytest.fixture
@@ -14,9 +14,9 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture(scope="session")
 def draw() -> Impacts:
-    return reference_draw(np.random.default_rng(1), N_REFERENCE)
+    return law_contract.reference()
 
 
 @pytest.fixture(scope="session")
 def central() -> Impacts:
-    return reference_draw(np.random.default_rng(2), N_REFERENCE, central=True)
+    return law_contract.central()

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from impact_draws import reference_draw
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
@@ -17,6 +16,7 @@ from thesis_lib.contact.space import (
     velocity_change,
     velocity_error,
 )
+from thesis_lib.extensions.impact_draws import reference_draw
 
 ROUNDING = 1e-9  # relative to the contact speed, condition of M_C included
 SOLVER = 1e-6  # error in m/s of an interior point solution at tolerance 1e-12 in its square

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from impact_draws import Impacts, reference_draw
 from impact_integration import coulomb_impact, coulomb_rate, integrate_all, viscous_impact
 from scipy.integrate import solve_ivp
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import ContactSpace
+from thesis_lib.extensions.impact_draws import Impacts, reference_draw
 
 # relative to the contact speed before impact (impulses are of its order, m = 1)
 EVENTS = 1e-9  # bisection is exact to rounding; slow slip that nearly sticks amplifies it

@@ -3,12 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from impact_draws import reference_draw
 
 from benchmarks.impacts import falling_ellipses
 from benchmarks.laws import main
 from benchmarks.plain_laws import PLAIN_LAWS, resolve_all
 from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.extensions.impact_draws import reference_draw
 
 ROUNDING = 1e-10  # the same formulas in another order, times the condition of M_C
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from impact_draws import reference_draw
 
 from thesis_lib.contact.space import (
     admissible,
@@ -15,6 +14,7 @@ from thesis_lib.contact.space import (
     velocity_change,
     velocity_error,
 )
+from thesis_lib.extensions.impact_draws import reference_draw
 
 ROUNDING = 1e-10  # relative: rounding times the condition of M_C for r/k up to 10
 MASS, K_G = 0.0364, 0.0192

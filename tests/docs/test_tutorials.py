@@ -12,11 +12,15 @@ LONGEST = 120  # lines: what is read in one go
 @pytest.mark.slow
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda path: path.stem)
 def test_every_command_of_a_tutorial_runs_and_prints_what_is_said(page: Path, tmp_path: Path) -> None:
-    folder = copy_project(tmp_path / "project")
+    project = copy_project(tmp_path / "project")
     steps = steps_of(page.read_text(encoding="utf-8"))
     assert steps
+    elsewhere = project
+    if any(step.repository for step in steps):
+        elsewhere = tmp_path / "mine"
+        elsewhere.mkdir()
     for step in steps:
-        run(step, folder)
+        run(step, project if step.repository else elsewhere, project)
 
 
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda path: path.stem)

@@ -5,6 +5,8 @@ In a tutorial stands
     Save this as `PATH`:   and a python block    the file, from the root of the repository
     ```bash                                      commands to run there, one shell a block
     ```bash long                                 the same, but Snakemake makes a dry run
+    ```bash repository                           commands to run in the root of the repository, while all others of the
+                                                 page, and its files, belong to the folder `mine` beside it
     ```text  right behind a bash block           what it prints: words exactly, numbers within `ROUNDING`
 
 Where a printed text has … or a new line, or goes on before or after, anything may stand.
@@ -24,17 +26,19 @@ FOLDERS = ("config", "docs", "profiles", "tests", "thesis_lib", "workflow")
 NUMBER = r"[-−]?\d+\.?\d*(?:e-?\d+)?"
 ROUNDING = 0.1  # relative: other versions of the libraries move floors, and whatever is drawn, by a few per cent
 _BLOCK = re.compile(
-    r"(?:Save this as `(?P<path>[^`]+)`:\n\n)?^```(?P<kind>\w*)(?P<long> long)?\n(?P<text>.*?)^```$", re.M | re.S
+    r"(?:Save this as `(?P<path>[^`]+)`:\n\n)?^```(?P<kind>\w*)(?P<where> long| repository)?\n(?P<text>.*?)^```$",
+    re.M | re.S,
 )
 
 
 @dataclass
 class Step:
-    """A file to save (path), or commands (long: as a dry run) with what they print."""
+    """A file to save (path), or commands (long: as a dry run; repository: in its root) with what they print."""
 
     text: str
     path: str | None = None
     long: bool = False
+    repository: bool = False
     prints: list[str] = field(default_factory=list)
 
 
@@ -45,7 +49,9 @@ def steps_of(page: str) -> list[Step]:
         if match["path"]:
             steps.append(Step(match["text"], path=match["path"]))
         elif match["kind"] == "bash":
-            steps.append(Step(match["text"], long=bool(match["long"])))
+            steps.append(
+                Step(match["text"], long=match["where"] == " long", repository=match["where"] == " repository")
+            )
         elif match["kind"] == "text" and steps:
             steps[-1].prints.append(match["text"])
     return steps
@@ -61,8 +67,8 @@ def copy_project(to: Path) -> Path:
     return to
 
 
-def run(step: Step, folder: Path) -> str:
-    """Save or run one step in `folder`; returns what was printed.
+def run(step: Step, folder: Path, project: Path | None = None) -> str:
+    """Save or run one step in `folder`, by default the root of the project; returns what was printed.
 
     Raises:
         AssertionError: a command fails, or prints something else than the tutorial says.
@@ -74,7 +80,7 @@ def run(step: Step, folder: Path) -> str:
     if step.long:
         commands = re.sub(r"^snakemake ", "snakemake --dry-run --quiet all ", commands, flags=re.M)
     environment = os.environ | {
-        "PYTHONPATH": str(folder),
+        "PYTHONPATH": str(project or folder),
         "PYTHONDONTWRITEBYTECODE": "1",
         "OMP_NUM_THREADS": "1",
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",

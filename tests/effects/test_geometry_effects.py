@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from hand_cases import EXACT, HALF, SQUARE, N, on
-from stage_predictor import EPSILON, MU, RIGS, predict
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import ContactSpace, residual_couple
 from thesis_lib.effects.effect import Rig, State
+from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, predict
 
 
 def contact_point(name: str, rig: Rig, theta: np.ndarray, **p: float) -> np.ndarray:

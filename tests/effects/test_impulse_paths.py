@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, N, on, one_state
-from stage_predictor import at_scale, predict
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import ContactSpace, contact_space, residual_couple
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Impulse, State
 from thesis_lib.effects.impulse_path import STEPS, walk
+from thesis_lib.extensions.stage_predictor import at_scale, predict
 
 SPRING_ERROR = 0.02  # of 20 steps a phase, relative to the stick impulse
 

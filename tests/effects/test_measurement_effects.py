@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, RADIUS, on, one_state
-from stage_predictor import arrays, predict
 
 from thesis_lib.contact.space import residual_couple
 from thesis_lib.effects.effect import Rig, State
+from thesis_lib.extensions.stage_predictor import arrays, predict
 
 
 def test_mirrored_rotation_twice_is_identity(quadrilateral) -> None:

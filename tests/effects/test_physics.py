@@ -6,11 +6,11 @@ Paths of the impulse, geometry and measurement have files of their own.
 import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, RADIUS, N, coefficients, on, one_state
-from stage_predictor import EPSILON, MU, at_scale, predict
 
 from thesis_lib.contact.space import ContactSpace, contact_space
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import State
+from thesis_lib.extensions.stage_predictor import EPSILON, MU, at_scale, predict
 
 
 @pytest.mark.parametrize("law", ["anitescu_potra_newton", "anitescu_potra_poisson", "mirtich", "drumwright_shell"])

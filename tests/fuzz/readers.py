@@ -215,6 +215,7 @@ def _model_samples() -> list[Sample]:
         "dataset": "drops",
         "law": "wang_mason",
         "effects": effects,
+        "origins": {"wear": {"file": "my_effects.py", "sha256": "0" * 64}},
         "parameters": {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()},
         "scatter": 0.01,
         "rig": {

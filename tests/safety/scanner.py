@@ -7,6 +7,7 @@
 | torch   | `torch.load` without `weights_only=True`; `torch.hub`                                              |
 | numpy   | `np.load` and friends with `allow_pickle`                                                          |
 | eval    | `eval`, `exec`, `compile`, and expressions that pandas or SymPy evaluate, unless written in the source |
+| code    | running a file of Python that is no module of the project                                          |
 | shell   | `os.system` and friends, `shell=True`, a subprocess whose command is one string                    |
 | mktemp  | `tempfile.mktemp`: a name that another process can take first                                      |
 | archive | unpacking to paths that the archive chooses                                                        |
@@ -33,6 +34,10 @@ NETWORK = {
 }
 XML = {"xml.etree", "xml.dom", "xml.sax", "lxml"}
 READERS = {"read_pickle", "to_pickle", "read_hdf", "to_hdf"}
+RUNS_FILES = {
+    *("runpy.run_path", "runpy.run_module", "importlib.util.spec_from_file_location"),
+    *("importlib.util.spec_from_loader", "importlib.machinery.SourceFileLoader", "imp.load_source"),
+}
 SHELLS = {
     *("os.system", "os.popen", "pty.spawn", "subprocess.getoutput", "subprocess.getstatusoutput"),
     *("asyncio.create_subprocess_shell", "commands.getoutput", "snakemake.shell.shell"),
@@ -144,6 +149,8 @@ class _Scan:
         written = isinstance(first, ast.Constant)
         if (name in EVALUATED or (last == "query" and _is_text(first))) and not written:
             yield self.finding(node, "eval", name or last)
+        if name in RUNS_FILES or last == "exec_module":
+            yield self.finding(node, "code", name or last)
         if name in SHELLS or re.fullmatch(r"os\.(exec|spawn|posix_spawn)\w*", name):
             yield self.finding(node, "shell", name)
         if "shell" in keywords and not _is(keywords["shell"], False):

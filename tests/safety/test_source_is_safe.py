@@ -19,6 +19,11 @@ ALLOWED = {
         "thesis_lib/datasets/sources/fetch.py",
         "network",
     ): "the one download; no byte is parsed before its SHA-256 matches (tests/datasets/test_published.py)",
+    (
+        "thesis_lib/extensions/loading.py",
+        "code",
+    ): "a user's own effects, from the path that was given (tests/extensions/test_loading.py)",
+    ("tests/workflow/test_held_out_scripts.py", "code"): "runs our own scripts as Snakemake does",
     ("tests/datasets/test_published.py", "network"): "serves files to the download, on this machine",
     ("tests/fuzz/hostile.py", "network"): "makes a socket file, which a reader must refuse",
     ("tests/fuzz/test_mutation.py", "shell"): "misbehaves on purpose, to be caught",
@@ -93,6 +98,11 @@ BAD = {
         "table.query('trial < ' + n)",
         "table.query(f'trial < {n}')",
         "from sympy import sympify\nsympify(text)",
+    ],
+    "code": [
+        "import runpy\nrunpy.run_path(path)",
+        "from importlib.util import spec_from_file_location as s\ns(name, path)",
+        "spec.loader.exec_module(module)",
     ],
     "shell": [
         "import os\nos.system('ls')",

@@ -17,19 +17,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from thesis_lib.datasets.format.folder import looks_like_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.isolated import Outcome, Task, run_isolated
 from thesis_lib.foundation.progress import duration
 from thesis_lib.report.batch_index import INDEX_FILES, plain, row_of_failure, row_of_verdict, write_index
 
 STATE = ".batch"
-# any of these files makes a folder a dataset, though perhaps a bad one
-STEMS = ("trajectories", "impacts", "states")
-INPUTS = (
-    *("dataset.yaml", "recording.yaml"),
-    *(f"{stem}{suffix}" for stem in STEMS for suffix in (".csv", ".parquet")),
-)
 PRELOAD = (
+    "thesis_lib.extensions.loading",
     "thesis_lib.report.critique.folder",
     "thesis_lib.report.critique.page",
     "thesis_lib.datasets.read",
@@ -63,24 +59,33 @@ def find_datasets(paths: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
     datasets, others = [], []
     for path in map(Path, paths):
         below = []
-        if path.is_dir() and not _looks_like_dataset(path):
+        if path.is_dir() and not looks_like_dataset(path):
             below = sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
-        inside = [p for p in below if _looks_like_dataset(p)]
+        inside = [p for p in below if looks_like_dataset(p)]
         datasets += inside or [path]
         others += [p for p in below if p not in inside] if inside else []
     return list(dict.fromkeys(datasets)), others
 
 
-def _looks_like_dataset(folder: Path) -> bool:
-    return any(os.path.lexists(folder / name) for name in INPUTS)
+def criticise_folder(
+    path: str,
+    folder: str,
+    seed: int,
+    effects: Sequence[str] | None,
+    files: Sequence[str] = (),
+    additions: Sequence[Mapping[str, str]] = (),
+) -> dict:
+    """Criticise one dataset; runs in its own process, which loads effects of one's own anew.
 
-
-def criticise_folder(path: str, folder: str, seed: int, effects: Sequence[str] | None) -> dict:
-    """Criticise one dataset; runs in its own process."""
+    UserError if they are not the `additions` of the batch any more.
+    """
     from threadpoolctl import threadpool_limits
 
+    from thesis_lib.extensions.loading import load
     from thesis_lib.report.critique.folder import criticise_path
 
+    if additions and load(files, say=print) != list(additions):
+        raise UserError("The effects or laws of your own have changed since the batch began; start it again.")
     with threadpool_limits(limits=1):  # other datasets use the other cores
         criticise_path(path, folder, seed, effects=effects, say=print)
     return {}
@@ -92,6 +97,8 @@ def run_batch(
     seed: int,
     *,
     effects: Sequence[str] | None = None,
+    files: Sequence[str] = (),
+    additions: Sequence[Mapping[str, str]] = (),
     jobs: int = 1,
     time_limit: float | None = None,
     memory_limit: float | None = None,
@@ -102,6 +109,7 @@ def run_batch(
 
     Args:
         seed, effects: as for one dataset (`critique_folder`).
+        files, additions: Python files with effects of one's own, loaded already, and what is added to the library.
         jobs: datasets at a time.
         time_limit, memory_limit: s of wall time and bytes of resident memory per dataset; None for no limit.
         say: called with a line for each dataset that ends.
@@ -118,13 +126,15 @@ def run_batch(
     named = _names(paths, out)
     with _only_one(out):
         code = _code()
-        keys = {name: _key(Path(os.path.realpath(path)), seed, effects, code) for name, path in named.items()}
+        of_ones_own = (tuple(files), tuple(additions)) if additions else ()
+        settings = {"seed": seed, "effects": effects and list(effects), "code": code, "additions": list(additions)}
+        keys = {name: _key(Path(os.path.realpath(path)), settings) for name, path in named.items()}
         skipped = [name for name in named if _is_done(out, name, keys[name])]
         rows = {name: _row(out, name) for name in skipped}
         if skipped:
             say(f"{len(skipped)} of {len(named)} are done already, with the same data and settings")
         tasks = [
-            Task(name, (str(path), str(out / name), seed, effects), out / f"{name}.log")
+            Task(name, (str(path), str(out / name), seed, effects, *of_ones_own), out / f"{name}.log")
             for name, path in named.items()
             if name not in rows
         ]
@@ -206,13 +216,14 @@ def _only_one(out: Path) -> Iterator[None]:
         yield
 
 
-def _key(path: Path, seed: int, effects: Sequence[str] | None, code: str) -> str | None:
+def _key(path: Path, settings: Mapping[str, object]) -> str | None:
     """Checksum of all that a critique depends on; None if the data cannot be read or are too large."""
+    from thesis_lib.datasets.format.folder import INPUTS
     from thesis_lib.datasets.format.tables import MAX_BYTES
     from thesis_lib.foundation.provenance import file_sha256
     from thesis_lib.foundation.regular_file import FileProblem, regular_size
 
-    inputs = {"seed": seed, "effects": effects and list(effects), "code": code, "name": path.name}
+    inputs = {**settings, "name": path.name}
     try:
         for file in (path / name for name in INPUTS):
             if os.path.lexists(file):

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from thesis_lib.commands.additions import add_option, load_additions
 from thesis_lib.foundation.command_line import FAILED, INTERRUPTED, Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
@@ -49,6 +50,7 @@ states.csv; python -m thesis_lib datasets makes one from a rig's logs, or an exa
 examples:
   python -m thesis_lib critique data/my_drops -o results/critique/my_drops
   python -m thesis_lib critique data/my_drops --effect tangential_restitution --effect surface_tilt
+  python -m thesis_lib critique data/my_drops --effects my_effects.py     looks for an effect of your own, too
   python -m thesis_lib critique data/my_drops --json | jq .verdict
   python -m thesis_lib critique data/before data/after -o results/critique/repair
   python -m thesis_lib critique results/critique/before results/critique/after       runs that are done already
@@ -72,6 +74,7 @@ def build_parser() -> Parser:
     parser.add_argument("paths", nargs="+", metavar="PATH", help=paths)
     parser.add_argument("-o", "--out", metavar="DIR", help=out)
     parser.add_argument("--effect", action="append", dest="effects", metavar="NAME", help=effect)
+    add_option(parser)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
     parser.add_argument("--json", action="store_true", help=printed)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
@@ -94,6 +97,7 @@ def critique(argv: Sequence[str] | None = None) -> int:
     if args.seed < 0:
         raise UserError(f"--seed must be 0 or more, got {args.seed}.")
     args.effects = args.effects and tuple(dict.fromkeys(args.effects))
+    args.additions = load_additions(args.files, args.paths)
     if args.batch:
         return _batch(args)
     if len(args.paths) > 2:
@@ -123,8 +127,11 @@ def _one(args: argparse.Namespace) -> int:
 def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[dict, Path]:
     with Progress(path, quiet=args.quiet, stages=STAGES) as say:
         say("loading")
+        from thesis_lib.datasets.recordings.recording import is_recording
         from thesis_lib.report.critique.folder import criticise_path
 
+        if args.files and is_recording(path):
+            raise UserError(f"{path} is the recording of a mechanism; --effects adds effects of drops. Leave it out.")
         # unlike Path.resolve, realpath survives a loop of links, which reading then refuses
         folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
         if os.path.realpath(folder) == os.path.realpath(path):
@@ -149,7 +156,8 @@ def _batch(args: argparse.Namespace) -> int:
         say(f"no datasets, passed over: {', '.join(map(str, others))}")
     out = Path(args.out or "results/critique")
     memory = None if args.memory_limit is None else args.memory_limit * 1e9
-    options = {"effects": args.effects, "jobs": args.jobs or len(os.sched_getaffinity(0)), "memory_limit": memory}
+    options = {"effects": args.effects, "files": args.files, "additions": args.additions}
+    options |= {"jobs": args.jobs or len(os.sched_getaffinity(0)), "memory_limit": memory}
     try:
         batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, say=say, **options)
     except KeyboardInterrupt:

@@ -4,10 +4,15 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from thesis_lib.commands.additions import add_option, load_additions
 from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
+
+if TYPE_CHECKING:
+    from thesis_lib.critique.results.saved_model import SavedModel
 
 PREDICT = """\
 Predict the velocity after impact with the law and the effects in a model.json.
@@ -24,6 +29,7 @@ PREDICT_EXAMPLES = """\
 examples:
   python -m thesis_lib predict out/model.json states.csv -o predicted.csv
   python -m thesis_lib predict out/model.json states.csv | head -3
+  python -m thesis_lib predict out/model.json states.csv --effects my_effects.py     a model with an effect of your own
   python -m thesis_lib predict out/model.json states.csv -o predicted.csv --json | jq .status
 """
 SIMULATE = """\
@@ -47,13 +53,15 @@ def predict(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("states", metavar="STATES.csv")
     parser.add_argument("-o", "--out", metavar="OUT.csv", help="default: print to stdout")
+    add_option(parser)
     printed = "print model, number of rows and of each status as JSON; without -o the predictions, too"
     parser.add_argument("--json", action="store_true", help=printed)
     args = parser.parse_args(argv)
-    from thesis_lib.critique.results.saved_model import load_model, predict, read_states
+    from thesis_lib.critique.results.saved_model import predict, read_states
     from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
 
-    model = load_model(args.model)
+    load_additions(args.files)
+    model = _model(args.model)
     table = predict(model, read_states(args.states), args.states)
     if args.out:
         write_table(table, args.out)
@@ -80,6 +88,7 @@ def simulate(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--drops", type=int, metavar="N", help="default: 50, or all releases of --like")
     parser.add_argument("--seed", type=int, default=0, help="of releases and noise; default: %(default)s")
     parser.add_argument("--engine", choices=("own", "drake"), default="own", help="default: %(default)s")
+    add_option(parser)
     parser.add_argument("--like", metavar="DATASET", help="releases, noise and rate as in this dataset")
     parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
     args = parser.parse_args(argv)
@@ -89,15 +98,15 @@ def simulate(argv: Sequence[str] | None = None) -> int:
     taken = [name for name in ("dataset.yaml", "trajectories.csv", "impacts.csv") if (folder / name).exists()]
     if taken:
         raise UserError(f"{folder} already holds {taken[0]}, which may be measured: choose another folder for -o.")
+    load_additions(args.files, [args.like] if args.like else [])
     with Progress(args.model, quiet=args.quiet) as say:
         say("loading")
-        from thesis_lib.critique.results.saved_model import load_model
         from thesis_lib.critique.simulation.simulate_model import simulate_model
         from thesis_lib.datasets.format.write import write_dataset
         from thesis_lib.datasets.read import read_dataset
         from thesis_lib.foundation.randomness import generator
 
-        model = load_model(args.model)
+        model = _model(args.model)
         like = read_dataset(args.like) if args.like else None
         rng = generator(args.seed, "simulate")
         made = simulate_model(model, args.drops, engine=args.engine, like=like, rng=rng, say=say)
@@ -106,3 +115,13 @@ def simulate(argv: Sequence[str] | None = None) -> int:
         samples = 0 if made.trajectories is None else len(made.trajectories)
         print(f"{len(made.trials)} drops, {samples} samples written to {folder}", file=sys.stderr)
     return 0
+
+
+def _model(path: str) -> "SavedModel":
+    """The model, after a note on code that has changed since it was fitted."""
+    from thesis_lib.critique.results.saved_model import changed_code, load_model
+
+    model = load_model(path)
+    for sentence in changed_code(model):
+        print(f"warning: {path}: {sentence}", file=sys.stderr)
+    return model

@@ -1,32 +1,29 @@
-"""Text that the commands print: a diagnosis, the end of a batch, and the list of effects, itself a command."""
+"""Text that the commands print: a diagnosis, and the end of a batch."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from thesis_lib.foundation.command_line import Parser, command
 
 if TYPE_CHECKING:
     from thesis_lib.commands.batch import Batch
 
-EFFECTS_EXAMPLES = """\
-examples:
-  python -m thesis_lib effects
-  python -m thesis_lib effects --json | jq '.[].name'
-"""
 STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad"}
 
 
 def diagnosis_text(content: Mapping) -> str:
     """The content of diagnosis.json for a terminal."""
+    from thesis_lib.critique.results.summary import origin_text
+
     lines = [f"{content['dataset']}: {content['verdict']}", *(f"  {s}" for s in content["summary"])]
     lines += ["", *(_mechanism_errors(content) if "mechanism" in content else _errors(content))]
     width = max((14, *(len(key) + 2 for key in content["augmented_model"]["parameters"])))
     for key, p in content["augmented_model"]["parameters"].items():
         lines.append(f"    {key:<{width}}{_value(p)}")
     case, score = ("a window", "window") if "mechanism" in content else ("an impact", "impact")
+    origins = {one["name"]: origin_text(one) for one in content.get("additions", ())}
     for effect in content["effects"]:
+        if effect["name"] in origins:
+            lines.append(f"    {effect['name']} is from {origins[effect['name']]}")
         lines += [f"    {effect['name']}.{key} = {_value(p)}" for key, p in effect["parameters"].items()]
         gain, (low, high) = effect["gain"], effect["gain"]["interval"]
         lines.append(
@@ -79,54 +76,3 @@ def batch_text(batch: "Batch", out: Path) -> str:
         log = out / f"{row['dataset']}.log"
         lines.append(f"  {plain(row['dataset'])} failed: {row['reason']}\n      log: {log}")
     return "\n".join([*lines, f"\nwritten to {out}; open {out / 'index.html'}"])
-
-
-@command
-def effects(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(
-        prog="python -m thesis_lib effects",
-        description="List every candidate effect: equation, parameters with unit and bounds, and source.",
-        epilog=EFFECTS_EXAMPLES,
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
-    args = parser.parse_args(argv)
-    print(effects_json() if args.json else effects_text())
-    return 0
-
-
-def effects_text() -> str:
-    """Every candidate effect by family: equation, parameters with bounds and unit, source."""
-    from thesis_lib.effects import EFFECTS
-
-    family, lines = None, []
-    for effect in EFFECTS.values():
-        if effect.family != family:
-            family = effect.family
-            lines.append(family.replace("_", " "))
-        needs = " (needs trajectories)" if effect.needs_trajectories else ""
-        lines += [f"  {effect.name}: {effect.title}{needs}", f"      {effect.equation}"]
-        for p in effect.parameters:
-            unit = "" if p.unit == "1" else f" {p.unit}"
-            if p.discrete is not None:
-                lines.append(f"      {p.name}: {p.null:g} or {p.discrete:g}")
-            else:
-                lines.append(f"      {p.name}: {p.low:g} to {p.high:g}{unit}, absent at {p.null:g}")
-        if effect.reference:
-            lines.append(f"      source: {effect.reference}")
-    lines.append(
-        "\nTo add one, add a file to thesis_lib/effects; python -m thesis_lib critique then looks for it, too."
-    )
-    return "\n".join(lines)
-
-
-def effects_json() -> str:
-    """`effects_text` for programs."""
-    from thesis_lib.effects import EFFECTS
-
-    keys = ("name", "family", "title", "equation", "needs_trajectories", "reference")
-    effects = [
-        {key: getattr(effect, key) for key in keys}
-        | {"parameters": [vars(p) for p in effect.parameters], "channels": list(effect.channels)}
-        for effect in EFFECTS.values()
-    ]
-    return json.dumps(effects, indent=1, ensure_ascii=False, allow_nan=False)

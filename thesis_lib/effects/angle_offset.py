@@ -26,6 +26,7 @@ class AngleOffset(Effect):
     )
     channels = ("impact", "touch")
     reference = "camera calibration"
+    breaks_mirror = True
 
     def applies_to(self, rig):
         return not isinstance(rig.shape, Disk)

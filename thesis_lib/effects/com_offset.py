@@ -33,6 +33,7 @@ class ComOffset(Effect):
     channels = ("impact", "flight")
     denies = "centre of mass"
     reference = "rigid-body kinematics"
+    breaks_mirror = True
 
     def to_contact(self, state, p, rig):
         C_x, C_y = _turned(state, p)

@@ -19,6 +19,7 @@ class ContactPointOffset(Effect):
     equation = "r_x = r_x,shape + d_r"
     parameters = (Parameter("d_r", "m", null=0.0, low=-0.01, high=0.01, scale=5e-4),)
     reference = "Brach 1989 (rigid body collisions: distributed contact)"
+    breaks_mirror = True
 
     def contact_point(self, r_x, r_y, state, p, rig):
         return r_x + p["d_r"], r_y

@@ -157,6 +157,7 @@ class Effect:
             (gap at impact), flight (acceleration between impacts).
         needs_trajectories: whether impacts alone cannot test it.
         needs_contact_time: whether it is about nothing but the time that contacts take.
+        breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
         denies: what of the body it says to be other than believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
         reference: source, with DOI where there is one.
@@ -170,6 +171,7 @@ class Effect:
     channels: tuple[Channel, ...] = ("impact",)
     needs_trajectories: bool = False
     needs_contact_time: bool = False
+    breaks_mirror: bool = False
     denies: str = ""
     reference: str = ""
 

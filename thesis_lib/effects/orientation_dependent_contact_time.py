@@ -33,6 +33,7 @@ class OrientationDependentContactTime(Effect):
     needs_trajectories = True
     needs_contact_time = True
     reference = "first harmonics of a smooth dependence on the place"
+    breaks_mirror = True
 
     def contact_time(self, tau, space, state, p, rig):
         beta = around_body(state, rig)

@@ -28,6 +28,7 @@ class OrientationDependentRestitution(Effect):
         Parameter("a_s", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)),
     )
     reference = "Stoianovici and Hurmuzlu 1996 (rebound of slender bars at different angles)"
+    breaks_mirror = True
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         angle = 2.0 * around_body(state, rig)

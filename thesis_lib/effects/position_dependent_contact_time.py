@@ -28,6 +28,7 @@ class PositionDependentContactTime(Effect):
     needs_trajectories = True
     needs_contact_time = True
     reference = "first order of a smooth dependence on place; stiffness of a spring, Goldsmith 1960, chapter 4"
+    breaks_mirror = True
 
     def contact_time(self, tau, space, state, p, rig):
         return np.maximum(tau * (1.0 + p["g_tau"] * along_surface(state, rig)), 0.0)

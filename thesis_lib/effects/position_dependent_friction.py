@@ -23,6 +23,7 @@ class PositionDependentFriction(Effect):
     equation = "μ = μ₀ (1 + g_μ x)"
     parameters = (Parameter("g_mu", "1/m", null=0.0, low=-10.0, high=10.0, scale=0.5),)
     reference = "first order of a smooth dependence on place"
+    breaks_mirror = True
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         return np.maximum(mu * (1.0 + p["g_mu"] * state.x), 0.0), epsilon

@@ -23,6 +23,7 @@ class PositionDependentRestitution(Effect):
     equation = "ε = ε₀ (1 + g_ε x)"
     parameters = (Parameter("g_eps", "1/m", null=0.0, low=-10.0, high=10.0, scale=0.5),)
     reference = "first order of a smooth dependence on place"
+    breaks_mirror = True
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["g_eps"] * state.x), 0.0, 1.0)

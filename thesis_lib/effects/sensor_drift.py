@@ -22,6 +22,7 @@ class SensorDrift(Effect):
     equation = "x_measured = x + d_x t"
     parameters = (Parameter("d_x", "m/s", null=0.0, low=-1.0, high=1.0, scale=0.1),)
     reference = "Galilean invariance"
+    breaks_mirror = True
 
     def to_true(self, state, p, rig):
         return _drifted(state, -p["d_x"])

@@ -42,6 +42,7 @@ class SurfacePatch(Effect):
     )
     channels = ("impact", "touch")
     reference = "Yu, Bauza, Fazeli and Rodriguez 2016 (friction by place), doi:10.1109/IROS.2016.7758091"
+    breaks_mirror = True
 
     def shapes(self, state, rig):
         x = along_surface(state, rig)

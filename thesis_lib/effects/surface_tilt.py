@@ -25,6 +25,7 @@ class SurfaceTilt(Effect):
     channels = ("flight",)
     needs_trajectories = True
     reference = "inclined plane"
+    breaks_mirror = True
 
     def acceleration(self, a, state, p, rig):
         sin, cos, g = np.sin(p["phi"]), np.cos(p["phi"]), rig.gravity

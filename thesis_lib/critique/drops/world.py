@@ -33,6 +33,7 @@ from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Effort, Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.extensions.registry import added_laws
 from thesis_lib.statistics.spread import quantile_std, robust_std
 
 # a compliant contact takes ten times as long; it is tried beyond this median error over noise, where bodies turn by
@@ -97,7 +98,7 @@ class Drops(World[Effect, Fit, Judgement]):
     def __init__(self, observations: Observations, rivals: int = 1, timed: bool = True) -> None:
         self.timed = timed and observations.arcs
         self.observations, self.rivals = observations, rivals
-        self.bases, self.reserve = CANDIDATE_LAWS, RESERVE * self.timed
+        self.bases, self.reserve = (*CANDIDATE_LAWS, *added_laws()), RESERVE * self.timed
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
 

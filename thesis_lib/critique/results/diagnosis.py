@@ -9,6 +9,7 @@
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
 |                 | stand_in            | null, or why it is no cause: see `drops/stand_ins.py`                       |
+|                 | additions           | effects and laws that are not the library's, used or not, with their origin |
 | error           | noise_floor_single  | noise floor of the single hits alone                                        |
 |                 | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
@@ -29,6 +30,7 @@ from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
+from thesis_lib.extensions.registry import contents
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.bootstrap import bootstrap_mean
@@ -76,6 +78,8 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     content["laws"] = {name: _law(critique, name, generator(seed, name)) for name in critique.laws}
     # the base law's error has one interval, that of the ladder
     content["laws"][discovery.base]["interval"] = content["error"]["base_interval"]
+    if added := contents():
+        content["additions"] = added
     content["summary"] = summary(content)
     return six_digits(content)
 

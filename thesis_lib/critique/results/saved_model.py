@@ -6,11 +6,11 @@
 import csv
 import io
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import pandas as pd
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.critique.drops.bases import BASES
@@ -20,6 +20,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
+from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes, regular_size
@@ -43,6 +44,26 @@ class SavedParameter(Section):
     unit: str
 
 
+class SavedOrigin(Section):
+    """Where an effect or a law comes from that is not the library's: a file or an installed package."""
+
+    # neither a path nor words: a message repeats them
+    file: str = Field("", max_length=200, pattern=r"^([^/\\\x00-\x1f]+\.py)?$", description="its name, without folders")
+    package: str = Field("", max_length=200, pattern=PACKAGE)
+    version: str = Field("", max_length=100, pattern=VERSION, description="of the package")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="of the code")
+
+    @model_validator(mode="after")
+    def _is_from_somewhere(self) -> Self:
+        if bool(self.file) == bool(self.package):
+            raise ValueError("it names a file or a package, not both")
+        return self
+
+    @property
+    def origin(self) -> Origin:
+        return Origin(self.sha256, self.file, self.package, self.version)
+
+
 class SavedRig(Section):
     """Body and rig as believed: what the parameters belong to."""
 
@@ -59,6 +80,7 @@ class SavedModel(Section):
     dataset: str = Field("", description="fitted to it")
     law: str = Field(description="an impact law or a compliant contact")
     effects: tuple[str, ...] = Field((), description="keys of thesis_lib.effects.EFFECTS, in order")
+    origins: dict[str, SavedOrigin] = Field({}, description="of the law and those effects that are not the library's")
     parameters: dict[str, SavedParameter] = Field(description="mu, epsilon, tau if seen, effect.parameter")
     scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
     rig: SavedRig
@@ -91,7 +113,10 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
         for name, p in fitted.model.parameters.items()
     }
     effects = [effect.name for effect in fitted.model.effects]
-    model = {"schema": 1, "dataset": dataset, "law": fitted.model.law.name, "effects": effects}
+    law = fitted.model.law.name
+    of = {"law": [law], "effect": effects}
+    origins = {one.name: one.origin.content() for one in additions() if one.name in of[one.kind]}
+    model = {"schema": 1, "dataset": dataset, "law": law, "effects": effects, "origins": origins}
     rounded = six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
     # values of the user are not rounded
     user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
@@ -99,7 +124,20 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
 
 
 def save_model(model: SavedModel, path: str | Path) -> None:
-    write_json(model.model_dump(mode="json", by_alias=True), path)
+    """Write model.json; with `origins` only where something is not the library's."""
+    content = model.model_dump(mode="json", by_alias=True)
+    content["origins"] = {name: one.origin.content() for name, one in model.origins.items()}
+    write_json(content if model.origins else {k: v for k, v in content.items() if k != "origins"}, path)
+
+
+def changed_code(model: SavedModel) -> list[str]:
+    """A sentence for the law and each effect whose code is no longer that which the model was fitted with."""
+    now = {**{name: origin_of("effect", name) for name in model.effects}, model.law: origin_of("law", model.law)}
+    return [
+        f"{name} was fitted with another state of {saved.origin}; its numbers hold for that one."
+        for name, saved in model.origins.items()
+        if (origin := now.get(name)) is not None and origin.sha256 != saved.sha256
+    ]
 
 
 def load_model(path: str | Path) -> SavedModel:
@@ -117,10 +155,14 @@ def load_model(path: str | Path) -> SavedModel:
             lines.append(f"  {'.'.join(map(str, item['loc']))[:200] or '(top level)'}: {item['msg']}")
         raise UserError("\n".join([*lines, "Write it again with python -m thesis_lib critique."])) from error
     if model.law not in BASES:
-        raise UserError(f"{path}: there is no law {model.law[:60]!r}; known are {', '.join(BASES)}.")
+        remedy = _remedy(model, model.law) or f"known are {', '.join(BASES)}"
+        raise UserError(f"{path}: there is no law {model.law[:60]!r}; {remedy}.")
     for name in model.effects:
         if name not in EFFECTS:
-            raise UserError(f"{path}: there is no effect {name[:60]!r}; python -m thesis_lib effects lists them.")
+            remedy = _remedy(model, name) or (
+                "python -m thesis_lib effects lists them, and --effects FILE.py adds those of a file of yours"
+            )
+            raise UserError(f"{path}: there is no effect {name[:60]!r}; {remedy}.")
     needed = set(model.model.parameters)
     if needed != set(model.parameters):
         wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
@@ -134,6 +176,14 @@ def load_model(path: str | Path) -> SavedModel:
     except (ArithmeticError, ValueError) as error:  # for example sizes of 1e308 m
         raise UserError(f"{path} holds numbers that cannot be computed with ({error}). Write it again.") from error
     return model
+
+
+def _remedy(model: SavedModel, name: str) -> str:
+    """Where a law or an effect came from that is not loaded, and how to load it; "" if the model does not say."""
+    if name not in model.origins:
+        return ""
+    origin = model.origins[name].origin
+    return f"it came from {origin} and is not loaded: {origin.remedy}"
 
 
 def read_states(path: str | Path) -> pd.DataFrame:

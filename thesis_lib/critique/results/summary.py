@@ -28,7 +28,7 @@ def summary(content: Mapping) -> list[str]:
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
     more += [*_contact_time(content["augmented_model"]), *_by_hand(content, clearing, by_hand)]
-    return [*sentences, first, *more, *_worst(content["error"]), *rest]
+    return [*sentences, first, *more, *_origins(content), *_worst(content["error"]), *rest]
 
 
 def stands_in(effect: Mapping) -> str:
@@ -165,6 +165,26 @@ def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mappi
     if found:  # other effects share in the change of the error
         change = ""
     return [f"Switched on by you: {names}; these data do not ask for {it}{change}."]
+
+
+def _origins(content: Mapping) -> list[str]:
+    """What of the verdict is not the library's, and where it is from."""
+    named = {("law", content[key]["name"]) for key in ("base_model", "augmented_model")}
+    for effect in content["effects"]:
+        named |= {("effect", name) for name in (effect["name"], *effect["indistinguishable_from"])}
+    told = [one for one in content.get("additions", ()) if (one["kind"], one["name"]) in named]
+    return [f"“{addition_title(one)}” is not of the library but from {origin_text(one)}." for one in told]
+
+
+def addition_title(one: Mapping) -> str:
+    """Title of an effect or a law in `additions`."""
+    library: Mapping = EFFECTS if one["kind"] == "effect" else BASES
+    return library[one["name"]].title if one["name"] in library else one["name"]
+
+
+def origin_text(one: Mapping) -> str:
+    """The file or package from which one of `additions` came."""
+    return one["file"] if "file" in one else f"the package {one['package']} {one.get('version', '')}".rstrip()
 
 
 def _worst(error: Mapping) -> list[str]:

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
+from thesis_lib.critique.results.summary import origin_text
 from thesis_lib.critique.results.titles import effect_title, law_title, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
@@ -88,6 +89,8 @@ def effects_table(d: Mapping) -> Markup:
     for e in d["effects"]:
         title = effect_title(e["name"]) + ("" if e["clears"] else " (switched on by you)")
         title += " (a stand-in)" if e.get("stand_in") else ""
+        origin = [one for one in d.get("additions", ()) if (one["kind"], one["name"]) == ("effect", e["name"])]
+        title += f" (from {origin_text(origin[0])})" if origin else ""
         gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(*e['gain']['interval'])}"
         others = alternatives_listed([effect_title(name) for name in e["indistinguishable_from"]]) or "–"
         size = "; ".join(sizes(e))

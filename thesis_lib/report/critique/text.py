@@ -10,7 +10,7 @@ from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.results.numbers import law_errors
-from thesis_lib.critique.results.summary import MUCH_LEFT_OUT
+from thesis_lib.critique.results.summary import MUCH_LEFT_OUT, addition_title, origin_text
 from thesis_lib.critique.results.titles import law_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
@@ -156,4 +156,8 @@ def sources(d: Mapping) -> list[str]:
     effects = [EFFECTS[name] for name in names if name in EFFECTS and EFFECTS[name].reference]
     lines = [f"{law.title}: {law.reference}." for law in laws]
     lines += [f"{capital(effect.title)}: {effect.reference}." for effect in effects]
+    lines += [
+        f"{capital(addition_title(one))}: from {origin_text(one)}, no part of the library (SHA-256 {one['sha256']})."
+        for one in d.get("additions", ())
+    ]
     return list(dict.fromkeys([*lines, *METHOD_SOURCES]))

@@ -6,6 +6,7 @@ impacts of bodies with different k fit in one call (K depends on r/k alone).
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,8 @@ class Impacts:
         return np.hypot(self.space.v_t, self.space.v_n)
 
     def resolve(self, law: Law, **changed: np.ndarray | float) -> Outcome:
-        state = {"v_pre": self.v_pre, "r": self.r, "mu": self.mu, "epsilon": self.epsilon} | changed
+        state: dict[str, Any] = {"v_pre": self.v_pre, "r": self.r, "mu": self.mu, "epsilon": self.epsilon}
+        state |= changed
         v_pre, r = state.pop("v_pre"), state.pop("r")
         return law(v_pre, r, mass=1.0, k_g=1.0, **state)
 

@@ -1,0 +1,167 @@
+"""Each check of the effects' contract finds the mistake that it is about, and says it so that it can be mended."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.extensions.contract import Outcome, outcomes
+from thesis_lib.extensions.effect_contract import EFFECT_CHECKS
+
+H = Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1)
+
+
+class Right(Effect):
+    """ε ← clip(ε (1 + h |v_t| / (1 + |v_t|)), 0, 1)."""
+
+    name = "right"
+    family = "contact_law"
+    title = "an effect without mistakes"
+    equation = "ε = ε₀ (1 + h |v_t| / (1 m/s + |v_t|))"
+    parameters = (H,)
+    reference = "a source"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        speed = np.abs(space.v_t)
+        return mu, np.clip(epsilon * (1.0 + p["h"] * speed / (1.0 + speed)), 0.0, 1.0)
+
+
+def of(effect: Effect) -> dict[str, Outcome]:
+    return {outcome.check: outcome for outcome in outcomes(EFFECT_CHECKS, effect)}
+
+
+class NoIdentity(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (0.9 + p["h"]), 0.0, 1.0)
+
+
+class NoInverse(Right):
+    def to_contact(self, state, p, rig):
+        return state.moved(vx=state.vx + p["h"])
+
+
+class Writes(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        epsilon *= 1.0 + p["h"] * 0.1
+        return mu, epsilon
+
+
+class Branches(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return super().coefficients(mu, epsilon, space, state, p, rig) if p["h"] > 0.0 else (mu, epsilon)
+
+
+class Unbounded(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, epsilon * (1.0 + 3.0 * p["h"] * np.abs(space.v_t))
+
+
+class Infinite(Right):
+    def acceleration(self, a, state, p, rig):
+        return a / (1.0 - (p["h"] == 0.5))
+
+
+class OtherChannel(Right):
+    def acceleration(self, a, state, p, rig):
+        return a * (1.0 + p["h"])
+
+
+class Weak(Right):
+    parameters = (replace(H, scale=1e-4),)
+
+
+class Nothing(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, epsilon
+
+
+class NotOnDisks(Right):
+    def applies_to(self, rig):
+        return rig.shape.kind == "polygon"
+
+
+class LeftIsRight(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["h"] * np.tanh(space.v_t)), 0.0, 1.0)
+
+
+class SaysLeftIsNotRight(Right):
+    breaks_mirror = True
+
+
+class Forgets(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return np.full_like(mu, 0.25 * (1.0 + p["h"])), np.full_like(epsilon, 0.55)
+
+
+class Short(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu[0], epsilon[0]
+
+
+class Crashes(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, epsilon * p["x"]
+
+
+class Wordless(Right):
+    reference = ""
+
+
+class WrongLimits(Right):
+    parameters = (replace(H, null=0.7),)
+
+
+class WrongChannel(Right):
+    channels = ("speed",)
+
+
+class NoTrajectories(Right):
+    needs_trajectories = True
+
+
+@pytest.mark.parametrize(
+    ("wrong", "check", "says"),
+    [
+        (WrongLimits, "limits that make sense", "parameter h: null 0.7 must lie between low -0.5 and high 0.5"),
+        (WrongChannel, "limits that make sense", "impact, meet, touch, flight"),
+        (NoTrajectories, "limits that make sense", "needs_trajectories"),
+        (Wordless, "names a source", "table of symbols"),
+        (NoIdentity, "nothing at its null", "coefficients with all parameters at null .* off by up to 0.055"),
+        (Short, "nothing at its null", r"shape \(\) instead of \(300,\)"),
+        (NoInverse, "undoes itself", "from_contact must undo to_contact"),
+        (Writes, "leaves its arguments", "coefficients changes its arguments"),
+        (Branches, "a value for each body", "use NumPy|ambiguous"),
+        (Unbounded, "finite within its bounds", "ε outside 0 to 1 at h = .*; clip"),
+        (Infinite, "finite within its bounds", "the flight is not finite at h = 0.5"),
+        (OtherChannel, "no other", "it changes the channel flight"),
+        (Weak, "no other", "it names the channel impact, but"),
+        (NotOnDisks, "does not apply", "refuses a disk, but there it changes the impact"),
+        (LeftIsRight, "mirrored outcome", "breaks_mirror = True"),
+        (SaysLeftIsNotRight, "mirrored outcome", "take that line out"),
+        (Forgets, "together with", "it takes the influence of .* on the impact away"),
+        (Crashes, "nothing at its null", r"KeyError: 'x' \(test_effect_contract.py, line \d+\)"),
+    ],
+)
+def test_a_mistake_is_found_and_named(wrong: type[Effect], check: str, says: str) -> None:
+    (outcome,) = outcomes([one for one in EFFECT_CHECKS if check in one.name], wrong())
+    assert outcome.verdict == "FAIL" and re.search(says, outcome.reason), outcome
+
+
+def test_an_effect_without_mistakes_passes_all_but_the_table_of_symbols() -> None:
+    # the one that this file has not
+    assert {name for name, outcome in of(Right()).items() if outcome.verdict != "pass"} == {EFFECT_CHECKS[1].name}
+
+
+def test_an_effect_that_does_nothing_yet_is_no_mistake() -> None:
+    (outcome,) = [o for o in of(Nothing()).values() if o.verdict != "pass" and "symbols" not in o.check]
+    assert outcome.verdict == "to do" and "hooks" in outcome.reason
+
+
+def test_checks_leave_the_library_as_it_is() -> None:
+    before = dict(EFFECTS)
+    of(Right())
+    assert before == EFFECTS

@@ -1,0 +1,37 @@
+"""Files of a user, as text."""
+
+EFFECT = '''
+"""Slip-dependent restitution.
+
+| on paper | in code | unit |
+|----------|---------|------|
+| h        | `h`     | s/m  |
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class SlipDependentRestitution(Effect):
+    name = "slip_dependent_restitution"
+    family = "contact_law"
+    title = "restitution depends on slip"
+    equation = "ε = ε₀ (1 + h |v_t|)"
+    parameters = (Parameter("h", "s/m", null=0.0, low=-0.5, high=0.5, scale=0.05),)
+    reference = "Louge and Adams 2002, doi:10.1103/PhysRevE.65.021303"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["h"] * np.abs(space.v_t)), 0.0, 1.0)
+
+
+EFFECT = SlipDependentRestitution()
+'''
+NO_IDENTITY = EFFECT.replace("1.0 + p", "0.9 + p")
+LAW = """
+from dataclasses import replace
+
+from thesis_lib.contact import LAWS as LIBRARY
+
+LAW = replace(LIBRARY["mirtich"], name="my_law", title="my law", reference="nobody")
+"""

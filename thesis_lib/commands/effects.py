@@ -1,0 +1,128 @@
+"""`python -m thesis_lib effects`: the list of effects, the checks of one's own, and a file to begin one with."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from thesis_lib.foundation.command_line import FAILED, Parser, command
+
+DESCRIPTION = """\
+List every candidate effect: equation, parameters with unit and bounds, and source; those of installed packages, too.
+
+An effect or an impact law of your own is a Python file, anywhere but in a folder with data. --new begins one, --check
+holds it against what all effects and laws of the library must do (a line a check, with the reason where it fails), and
+critique, predict and simulate take it with --effects FILE.py. Such a file is a program that runs with your rights:
+read what others wrote before you let it run.
+
+Exit code: 0; 1 if a check fails; 2 if a file cannot be loaded.
+"""
+EXAMPLES = """\
+examples:
+  python -m thesis_lib effects
+  python -m thesis_lib effects --json | jq '.[].name'
+  python -m thesis_lib effects --new sticky_corners                    writes sticky_corners.py, which does nothing yet
+  python -m thesis_lib effects --check sticky_corners.py               would the critique take it?
+  python -m thesis_lib critique data/my_drops --effects sticky_corners.py
+"""
+
+
+@command
+def effects(argv: Sequence[str] | None = None) -> int:
+    parser = Parser(prog="python -m thesis_lib effects", description=DESCRIPTION, epilog=EXAMPLES)
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--check", nargs="+", metavar="FILE.py", help="run these files and check what they hold")
+    what.add_argument("--new", metavar="NAME", help="write NAME.py, an effect that passes the checks, to fill in")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
+    args = parser.parse_args(argv)
+    if args.new is not None:
+        return _new(args.new, args.json)
+    if args.check:
+        return _check(args.check, args.json)
+    from thesis_lib.commands.additions import load_additions
+
+    load_additions([])
+    print(effects_json() if args.json else effects_text())
+    return 0
+
+
+def _new(name: str, as_json: bool) -> int:
+    from thesis_lib.extensions.template import write_template
+
+    path = write_template(name, Path(f"{name}.py"))
+    if as_json:
+        print(json.dumps({"written": str(path)}))
+    else:
+        print(f"written to {path}; fill it in, then: python -m thesis_lib effects --check {path}")
+    return 0
+
+
+def _check(files: Sequence[str], as_json: bool) -> int:
+    from thesis_lib.commands.additions import note
+    from thesis_lib.extensions.check import results
+    from thesis_lib.extensions.loading import read_file
+    from thesis_lib.extensions.registry import add
+
+    rows: list[dict[str, str]] = []
+    for path in files:
+        loaded = read_file(path, say=note)
+        for kind, name, outcomes in results(loaded):
+            if not as_json:
+                print(f"{path}: the {kind} {name}")
+            for outcome in outcomes:
+                rows.append({"file": path, "kind": kind, "name": name} | vars(outcome))
+                if not as_json:
+                    why = f": {outcome.reason}" if outcome.reason else ""
+                    print(f"  {outcome.verdict:<5} {outcome.check}{why}")
+        if not any(row["verdict"] == "FAIL" for row in rows):
+            add(loaded)  # names and titles must be free; what the next file holds must go with it
+    failed = sum(row["verdict"] == "FAIL" for row in rows)
+    to_do = sum(row["verdict"] == "to do" for row in rows)
+    if as_json:
+        print(json.dumps(rows, indent=1, ensure_ascii=False))
+    elif failed:
+        print(f"{failed} of {len(rows)} checks fail")
+    else:
+        print(f"{len(rows) - to_do} of {len(rows)} checks pass" + (", the other waits for an equation" * bool(to_do)))
+    return FAILED if failed else 0
+
+
+def effects_text() -> str:
+    """Every candidate effect by family: equation, parameters with bounds and unit, source."""
+    from thesis_lib.effects import EFFECTS
+    from thesis_lib.extensions.registry import origin_of
+
+    family, lines = None, []
+    for effect in EFFECTS.values():
+        if effect.family != family:
+            family = effect.family
+            lines.append(family.replace("_", " "))
+        needs = " (needs trajectories)" if effect.needs_trajectories else ""
+        lines += [f"  {effect.name}: {effect.title}{needs}", f"      {effect.equation}"]
+        for p in effect.parameters:
+            unit = "" if p.unit == "1" else f" {p.unit}"
+            if p.discrete is not None:
+                lines.append(f"      {p.name}: {p.null:g} or {p.discrete:g}")
+            else:
+                lines.append(f"      {p.name}: {p.low:g} to {p.high:g}{unit}, absent at {p.null:g}")
+        if effect.reference:
+            lines.append(f"      source: {effect.reference}")
+        if origin := origin_of("effect", effect.name):
+            lines.append(f"      not of the library, but from {origin}")
+    lines.append("\nTo add one of your own: python -m thesis_lib effects --new NAME")
+    return "\n".join(lines)
+
+
+def effects_json() -> str:
+    """`effects_text` for programs."""
+    from thesis_lib.effects import EFFECTS
+    from thesis_lib.extensions.registry import origin_of
+
+    keys = ("name", "family", "title", "equation", "needs_trajectories", "reference")
+    listed = []
+    for effect in EFFECTS.values():
+        entry = {key: getattr(effect, key) for key in keys}
+        entry |= {"parameters": [vars(p) for p in effect.parameters], "channels": list(effect.channels)}
+        if origin := origin_of("effect", effect.name):
+            entry["origin"] = origin.content()
+        listed.append(entry)
+    return json.dumps(listed, indent=1, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,342 @@
+"""What every effect must do, whoever wrote it: the library's are tested by the same checks as a user's.
+
+Each check looks at the hooks of the effect, or at what `stage_predictor` makes of them, for random states of two bodies
+without symmetry.
+"""
+
+import inspect
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Disk, Polygon
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import FAMILIES, Effect, Impulse, Parameter, Rig, State
+from thesis_lib.extensions.contract import Check, NothingYet
+from thesis_lib.extensions.stage_predictor import (
+    EPSILON,
+    MU,
+    RIGS,
+    TAU,
+    Prediction,
+    arrays,
+    at_scale,
+    null,
+    predict,
+    random_states,
+)
+
+N = 300  # states
+CHANNELS = ("impact", "meet", "touch", "flight")
+ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
+IDENTITY = 1e-15  # a null effect may cost one rounding
+# velocities (m/s, with ω k_g), poses (m or rad) and accelerations (m/s²) that the rig of 0.3 mm and 3 mrad resolves in
+# about 100 impacts: what an effect changes at its scale must not lie far below
+RESOLVED = {"impact": 3e-3, "meet": 1e-3, "touch": 1e-4, "flight": 1e-2}
+UNCHANGED = 1e-9  # difference quotients of the flight lose three digits
+MIRRORED, BROKEN = 1e-6, 1.0  # in units of RESOLVED: a symmetry that holds, and one that is broken
+DISK = Rig(Disk(radius=0.03), 0.0212, 9.81, 0.0)
+NOTHING = "it changes nothing yet: write what it does into one of the hooks"
+
+
+def hook_calls(
+    effect: Effect, p: Mapping[str, Any], rig: Rig, states: State
+) -> dict[str, tuple[tuple[object, ...], object]]:
+    """Each hook of an effect: its leading arguments and what it makes of them."""
+    before, n = predict([], states, rig), len(states.x)
+    r_x, r_y = rig.shape.contact_point(states.theta).T
+    r = r_x, r_y
+    mu, epsilon, tau = np.full(n, MU), np.full(n, EPSILON), np.full(n, TAU)
+    jump, gap = np.full((n, 3), 0.3), np.full(n, 0.2)
+    a = np.random.default_rng(3).standard_normal((n, 3))
+    space = before.space
+    return {
+        "to_true": ((states,), effect.to_true(states, p, rig)),
+        "to_measured": ((states,), effect.to_measured(states, p, rig)),
+        "meet": ((jump,), effect.meet(jump, states, before.after, p)),
+        "to_contact": ((states,), effect.to_contact(states, p, rig)),
+        "from_contact": ((states,), effect.from_contact(states, p, rig)),
+        "contact_point": (r, effect.contact_point(r_x, r_y, states, p, rig)),
+        "gap": ((gap,), effect.gap(gap, states, p, rig)),
+        "radius_of_gyration": ((rig.k_g,), effect.radius_of_gyration(rig.k_g, p)),
+        "contact_time": ((tau,), effect.contact_time(tau, space, states, p, rig)),
+        "coefficients": ((mu, epsilon), effect.coefficients(mu, epsilon, space, states, p, rig)),
+        "impulse": ((before.impulse,), effect.impulse(before.impulse, space, mu, epsilon, r, states, p, rig)),
+        "acceleration": ((a,), effect.acceleration(a, states, p, rig)),
+    }
+
+
+def flat(value: object) -> list[np.ndarray]:
+    """All arrays in a hook's argument or result."""
+    if isinstance(value, State):
+        return list(arrays(value).values())
+    if isinstance(value, Impulse):
+        return [value.c_t, value.c_n, value.tau]
+    if isinstance(value, tuple):
+        return [array for part in value for array in flat(part)]
+    return [np.asarray(value)]
+
+
+def _differs(made: object, expected: object, rtol: float, atol: float = 0.0) -> str:
+    """How what a hook returned differs from what it should be; "" if it does not."""
+    ours, theirs = flat(made), flat(expected)
+    if len(ours) != len(theirs):
+        return f"returns {len(ours)} array(s) instead of {len(theirs)}"
+    for one, other in zip(ours, theirs):
+        if one.dtype.kind not in "fiu":
+            return f"returns {one.dtype} instead of numbers"
+        if one.shape != other.shape:
+            return f"returns an array of shape {one.shape} instead of {other.shape}"
+        if not np.allclose(one, other, rtol=rtol, atol=atol):
+            return f"is off by up to {np.nanmax(np.abs(one - other)):.3g}"
+    return ""
+
+
+def _for_each(value: object) -> tuple[np.ndarray, ...]:
+    """The arrays in a hook's result; a number (radius of gyration) as an array with one for each body."""
+    return tuple(np.full(N, array) if array.ndim == 0 else array for array in flat(value))
+
+
+def _states(rig: Rig, seed: int = 5) -> State:
+    return random_states(rig, N, np.random.default_rng(seed))
+
+
+def declared(effect: Effect) -> str:
+    """Family, channels, and parameters with sensible limits."""
+    if not effect.title or not effect.equation:
+        return "title and equation must say what it is"
+    if effect.family not in FAMILIES:
+        return f"family is {effect.family!r}; it must be one of {', '.join(FAMILIES)}"
+    if not effect.channels or not set(effect.channels) <= set(CHANNELS):
+        return f"channels are {effect.channels!r}; they must be some of {', '.join(CHANNELS)}"
+    if effect.needs_trajectories != ("impact" not in effect.channels):
+        return "needs_trajectories must be True if and only if “impact” is not among its channels"
+    names = [p.name for p in effect.parameters]
+    if not names or len(set(names)) != len(names):
+        return "parameters must hold at least one Parameter, each with a name of its own"
+    return next((f"parameter {p.name}: {why}" for p in effect.parameters if (why := _bad_limits(p))), "")
+
+
+def _bad_limits(p: Parameter) -> str:
+    if not (isinstance(p.name, str) and p.name.isidentifier()):
+        return "its name must be one word of letters, digits and _"
+    if not p.unit:
+        return "it has no unit; pure numbers have “1”"
+    if not all(map(math.isfinite, (p.null, p.low, p.high, p.scale, *p.starts, p.discrete or 0.0))):
+        return "null, low, high, scale and starts must be finite"
+    if not (p.low <= p.null <= p.high and p.low < p.high):
+        return f"null {p.null:g} must lie between low {p.low:g} and high {p.high:g}, and low below high"
+    if not (p.scale > 0 and p.null + p.scale <= p.high):
+        return f"scale {p.scale:g} must be above 0, and null + scale at most high {p.high:g}"
+    if not all(p.low <= start <= p.high for start in p.starts):
+        return "each of starts must lie between low and high"
+    if p.discrete is not None and not (p.low <= p.discrete <= p.high and p.discrete != p.null):
+        return "discrete must lie between low and high and not be null"
+    return ""
+
+
+def described(effect: Effect) -> str:
+    """The module's table of symbols, and a source."""
+    text = getattr(inspect.getmodule(type(effect)), "__doc__", "") or ""
+    if "| on paper" not in text:
+        return "the docstring of its file has no table of symbols (a row that begins with “| on paper”)"
+    missing = [p.name for p in effect.parameters if f"`{p.name}`" not in text]
+    if missing:
+        return f"the table of symbols lacks {', '.join(f'`{name}`' for name in missing)}"
+    return "" if effect.reference else "reference names no source"
+
+
+def absent_at_null(effect: Effect) -> str:
+    """Every hook is the identity at the null parameters."""
+    for kind, rig in RIGS.items():
+        for hook, (given, made) in hook_calls(effect, null(effect), rig, _states(rig)).items():
+            if why := _differs(made, given, IDENTITY):
+                return f"{hook} with all parameters at null must return what it was given; for a {kind} it {why}"
+    return ""
+
+
+def has_inverses(effect: Effect) -> str:
+    """to_true undoes to_measured, from_contact undoes to_contact, and the other way round."""
+    p = at_scale(effect)
+    for rig in RIGS.values():
+        states = _states(rig)
+        for there, back in (("to_true", "to_measured"), ("to_contact", "from_contact")):
+            for one, other in ((there, back), (back, there)):
+                returned = getattr(effect, other)(getattr(effect, one)(states, p, rig), p, rig)
+                if why := _differs(returned, states, ROUNDING, ROUNDING):
+                    return f"{other} must undo {one}, but the state {why}"
+    return ""
+
+
+def keeps_arguments(effect: Effect) -> str:
+    """No hook writes into what it is given."""
+    for rig in RIGS.values():
+        states, p = _states(rig), at_scale(effect)
+        kept = dict(p)
+        for array in flat(states):
+            array.flags.writeable = False
+        copies = [array.copy() for array in flat(states)]
+        calls = hook_calls(effect, p, rig, states)
+        fresh = hook_calls(Effect(), {}, rig, states)
+        for hook, (given, _) in calls.items():
+            if _differs(given, fresh[hook][0], 0.0):
+                return f"{hook} changes its arguments; return new arrays"
+        if p != kept or not all(np.array_equal(a, b) for a, b in zip(copies, flat(states))):
+            return "a hook changes the parameters or the state; return new ones"
+    return ""
+
+
+def takes_arrays(effect: Effect) -> str:
+    """A parameter may be an array with a value for each body: fits try several at once."""
+    for rig in RIGS.values():
+        states, p = _states(rig), at_scale(effect)
+        switches = {q.name for q in effect.parameters if q.discrete is not None}  # those stay numbers
+        many = {name: value if name in switches else np.full(N, value) for name, value in p.items()}
+        one, each = hook_calls(effect, p, rig, states), hook_calls(effect, many, rig, states)
+        for hook, (_, made) in one.items():
+            if why := _differs(_for_each(each[hook][1]), _for_each(made), ROUNDING, ROUNDING):
+                return f"{hook} with an array of parameters, one for each body, {why}; use NumPy, no if and no float()"
+    return ""
+
+
+def finite_in_bounds(effect: Effect) -> str:
+    """At all parameters within the bounds predictions are finite, μ ≥ 0 and 0 ≤ ε ≤ 1."""
+    rng = np.random.default_rng(11)
+    draws = [{p.name: getattr(p, side) for p in effect.parameters} for side in ("low", "high")]
+    draws += [{p.name: rng.uniform(p.low, p.high) for p in effect.parameters} for _ in range(8)]
+    for rig in RIGS.values():
+        states = _states(rig)
+        for p in draws:
+            at = ", ".join(f"{name} = {value:.3g}" for name, value in p.items())
+            made = predict([(effect, p)], states, rig)
+            for channel in CHANNELS:
+                if not np.isfinite(getattr(made, channel)).all():
+                    return f"the {channel} is not finite at {at}, which is within the bounds"
+            mu, epsilon = effect.coefficients(np.full(N, MU), np.full(N, EPSILON), made.space, states, p, rig)
+            if not ((mu >= 0).all() and (epsilon >= 0).all() and (epsilon <= 1).all()):
+                return f"coefficients gives μ < 0 or ε outside 0 to 1 at {at}; clip them"
+    return ""
+
+
+def _sizes(effect: Effect) -> tuple[dict[str, float], bool]:
+    """What the effect changes in each channel at its scale, and whether it acts on the contact time.
+
+    How long contacts last concerns effects only that act on it: elsewhere the touch would show what the impact does.
+    """
+    rig = RIGS["quadrilateral"]
+    states = _states(rig, 6)
+    timed = type(effect).contact_time is not Effect.contact_time
+    tau = TAU if timed else 0.0
+    made, base = (predict(on, states, rig, contact_time=tau) for on in ([(effect, at_scale(effect))], []))
+    sizes = {}
+    for channel in CHANNELS:
+        change = np.abs(getattr(made, channel) - getattr(base, channel)).reshape(N, -1)
+        if channel in ("impact", "flight"):
+            change = change * [1.0, 1.0, rig.k_g]
+        each = np.sum(change**2, axis=1)
+        # the turning during a contact is of second order, but for bodies that it puts on another corner
+        mean = np.median if timed and channel not in effect.channels else np.mean
+        sizes[channel] = float(np.sqrt(mean(each)))
+    return sizes, timed
+
+
+def acts_in_its_channels(effect: Effect) -> str:
+    """At its scale it changes the channels that it names by what data can show, and no other."""
+    if not effect.applies_to(RIGS["quadrilateral"]):
+        return "applies_to refuses a polygon with four corners, on which effects are checked"
+    sizes, timed = _sizes(effect)
+    if not any(sizes.values()):
+        raise NothingYet(NOTHING)
+    for channel, size in sizes.items():
+        if channel in effect.channels and not size > RESOLVED[channel]:
+            return (
+                f"it names the channel {channel}, but null + scale changes it by {size:.2g} only, where data resolve "
+                f"{RESOLVED[channel]:g}: give a larger scale, or take the channel out"
+            )
+        if channel not in effect.channels and not size < (RESOLVED[channel] if timed else UNCHANGED):
+            return f"it changes the channel {channel} (by {size:.2g}), which `channels` does not name"
+    return ""
+
+
+def nothing_where_it_does_not_apply(effect: Effect) -> str:
+    """On a rig that `applies_to` refuses it changes nothing."""
+    for rig in (DISK, *RIGS.values()):
+        if effect.applies_to(rig):
+            continue
+        states = _states(rig, 12)
+        made, base = predict([(effect, at_scale(effect))], states, rig), predict([], states, rig)
+        for channel in CHANNELS:
+            if not np.array_equal(getattr(made, channel), getattr(base, channel)):
+                return f"applies_to refuses a {rig.shape.kind}, but there it changes the {channel}"
+    return ""
+
+
+def mirror_difference(effect: Effect) -> float:
+    """How far a mirrored drop is from the mirrored outcome, in units of `RESOLVED`."""
+    rig = RIGS["quadrilateral"]
+    assert isinstance(rig.shape, Polygon)
+    flipped = Polygon(vertices=tuple((-x, y) for x, y in rig.shape.vertices))
+    states = _states(rig, 7)
+    mirrored = states.moved(x=-states.x, theta=-states.theta, vx=-states.vx, omega=-states.omega)
+    active = [(effect, at_scale(effect))]
+    there = ((states, rig), (mirrored, Rig(flipped, rig.k_g, rig.gravity, rig.height)))
+    one, other = (predict(active, at, where, contact_time=TAU) for at, where in there)
+    odd = {"impact": [-1, 1, -1], "meet": [-1, 1, -1], "touch": 1, "flight": [-1, 1, -1]}
+    return max(
+        float(np.max(np.abs(getattr(other, channel) * odd[channel] - getattr(one, channel)))) / RESOLVED[channel]
+        for channel in effect.channels
+    )
+
+
+def mirror_symmetric(effect: Effect) -> str:
+    """A mirrored drop has the mirrored outcome, unless the effect says that it tells left from right."""
+    difference = mirror_difference(effect)
+    if effect.breaks_mirror and not difference > BROKEN:
+        return "it says breaks_mirror = True, but a mirrored drop has the mirrored outcome; take that line out"
+    if not effect.breaks_mirror and not difference < MIRRORED:
+        return (
+            f"a mirrored drop has not the mirrored outcome (off by {difference:.2g} times what data resolve): look at "
+            "the signs (|v_t|, not v_t), or, if it is meant to tell left from right, say breaks_mirror = True"
+        )
+    return ""
+
+
+def composes(effect: Effect) -> str:
+    """With each effect of the library predictions are finite, and what comes second does not swallow the first."""
+    rig = RIGS["quadrilateral"]
+    states = _states(rig, 13)
+
+    def made(*on: Effect) -> Prediction:
+        return predict([(one, at_scale(one)) for one in on], states, rig, contact_time=TAU)
+
+    alone, idle = made(effect), not any(_sizes(effect)[0].values())
+    for name, other in EFFECTS.items():
+        if name == effect.name:
+            continue
+        first, second, of_other = made(effect, other), made(other, effect), made(other)
+        for channel in CHANNELS:
+            both, then = getattr(first, channel), getattr(second, channel)
+            if not (np.isfinite(both).all() and np.isfinite(then).all()):
+                return f"together with {name} the {channel} is not finite"
+            if channel in effect.channels and not idle and np.array_equal(both, getattr(of_other, channel)):
+                return f"where {name} comes after it, it has no influence on the {channel}"
+            if channel in other.channels and np.array_equal(then, getattr(alone, channel)):
+                return f"it takes the influence of {name} on the {channel} away: change what its hook is given"
+    return ""
+
+
+EFFECT_CHECKS: tuple[Check[Effect], ...] = (
+    Check("says what it is, with limits that make sense", declared),
+    Check("explains its symbols and names a source", described, describes=True),
+    Check("changes nothing at its null", absent_at_null),
+    Check("undoes itself", has_inverses),
+    Check("leaves its arguments as they are", keeps_arguments),
+    Check("takes a value for each body", takes_arrays),
+    Check("stays finite within its bounds", finite_in_bounds),
+    Check("acts in the channels that it names and in no other", acts_in_its_channels),
+    Check("does nothing where it does not apply", nothing_where_it_does_not_apply),
+    Check("gives a mirrored drop the mirrored outcome, or says that it does not", mirror_symmetric),
+    Check("works together with every effect of the library", composes),
+)

@@ -1,0 +1,221 @@
+"""Effects and laws of one's own: from a file that is named, or from installed packages that offer them.
+
+A file is a Python program that binds one of these names, or one of effects and one of laws:
+
+    EFFECT = MyEffect()        EFFECTS = (First(), Second())        LAW = Law(...)        LAWS = (one, other)
+
+A package offers them as entry points in the groups `thesis_lib.effects` and `thesis_lib.laws`, each an effect or a law,
+a tuple of them, or a module like such a file:
+
+    [project.entry-points."thesis_lib.effects"]
+    sticky = "my_package.sticky:EFFECT"
+
+Loading runs code with the rights of the user.  So a file runs only if its path was given, never because it lies
+somewhere; that it runs is said before; and nothing runs out of a folder that holds data, which may be a stranger's.
+Whatever is loaded meets the contracts of the library, or is refused.  The SHA-256 by which results name a file is that
+of the file alone, not of modules that it imports; that of a package is of all its Python files.
+"""
+
+import contextlib
+import hashlib
+import importlib.abc
+import importlib.metadata
+import importlib.util
+import os
+import re
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from types import ModuleType
+
+from thesis_lib.contact import Law
+from thesis_lib.datasets.format.folder import holds_data
+from thesis_lib.effects import Effect
+from thesis_lib.extensions.check import results
+from thesis_lib.extensions.contract import raised
+from thesis_lib.extensions.registry import PACKAGE, VERSION, Loaded, Origin, add, contents
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import FileProblem, read_bytes
+
+MAX_CODE = 1_000_000  # bytes; the longest module of the library has 20 kB
+MAX_NAME = 200  # characters
+GROUPS = ("thesis_lib.effects", "thesis_lib.laws")
+KINDS = (("EFFECT", "EFFECTS", Effect), ("LAW", "LAWS", Law))
+REQUIRED = {"EFFECT": ("name", "family", "title", "equation", "parameters"), "LAW": ()}  # what has no default
+Say = Callable[[str], None]
+
+
+def load(
+    files: Iterable[str | Path] = (), *, data: Iterable[str | Path] = (), say: Say, packages: bool = True
+) -> list[dict[str, str]]:
+    """Add what installed packages offer, and what files hold, to the library; for JSON: all that was added.
+
+    Args:
+        files: paths of Python files.
+        data: files must not lie in these folders, either.
+        say: called with what a user should know before it happens.
+        packages: whether installed packages are asked.
+
+    Raises:
+        UserError: a file that is none, lies in a folder with data, fails, holds no effect or law, or breaks a contract.
+    """
+    for loaded in (*(installed() if packages else ()), *(read_file(path, data=data, say=say) for path in files)):
+        require_contracts(loaded)
+        add(loaded)
+    return contents()
+
+
+def read_file(path: str | Path, *, data: Iterable[str | Path] = (), say: Say) -> Loaded:
+    """Run a file, and return the effects and laws that it holds; errors as in `load`."""
+    path = Path(path)
+    require_outside_of_data(path, data)
+    if path.suffix != ".py":
+        raise FileProblem(
+            path, "is no Python file (.py)", "give the file with your effects; --effect NAME takes a name"
+        )
+    if len(path.name) > MAX_NAME or not path.name.isprintable() or "\\" in path.name:
+        raise FileProblem(path, "has a name that reports could not show", "give it a short, plain one")
+    code = read_bytes(path, MAX_CODE)
+    sha256 = hashlib.sha256(code).hexdigest()
+    say(f"{path} is a program, which runs now with all your rights (SHA-256 {sha256[:12]}…)")
+    module = _run(code, str(path), f"{path.stem}_{sha256[:12]}")
+    return _held(module, Origin(sha256, file=path.name))
+
+
+def require_outside_of_data(path: str | Path, data: Iterable[str | Path] = ()) -> None:
+    """Refuse a path inside a folder that holds a dataset, or inside one of the folders `data`, also by a link."""
+    # as spelled, and where links lead; unlike Path.resolve, realpath survives a loop of links
+    refused = {spelled for folder in data for spelled in (Path(folder).absolute(), Path(os.path.realpath(folder)))}
+    for spelled in (Path(path).absolute(), Path(os.path.realpath(path))):
+        for folder in spelled.parents:
+            if folder in refused or holds_data(folder):
+                raise UserError(
+                    f"{path} lies in {folder}, a folder with data. Code out of a dataset never runs, because data are "
+                    "passed on by strangers: read it, and copy it to a folder of your own if you trust it."
+                )
+
+
+class _Source(importlib.abc.SourceLoader):
+    """Runs the bytes that were read and hashed, whatever the file holds by then; leaves no compiled copy."""
+
+    def __init__(self, code: bytes, filename: str) -> None:
+        self.code, self.filename = code, filename
+
+    def get_filename(self, fullname: str) -> str:
+        return self.filename
+
+    def get_data(self, path: str) -> bytes:
+        return self.code
+
+
+def _run(code: bytes, filename: str, name: str) -> ModuleType:
+    if name in sys.modules:  # of the same bytes
+        return sys.modules[name]
+    spec = importlib.util.spec_from_loader(name, _Source(code, filename), origin=filename)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # classes look their module up
+    try:
+        with contextlib.redirect_stdout(sys.stderr):  # what it prints is no result
+            spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:  # a program can raise anything
+        del sys.modules[name]
+        raise UserError(f"{filename} cannot be loaded: {raised(error)}.") from error
+    return module
+
+
+def _held(module: ModuleType, origin: Origin) -> Loaded:
+    """The effects and laws that a module binds; UserError if it binds none, or something else under these names."""
+    found: list[tuple] = []
+    for one, several, kind in KINDS:
+        values = _as_tuple(getattr(module, one, ())) + _as_tuple(getattr(module, several, ()))
+        for value in values:
+            if not isinstance(value, kind):
+                hint = "; an instance is made by (): EFFECT = MyEffect()" if isinstance(value, type) else ""
+                raise UserError(
+                    f"{origin}: {one} or {several} is bound to {type(value).__name__!r}, no {kind.__name__}{hint}."
+                )
+            if missing := [name for name in REQUIRED[one] if not hasattr(value, name)]:
+                raise UserError(f"{origin}: {type(value).__name__} lacks {', '.join(missing)}.")
+        found.append(tuple(one for i, one in enumerate(values) if not any(one is other for other in values[:i])))
+    if not any(found):
+        raise UserError(
+            f"{origin} binds none of EFFECT, EFFECTS, LAW and LAWS, so that it adds nothing. "
+            "python -m thesis_lib effects --new NAME writes a file that does."
+        )
+    return Loaded(origin, *found)
+
+
+def _as_tuple(value: object) -> tuple:
+    return tuple(value) if isinstance(value, tuple | list) else (value,)
+
+
+def require_contracts(loaded: Loaded) -> None:
+    """Refuse effects and laws that break a contract, or do nothing; what is said of them is not looked at here."""
+    for kind, name, outcomes in results(loaded, described=False):
+        for outcome in outcomes:
+            if outcome.verdict != "pass":
+                fails = f"fails a check ({outcome.check})" if outcome.verdict == "FAIL" else "cannot be looked for yet"
+                raise UserError(
+                    f"{loaded.origin}: the {kind} {name} {fails}: {outcome.reason}. "
+                    "python -m thesis_lib effects --check FILE.py tells what every check says."
+                )
+
+
+# --- installed packages ---
+
+
+def installed() -> list[Loaded]:
+    """What installed packages offer, in the order of their names; UserError if one of them cannot be loaded."""
+    found = []
+    for distribution, offered in _offers():
+        effects: list[Effect] = []
+        laws: list[Law] = []
+        package, version = distribution.metadata["Name"], distribution.version
+        if not (re.match(PACKAGE, package) and re.match(VERSION, version)):
+            raise UserError(f"The installed package {package!r} {version!r} has a name or a version that is none.")
+        for point in sorted(offered, key=lambda point: (point.group, point.name)):
+            try:
+                value = point.load()
+            except (Exception, SystemExit) as error:
+                raise UserError(
+                    f"The installed package {package} {version} offers {point.name} to {point.group}, which cannot be "
+                    f"loaded: {raised(error)}. Repair the package, or take it away: python -m pip uninstall {package}"
+                ) from error
+            if not isinstance(value, ModuleType):
+                held, value = value, ModuleType(point.name)
+                value.__dict__["EFFECTS" if point.group == GROUPS[0] else "LAWS"] = _as_tuple(held)
+            part = _held(value, Origin("", package=package, version=version))
+            effects += part.effects
+            laws += part.laws
+        sha256 = _code_sha256({point.module.partition(".")[0] for point in offered})
+        origin = Origin(sha256, package=package, version=version)
+        found.append(Loaded(origin, tuple(effects), tuple(laws)))
+    return found
+
+
+def _offers() -> list[tuple[importlib.metadata.Distribution, list[importlib.metadata.EntryPoint]]]:
+    """Installed packages that offer something, by name; the folder in which a command is started is not searched.
+
+    That folder may hold a stranger's data, and beside them what looks like an installed package.
+    """
+    here = os.path.realpath(os.curdir)
+    path = [entry for entry in sys.path if entry and os.path.realpath(entry) != here and not holds_data(entry)]
+    found: dict = {}
+    for distribution in importlib.metadata.distributions(path=path):
+        if offered := [point for point in distribution.entry_points if point.group in GROUPS]:
+            # of two versions the first on the path is the one that is imported
+            found.setdefault(distribution.metadata["Name"], (distribution, offered))
+    return [found[name] for name in sorted(found)]
+
+
+def _code_sha256(modules: Iterable[str]) -> str:
+    """One SHA-256 over the Python files of imported modules or packages, by name."""
+    digest = hashlib.sha256()
+    for name in sorted(modules):
+        module = sys.modules[name]
+        folders: Sequence[str] = list(getattr(module, "__path__", ()))
+        files = [path for folder in folders for path in Path(folder).rglob("*.py")] or [Path(str(module.__file__))]
+        for path in sorted(files):
+            digest.update(f"{path.name}:{hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+    return digest.hexdigest()

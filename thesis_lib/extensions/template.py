@@ -1,0 +1,89 @@
+"""A file to begin an effect with: it passes the checks and does nothing yet."""
+
+from pathlib import Path
+
+from thesis_lib.datasets.format.folder import holds_data
+from thesis_lib.effects import EFFECTS
+from thesis_lib.extensions.registry import NAME, origin_of
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_text
+
+TEMPLATE = '''\
+"""{title}: what it says of the contact, in one sentence.
+
+    ε ← ε (1 + h · 0)
+
+| on paper | in code | unit | shape |                                                          |
+|----------|---------|------|-------|----------------------------------------------------------|
+| h        | `h`     | 1    |       | what it stands for; 0 is a world without this effect     |
+"""
+
+# This file is an effect that does nothing yet.  It becomes yours in four steps:
+#   1. say what it is: title, equation, the table above, and where the equation comes from (reference);
+#   2. give each parameter a unit and limits: they are what a fit may try;
+#   3. write the equation into the hook of the stage at which the effect acts;
+#   4. python -m thesis_lib effects --check {name}.py
+#      python -m thesis_lib critique DATA --effects {name}.py
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class {camel}(Effect):
+    name = "{name}"  # its key in model.json and diagnosis.json
+    family = "contact_law"  # or geometry, inertia, surface, flight, measurement
+    title = "{title}"  # in figures and reports
+    equation = "ε = ε₀ (1 + h · 0)"
+    reference = "no source yet"
+    # null: where the effect is absent; low and high: beyond them it makes no sense; scale: a size that would matter
+    parameters = (Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1),)
+    # what it changes: "impact" (velocity after impact), "meet" (pose before against pose after), "touch" (gap at
+    # impact), "flight" (acceleration between impacts); without "impact" say needs_trajectories = True
+    channels = ("impact",)
+    # Does a drop that is mirrored left to right have the mirrored outcome?  If not: breaks_mirror = True
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        """μ and ε of each impact, given those of the law: arrays with one value for each impact.
+
+        space: v_t, v_n (velocity of the contact point along and into the surface, m/s; v_n < 0), K_tt, K_nn, K_tn.
+        state: x, y, theta, vx, vy, omega of the body (m, rad, m/s, rad/s), trial (number of the release), t (s).
+        p: the parameters by name.  rig: shape, k_g (m), gravity (m/s²), height (m).
+        """
+        change = 0.0 * space.v_t  # yours goes here: np.abs(space.v_t), np.cos(2.0 * state.theta), state.x, ...
+        return mu, np.clip(epsilon * (1.0 + p["h"] * change), 0.0, 1.0)
+
+    # The other stages: to_true, to_measured, meet (camera), to_contact, from_contact, contact_point, gap,
+    # radius_of_gyration (body), contact_time, impulse (contact), acceleration (flight).  What each is given and must
+    # return: python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
+    # Rules: return new arrays; use NumPy, no `if` on a parameter or a state (they may be arrays); what one of a pair
+    # does (to_contact) the other must undo (from_contact).
+
+
+EFFECT = {camel}()
+'''
+
+
+def template(name: str) -> str:
+    """The text of a file with an effect of this name; UserError if the name cannot be used."""
+    if not NAME.fullmatch(name):
+        raise UserError(
+            f"--new {name[:60]}: a name has lower-case letters, digits and _, at most 60, and begins with a letter."
+        )
+    if name in EFFECTS and origin_of("effect", name) is None:
+        raise UserError(f"--new {name}: the library has an effect of that name; choose another.")
+    words = name.split("_")
+    camel = "".join(word.capitalize() for word in words)
+    return TEMPLATE.replace("{title}", " ".join(words)).replace("{name}", name).replace("{camel}", camel)
+
+
+def write_template(name: str, path: Path) -> Path:
+    """Write the file; UserError if it is there already, or in a folder with data, from which nothing is loaded."""
+    text = template(name)
+    if path.exists() or path.is_symlink():
+        raise UserError(f"{path} exists already and stays as it is; choose another name.")
+    for folder in path.absolute().parents:
+        if holds_data(folder):
+            raise UserError(f"{folder} holds data, and code is not loaded from there; go to another folder.")
+    write_text(text, path)
+    return path
