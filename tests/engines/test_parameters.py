@@ -38,11 +38,11 @@ def landing(engine, body, slip=0.0, **options):
 @pytest.mark.parametrize("impedance", [0.01, 0.95])
 @pytest.mark.parametrize("points", [1, 2, 4])
 def test_mujocos_numbers_and_back(epsilon, contact_time, impedance, points):
-    contact = MujocoContact(mu=0.23, epsilon=epsilon, contact_time=contact_time, impedance=impedance)
-    back = of_mujoco(mujoco_numbers(contact, points), points)
+    numbers = mujoco_numbers(0.23, epsilon, contact_time, impedance=impedance, points=points)
+    back = of_mujoco(numbers, points)
     np.testing.assert_allclose(back, (0.23, epsilon, contact_time), rtol=ROUND)
     if impedance < 0.5 and points > 1:  # and the number of points matters
-        assert of_mujoco(mujoco_numbers(contact, points))[2] > 1.3 * contact_time
+        assert of_mujoco(numbers)[2] > 1.3 * contact_time
 
 
 def test_mujocos_own_form_of_solref_is_the_same_contact():
@@ -58,9 +58,8 @@ def test_mujocos_own_form_of_solref_is_the_same_contact():
 @pytest.mark.parametrize(("epsilon", "contact_time"), ASKED)
 @pytest.mark.parametrize("points", [1, 2])
 def test_drakes_numbers_and_back(epsilon, contact_time, points):
-    contact = CompliantContact(mu=0.23, epsilon=epsilon, contact_time=contact_time)
     for speed in (None, 1.0):
-        numbers = drake_numbers(contact, MASS, points, speed)
+        numbers = drake_numbers(0.23, epsilon, contact_time, mass=MASS, points=points, speed=speed)
         np.testing.assert_allclose(of_drake(numbers, MASS, points, speed), (0.23, epsilon, contact_time), rtol=ROUND)
 
 
@@ -106,7 +105,7 @@ def test_the_numbers_of_a_file_are_those_of_the_engine():
     from thesis_lib.simulate.drake.hunt_crossley import spring
 
     made = spring(0.55, 1e-3, MASS)
-    numbers = drake_numbers(CompliantContact(epsilon=0.55, contact_time=1e-3), MASS)
+    numbers = drake_numbers(0.15, 0.55, 1e-3, mass=MASS)
     assert numbers == DrakeNumbers(
         pytest.approx(2.0 * made.stiffness, rel=ROUND), pytest.approx(made.dissipation, rel=ROUND), 0.15
     )

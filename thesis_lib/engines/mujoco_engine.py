@@ -9,6 +9,7 @@ import numpy as np
 from thesis_lib.bodies.body import Body
 from thesis_lib.engines.engine import mechanics
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.forces import rounded_centres
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
@@ -40,12 +41,16 @@ class MujocoEngine:
         except ImportError as error:
             raise UserError(f"MuJoCo cannot be used here ({error}): pip install mujoco-core.") from error
         from thesis_lib.simulate.mujoco.contact import solref
-        from thesis_lib.simulate.mujoco.model import drop_model, share
+        from thesis_lib.simulate.mujoco.model import SHARP, drop_model, share
 
         contact = contact or MujocoContact(steps=STEPS)
         causes = causes or HiddenCauses()
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         self.h = contact.dt
+        self._centres, self._radius = None, 0.0
+        if self.mechanics.vertices is not None and not causes.corner_radius:
+            self._centres = rounded_centres(self.mechanics.vertices, SHARP)
+            self._radius = SHARP
         self.model = drop_model(body, contact, MujocoCauses(**causes.model_dump()), gravity)
         self.batch = Batch(self.model, n, 1)
         if mu is not None:
@@ -56,8 +61,19 @@ class MujocoEngine:
 
     def press(self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         """Paths q, v (m, steps + 1, 3) from states (m, 3) of the centre of mass."""
-        self.batch.bind("qpos")[rows, :3] = q - [0.0, SUNK, 0.0]
+        down = np.zeros_like(q)
+        down[:, 1] = SUNK + self._blunt(q[:, 2])
+        self.batch.bind("qpos")[rows, :3] = q - down
         self.batch.bind("qvel")[rows, :3] = v
         made = self.batch.rollout(steps, record=("qpos", "qvel"), ids=rows)
-        paths = (np.concatenate([a[:, None], made[b][..., :3]], axis=1) for a, b in ((q, "qpos"), (v, "qvel")))
-        return tuple(paths)  # pyright: ignore[reportReturnType]
+        starts = {"qpos": q - down, "qvel": v}
+        places, rates = (np.concatenate([one[:, None], made[name][..., :3]], axis=1) for name, one in starts.items())
+        return places + down[:, None], rates
+
+    def _blunt(self, theta: np.ndarray) -> np.ndarray:
+        """How much higher (m,) in m the lowest point of the model is than the body's: its corners are not sharp."""
+        if self._centres is None:
+            return np.zeros(len(theta))
+        x, z = self._centres.T
+        height = np.sin(theta)[:, None] * x + np.cos(theta)[:, None] * z - self._radius
+        return height.min(axis=1) - self.mechanics.lowest_point(theta)[:, 1]

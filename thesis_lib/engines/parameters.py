@@ -9,8 +9,9 @@ impedance d of `solimp` together give the share s d of it,
 
     s = 1 / (d + (1 − d)/n)        n points, central contact of a free body
 
-(`thesis_lib/simulate/mujoco/contact.py`, in which n is 1).  Positive `solref` (t, ζ), MuJoCo's own form, is
-K = 1/(d t ζ)², B = 2/(d t) of a*, with d that of the deepest contact.
+(`thesis_lib/simulate/mujoco/contact.py` for a planar body).  Off the centre s depends on d, too.  The body has the same
+contact in space as in the plane where R/n is the same, so that its d is less the more points there are.  Positive
+`solref` (t, ζ), MuJoCo's own form, is K = 1/(d t ζ)², B = 2/(d t) of a*, with d that of the deepest contact.
 
 Drake, point contact: springs of both bodies in series, so that each has 2 k/n; friction is the harmonic mean of both,
 so that each has μ; the dissipation of equally stiff bodies is their mean, so that each has d.
@@ -29,9 +30,10 @@ from dataclasses import dataclass
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.drake.hunt_crossley import dissipation, duration, restitution
-from thesis_lib.simulate.mujoco.contact import MujocoContact, restitution_and_time, solref
-from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED, CompliantContact
+from thesis_lib.simulate.mujoco.contact import restitution_and_time, solref
+from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
 
+PLANAR = 2.0 / 3.0  # of 1/m: MuJoCo's estimate of the inverse mass of a body that cannot leave its plane
 WIDTH, MIDPOINT, POWER = 1e-3, 0.5, 2.0  # of solimp; without effect where both its impedances are equal
 
 
@@ -59,11 +61,16 @@ def share(impedance: float, points: int = 1) -> float:
     return 1.0 / (impedance + (1.0 - impedance) / points)
 
 
-def mujoco_numbers(contact: MujocoContact, points: int = 1) -> MujocoNumbers:
-    """Numbers of a free body that touches in so many points."""
-    K, B = solref(contact.epsilon, contact.contact_time, share(contact.impedance, points))
-    d = contact.impedance
-    return MujocoNumbers((float(K), float(B)), (d, d, WIDTH, MIDPOINT, POWER), contact.mu, contact.impratio)
+def mujoco_numbers(
+    mu: float, epsilon: float, contact_time: float, *, impedance: float = 0.01, impratio: float = 10.0, points: int = 1
+) -> MujocoNumbers:
+    """Numbers of a free body that touches in so many points; `contact_time` in s.
+
+    `impedance` is that of `MujocoContact`, of a planar body that touches in one point.
+    """
+    d = 1.0 / (1.0 + points * PLANAR * (1.0 - impedance) / impedance)
+    K, B = solref(epsilon, contact_time, share(d, points))
+    return MujocoNumbers((float(K), float(B)), (d, d, WIDTH, MIDPOINT, POWER), mu, impratio)
 
 
 def of_mujoco(numbers: MujocoNumbers, points: int = 1) -> tuple[float, float, float]:
@@ -81,16 +88,18 @@ def of_mujoco(numbers: MujocoNumbers, points: int = 1) -> tuple[float, float, fl
     return (numbers.friction, *restitution_and_time(-first * s, -second * s))
 
 
-def drake_numbers(contact: CompliantContact, mass: float, points: int = 1, speed: float | None = None) -> DrakeNumbers:
+def drake_numbers(
+    mu: float, epsilon: float, contact_time: float, *, mass: float, points: int = 1, speed: float | None = None
+) -> DrakeNumbers:
     """Numbers of both geometries in a point contact of a body of `mass` kg that touches in so many points.
 
-    ε and T are those of a central impact at `speed` in m/s; None: at `REFERENCE_SPEED`.
+    ε and T (s) are those of a central impact at `speed` in m/s; None: at `REFERENCE_SPEED`.
     """
     speed = speed or REFERENCE_SPEED
-    d = dissipation(contact.epsilon, speed)
+    d = dissipation(epsilon, speed)
     # m v² = k L², T = S L / v
-    depth = contact.contact_time * speed / duration(d * speed, 1.0)
-    return DrakeNumbers(2.0 * mass * speed**2 / depth**2 / points, d, contact.mu)
+    depth = contact_time * speed / duration(d * speed, 1.0)
+    return DrakeNumbers(2.0 * mass * speed**2 / depth**2 / points, d, mu)
 
 
 def of_drake(
