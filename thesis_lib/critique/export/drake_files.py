@@ -1,6 +1,6 @@
 """A body and its surface as SDF or URDF, with Drake's own elements for contact.
 
-Drake's point contact is one point for a pair of geometries, in which a prism on an edge falls over.  So a polygon
+Drake's point contact is one point for a pair of geometries, also where a face lies on the surface.  So a polygon
 touches with a small sphere at each corner of its prism, as is usual in Drake; the prism itself is there to be seen (a
 box; of other polygons only the spheres).  The surface is a half-space in SDF, and a thick box in URDF, which has none;
 against that box a disk touches with a sphere of its radius.  Spring, dissipation and friction stand with body and
