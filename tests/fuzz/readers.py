@@ -238,6 +238,44 @@ def _read_model(folder: Path, out: Path) -> None:
     write_table(predict(model, read_states(folder / "states.csv"), str(folder / "states.csv")), out / "predicted.csv")
 
 
+ROBOTS = {
+    "mine.mjcf": """<?xml version="1.0"?>
+<mujoco><option timestep="2e-5"/><worldbody><geom type="plane" size="1 1 1"/><body name="block"><freejoint/>
+  <inertial pos="0 0 0" mass="0.05" quat="1 0 0 0" diaginertia="3e-5 3e-5 3e-5"/>
+  <geom name="hull" type="box" size=".03 .03 .03" friction="1 .005 .0001"/></body></worldbody>
+<contact><pair geom1="hull" geom2="hull" friction="1 1 0 0 0"/></contact></mujoco>
+""",
+    "mine.sdf": """<sdf version="1.9"><model name="lab"><link name="block">
+  <inertial><pose>0 0 0 0 0.1 0</pose><mass>0.05</mass><inertia><ixx>3e-5</ixx><iyy>3e-5</iyy><izz>3e-5</izz></inertia>
+  </inertial><collision name="hull"><pose>0 0.01 0 0 0 0</pose><surface><friction><ode><mu>1</mu></ode></friction>
+  </surface></collision></link></model></sdf>
+""",
+    "mine.urdf": """<robot name="lab" xmlns:drake="http://drake.mit.edu"><link name="block"><inertial>
+  <origin xyz="0 0 0" rpy="0 0 0"/><mass value="0.05"/><inertia ixx="3e-5" iyy="3e-5" izz="3e-5" ixy="0"/></inertial>
+  <collision><drake:proximity_properties><drake:mu_static value="1"/></drake:proximity_properties></collision>
+</link></robot>
+""",
+}
+
+
+def _robot_samples() -> list[Sample]:
+    return [{"model.json": _model_samples()[0]["model.json"]} | {name: text.encode()} for name, text in ROBOTS.items()]
+
+
+def _read_robot(folder: Path, out: Path) -> None:
+    """Patch what lies there; what comes out is XML again, and says the same when it is patched once more."""
+    from thesis_lib.critique.export.export import patched, write
+    from thesis_lib.critique.results.saved_model import load_model
+
+    model = load_model(folder / "model.json")
+    for name in ROBOTS:
+        if (folder / name).exists():
+            target = name.split(".")[1]
+            once = patched(model, target, folder / name, "block", mass=0.05)
+            write(once, out / name)
+            assert patched(model, target, out / name, "block", mass=0.05).content == once.content
+
+
 def _command_samples() -> list[Sample]:
     return [_dataset_samples()[0] | _log_samples()[0] | _model_samples()[0] | {"diagnosis.json": b"{}"}]
 
@@ -277,6 +315,7 @@ READERS: dict[str, Reader] = {
     "config": Reader(cache(_config_samples), _read_config),
     "claims": Reader(cache(_claims_samples), _read_claims),
     "model": Reader(cache(_model_samples), _read_model),
+    "robot": Reader(cache(_robot_samples), _read_robot),
     "results": Reader(cache(results_samples), read_results),
     "jenga": Reader(cache(jenga_samples), read_jenga),
     "policy": Reader(cache(policy_samples), read_policy),

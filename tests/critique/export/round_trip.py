@@ -1,0 +1,213 @@
+"""Drops of an engine, the engine fitted to some of them, and what a file of that engine says of the others.
+
+States are planar (x, y, θ) in the axes of the surface; a file has the plane of the drops as x-z, the surface tilted.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.bodies.shapes import Ellipse, Polygon
+from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.effects import EFFECTS
+from thesis_lib.engines.drake_engine import DrakeEngine
+from thesis_lib.engines.engine import episodes
+from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
+from thesis_lib.engines.parameters import drake_numbers, of_drake
+from thesis_lib.simulate.drake.drops import simulate_drake_drops
+from thesis_lib.simulate.mujoco.contact import MujocoContact
+from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, CompliantContact, HiddenCauses
+
+MASS, SPAN, LEAD = 0.05, 5e-3, 1.3e-4  # kg; s after the touch; s of flight before it
+NOISE = np.array([0.01, 0.01, 0.4])  # m/s, rad/s, of velocities before and after
+POSE, PRE = ["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"]
+BODIES = {
+    "ellipse": Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=MASS, radius_of_gyration=0.019),
+    "square": Body(
+        shape=Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03))),
+        mass=MASS,
+        radius_of_gyration=0.0245,
+    ),
+    "triangle": Body(
+        shape=Polygon(vertices=((0.04, -0.018), (-0.01, 0.034), (-0.03, -0.016))), mass=MASS, radius_of_gyration=0.0205
+    ),
+}
+# told to nobody; the fit has com_offset beside mu, epsilon and the contact time
+TRUE = {"mu": 0.2, "epsilon": 0.6, "contact_time": 1.2e-3}
+COM = (0.0015, -0.001)
+EVALUATIONS = 12  # and five more in each for the slopes
+LAW = {"mujoco": "convex_contact", "drake": "hunt_crossley_contact"}
+WIDE = 0.25  # rad from lying on a side: nearer, outcomes hang on which corner is first
+
+
+@dataclass(frozen=True)
+class Drops:
+    """States `LEAD` before the touch and velocities `SPAN` after those, with noise on the latter."""
+
+    body: Body
+    q: np.ndarray
+    v: np.ndarray
+    after: np.ndarray
+
+    def select(self, rows):
+        return replace(self, q=self.q[rows], v=self.v[rows], after=self.after[rows])
+
+
+def steep(body, theta):
+    """Mask of angles at which the body is not about to lie down on a side."""
+    if not isinstance(body.shape, Polygon):
+        return np.ones(len(theta), bool)
+    side = np.roll(body.shape.corners, -1, axis=0) - body.shape.corners
+    off = np.abs(np.angle(np.exp(1j * (theta[:, None] + np.arctan2(side[:, 1], side[:, 0])))))
+    return off.min(axis=1) > WIDE
+
+
+def predicted(name, body, q, v, mu, epsilon, contact_time, c_x=0.0, c_y=0.0, **causes):
+    """Velocities (n, 3) by the engine with these numbers."""
+    causes = HiddenCauses(com_offset_x=c_x, com_offset_y=c_y, **causes)
+    contact = {"mu": mu, "epsilon": epsilon, "contact_time": contact_time}
+    if name == "mujoco":
+        engine = MujocoEngine(body, len(q), contact=MujocoContact(**contact, steps=STEPS), causes=causes)
+    else:
+        engine = DrakeEngine(body, len(q), contact=CompliantContact(**contact), causes=causes)
+    return episodes(engine, q, v, np.full(len(q), SPAN)).v
+
+
+def made(name, body, n=60, seed=1):
+    """First impacts of drops that the engine's own simulator made, with noise."""
+    simulate = simulate_mujoco_drops if name == "mujoco" else simulate_drake_drops
+    options = {} if name == "mujoco" else {"surface": "point"}
+    contact = MujocoContact(**TRUE, steps=100) if name == "mujoco" else CompliantContact(**TRUE)
+    hidden = HiddenCauses(com_offset_x=COM[0], com_offset_y=COM[1])
+    drops = simulate(
+        body, PROOF_RELEASE, n, contact=contact, hidden=hidden, rng=np.random.default_rng(seed), duration=0.4, **options
+    )
+    table = drops.impacts[drops.impacts["impact"] == 0]
+    q, v = table[POSE].to_numpy(), table[PRE].to_numpy()
+    fall = np.array([0.0, -9.81, 0.0])
+    q, v = q - LEAD * v + 0.5 * LEAD**2 * fall, v - LEAD * fall
+    rows = steep(body, q[:, 2])
+    q, v = q[rows], v[rows]
+    after = predicted(name, body, q, v, **TRUE, c_x=COM[0], c_y=COM[1])
+    rng = np.random.default_rng(seed + 1)
+    return Drops(body, q, v, after + NOISE * rng.standard_normal(after.shape))
+
+
+def errors(body, v, w):
+    return np.sqrt((((v - w) * [1.0, 1.0, body.radius_of_gyration]) ** 2).sum(axis=1))
+
+
+def fitted(name, drops):
+    """The engine's numbers from drops: mu, epsilon, contact_time (s), c_x, c_y (m)."""
+    low = np.array([0.0, 0.1, 2e-4, -0.01, -0.01])
+    scale = np.array([0.1, 0.1, 1e-3, 1e-3, 1e-3])
+
+    def numbers(p):
+        return low + (p - 1.0) * scale
+
+    def residual(p):
+        return ((predicted(name, drops.body, drops.q, drops.v, *numbers(p)) - drops.after) / NOISE).ravel()
+
+    start = 1.0 + (np.array([0.15, 0.5, 1e-3, 0.0, 0.0]) - low) / scale
+    high = 1.0 + (np.array([1.0, 0.95, 4e-3, 0.01, 0.01]) - low) / scale
+    found = least_squares(residual, start, bounds=(1.0, high), diff_step=3e-3, max_nfev=EVALUATIONS)
+    return dict(zip(("mu", "epsilon", "contact_time", "c_x", "c_y"), numbers(found.x)))
+
+
+def model_of(name, body, numbers, tilt=0.0, height=0.0, extra=None, ratio=10.0):
+    """The model.json of an engine with these numbers."""
+    mu, epsilon, T = (numbers[key] for key in ("mu", "epsilon", "contact_time"))
+    law = BASES[LAW[name]]
+    if name == "drake":  # the law's epsilon and time are those at 1 m/s
+        mu, epsilon, T = of_drake(drake_numbers(mu, epsilon, T, mass=MASS), MASS, speed=1.0)
+    loss = law.force.loss(np.array([epsilon]))
+    values = {"mu": mu, "epsilon": epsilon, "tau": T * float((law.force.centroid(loss) / law.force.duration(loss))[0])}
+    values |= {"com_offset.c_x": numbers.get("c_x", 0.0), "com_offset.c_y": numbers.get("c_y", 0.0)}
+    values |= {"surface_tilt.phi": tilt, "damping_ratio": ratio, **(extra or {})}
+    names = tuple(dict.fromkeys(key.split(".")[0] for key in values if "." in key))
+    model = Model(law, tuple(EFFECTS[key] for key in names), takes_time=True)
+    parameters = {key: {"value": values[key], "unit": p.unit} for key, p in model.parameters.items()}
+    rig = {"shape": body.shape.model_dump(), "radius_of_gyration": body.radius_of_gyration}
+    rig |= {"gravity": 9.81, "height": height}
+    content = {"schema": 1, "dataset": "own drops", "law": law.name, "effects": names, "parameters": parameters}
+    return SavedModel.model_validate(content | {"rig": rig})
+
+
+# --- the file in its engine: a free body in space ---
+
+
+def in_space(q, v, tilt, height):
+    """Positions (n, 3), quaternions (n, 4), velocities and angular velocities (n, 3) of a body in the file's world."""
+    along, normal = np.array([np.cos(tilt), 0.0, -np.sin(tilt)]), np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    turn = 0.5 * (tilt - q[:, 2])
+    zero = np.zeros(len(q))
+    return (
+        q[:, :1] * along + (q[:, 1:2] + height) * normal,
+        np.column_stack([np.cos(turn), zero, np.sin(turn), zero]),
+        v[:, :1] * along + v[:, 1:2] * normal,
+        np.column_stack([zero, -v[:, 2], zero]),
+    )
+
+
+def in_plane(v, w, tilt):
+    """Planar velocities (n, 3) of a body in the file's world; it has not left the plane."""
+    along, normal = np.array([np.cos(tilt), 0.0, -np.sin(tilt)]), np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    out = np.abs(np.column_stack([v[:, 1], 0.02 * w[:, 0], 0.02 * w[:, 2]])).max(axis=1)
+    assert np.quantile(out, 0.9) < 1e-3, "the body leaves its plane"
+    return np.column_stack([v @ along, v @ normal, -w[:, 1]])
+
+
+def by_mujoco(text, q, v, tilt=0.0, height=0.0, body="body"):
+    """Velocities (n, 3) after `SPAN` of a body that falls in the MJCF file."""
+    import mujoco
+    from mujoco.batch import Batch
+
+    model = mujoco.MjModel.from_xml_string(text)
+    batch = Batch(model, len(q), 1)
+    place, turn, speed, spin = in_space(q, v, tilt, height)
+    start = model.body(body).jntadr[0]
+    at, of = model.jnt_qposadr[start], model.jnt_dofadr[start]
+    batch.bind("qpos")[:, at : at + 7] = np.column_stack([place, turn])
+    batch.bind("qvel")[:, of : of + 6] = np.column_stack([speed, spin])  # about y: the same in the body's axes
+    steps = round(SPAN / model.opt.timestep)
+    end = batch.rollout(steps, record=("qvel",))["qvel"][:, -1, of : of + 6]
+    # spin in the axes of the body, which turned about y
+    return in_plane(end[:, :3], end[:, 3:], tilt)
+
+
+def by_drake(path, q, v, tilt=0.0, height=0.0, body="body"):
+    """The same of an SDF or URDF file."""
+    from pydrake.common.eigen_geometry import Quaternion
+    from pydrake.math import RigidTransform
+    from pydrake.multibody.math import SpatialVelocity
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel
+    from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+    from pydrake.systems.framework import DiagramBuilder
+
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
+    Parser(plant).AddModels(str(path))
+    plant.set_contact_model(ContactModel.kPoint)
+    plant.Finalize()
+    plant.set_stiction_tolerance(2e-3)
+    simulator = Simulator(builder.Build())
+    ResetIntegratorFromFlags(simulator, "runge_kutta3", 1e-3).set_target_accuracy(1e-4)
+    root = simulator.get_mutable_context()
+    context, link = plant.GetMyMutableContextFromRoot(root), plant.GetBodyByName(body)
+    ends = []
+    for place, turn, speed, spin in zip(*in_space(q, v, tilt, height)):
+        root.SetTime(0.0)
+        plant.SetFreeBodyPose(context, link, RigidTransform(Quaternion(turn), place))
+        plant.SetFreeBodySpatialVelocity(context, link, SpatialVelocity(spin, speed))
+        simulator.Initialize()
+        simulator.AdvanceTo(SPAN)
+        end = plant.EvalBodySpatialVelocityInWorld(context, link)
+        ends.append(np.r_[end.translational(), end.rotational()])
+    ends = np.array(ends)
+    return in_plane(ends[:, :3], ends[:, 3:], tilt)

@@ -1,0 +1,173 @@
+"""New files: the engine that reads them does what the planar engine does, and every effect is accounted for."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from round_trip import BODIES, LEAD, MASS, TRUE, by_drake, by_mujoco, errors, model_of, predicted, steep
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.bodies.shapes import Disk, Polygon
+from thesis_lib.critique.export.effects import FORMATS
+from thesis_lib.critique.export.export import exported
+from thesis_lib.critique.export.solid import solid
+from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.errors import UserError
+
+ALL = BODIES | {"disk": Body(shape=Disk(radius=0.03), mass=MASS, radius_of_gyration=0.021)}
+# m/s, median and most; Drake finds the contact of an ellipsoid with a box (URDF) by iteration
+CLOSE = {"mjcf": (2e-3, 8e-3), "sdf": (5e-4, 5e-3), "urdf": (8e-3, 0.04)}
+FINE = 400  # steps in a contact time, with which MuJoCo's files are compared; the touch falls anywhere in a step
+AS_WRITTEN = 2.5e-3  # m/s, median, with the steps that are written
+HIDDEN = {"tilt": 0.1, "inertia_error": 0.1, "size_error": 0.03, "gravity_error": 0.5}
+EXTRA = {"wrong_inertia.d_I": 0.1, "wrong_size.s": 0.03, "wrong_gravity.dg": 0.5, "surface_height.h": 0.002}
+NUMBERS = TRUE | {"c_x": 0.0015, "c_y": -0.001}
+
+
+def states(body, n, seed=5):
+    """Poses and velocities (n, 3) of bodies `LEAD` before they touch."""
+    rng = np.random.default_rng(seed)
+    theta = rng.uniform(-np.pi, np.pi, 20 * n)
+    theta = theta[steep(body, theta)][:n]
+    v = np.column_stack([rng.uniform(-1.2, 1.2, n), rng.uniform(-3.0, -1.5, n), rng.uniform(-8.0, 8.0, n)])
+    r = body.shape.contact_point(theta)
+    q = np.column_stack([rng.uniform(-0.1, 0.1, n), -r[:, 1], theta])
+    return q - LEAD * v, v
+
+
+def off(name, target, tmp_path, numbers=NUMBERS, hidden=None, extra=None, n=12, depth=None, fine=True):
+    """Distances (n,) in m/s between what the file and what the planar engine make of the same states."""
+    body, hidden, height = ALL[name], hidden or {}, 0.05
+    engine = "mujoco" if target == "mjcf" else "drake"
+    model = model_of(engine, body, numbers, tilt=hidden.get("tilt", 0.0), height=height, extra=extra)
+    q, v = states(body, n)
+    # the planar engine has its surface at 0; what is hidden may be under it
+    q[:, 1] += 0.002 + 0.04 * 0.03
+    own = predicted(engine, body, q, v, **numbers, **hidden)
+    lift = height + (extra or {}).get("surface_height.h", 0.0)
+    text = exported(model, target, mass=MASS, depth=depth).content.decode()
+    if target == "mjcf":
+        if fine:
+            text = re.sub('timestep="[^"]+"', f'timestep="{numbers["contact_time"] / FINE:.6g}"', text)
+        return errors(body, by_mujoco(text, q, v, hidden.get("tilt", 0.0), lift), own)
+    file = tmp_path / f"body.{target}"
+    file.write_text(text, encoding="utf-8")
+    return errors(body, by_drake(file, q, v, hidden.get("tilt", 0.0), lift), own)
+
+
+@pytest.mark.parametrize("target", FORMATS)
+@pytest.mark.parametrize("name", ALL)
+def test_a_file_does_what_the_engine_does(name, target, tmp_path):
+    apart = off(name, target, tmp_path)
+    assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
+
+
+@pytest.mark.parametrize("target", ["mjcf", "sdf"])
+def test_also_with_tilt_size_inertia_and_height(target, tmp_path):
+    """Gravity is the engine's: Drake ignores that of a file, so it stays as believed there."""
+    hidden = dict(HIDDEN, gravity_error=0.0) if target == "sdf" else HIDDEN
+    extra = {key: value for key, value in EXTRA.items() if target == "mjcf" or key != "wrong_gravity.dg"}
+    apart = off("square", target, tmp_path, hidden=hidden, extra=extra)
+    assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
+    without = off("square", target, tmp_path, hidden=hidden)
+    assert np.median(without) > 5 * CLOSE[target][0]
+
+
+@pytest.mark.parametrize("target", ["mjcf", "sdf"])
+def test_round_corners_are_round(target, tmp_path):
+    apart = off("square", target, tmp_path, hidden={"corner_radius": 0.004}, extra={"rounded_corners.rho": 0.004})
+    assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
+
+
+def test_the_steps_that_are_written_suffice(tmp_path):
+    assert np.median(off("triangle", "mjcf", tmp_path, fine=False)) < AS_WRITTEN
+
+
+def test_the_depth_changes_nothing_in_the_plane(tmp_path):
+    for depth in (0.002, 0.2):
+        apart = off("triangle", "mjcf", tmp_path, depth=depth)
+        assert np.median(apart) < CLOSE["mjcf"][0]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_inertia_of_a_uniform_body_is_that_of_its_solid(name):
+    """MuJoCo's own integral over the same geometry, where k is that of a uniform solid."""
+    shape = ALL[name].shape
+    k = shape.radius_of_gyration if name != "ellipse" else np.sqrt(np.square(shape.semi_axes).sum() / 5.0)
+    body = Body(shape=shape, mass=MASS, radius_of_gyration=k)
+    model = model_of("mujoco", body, TRUE)
+    text = exported(model, "mjcf", mass=MASS, depth=0.08).content.decode()
+    own = mujoco.MjModel.from_xml_string(text)
+    geom = text.replace("<inertial", "<!-- <inertial").replace('fullinertia="', 'x="', 1)
+    geom = geom.replace("/>\n      <geom", "/> -->\n      <geom", 1)
+    by_geom = mujoco.MjModel.from_xml_string(geom)
+    scale = MASS / by_geom.body_mass[1]
+    np.testing.assert_allclose(np.sort(own.body_inertia[1]), np.sort(scale * by_geom.body_inertia[1]), rtol=1e-4)
+
+
+def test_an_l_of_unequal_moments_keeps_its_axes():
+    """Products of inertia: the file's tensor about y is m k², and the plane's is that of the shape."""
+    bent = Polygon(vertices=((0.05, -0.01), (0.02, 0.03), (-0.03, 0.0)))
+    made = solid(model_of("mujoco", Body(shape=bent, mass=MASS, radius_of_gyration=0.02), TRUE), "mjcf", 0.2, 0.05)
+    assert made.inertia[1, 1] == pytest.approx(0.2 * 0.02**2)
+    rng = np.random.default_rng(0)
+    corners = np.array(bent.vertices)
+    u = rng.dirichlet(np.ones(3), 400_000) @ corners
+    u = np.column_stack([u[:, 0], rng.uniform(-0.025, 0.025, len(u)), u[:, 1]]) - [*np.insert(bent.centroid, 1, 0.0)]
+    S = u.T @ u / len(u)
+    S *= 0.02**2 / (S[0, 0] + S[2, 2])
+    np.testing.assert_allclose(made.inertia, 0.2 * (np.trace(S) * np.eye(3) - S), atol=2e-3 * made.inertia.max())
+    assert abs(made.inertia[0, 2]) > 0.02 * made.inertia[1, 1]
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("target", FORMATS)
+def test_every_effect_is_in_the_file_or_named_as_left_out(effect, target):
+    """On the terminal and in the file's comment; and what is said to be in it changes the file's numbers."""
+    values = {f"{effect}.{p.name}": p.null + (p.discrete or 0.5 * p.scale) for p in EFFECTS[effect].parameters}
+    body = BODIES["square"]
+    made = exported(model_of("mujoco", body, TRUE, extra=values), target, mass=MASS)
+    none = exported(model_of("mujoco", body, TRUE), target, mass=MASS)
+    text = made.content.decode()
+    held = any(line.startswith(f"{effect}:") for line in made.held)
+    left = [line for line in made.left_out if line.startswith(f"{effect}:")]
+    assert held != bool(left)
+    assert f"{effect}: " in text[text.index("effects in this file") : text.index("-->")]
+    assert not left or len(left[0]) > len(effect) + 20
+    changed = text[text.index("-->") :] != none.content.decode()[none.content.decode().index("-->") :]
+    assert changed == held
+
+
+def test_what_a_name_says_cannot_end_the_comment():
+    model = model_of("mujoco", BODIES["ellipse"], TRUE).model_copy(update={"dataset": "x --><geom/>\x1b[31m\n-->-"})
+    for target in FORMATS:
+        text = exported(model, target).content.decode()
+        assert "--><geom" not in text and "\x1b" not in text and text.count("-->") == 1
+        text.encode("utf-8")
+    mujoco.MjModel.from_xml_string(exported(model, "mjcf").content.decode())
+
+
+def test_what_is_assumed_is_said():
+    model = model_of("mujoco", BODIES["ellipse"], TRUE)
+    made = exported(model, "mjcf")
+    assert any(line.startswith("mass: a model knows none; 1 kg") for line in made.left_out)
+    assert 'mass="1"' in made.content.decode()
+    short = model.model_copy(update={"law": "mirtich", "effects": ()})
+    parameters = {name: value for name, value in model.parameters.items() if name in ("mu", "epsilon")}
+    short = short.model_copy(update={"parameters": parameters})
+    said = exported(short, "mjcf", mass=MASS)
+    assert any(line.startswith("contact time: ") for line in said.left_out)
+    assert "mirtich, is another contact than MuJoCo's" in said.content.decode()
+
+
+def test_sizes_that_cannot_be_are_refused():
+    model = model_of("mujoco", BODIES["triangle"], TRUE)
+    with pytest.raises(UserError, match="--mass must be a positive number"):
+        exported(model, "mjcf", mass=0.0)
+    with pytest.raises(UserError, match="--depth must be a positive number in m; got nan"):
+        exported(model, "sdf", depth=float("nan"))
+    with pytest.raises(UserError, match="too thin for corners"):
+        exported(model_of("mujoco", BODIES["square"], TRUE, extra={"rounded_corners.rho": 0.01}), "mjcf", depth=0.01)
+    with pytest.raises(UserError, match="no format 'usd'"):
+        exported(model, "usd")

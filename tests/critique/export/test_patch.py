@@ -1,0 +1,314 @@
+"""A patch changes the numbers of one body and not one other byte; what it cannot do, it refuses or says."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from round_trip import BODIES, MASS, TRUE, model_of
+
+from thesis_lib.critique.export.export import exported, patched
+from thesis_lib.critique.export.xml_edit import Edits
+from thesis_lib.critique.results.saved_model import save_model
+from thesis_lib.foundation.errors import UserError
+
+MJCF = """<?xml version="1.0" encoding="utf-8"?>
+<!-- my  model: <body name="block"> is measured, friction='0.7' a guess -->
+<mujoco model='Würfel'>\r
+\t<option timestep="2e-5"   integrator='RK4' cone="elliptic" impratio="10"/>
+  <default><default class="x"><geom rgba="1 1 1 1"/></default></default>
+  <worldbody>
+    <geom name="table" type="plane" size="1 1 .1" friction="1 .005 .0001"/>\t<!-- friction="0.3"? -->
+    <body name="post"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom name="p" size=".01" pos="3 0 0"/></body>
+    <body   name = "block" pos="0 0 .3" ><freejoint name="free"/>
+      <inertial mass="5e-2" diaginertia="3e-5 3.2e-5  3e-5"
+         pos="0 0.01 0"/>
+      <geom class='x' name="hull solimp= 1" type="box" size=".03 .03 .03" solref = '0.02 1' rgba="1 0 0 1" />
+      <geom name="logo" type="box" size=".01 .01 .01" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <contact><pair geom1="p" geom2="table"/>
+    <pair geom1="p" geom2="hull solimp= 1" friction="1 1 .01 .001 .001"/></contact>
+</mujoco>   <!-- no newline at the end -->"""
+SDF = """<sdf version='1.9'>
+  <model name="lab">
+    <link name="table"><collision name="t"><geometry><plane><normal>0 0 1</normal></plane></geometry></collision></link>
+    <link name="block">
+      <inertial>
+        <mass>  0.05 </mass>
+        <inertia><ixx>3e-5</ixx><iyy>3.2e-5</iyy><izz>3e-5</izz><ixz>1e-6</ixz></inertia>
+      </inertial>
+      <collision name="hull">
+        <pose>0 0.01 0 0 0 0</pose>
+        <geometry><ellipsoid><radii>0.035 0.03 0.025</radii></ellipsoid></geometry>
+        <surface><friction><ode><mu>1.0</mu><mu2>1.0</mu2></ode></friction></surface>
+      </collision>
+    </link>
+  </model>
+</sdf>
+"""
+URDF = """<robot name="lab" xmlns:drake="http://drake.mit.edu">
+  <link name="table"><collision><geometry><box size="1 1 1"/></geometry></collision></link>
+  <link name="block">
+    <inertial><mass value="0.05"/><inertia ixx="3e-5" iyy="3.2e-5" izz='3e-5' ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision name="hull">
+      <geometry><sphere radius="0.03"/></geometry>
+      <drake:proximity_properties><drake:mu_static value="1"/></drake:proximity_properties>
+    </collision>
+  </link>
+</robot>
+"""
+PAIR = 1  # MuJoCo sorts pairs
+NUMBERS = TRUE | {"c_x": 0.001, "c_y": -0.002}
+FILES = {"mjcf": MJCF, "sdf": SDF, "urdf": URDF}
+# what may differ in a line: numbers in attributes or text, and what a patch adds
+ADDED = r' (?:priority|friction|solref|solimp|condim)="[^"]*"| xmlns:drake="[^"]*"'
+
+
+def model(**extra):
+    return model_of("mujoco", BODIES["square"], NUMBERS, extra=extra)
+
+
+def file_of(tmp_path, text, name="mine.xml"):
+    path = tmp_path / name
+    path.write_bytes(text.encode())
+    return path
+
+
+def test_every_other_byte_of_an_mjcf_file_stays(tmp_path):
+    new = patched(model(), "mjcf", file_of(tmp_path, MJCF), "block").content.decode()
+    old_lines, new_lines = MJCF.split("\n"), new.split("\n")
+    changed = [i for i, (one, two) in enumerate(zip(old_lines, new_lines)) if one != two]
+    assert len(old_lines) == len(new_lines)
+    assert [old_lines[i].split()[0] for i in changed] == ["<inertial", 'pos="0', "<geom", "<pair"]
+
+    def without_numbers(text):
+        kept = re.sub(r'((?:mass|diaginertia|pos|friction|solref|solimp)\s*=\s*)(["\'])[-\d.e ]*\2', r"\1", text)
+        return re.sub(ADDED.replace('"[^"]*"', ""), "", re.sub(ADDED, "", kept))
+
+    for i in changed:
+        assert without_numbers(new_lines[i]) == without_numbers(old_lines[i])
+    assert 'name="hull solimp= 1"' in new and 'friction="1 .005 .0001"' in new  # not ours
+    mujoco.MjModel.from_xml_string(new)
+
+
+def test_the_numbers_are_those_of_the_model(tmp_path):
+    new = mujoco.MjModel.from_xml_string(patched(model(), "mjcf", file_of(tmp_path, MJCF), "block").content.decode())
+    block, hull = new.body("block"), new.geom("hull solimp= 1")
+    k = BODIES["square"].radius_of_gyration
+    np.testing.assert_allclose(block.mass, 0.05)
+    np.testing.assert_allclose(block.ipos, [0.001, 0.01, -0.002])  # across the plane as it was
+    assert sorted(block.inertia)[-1] == pytest.approx(0.05 * k**2)
+    np.testing.assert_allclose(np.sort(block.inertia) / block.inertia.max(), [3.0 / 3.2, 3.0 / 3.2, 1.0])
+    fresh = mujoco.MjModel.from_xml_string(exported(model(), "mjcf", mass=0.05).content.decode())
+    for name in ("solref", "solimp", "friction", "priority"):
+        np.testing.assert_allclose(getattr(hull, name), getattr(fresh.geom("body"), name))
+    np.testing.assert_allclose(new.pair_friction[PAIR], [0.2, 0.2, 0.01, 0.001, 0.001])
+    np.testing.assert_allclose(new.pair_solref[PAIR], fresh.geom("body").solref)
+    other = mujoco.MjModel.from_xml_string(MJCF)
+    for name in ("post", "p", "table", "logo"):
+        kind = "body" if name == "post" else "geom"
+        before, after = getattr(other, kind)(name), getattr(new, kind)(name)
+        fields = ("mass", "inertia", "ipos") if kind == "body" else ("friction", "solref", "solimp", "priority")
+        for field in fields:
+            np.testing.assert_array_equal(getattr(before, field), getattr(after, field))
+
+
+@pytest.mark.parametrize("target", FILES)
+def test_patching_twice_changes_nothing_more(target, tmp_path):
+    once = patched(model(), target, file_of(tmp_path, FILES[target]), "block")
+    again = patched(model(), target, file_of(tmp_path, once.content.decode()), "block")
+    assert again.content == once.content != FILES[target].encode()
+
+
+@pytest.mark.parametrize("target", ["sdf", "urdf"])
+def test_drake_reads_a_patched_file(target, tmp_path):
+    from pydrake.geometry import Role
+    from pydrake.multibody.parsing import Parser
+    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+    from pydrake.systems.framework import DiagramBuilder
+
+    path = file_of(tmp_path, FILES[target], f"mine.{target}")
+    made = patched(model(), target, path, "block", mass=0.06, surface="table")
+    path.write_bytes(made.content)
+    plant, scene = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    Parser(plant).AddModels(str(path))
+    plant.Finalize()
+    block = plant.GetBodyByName("block")
+    inertia = block.default_spatial_inertia()
+    about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().get_moments()
+    k = BODIES["square"].radius_of_gyration
+    assert block.default_mass() == pytest.approx(0.06)
+    np.testing.assert_allclose(inertia.get_com(), [0.001, 0.0, -0.002])
+    assert about[1] == pytest.approx(0.06 * k**2)
+    both = []
+    for name in ("block", "table"):
+        inspector = scene.model_inspector()
+        frame = plant.GetBodyFrameIdOrThrow(plant.GetBodyByName(name).index())
+        (geometry,) = inspector.GetGeometries(frame, Role.kProximity)
+        properties = inspector.GetProximityProperties(geometry)
+        assert properties.GetProperty("material", "coulomb_friction").dynamic_friction() == pytest.approx(0.2)
+        spring = ("point_contact_stiffness", "hunt_crossley_dissipation")
+        both.append([properties.GetProperty("material", one) for one in spring])
+    assert both[0] == both[1]
+    fresh = exported(model(), target, mass=0.06).content.decode()
+    assert f"{both[0][1]:.9g}" in fresh  # a square has two spheres at an edge, so half the stiffness
+    if target == "sdf":
+        assert b"<mu>0.2</mu><mu2>0.2</mu2>" in made.content and b"<mass>  0.06 </mass>" in made.content
+
+
+def test_spheres_behind_each_other_share_the_load(tmp_path):
+    """Two collision spheres at each edge: half the stiffness each; said points win."""
+    one = URDF
+    two = URDF.replace(
+        '<collision name="hull">',
+        '<collision name="back"><origin xyz="0 0.02 0"/><geometry><sphere radius="0.03"/></geometry></collision>\n'
+        '    <collision name="hull">',
+    )
+
+    def stiffness(text, **options):
+        content = patched(model(), "urdf", file_of(tmp_path, text), "block", **options).content.decode()
+        return float(re.search(r'point_contact_stiffness value="([^"]+)"', content)[1])
+
+    assert stiffness(one) == pytest.approx(2.0 * stiffness(two))
+    assert stiffness(one, points=2) == pytest.approx(stiffness(two))
+
+
+def test_another_plane_of_the_body(tmp_path):
+    """Drops in the y-x plane of the body: the offset and the moment are where they belong."""
+    text = patched(model(), "mjcf", file_of(tmp_path, MJCF), "block", plane="yx").content.decode()
+    new = mujoco.MjModel.from_xml_string(text).body("block")
+    np.testing.assert_allclose(new.ipos, [-0.002, 0.001, 0.0])
+    assert "3.00125e-05 3.20133333e-05 3.00125e-05" in text  # all by the factor that makes m k² of the one about z
+    for wrong in ("x", "xx", "xw", ""):
+        with pytest.raises(UserError, match="--plane must be two different letters"):
+            patched(model(), "mjcf", file_of(tmp_path, MJCF), "block", plane=wrong)
+
+
+def test_a_turned_inertia_keeps_its_axes(tmp_path):
+    """A quarter turn about x puts the file's third moment across the plane."""
+    turned = MJCF.replace(
+        'diaginertia="3e-5 3.2e-5  3e-5"',
+        'quat="0.7071067811865476 0.7071067811865476 0 0" diaginertia="3e-5 2e-5 4e-5"',
+    )
+    new = mujoco.MjModel.from_xml_string(patched(model(), "mjcf", file_of(tmp_path, turned), "block").content.decode())
+    k = BODIES["square"].radius_of_gyration
+    np.testing.assert_allclose(np.sort(new.body("block").inertia), np.array([2.0, 3.0, 4.0]) / 4.0 * 0.05 * k**2)
+
+
+def test_a_body_without_inertial_gets_one(tmp_path):
+    bare = re.sub(r"<inertial mass=.*?/>\n\s*", "", MJCF, flags=re.S)
+    with pytest.raises(UserError, match="no <inertial>, so its mass is not known here; give --mass"):
+        patched(model(), "mjcf", file_of(tmp_path, bare), "block")
+    new = patched(model(), "mjcf", file_of(tmp_path, bare), "block", mass=0.07, depth=0.06).content.decode()
+    block = mujoco.MjModel.from_xml_string(new).body("block")
+    assert block.mass == pytest.approx(0.07)
+    np.testing.assert_allclose(block.inertia, 0.07 * BODIES["square"].radius_of_gyration ** 2)
+
+
+def test_what_a_patch_leaves_is_said(tmp_path):
+    about = {"wrong_size.s": 0.03, "surface_tilt.phi": 0.1, "wrong_gravity.dg": 0.5, "linear_drag.c_v": 0.2}
+    about["linear_drag.c_w"] = 0.1
+    coarse = MJCF.replace('timestep="2e-5"', "").replace('cone="elliptic" impratio="10"', "")
+    said = "\n".join(patched(model(**about), "mjcf", file_of(tmp_path, coarse), "block").left_out)
+    for part in ("scale it by 1.03", "leans by 0.1 rad", "it is 10.31 m/s^2", "linear_drag: ", "needs 6e-05 or less"):
+        assert part in said
+    assert 'cone="elliptic"' in said and 'impratio="10"' in said
+    quiet = patched(model(), "mjcf", file_of(tmp_path, MJCF), "block").left_out
+    assert not any(line.startswith("option") for line in quiet)
+    drake = "\n".join(patched(model(), "sdf", file_of(tmp_path, SDF), "block").left_out)
+    assert "name its link (--surface)" in drake
+
+
+BAD = {
+    "not XML": ("mjcf", "<mujoco><worldbody></mujoco>", "is not XML: mismatched tag in line 1"),
+    "cut off": ("mjcf", MJCF[:700], "is not XML"),
+    "empty": ("mjcf", "", "is not XML: no element found"),
+    "entities": ("mjcf", '<!DOCTYPE x [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><mujoco>&b;</mujoco>', "document type"),
+    "a file as an entity": (
+        "mjcf",
+        '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>',
+        "type",
+    ),
+    "of a reader of other files": ("sdf", MJCF, "is no SDF file: it begins with <mujoco>"),
+    "another body": ("mjcf", MJCF.replace('"block"', '"cube"'), "has no body named 'block'.*cube, post"),
+    "two bodies": ("mjcf", MJCF.replace('"post"', '"block"'), "has 2 body named 'block' .lines 8, 9."),
+    "an include": ("mjcf", '<mujoco><include file="b.xml"/><worldbody/></mujoco>', "includes other files"),
+    "no numbers": ("mjcf", MJCF.replace("5e-2", "heavy"), "holds no finite numbers"),
+    "NaN": ("mjcf", MJCF.replace("3.2e-5", "nan"), "line 10: <inertial> diaginertia=.*no finite numbers"),
+    "two numbers": ("mjcf", MJCF.replace('"0 0.01 0"', '"0 1"'), "needs 3 number.s. in pos"),
+    "no moment": ("mjcf", MJCF.replace("3.2e-5", "0"), "no positive moment of inertia about y"),
+    "negative mass": ("mjcf", MJCF.replace('mass="5e-2" diag', 'mass="-1" diag'), "must be positive"),
+    "from geoms": (
+        "mjcf",
+        MJCF.replace("<default>", '<compiler inertiafromgeom="true"/><default>', 1),
+        "ignore <inertial>",
+    ),
+    "degrees": (
+        "sdf",
+        SDF.replace("<pose>0 0.01", '<pose degrees="true">0 0.01'),
+        "x y z roll pitch yaw, without more",
+    ),
+    "no inertia": ("sdf", SDF.replace("<mass>  0.05 </mass>", ""), "no <inertial> with <mass> and <inertia>"),
+    "no collision": ("urdf", re.sub("<collision name.*?</collision>", "", URDF, flags=re.S), "has no collision"),
+    "deep": ("mjcf", "<a>" * 300 + "</a>" * 300, "nest too deeply"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_cannot_be_patched_is_refused_with_the_place(case, tmp_path):
+    target, text, message = BAD[case]
+    with pytest.raises(UserError, match=message):
+        patched(model(), target, file_of(tmp_path, text), "block")
+
+
+def test_files_that_are_no_text_are_refused(tmp_path):
+    with pytest.raises(UserError, match="is not UTF-8"):
+        Edits(_written(tmp_path, MJCF.encode("utf-16")))
+    with pytest.raises(UserError, match="does not exist"):
+        Edits(tmp_path / "nowhere.xml")
+    with pytest.raises(UserError, match="is a folder"):
+        Edits(tmp_path)
+    with pytest.raises(UserError, match="is not XML"):
+        Edits(_written(tmp_path, bytes(range(256))))
+
+
+def _written(tmp_path, content):
+    path = tmp_path / "raw.xml"
+    path.write_bytes(content)
+    return path
+
+
+def test_bytes_before_the_first_element_do_not_shift_the_edits(tmp_path):
+    """A byte order mark, an umlaut in a comment, carriage returns."""
+    for start in ("﻿", "<!-- ü -->\r\n"):
+        text = start + MJCF.removeprefix('<?xml version="1.0" encoding="utf-8"?>\n')
+        new = patched(model(), "mjcf", file_of(tmp_path, text), "block").content.decode()
+        assert new.startswith(start) and new.count("friction=") == text.count("friction=") + 1
+
+
+def test_no_edit_gives_the_same_bytes(tmp_path):
+    for text in FILES.values():
+        assert Edits(file_of(tmp_path, text)).result() == text.encode()
+
+
+def test_the_command_patches_and_says_what(tmp_path, capsys):
+    from thesis_lib.__main__ import main
+
+    save_model(model(), tmp_path / "model.json")
+    mine, better = file_of(tmp_path, MJCF), tmp_path / "better.xml"
+    export = ["export", f"{tmp_path}/model.json", "--to"]
+    assert main([*export, "mjcf", "--patch", str(mine), "--body", "block", "-o", str(better)]) == 0
+    said = capsys.readouterr().err
+    assert "centre of mass: 0 0.01 0 -> 0.001 0.01 -0.002" in said and "solimp= 1: solref: 0.02 1 -> -" in said
+    assert better.exists() and mine.read_bytes() == MJCF.encode()
+    assert main([*export, "sdf", "-o", f"{tmp_path}/x.sdf", "--mass", str(MASS), "-q"]) == 0
+    assert capsys.readouterr().err == ""
+    for wrong, message in (
+        (["--patch", str(mine)], "belong together"),
+        (["--surface", "table"], "is for --patch"),
+        (["-o", str(tmp_path)], "is a folder"),
+    ):
+        assert main([*export, "mjcf", "-o", f"{tmp_path}/y.xml", *wrong]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "y.xml").exists()

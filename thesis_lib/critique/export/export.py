@@ -1,0 +1,94 @@
+"""Write a fitted model for an engine: a new file, or the numbers in a user's own.
+
+A new file is whole in itself.  A patched one is the user's, byte by byte, but for the numbers of one body.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjcf
+from thesis_lib.critique.export.effects import FORMATS
+from thesis_lib.critique.export.patch import Plane
+from thesis_lib.critique.export.solid import solid
+from thesis_lib.critique.export.xml_edit import Edits
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import atomic
+
+WRITERS = {"mjcf": mjcf.mjcf, "sdf": drake_files.sdf, "urdf": drake_files.urdf}
+
+
+@dataclass(frozen=True)
+class Exported:
+    """The file's content, and lines for the terminal: what it holds or what changed, and what it could not hold."""
+
+    content: bytes
+    held: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def exported(model: SavedModel, target: str, *, mass: float | None = None, depth: float | None = None) -> Exported:
+    """A new file; UserError for an unknown format, a depth or mass that cannot be, a prism too thin."""
+    _known(target)
+    made = solid(model, target, mass, depth)
+    held = tuple(f"{name}: {where}" for name, where in made.expressed)
+    left = [f"{name}: {why}" for name, why in made.left_out]
+    if not made.mass_known:
+        left.append("mass: a model knows none; 1 kg was written (--mass KG)")
+    if not made.time_known:
+        left.append("contact time: impacts without trajectories show none; 1 ms was written")
+    return Exported(WRITERS[target](made).encode(), held, tuple(left))
+
+
+def patched(
+    model: SavedModel,
+    target: str,
+    file: str | Path,
+    body: str,
+    *,
+    mass: float | None = None,
+    depth: float | None = None,
+    plane: str = "xz",
+    points: int | None = None,
+    surface: str = "",
+) -> Exported:
+    """A user's file with the model's numbers in one body.
+
+    Args:
+        mass: kg; None: that of the file.
+        depth: m across the plane, for a body without inertia.
+        plane: axes of the body that are x and y of the drops.
+        points: in which an edge of the body touches; None: by its geometry.
+        surface: link of the surface (SDF, URDF), which gets the same contact.
+
+    Raises:
+        UserError: the file cannot be read, is of another format, or lacks the body or what a patch needs of it.
+    """
+    _known(target)
+    if points is not None and points < 1:
+        raise UserError(f"--points must be 1 or more; got {points}.")
+    if surface and target == "mjcf":
+        raise UserError("--surface is for SDF and URDF: MuJoCo takes the numbers of the geom with priority alone.")
+    axes, edits = Plane(plane), Edits(file)
+    of_file = patch_mjcf.mass_in(edits, body) if target == "mjcf" else patch_drake.mass_in(edits, body, target)
+    if mass is None and of_file is not None and not of_file > 0.0:
+        raise UserError(f"{file}: the mass of {body!r} is {of_file:g} kg; it must be positive.")
+    made = solid(model, target, mass or of_file, depth)
+    if target == "mjcf":
+        report = patch_mjcf.patch(edits, body, made, axes, points)
+    else:
+        report = patch_drake.patch(edits, body, made, axes, target, points, surface)
+    if not made.time_known:
+        report.left.append("contact time: impacts without trajectories show none; 1 ms was written")
+    return Exported(edits.result(), tuple(report.changed), tuple(report.left))
+
+
+def write(made: Exported, path: str | Path) -> None:
+    """Write the file, whole or not at all."""
+    with atomic(path) as part:
+        part.write_bytes(made.content)
+
+
+def _known(target: str) -> None:
+    if target not in FORMATS:
+        raise UserError(f"There is no format {target!r}; known are {', '.join(FORMATS)}.")

@@ -1,0 +1,63 @@
+"""Drake as a model of impacts: its own contact, point or hydroelastic, every impact through one plant.
+
+The plant is that of `thesis_lib/simulate/drake/plant.py`, in continuous time with error control.  ε and T are those of
+a central impact at `REFERENCE_SPEED`.  Hydroelastic bodies are ellipses, disks and rectangles: Drake has no other solid
+whose pressure field stays in the plane.
+"""
+
+from typing import Literal
+
+import numpy as np
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.engines.engine import mechanics
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
+
+POINTS = 20  # states of a path in one contact time
+ACCURACY = 1e-3  # relative, of Drake's error control; a tenth of it moves velocities by 0.1 mm/s
+CONTACTS = ("point", "hydroelastic")
+
+
+class DrakeEngine:
+    """n bodies on Drake's surface; see `thesis_lib/engines/engine.py`."""
+
+    def __init__(
+        self,
+        body: Body,
+        n: int,
+        *,
+        contact: CompliantContact | None = None,
+        causes: HiddenCauses | None = None,
+        gravity: float = 9.81,
+        surface: Literal["point", "hydroelastic"] = "point",
+    ) -> None:
+        """UserError for causes that no engine has, an unknown surface, and a hydroelastic polygon but a rectangle."""
+        try:
+            from thesis_lib.simulate.drake.clock import Clock
+            from thesis_lib.simulate.drake.plant import drop_plant
+        except ImportError as error:
+            raise UserError(f"Drake cannot be used here ({error}): pip install drake.") from error
+        from thesis_lib.simulate.drake.hunt_crossley import spring
+        from thesis_lib.simulate.drake.modulus import solid
+
+        if surface not in CONTACTS:
+            raise UserError(f"Drake has no contact {surface!r}; known are {', '.join(CONTACTS)}.")
+        self.name = "drake" if surface == "point" else "drake_hydroelastic"
+        contact, causes = contact or CompliantContact(), causes or HiddenCauses()
+        self.mechanics = mechanics(body, contact, causes, gravity, n)
+        T, mass = contact.contact_time, self.mechanics.mass
+        self.h = T / POINTS
+        made_of = spring(contact.epsilon, T, mass) if surface == "point" else solid(body, contact.epsilon, T)
+        self._clock = Clock(drop_plant(body, contact, causes, gravity, made_of), T, ACCURACY)
+
+    def press(self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+        """Paths q, v (m, steps + 1, 3) from states (m, 3) of the centre of mass."""
+        paths = np.empty((2, len(rows), steps + 1, 3))
+        paths[:, :, 0] = q, v
+        for i in range(len(rows)):
+            self._clock.start(0.0, q[i], v[i])
+            for step in range(1, steps + 1):
+                self._clock.simulator.AdvanceTo(step * self.h)
+                paths[0, i, step], paths[1, i, step] = self._clock.state()
+        return paths[0], paths[1]

@@ -1,0 +1,112 @@
+"""The numbers that engines call contact, from μ, ε and the contact time T, and back.
+
+An engine's file has no ε and no T.  In MuJoCo they are `solref` and `solimp`; in Drake a stiffness, or a modulus, and
+Hunt and Crossley's dissipation.  Both engines act at points, and a solid that is as deep as it is wide touches a plane
+in more points than a planar one: an edge of a prism in its two ends.  `points` is that number.
+
+MuJoCo, direct `solref` (−K/s, −B/s): all points ask for the acceleration a* = −(K φ + B v)/(s d), and with the
+impedance d of `solimp` together give the share s d of it,
+
+    s = 1 / (d + (1 − d)/n)        n points, central contact of a free body
+
+(`thesis_lib/simulate/mujoco/contact.py` for a planar body).  Off the centre s depends on d, too.  The body has the same
+contact in space as in the plane where R/n is the same, so that its d is less the more points there are.  Positive
+`solref` (t, ζ), MuJoCo's own form, is K = 1/(d t ζ)², B = 2/(d t) of a*, with d that of the deepest contact.
+
+Drake, point contact: springs of both bodies in series, so that each has 2 k/n; friction is the harmonic mean of both,
+so that each has μ; the dissipation of equally stiff bodies is their mean, so that each has d.
+
+| on paper | in code       | unit      |                                                             |
+|----------|---------------|-----------|-------------------------------------------------------------|
+| K, B     |               | 1/s², 1/s | stiffness and damping per mass of a central contact         |
+| d, s     | `impedance`, `share` | 1  | impedance; share of the acceleration over d                 |
+| k        | `stiffness`   | N/m       | of the contact; `of_geometry` is that of one body's geometry |
+| d        | `dissipation` | s/m       | Hunt and Crossley's                                         |
+
+Sources: MuJoCo's documentation, "Solver parameters"; Drake's, "Compliant point contact".
+"""
+
+from dataclasses import dataclass
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.drake.hunt_crossley import dissipation, duration, restitution
+from thesis_lib.simulate.mujoco.contact import restitution_and_time, solref
+from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
+
+PLANAR = 2.0 / 3.0  # of 1/m: MuJoCo's estimate of the inverse mass of a body that cannot leave its plane
+WIDTH, MIDPOINT, POWER = 1e-3, 0.5, 2.0  # of solimp; without effect where both its impedances are equal
+
+
+@dataclass(frozen=True)
+class MujocoNumbers:
+    """What MJCF holds of a contact; `solref` is direct, or MuJoCo's (time constant in s, damping ratio)."""
+
+    solref: tuple[float, float]
+    solimp: tuple[float, float, float, float, float]
+    friction: float
+    impratio: float
+
+
+@dataclass(frozen=True)
+class DrakeNumbers:
+    """What SDF and URDF hold of a point contact: `stiffness` of one geometry in N/m, `dissipation` in s/m, μ."""
+
+    stiffness: float
+    dissipation: float
+    friction: float
+
+
+def share(impedance: float, points: int = 1) -> float:
+    """s of a central contact of a free body that touches in so many points, 1."""
+    return 1.0 / (impedance + (1.0 - impedance) / points)
+
+
+def mujoco_numbers(
+    mu: float, epsilon: float, contact_time: float, *, impedance: float = 0.01, impratio: float = 10.0, points: int = 1
+) -> MujocoNumbers:
+    """Numbers of a free body that touches in so many points; `contact_time` in s.
+
+    `impedance` is that of `MujocoContact`, of a planar body that touches in one point.
+    """
+    d = 1.0 / (1.0 + points * PLANAR * (1.0 - impedance) / impedance)
+    K, B = solref(epsilon, contact_time, share(d, points))
+    return MujocoNumbers((float(K), float(B)), (d, d, WIDTH, MIDPOINT, POWER), mu, impratio)
+
+
+def of_mujoco(numbers: MujocoNumbers, points: int = 1) -> tuple[float, float, float]:
+    """μ, ε and T (s) of a central impact with these numbers, at the impedance of a deep contact.
+
+    UserError for a `solref` with one positive and one negative number, which MuJoCo refuses, too.
+    """
+    first, second = numbers.solref
+    d = numbers.solimp[1]
+    if first > 0.0 and second > 0.0:
+        first, second = -1.0 / (d * first * second) ** 2 * d, -2.0 / first  # as the direct form has them
+    if first >= 0.0 or second > 0.0:
+        raise UserError(f"solref must be two positive numbers, or two negative ones; got {numbers.solref}.")
+    s = share(d, points)
+    return (numbers.friction, *restitution_and_time(-first * s, -second * s))
+
+
+def drake_numbers(
+    mu: float, epsilon: float, contact_time: float, *, mass: float, points: int = 1, speed: float | None = None
+) -> DrakeNumbers:
+    """Numbers of both geometries in a point contact of a body of `mass` kg that touches in so many points.
+
+    ε and T (s) are those of a central impact at `speed` in m/s; None: at `REFERENCE_SPEED`.
+    """
+    speed = speed or REFERENCE_SPEED
+    d = dissipation(epsilon, speed)
+    # m v² = k L², T = S L / v
+    depth = contact_time * speed / duration(d * speed, 1.0)
+    return DrakeNumbers(2.0 * mass * speed**2 / depth**2 / points, d, mu)
+
+
+def of_drake(
+    numbers: DrakeNumbers, mass: float, points: int = 1, speed: float | None = None
+) -> tuple[float, float, float]:
+    """μ, ε and T (s) of a central impact at `speed` with these numbers in both geometries."""
+    speed = speed or REFERENCE_SPEED
+    stiffness = 0.5 * points * numbers.stiffness
+    lasts = duration(numbers.dissipation * speed, 1.0) * (mass / stiffness) ** 0.5
+    return numbers.friction, restitution(numbers.dissipation, speed), lasts
