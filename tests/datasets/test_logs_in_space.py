@@ -176,7 +176,7 @@ WRONG = [
     ("table", ["--quaternion", "xyzw", "--plane", "z", *TABLE], "--plane: the plane is level"),
     ("motive", [], "take.csv has 2 bodies: plate, frame. Say which with --body NAME."),
     ("motive", ["--body", "cup"], "has no body 'cup'"),
-    ("motive", ["--body", "plate", "--units", "mm"], "--units is for tables; this is an export of Motive"),
+    ("motive", ["--body", "plate", "--units", "mm"], "take.csv is an export of Motive, which says so itself"),
     ("motive", ["--body", "plate", "--up", "z"], "free flights with --up y"),
     ("euler", ["--rotation", "zyx"], "They fit with --rotation ZYX"),
     ("vicon", ["--rotation", "helical"], "They fit with --rotation XYZ"),

@@ -26,6 +26,7 @@ from tests.fuzz.intermediates import (
     read_results,
     results_samples,
 )
+from tests.fuzz.motions import bag_samples, motion_samples, read_motion
 from tests.fuzz.mutations import Sample
 
 
@@ -272,6 +273,8 @@ def _run_commands(folder: Path, out: Path) -> None:
 READERS: dict[str, Reader] = {
     "dataset": Reader(cache(_dataset_samples), _read_dataset, contained=True),
     "log": Reader(cache(_log_samples), _read_log),
+    "motion": Reader(cache(motion_samples), read_motion),
+    "bag": Reader(cache(bag_samples), read_motion),
     "published": Reader(cache(_published_samples), _read_published),
     "archive": Reader(cache(_archive_samples), _read_archive),
     "config": Reader(cache(_config_samples), _read_config),
@@ -283,4 +286,14 @@ READERS: dict[str, Reader] = {
     "commands": Reader(cache(_command_samples), _run_commands),
 }
 # shares of the inputs: what strangers send comes first, the command lines run a dozen programs each
-WEIGHTS = {"dataset": 6, "config": 3, "claims": 3, "model": 3, "results": 3, "log": 2, "commands": 0.3}
+WEIGHTS = {
+    "dataset": 6,
+    "config": 3,
+    "claims": 3,
+    "model": 3,
+    "results": 3,
+    "log": 2,
+    "motion": 3,
+    "bag": 2,
+    "commands": 0.3,
+}

@@ -7,10 +7,12 @@ arrived.  Types are those that the package rosbags brings: definitions in a stra
 What is compressed says how large it will be, and is taken at its word before anything is unpacked.
 """
 
+import re
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -24,7 +26,7 @@ from thesis_lib.foundation.regular_file import MissingFile, regular_size
 UP = "z"
 SUFFIXES = (".bag", ".mcap", ".db3")
 MAX_BAG = 20_000_000_000  # bytes; poses may stand beside pictures
-MAX_CHUNK = 256_000_000  # bytes unpacked at once; recorders make chunks of a few
+MAX_CHUNK = 128_000_000  # bytes unpacked at once; recorders make chunks of a few
 MAX_POSES = 20_000_000
 MAX_BODIES = 10_000
 PACKAGE = "rosbags"
@@ -93,24 +95,31 @@ def _named(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _collect(path: Path, bodies: dict[str, _Body]) -> None:
-    """Add the poses of one file to `bodies`."""
+@cache
+def _types(old: bool):
+    """The message types of ROS 1 or 2, from the package; making them takes half a second."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    if old:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    return store
+
+
+def _collect(path: Path, bodies: dict[str, _Body]) -> None:
+    """Add the poses of one file to `bodies`."""
     if path.suffix.lower() == ".bag":
         from rosbags.rosbag1 import Reader
 
-        store = get_typestore(Stores.ROS1_NOETIC)
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+        store = _types(old=True)
         reader, unpack = Reader(path), store.deserialize_ros1
     else:
         from rosbags.rosbag2.storage_mcap import McapReader
         from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-        store = get_typestore(Stores.ROS2_HUMBLE)
+        store = _types(old=False)
         mcap = path.suffix.lower() == ".mcap"
-        if mcap:
-            _check_chunks(path)
+        (_check_chunks if mcap else _check_database)(path)
         reader, unpack = (McapReader if mcap else Sqlite3Reader)(path), store.deserialize_cdr
     reader.open()
     try:
@@ -227,6 +236,23 @@ def _bound_chunks(reader) -> None:
     for position, chunk in reader.chunks.items():
         if make := makers.get(chunk.decompressor):
             reader.chunks[position] = chunk._replace(decompressor=bounded(make))
+
+
+def _check_database(path: Path) -> None:
+    """ValueError if a database has more than tables and indexes: a view or a computed column can run without end."""
+    import sqlite3
+
+    if any(mark in str(path) for mark in "?#%"):
+        raise ValueError("its path has one of the characters ? # %; rename it")
+    database = sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
+    try:
+        made = database.execute("SELECT type, name, sql FROM sqlite_master LIMIT 1000").fetchall()
+    finally:
+        database.close()
+    for kind, name, sql in made:
+        computed = kind == "table" and re.search(r"\bAS\b|\bVIRTUAL\b", str(sql), re.IGNORECASE)
+        if kind not in ("table", "index") or computed:
+            raise ValueError(f"'{str(name)[:40]}' in it is no plain table")
 
 
 def _check_chunks(path: Path) -> None:

@@ -49,7 +49,7 @@ def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) 
     if other := next((path for path in paths if forms[path] != form), None):
         raise UserError(f"{paths[0]} is {form}, but {other} is {forms[other]}; convert them one after the other.")
     in_space = form != TABLE or reading.quaternion is not None
-    _check_options(form, in_space, rig, reading)
+    _check_options(paths[0], form, in_space, rig, reading)
     units = parse_units(reading.units)
     given: dict = {"rate": rig.rate, "delimiter": reading.delimiter}
     notes: list[str] = []
@@ -91,16 +91,17 @@ def form_of(path: Path) -> str:
     return MOTIVE if motive.is_motive(first) else VICON if vicon.is_vicon(first) else TABLE
 
 
-def _check_options(form: str, in_space: bool, rig: Rig, reading: Reading) -> None:
+def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Reading) -> None:
     """UserError for an option that has no meaning for this form of a log."""
     given = {name for name in (*ONLY_TABLES, *ONLY_SPACE) if name != "rate" and getattr(reading, name)}
     given -= {"delimiter"} if reading.delimiter == "," else set()
     given |= {"rate"} if rig.rate is not None else set()
     if form != TABLE and (useless := [name for name in ONLY_TABLES if name in given]):
-        raise UserError(f"--{useless[0]} is for tables; this is {form}, which says so itself.")
+        raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
     if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
         option = useless[0].replace("_", "-")
-        raise UserError(f"--{option} is for motions in space: an export of motion capture, a bag, or --quaternion.")
+        forms = "an export of motion capture, a bag, or a table with --quaternion"
+        raise UserError(f"--{option} is for motions in space ({forms}); {path} is a planar table.")
     if reading.quaternion is not None and reading.quaternion not in ORDERS:
         raise UserError(f"--quaternion: '{reading.quaternion}' is unknown; give {' or '.join(ORDERS)}.")
     if reading.rotation is not None and reading.rotation not in SEQUENCES:

@@ -71,9 +71,8 @@ def _read(
     readings: Readings = {
         f"--quaternion {other}": lambda other=other: raw[:, ORDERS[other]] for other in ORDERS if other != order
     }
-    for flipped in range(
-        3
-    ):  # a frame one axis of which points the other way: the two other components change their sign
+    # a frame one axis of which points the other way: the two other components change their sign
+    for flipped in range(3):
         turned = [four[ORDERS[order][other]] for other in range(3) if other != flipped]
         option = ",".join(f"{q}={'-' if source[q][1] > 0 else ''}{source[q][0]}" for q in sorted(turned))
         readings |= {f"--columns {option}": partial(mirrored, quaternion, flipped)}
