@@ -251,6 +251,11 @@ def test_a_bag_that_is_none(tmp_path, logs, capsys):
         (tmp_path / name).write_bytes(content)
         assert init(tmp_path, tmp_path / name) == 2
         assert f"{name} cannot be read as a bag" in capsys.readouterr().err
+    for name in ("zeros.bag", "zeros.mcap", "zeros.db3"):
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(10 * 2**30)  # a sparse file, in which a line or a record never ends
+        assert init(tmp_path, tmp_path / name) == 2
+        assert "it does not begin as such a file does" in capsys.readouterr().err
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(logs["bag"].read_bytes()[:5000])
     assert init(tmp_path, cut) == 2

@@ -30,6 +30,11 @@ MAX_CHUNK = 128_000_000  # bytes unpacked at once; recorders make chunks of a fe
 MAX_POSES = 20_000_000
 MAX_BODIES = 10_000
 PACKAGE = "rosbags"
+MAGIC = {
+    ".bag": b"#ROSBAG V2.0\n",
+    ".mcap": b"\x89MCAP0\r\n",
+    ".db3": b"SQLite format 3\x00",
+}  # what such files begin with
 TRANSFORMS, OLD_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the same content
 Pose = tuple[float, float, float, float, float, float, float]  # x, y, z in m and the quaternion x, y, z, w
 
@@ -64,6 +69,9 @@ def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
         except MissingFile as error:
             raise UserError(f"{storage} does not exist; give a bag.") from error
         with _named(storage):
+            with storage.open("rb") as file:
+                if file.read(16)[: len(MAGIC[storage.suffix.lower()])] != MAGIC[storage.suffix.lower()]:
+                    raise ValueError("it does not begin as such a file does")
             _collect(storage, bodies)
     if not bodies:
         kinds = "Pose, PoseStamped, PoseWithCovarianceStamped, Odometry, TransformStamped, TFMessage"
@@ -271,7 +279,7 @@ def _check_chunks(path: Path) -> None:
         while file.tell() + 9 <= size:
             opcode, length = struct.unpack("<BQ", file.read(9))
             start = file.tell()
-            if start + length > size:
+            if opcode == 0 or start + length > size:
                 return  # the reader tells what is wrong
             if opcode == 0x06 and length >= 32:
                 _, _, unpacked, _, letters = struct.unpack("<QQQII", file.read(32))
