@@ -17,11 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from tests.fuzz.hostile import BOMBS, TRAPS, place_trap
+from tests.fuzz.motions import BAG_BOMBS
 from tests.fuzz.mutations import Sample, mutate
 from tests.fuzz.readers import READERS, WEIGHTS
 from tests.fuzz.sandbox import ACCEPTED, FAILED, REFUSED, Outcome, Pool, Task
 
 SHOWN = 25  # failures spelled out
+BOMBS |= BAG_BOMBS
 
 
 def _cases(name: str) -> list[tuple[str, int, str, int]]:

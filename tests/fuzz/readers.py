@@ -26,6 +26,7 @@ from tests.fuzz.intermediates import (
     read_results,
     results_samples,
 )
+from tests.fuzz.motions import bag_samples, motion_samples, read_motion
 from tests.fuzz.mutations import Sample
 
 
@@ -100,11 +101,12 @@ def _log_samples() -> list[Sample]:
 
 def _read_log(folder: Path, out: Path) -> None:
     from thesis_lib.datasets.format.write import write_dataset
-    from thesis_lib.datasets.sources.rig_log import convert_logs, parse_columns, parse_shape, parse_units
+    from thesis_lib.datasets.sources.conversion import Rig, parse_shape
+    from thesis_lib.datasets.sources.rig_log import convert_logs, parse_columns, parse_units
 
     columns = parse_columns("trial=run,t=time,x=x,y=-y,theta=angle")
     log = folder / "log.csv"
-    done = convert_logs([log], "made", parse_units("mm,deg"), columns, parse_shape("disk:0.03"))
+    done = convert_logs([log], "made", parse_units("mm,deg"), columns, Rig(parse_shape("disk:0.03")))
     write_dataset(done.dataset, out / "made")
 
 
@@ -310,6 +312,8 @@ def _run_commands(folder: Path, out: Path) -> None:
 READERS: dict[str, Reader] = {
     "dataset": Reader(cache(_dataset_samples), _read_dataset, contained=True),
     "log": Reader(cache(_log_samples), _read_log),
+    "motion": Reader(cache(motion_samples), read_motion),
+    "bag": Reader(cache(bag_samples), read_motion),
     "published": Reader(cache(_published_samples), _read_published),
     "archive": Reader(cache(_archive_samples), _read_archive),
     "config": Reader(cache(_config_samples), _read_config),
@@ -322,4 +326,14 @@ READERS: dict[str, Reader] = {
     "commands": Reader(cache(_command_samples), _run_commands),
 }
 # shares of the inputs: what strangers send comes first, the command lines run a dozen programs each
-WEIGHTS = {"dataset": 6, "config": 3, "claims": 3, "model": 3, "results": 3, "log": 2, "commands": 0.3}
+WEIGHTS = {
+    "dataset": 6,
+    "config": 3,
+    "claims": 3,
+    "model": 3,
+    "results": 3,
+    "log": 2,
+    "motion": 3,
+    "bag": 2,
+    "commands": 0.3,
+}

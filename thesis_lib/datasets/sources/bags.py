@@ -1,0 +1,294 @@
+"""ROS bags without ROS: poses of a body in ROS 2 bags (.mcap, .db3, a folder of them) and ROS 1 bags (.bag).
+
+A body is a topic of poses, or a frame that transforms tell: PoseStamped, PoseWithCovarianceStamped, Pose, Odometry,
+TransformStamped, TFMessage.  Times are those of the headers; messages without one have only the time at which they
+arrived.  Types are those that the package rosbags brings: definitions in a stranger's bag are never turned into code.
+
+What is compressed says how large it will be, and is taken at its word before anything is unpacked.
+"""
+
+import re
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.datasets.sources.motive import choose_body
+from thesis_lib.datasets.space.motion import Motion, unit
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import MissingFile, regular_size
+
+UP = "z"
+SUFFIXES = (".bag", ".mcap", ".db3")
+MAX_BAG = 20_000_000_000  # bytes; poses may stand beside pictures
+MAX_CHUNK = 128_000_000  # bytes unpacked at once; recorders make chunks of a few
+MAX_POSES = 20_000_000
+MAX_BODIES = 10_000
+PACKAGE = "rosbags"
+MAGIC = {
+    ".bag": b"#ROSBAG V2.0\n",
+    ".mcap": b"\x89MCAP0\r\n",
+    ".db3": b"SQLite format 3\x00",
+}  # what such files begin with
+TRANSFORMS, OLD_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the same content
+Pose = tuple[float, float, float, float, float, float, float]  # x, y, z in m and the quaternion x, y, z, w
+
+
+@dataclass
+class _Body:
+    """Samples of one body, in order of arrival."""
+
+    parent: str = ""
+    stamp: list[int] = field(default_factory=list)  # ns, of the header; 0 without
+    arrival: list[int] = field(default_factory=list)  # ns
+    poses: list[Pose] = field(default_factory=list)
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is that of a bag: by its ending, or a folder with files of such."""
+    return path.suffix.lower() in SUFFIXES or (path.is_dir() and bool(_storages(path)))
+
+
+def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
+    """The motion of `body` (by default the only one): a topic, or topic:frame for transforms; an end of it will do.
+
+    UserError if the package is not installed, the file is no bag that can be read, or the body is not in it.
+    """
+    if find_spec(PACKAGE) is None:
+        raise UserError(f"{path} is a bag of ROS; reading it needs a package: pip install {PACKAGE}.")
+    bodies: dict[str, _Body] = {}
+    storages = _storages(path) if path.is_dir() else [path]
+    for storage in storages:
+        try:
+            regular_size(storage, MAX_BAG)
+        except MissingFile as error:
+            raise UserError(f"{storage} does not exist; give a bag.") from error
+        with _named(storage):
+            with storage.open("rb") as file:
+                if file.read(16)[: len(MAGIC[storage.suffix.lower()])] != MAGIC[storage.suffix.lower()]:
+                    raise ValueError("it does not begin as such a file does")
+            _collect(storage, bodies)
+    if not bodies:
+        kinds = "Pose, PoseStamped, PoseWithCovarianceStamped, Odometry, TransformStamped, TFMessage"
+        raise UserError(f"{path} has no messages of poses ({kinds}).")
+    chosen = choose_body(path, list(bodies), body)
+    return _motion(path, chosen, bodies[chosen], warnings)
+
+
+def _storages(folder: Path) -> list[Path]:
+    try:
+        return sorted(path for path in folder.iterdir() if path.suffix.lower() in (".mcap", ".db3"))
+    except OSError:
+        return []
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Turn any failure to read a bag into an error that names the file."""
+    try:
+        yield
+    except UserError:
+        raise
+    # readers of damaged files raise errors of many kinds, MemoryError among them
+    except Exception as error:
+        reason = (str(error).strip().splitlines() or [""])[0][:200] or type(error).__name__
+        raise UserError(
+            f"{path} cannot be read as a bag ({reason}). Is it whole? Bags that ROS 2 compressed as files or by "
+            "message are unpacked with 'ros2 bag convert', bags without an index mended with 'rosbag reindex'."
+        ) from error
+
+
+@cache
+def _types(old: bool):
+    """The message types of ROS 1 or 2, from the package; making them takes half a second."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    if old:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    return store
+
+
+def _collect(path: Path, bodies: dict[str, _Body]) -> None:
+    """Add the poses of one file to `bodies`."""
+    if path.suffix.lower() == ".bag":
+        from rosbags.rosbag1 import Reader
+
+        store = _types(old=True)
+        reader, unpack = Reader(path), store.deserialize_ros1
+    else:
+        from rosbags.rosbag2.storage_mcap import McapReader
+        from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+        store = _types(old=False)
+        mcap = path.suffix.lower() == ".mcap"
+        (_check_chunks if mcap else _check_database)(path)
+        reader, unpack = (McapReader if mcap else Sqlite3Reader)(path), store.deserialize_cdr
+    reader.open()
+    try:
+        if path.suffix.lower() == ".bag":
+            _bound_chunks(reader)
+        kinds = {one.id: TRANSFORMS if one.msgtype == OLD_TRANSFORMS else one.msgtype for one in reader.connections}
+        wanted = [one for one in reader.connections if kinds[one.id] in KINDS]
+        if path.suffix.lower() == ".bag":
+            _check_types(path, wanted, kinds, store)
+        if not wanted:
+            return
+        count = 0
+        for connection, arrival, raw in reader.messages(connections=wanted):
+            kind = kinds[connection.id]
+            for frame, parent, stamp, pose in KINDS[kind](unpack(raw, kind)):
+                name = f"{connection.topic}:{frame}" if frame else connection.topic
+                body = bodies.setdefault(name, _Body(parent))
+                if body.parent != parent:
+                    raise UserError(
+                        f"{path}: {name} is told in the frame '{parent}' and in '{body.parent}'; record one of them."
+                    )
+                body.stamp.append(stamp)
+                body.arrival.append(int(arrival))
+                body.poses.append(pose)
+                count += 1
+            if count > MAX_POSES or len(bodies) > MAX_BODIES:
+                raise UserError(
+                    f"{path} has more than {MAX_POSES:,} poses or {MAX_BODIES:,} bodies; give a part of it."
+                )
+    finally:
+        reader.close()
+
+
+def _pose(pose) -> Pose:
+    p, q = pose.position, pose.orientation
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
+def _transform(transform) -> Pose:
+    p, q = transform.translation, transform.rotation
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
+def _ns(header) -> int:
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def _transforms(messages) -> list[tuple[str, str, int, Pose]]:
+    return [(one.child_frame_id, one.header.frame_id, _ns(one.header), _transform(one.transform)) for one in messages]
+
+
+# type -> message -> (frame of the body, frame it is told in, stamp in ns or 0, pose)
+KINDS: dict[str, Callable] = {
+    "geometry_msgs/msg/Pose": lambda m: [("", "", 0, _pose(m))],
+    "geometry_msgs/msg/PoseStamped": lambda m: [("", m.header.frame_id, _ns(m.header), _pose(m.pose))],
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda m: [
+        ("", m.header.frame_id, _ns(m.header), _pose(m.pose.pose))
+    ],
+    "nav_msgs/msg/Odometry": lambda m: [("", m.header.frame_id, _ns(m.header), _pose(m.pose.pose))],
+    "geometry_msgs/msg/TransformStamped": lambda m: _transforms([m]),
+    "tf2_msgs/msg/TFMessage": lambda m: _transforms(m.transforms),
+}
+
+
+def _motion(path: Path, name: str, body: _Body, warnings: list[str]) -> Motion:
+    stamp, arrival = np.array(body.stamp, dtype=np.int64), np.array(body.arrival, dtype=np.int64)
+    ns = stamp
+    if (stamp == 0).any():
+        ns = arrival
+        warnings.append(
+            f"{path.name}: {name} has no time stamps, so its times are those of arrival, later than exposure "
+            "and uneven; publish messages with a header, if you can"
+        )
+    ns, first = np.unique(ns, return_index=True)
+    if len(first) < len(body.poses):
+        warnings.append(
+            f"{path.name}: {len(body.poses) - len(first)} messages of {name} left out, of times that came before"
+        )
+    poses = np.array(body.poses)[first]
+    with np.errstate(invalid="ignore"):
+        poses[~(np.abs(poses) < 1e9)] = np.nan
+    quaternion = poses[:, 3:]
+    quaternion[~np.any(np.abs(quaternion) > 0.0, axis=1)] = np.nan  # ROS writes zeros where it has no rotation
+    t = (ns - ns[0]) / 1e9
+    return Motion(name, str(path), t, poses[:, :3], unit(quaternion, f"{path}, {name}"))
+
+
+def _check_types(path: Path, connections, kinds: dict[int, str], store) -> None:
+    """UserError if a type of a ROS 1 bag has a standard name but another content, as its MD5 sum tells."""
+    for one in connections:
+        if one.digest != store.generate_msgdef(kinds[one.id])[1]:
+            raise UserError(
+                f"{path}: {one.topic} has messages {one.msgtype} that are not the standard ones of this name."
+            )
+
+
+def _bound_chunks(reader) -> None:
+    """Make a reader of ROS 1 bags unpack no chunk beyond `MAX_CHUNK`."""
+    import bz2
+
+    import lz4.frame
+    from rosbags.rosbag1.reader import decompressors
+
+    def bounded(make: Callable) -> Callable[[bytes], bytes]:
+        def unpack(data: bytes) -> bytes:
+            result = make().decompress(data, MAX_CHUNK + 1)
+            if len(result) > MAX_CHUNK:
+                raise ValueError(f"a chunk of more than {MAX_CHUNK:,} bytes")
+            return result
+
+        return unpack
+
+    makers = {decompressors["bz2"]: bz2.BZ2Decompressor, decompressors["lz4"]: lz4.frame.LZ4FrameDecompressor}
+    for position, chunk in reader.chunks.items():
+        if make := makers.get(chunk.decompressor):
+            reader.chunks[position] = chunk._replace(decompressor=bounded(make))
+
+
+def _check_database(path: Path) -> None:
+    """ValueError if a database has more than tables and indexes: a view or a computed column can run without end."""
+    import sqlite3
+
+    if any(mark in str(path) for mark in "?#%"):
+        raise ValueError("its path has one of the characters ? # %; rename it")
+    database = sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
+    try:
+        made = database.execute("SELECT type, name, sql FROM sqlite_master LIMIT 1000").fetchall()
+    finally:
+        database.close()
+    for kind, name, sql in made:
+        computed = kind == "table" and re.search(r"\bAS\b|\bVIRTUAL\b", str(sql), re.IGNORECASE)
+        if kind not in ("table", "index") or computed:
+            raise ValueError(f"'{str(name)[:40]}' in it is no plain table")
+
+
+def _check_chunks(path: Path) -> None:
+    """ValueError if a chunk of an MCAP file unpacks to more than `MAX_CHUNK`, or to more than it says.
+
+    https://mcap.dev/spec: records of an opcode (1 byte), a length (8 bytes) and their content; a chunk has two times,
+    the unpacked size (8 bytes each), a checksum (4), the compression (a string) and the data, each after its length.
+    """
+    import lz4.frame
+    from rosbags.rosbag2.storage_mcap import zstd
+
+    makers = {"zstd": zstd.ZstdDecompressor, "lz4": lz4.frame.LZ4FrameDecompressor}
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(8)
+        while file.tell() + 9 <= size:
+            opcode, length = struct.unpack("<BQ", file.read(9))
+            start = file.tell()
+            if opcode == 0 or start + length > size:
+                return  # the reader tells what is wrong
+            if opcode == 0x06 and length >= 32:
+                _, _, unpacked, _, letters = struct.unpack("<QQQII", file.read(32))
+                if unpacked > MAX_CHUNK or length > MAX_CHUNK:
+                    raise ValueError(f"a chunk of {max(unpacked, length):,} bytes; the limit is {MAX_CHUNK:,}")
+                if letters < 16:
+                    make = makers.get(file.read(letters).decode("ascii", "replace"))
+                    file.read(8)
+                    data = file.read(max(0, start + length - file.tell()))
+                    if make and len(make().decompress(data, max_length=unpacked + 1)) > unpacked:
+                        raise ValueError(f"a chunk that unpacks to more than the {unpacked:,} bytes that it claims")
+            file.seek(start + length)

@@ -1,0 +1,115 @@
+"""What a log becomes: a dataset, and in words what was changed, left out or may be wrong.
+
+`Conversion.notes` lists everything that was changed or left out, `Conversion.warnings` what may be wrong with a log.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pydantic import ValidationError
+
+from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
+from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, median_step, unwrap
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.space.drops import Cuts
+from thesis_lib.foundation.errors import UserError
+
+_OPTIONS = {"size": "homogeneous"}  # keys of dataset.yaml whose option has another name
+GRAVITY = 9.81  # m/s²
+
+
+@dataclass
+class Conversion:
+    """A converted log; `notes` and `warnings` are sentences, `cuts` what became of a motion in space."""
+
+    dataset: Dataset
+    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    cuts: Cuts | None = None
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is believed of body and rig, as the options of `datasets init` say it.
+
+    Mass in kg, k_g (by default that of a uniform lamina) and surface_height in m, gravity in m/s² (by default
+    `GRAVITY`), rate in Hz (by default that of the times).  `size_uncertainty` (relative, one sigma) says that the body
+    is homogeneous and how well its size is known.
+    """
+
+    shape: Shape
+    mass: float | None = None
+    k_g: float | None = None
+    size_uncertainty: float | None = None
+    rate: float | None = None
+    gravity: float | None = None
+    surface_height: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.rate is not None and not (np.isfinite(self.rate) and self.rate > 0):
+            raise UserError(f"--rate: {self.rate} Hz is impossible; give a number above 0.")
+
+    @property
+    def radius(self) -> float:
+        """Radius of gyration in m."""
+        return self.shape.radius_of_gyration if self.k_g is None else self.k_g
+
+
+def parse_shape(text: str) -> Shape:
+    """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'polygon:x1,y1;x2,y2;…' in m; UserError for anything else."""
+    kind, _, rest = text.partition(":")
+    try:
+        points = [tuple(float(value) for value in point.split(",")) for point in rest.split(";")]
+        if kind == "ellipse":
+            return Ellipse(semi_axes=points[0])  # pyright: ignore[reportArgumentType]
+        if kind == "disk":
+            return Disk(radius=points[0][0])
+        if kind == "square":
+            h = points[0][0] / 2.0
+            return Polygon(vertices=((h, h), (-h, h), (-h, -h), (h, -h)))
+        if kind == "polygon":
+            return Polygon(vertices=tuple(points))  # pyright: ignore[reportArgumentType]
+    except (ValueError, ValidationError) as error:
+        reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
+        raise UserError(f"--shape: '{text}' is not a shape ({reason}).") from error
+    known = "ellipse:A,B (semi-axes), disk:R, square:SIDE or polygon:x1,y1;x2,y2;…"
+    raise UserError(f"--shape: '{kind}' is unknown; give {known} in m.")
+
+
+def as_dataset(poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig: Rig, notes: list[str]) -> Dataset:
+    """The dataset of whole poses (`TRAJECTORY_COLUMNS`, SI) from `files`; adds to `notes`.
+
+    UserError if a value of the experiment is impossible.
+    """
+    poses = poses[list(TRAJECTORY_COLUMNS)].copy()
+    poses["t"] -= poses.groupby("trial", sort=False)["t"].transform("first")
+    before = poses["theta"].to_numpy(copy=True)
+    poses["theta"] = unwrap(before, poses["trial"].to_numpy())
+    if wrapped := int(np.sum(before != poses["theta"].to_numpy())):
+        notes.append(f"theta made continuous within trials ({wrapped} rows moved by whole turns)")
+
+    lamina, step = rig.shape.radius_of_gyration, median_step(poses)
+    body: dict = {"shape": rig.shape, "mass": rig.mass, "radius_of_gyration": rig.radius}
+    if rig.size_uncertainty is not None:
+        body |= {"homogeneous": True, "uncertainty": {"size": rig.size_uncertainty}}
+    elif rig.k_g is None:
+        notes.append(f"radius of gyration {lamina:.5g} m, that of a uniform lamina (--k-g to change)")
+    others = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    content = {
+        "schema": 1,
+        "description": f"converted from {Path(files[0]).name}{others}",
+        "body": body,
+        "surface": {"height": rig.surface_height},
+        "gravity": GRAVITY if rig.gravity is None else rig.gravity,
+        "rate": rig.rate if rig.rate is not None else (float(f"{1.0 / step:.6g}") if step > 0 else None),
+    }
+    try:
+        header = Header.model_validate(content)
+    except ValidationError as error:
+        mistake = error.errors()[0]
+        option = _OPTIONS.get(str(mistake["loc"][-1]), str(mistake["loc"][-1]).replace("_", "-"))
+        raise UserError(f"--{option}: {mistake['input']}: {mistake['msg']}.") from error
+    return Dataset(name, header, poses)

@@ -1,0 +1,94 @@
+"""Exports of motion capture as rows of cells: several header lines, then frames; what both makers' forms share."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.datasets.sources.log_table import MAX_COLUMNS, MAX_LOG
+from thesis_lib.datasets.space.motion import from_angles, unit
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import MissingFile, read_bytes
+
+LENGTHS = {"m": 1.0, "meters": 1.0, "cm": 1e-2, "centimeters": 1e-2, "mm": 1e-3, "millimeters": 1e-3}
+DELIMITERS = (",", ";", "\t")
+OWN_AXES = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+SEQUENCES = (*OWN_AXES, *map(str.lower, OWN_AXES), "helical")
+EMPTY = ("", "nan", "na", "null", "none")
+Row = tuple[int, list[str]]  # number of the line in the file, stripped cells
+
+
+def read_rows(path: Path) -> list[Row]:
+    """All rows of an export; a last one without a line break may have been cut off, and is left out.
+
+    The delimiter is that of its first lines.
+    UserError if the file is missing, too large, or no text.
+    """
+    try:
+        content = read_bytes(path, MAX_LOG)
+        text = content.decode("utf-8-sig")
+        head = text[:20_000]
+        delimiter = max(DELIMITERS, key=head.count)
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+        rows = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    except MissingFile as error:
+        raise UserError(f"{path} does not exist; give the export as a file.") from error
+    except (ValueError, csv.Error) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise UserError(f"{path} cannot be read as a table ({reason}); export it again as CSV.") from error
+    if not content.endswith((b"\n", b"\r")):
+        rows = rows[:-1]
+    if any(len(cells) > 10 * MAX_COLUMNS for _, cells in rows[:10]):
+        raise UserError(f"{path} has more than {10 * MAX_COLUMNS:,} columns; export only the bodies that are needed.")
+    return rows
+
+
+def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.ndarray:
+    """The cells of `wanted` columns as floats (n, len(wanted)); empty ones, and those beyond a short row, are NaN.
+
+    UserError names the row of a cell that is no number.
+    """
+    result = np.full((len(rows), len(wanted)), np.nan)
+    for i, (row, cells) in enumerate(rows):
+        for j, column in enumerate(wanted):
+            cell = cells[column] if column < len(cells) else ""
+            if cell.lower() in EMPTY:
+                continue
+            try:
+                value = float(cell)
+            except ValueError:
+                raise UserError(
+                    f"{path}, row {row}, column {column + 1}: {cell[:40]!r} is not a number. Export it again "
+                    "with decimal points, and without text in the cells."
+                ) from None
+            result[i, j] = value if abs(value) < 1e12 else np.nan
+    return result
+
+
+def length_unit(path: Path, text: str, where: str) -> float:
+    """Factor from a unit of length, as exports name it, to m; UserError for an unknown one."""
+    if text.lower() not in LENGTHS:
+        raise UserError(f"{path}, {where}: '{text[:40]}' is no known unit of length ({', '.join(LENGTHS)}).")
+    return LENGTHS[text.lower()]
+
+
+def rotations(
+    path: Path, cells: Mapping[str, np.ndarray], sequence: str, degrees: bool, body: str
+) -> tuple[np.ndarray, dict]:
+    """Quaternions (n, 4) from the cells of axes x, y, z and, of a quaternion, w; and the same read otherwise."""
+    if "w" in cells:
+        raw = np.stack([cells[axis] for axis in "xyzw"], axis=1)
+        lost = ~np.any(np.abs(raw) > 0.0, axis=1)
+        return unit(np.where(lost[:, None], np.nan, raw), f"{path}, body {body}"), {}
+    angles = np.stack([cells[axis] for axis in "xyz"], axis=1)
+
+    def read(letters: str) -> np.ndarray:
+        # three columns stand for the axes x, y, z; a sequence takes them in its own order
+        chosen = angles if letters == "helical" else angles[:, ["xyz".index(letter) for letter in letters.lower()]]
+        return from_angles(letters, chosen, degrees)
+
+    others = [name for name in (sequence.swapcase(), "XYZ", "ZYX", "helical") if name != sequence and name in SEQUENCES]
+    readings = {f"--rotation {name}": lambda name=name: read(name) for name in dict.fromkeys(others)}
+    return read(sequence), readings

@@ -1,0 +1,132 @@
+"""Any log of a rig as a dataset: which form its files have, which reader takes them, how the motion is looked at."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.datasets.sources import bags, motive, vicon
+from thesis_lib.datasets.sources.conversion import Conversion, Rig
+from thesis_lib.datasets.sources.export_cells import SEQUENCES
+from thesis_lib.datasets.sources.motion_log import View, convert_motions
+from thesis_lib.datasets.sources.quaternion_table import ORDERS, read_quaternion_tables
+from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, parse_units, read_planar_motions
+from thesis_lib.datasets.space.plane import parse_direction
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import is_file
+
+TABLE, MOTIVE, VICON, BAG = "a table", "an export of Motive", "an export of Vicon", "a bag of ROS"
+UP = {TABLE: "z", MOTIVE: motive.UP, VICON: vicon.UP, BAG: bags.UP}
+ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "units")  # options that other forms have no use for
+FARTHEST = 10.0  # m from a tracked frame to the centre of mass; more is in mm
+ONLY_SPACE = ("left_handed", "rotation", "up", "plane", "body", "frame")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How logs are to be read, as the options of `datasets init` say it; None or "" where an option is not given."""
+
+    units: str = ""
+    columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    delimiter: str = ","
+    per_trial_files: bool = False
+    quaternion: str | None = None  # xyzw or wxyz
+    left_handed: bool = False
+    rotation: str | None = None  # one of `SEQUENCES`
+    up: str | None = None
+    plane: str | None = None
+    body: str | None = None
+    frame: str | None = None  # X,Y,ANGLE
+    cut: bool | None = None
+
+
+def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) -> Conversion:
+    """The dataset in logs of one form; UserError where they cannot be read, or an option does not fit their form."""
+    paths = [Path(file) for file in files]
+    forms = {path: form_of(path) for path in paths}
+    form = forms[paths[0]]
+    if other := next((path for path in paths if forms[path] != form), None):
+        raise UserError(f"{paths[0]} is {form}, but {other} is {forms[other]}; convert them one after the other.")
+    in_space = form != TABLE or reading.quaternion is not None
+    _check_options(paths[0], form, in_space, rig, reading)
+    units = parse_units(reading.units)
+    given: dict = {"rate": rig.rate, "delimiter": reading.delimiter}
+    notes: list[str] = []
+    warnings: list[str] = []
+    if not in_space and not reading.cut:
+        given = {"delimiter": reading.delimiter, "per_trial_files": reading.per_trial_files}
+        return convert_logs(paths, name, units, reading.columns, rig, **given)
+    if not in_space:
+        motions = read_planar_motions(paths, units, reading.columns, **given, warnings=warnings)
+        view = View(FLAT.y, FLAT.normal)
+    else:
+        if form == TABLE:
+            order = reading.quaternion or "xyzw"
+            motions = read_quaternion_tables(paths, units, reading.columns, order, **given, warnings=warnings)
+        elif form == BAG:
+            motions = [bags.read_bag(path, reading.body, warnings) for path in paths]
+        else:
+            read = motive.read_motive if form == MOTIVE else vicon.read_vicon
+            motions = [read(path, reading.body, reading.rotation, notes) for path in paths]
+        if reading.per_trial_files:
+            motions = [replace(motion, trial=None) for motion in motions]
+        view = _view(form, reading, all(motion.trial is not None for motion in motions))
+    conversion = convert_motions(motions, name, paths, rig, view, notes)
+    conversion.warnings += warnings
+    return conversion
+
+
+def form_of(path: Path) -> str:
+    """Which form a log has: by its ending or, of a text, its first line."""
+    if bags.is_bag(path):
+        return BAG
+    if not is_file(path):
+        return TABLE
+    try:
+        with path.open("rb") as file:
+            first = file.readline(1000).decode("utf-8-sig", "replace")
+    except OSError:
+        return TABLE
+    return MOTIVE if motive.is_motive(first) else VICON if vicon.is_vicon(first) else TABLE
+
+
+def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Reading) -> None:
+    """UserError for an option that has no meaning for this form of a log."""
+    given = {name for name in (*ONLY_TABLES, *ONLY_SPACE) if name != "rate" and getattr(reading, name)}
+    given -= {"delimiter"} if reading.delimiter == "," else set()
+    given |= {"rate"} if rig.rate is not None else set()
+    if form != TABLE and (useless := [name for name in ONLY_TABLES if name in given]):
+        raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
+    if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
+        option = useless[0].replace("_", "-")
+        forms = "an export of motion capture, a bag, or a table with --quaternion"
+        raise UserError(f"--{option} is for motions in space ({forms}); {path} is a planar table.")
+    if reading.quaternion is not None and reading.quaternion not in ORDERS:
+        raise UserError(f"--quaternion: '{reading.quaternion}' is unknown; give {' or '.join(ORDERS)}.")
+    if reading.rotation is not None and reading.rotation not in SEQUENCES:
+        raise UserError(f"--rotation: '{reading.rotation}' is unknown; give one of {', '.join(SEQUENCES)}.")
+    if reading.body and form == TABLE:
+        raise UserError("--body is for files that hold several bodies; of a table, name the columns with --columns.")
+
+
+def _view(form: str, reading: Reading, named: bool) -> View:
+    """How the motion is looked at; `named`: the recordings say which sample belongs to which trial."""
+    return View(
+        up=parse_direction(reading.up or UP[form], "--up"),
+        normal=parse_direction(reading.plane, "--plane") if reading.plane else None,
+        frame=_parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0),
+        cut=not (named or reading.per_trial_files) if reading.cut is None else reading.cut,
+        left_handed=reading.left_handed,
+    )
+
+
+def _parse_frame(text: str) -> tuple[float, float, float]:
+    """'X,Y,ANGLE' in m, m and degrees -> m, m, rad."""
+    try:
+        x, y, turn = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = turn = np.nan
+    if not np.isfinite([x, y, turn]).all() or max(abs(x), abs(y)) > FARTHEST:
+        raise UserError(f"--frame: '{text}' is not X,Y,ANGLE in m, m and degrees (for example 0.004,-0.001,45).")
+    return x, y, float(np.radians(turn))

@@ -1,0 +1,164 @@
+"""A dataset from motions in space: the plane, the reading of the rotations, the drops, the energy out of the plane."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.sources.conversion import GRAVITY, Conversion, Rig, as_dataset
+from thesis_lib.datasets.space.convention import Scene, check_reading
+from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest, whole_pieces
+from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
+from thesis_lib.datasets.space.motion import Motion, handed, join, turning
+from thesis_lib.datasets.space.plane import AXES, Plane, find_plane, in_plane, share_out
+from thesis_lib.foundation.errors import UserError
+
+MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
+SCALES = {"mm": 1e-3, "cm": 1e-2}  # units that lengths may have been in after all
+FEW_TRIALS = 10  # a critique asks for as many
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """How a motion in space is looked at.
+
+    `up` (3,) is against gravity, `normal` (3,) that of the plane (None: found from the motion), `frame` the body's
+    place in its tracked frame: x, y (m) of the centre of mass, and by how much (rad) the shape is turned against that
+    frame. `cut`: recordings are cut into drops; else each is one trial, or each trial that it names.
+    """
+
+    up: np.ndarray
+    normal: np.ndarray | None = None
+    frame: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    cut: bool = True
+    left_handed: bool = False
+
+
+def convert_motions(
+    motions: Sequence[Motion], name: str, files: Sequence[str | Path], rig: Rig, view: View, notes: list[str]
+) -> Conversion:
+    """A dataset of trajectories from the motions of one body, one of each recording; adds to `notes`.
+
+    UserError if no free flight or no plane is found, rotations fit far better if they are read otherwise, or no drop
+    is left.
+    """
+    samples = sum(map(len, motions))
+    motion, piece = join([handed(motion, view.left_handed) for motion in motions])
+    if len(motion) < samples:
+        notes.append(f"{samples - len(motion)} of {samples} samples left out: the body was not seen")
+    try:
+        return _convert(motion, piece, name, files, rig, view, notes)
+    except UserError as error:
+        text = str(error)
+        raise error if str(files[0]) in text or text.startswith("--") else UserError(f"{files[0]}: {text}") from None
+
+
+def _convert(
+    motion: Motion, piece: np.ndarray, name: str, files: Sequence[str | Path], rig: Rig, view: View, notes: list[str]
+) -> Conversion:
+    size = GRAVITY if rig.gravity is None else rig.gravity
+    given = None if view.normal is None else Plane.of(view.normal, view.up)
+    falls = -size * (view.up if given is None else np.cos(given.tilt) * given.y)
+    track = follow(motion.t, motion.position, size)
+    flights = find_flights(track, falls)
+    if not flights:
+        raise UserError(_no_flight(motion, size, view.up))
+    found = check_reading(motion, Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2]))
+    if found.turned and not any(view.frame[:2]):
+        angle = np.degrees(view.frame[2] + found.turned)
+        notes.append(
+            f"the impacts fit better if the shape is turned by {angle:.0f}° in its tracked frame (--frame "
+            f"0,0,{angle:.0f}), as where a rigid body was defined while it lay askew"
+        )
+    omega = smoothed_turning(turning(motion), motion.t, track.half)
+    inner = np.concatenate([np.arange(first_window(f, track), last_window(f, track) + 1) for f in flights])
+    inner = inner[np.isfinite(omega[inner]).all(axis=1) & np.isfinite(track.v[inner]).all(axis=1)]
+    plane = find_plane(track.v[inner], omega[inner], rig.radius, view.up) if given is None else given
+    q, axis = in_plane(motion, plane)
+    if any(view.frame[:2]):
+        # flights are those of the centre of mass: look again, with it in the place of the tracked point
+        (x, y, _), cos, sin = view.frame, np.cos(q[:, 2]), np.sin(q[:, 2])
+        shift = np.outer(cos * x - sin * y, plane.x) + np.outer(sin * x + cos * y, plane.y)
+        moved, view = replace(motion, position=motion.position + shift), replace(view, frame=(0.0, 0.0, view.frame[2]))
+        return _convert(moved, piece, name, files, rig, view, notes)
+    q[:, 2] += view.frame[2]
+    if rig.gravity is None:
+        rig = replace(rig, gravity=float(f"{GRAVITY * np.cos(plane.tilt):.6g}"))
+    notes.append(_plane_text(plane, axis, "found" if given is None else "given", rig))
+
+    out, total = np.full(len(motion), np.nan), np.full(len(motion), np.nan)
+    out[inner], total[inner] = share_out(track.v[inner], omega[inner], plane, rig.radius)
+    height = lowest(q, rig.shape, rig.surface_height)
+    drops = cut_drops(track, height, flights, rig.shape.extent) if view.cut else whole_pieces(piece, flights)
+    drops, impacts = impact_shares(drops, motion.t, out, total, MOST_OUT)
+    used = [drop for drop in drops if not drop.left_out]
+    notes += _drops_text(drops, impacts, view.cut)
+    if not used:
+        raise UserError(_no_drop(drops, height, rig))
+    rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
+    poses = pd.DataFrame(q[rows], columns=["x", "y", "theta"])
+    poses = poses.assign(t=motion.t[rows], trial=np.repeat([d.trial for d in used], [d.stop - d.start for d in used]))
+    dataset = as_dataset(poses, name, files, rig, notes)
+    return Conversion(dataset, notes, [], Cuts(motion.t - motion.t[0], height, tuple(drops), impacts))
+
+
+def _no_flight(motion: Motion, gravity: float, up: np.ndarray) -> str:
+    """What to do where nothing falls as it should."""
+    for unit, scale in ({"": 1.0} | SCALES).items():
+        track = follow(motion.t, scale * motion.position, gravity)
+        for axis, vector in AXES.items():
+            for sign, mark in ((1.0, ""), (-1.0, "-")):
+                if scale == 1.0 and sign * up @ vector > 0.99:
+                    continue
+                if number := len(find_flights(track, -sign * gravity * np.array(vector))):
+                    options = f"--up {mark}{axis}" + (f" and --units {unit}" if unit else "")
+                    return (
+                        f"nothing falls along the axis said to be up; there are {number} free flights with {options}."
+                    )
+    return (
+        f"no free flight is in it: nowhere does the body accelerate by {gravity:g} m/s² along an axis. Check "
+        "the units of length and time; on an inclined plane give --plane, and its own --gravity if that differs."
+    )
+
+
+def _plane_text(plane: Plane, axis: str, how: str, rig: Rig) -> str:
+    n = ", ".join(f"{value:.3f}" for value in plane.normal + 0.0)
+    tilt = np.degrees(abs(plane.tilt))
+    text = f"plane of the motion {how}: normal ({n}) in the axes of the recording, {tilt:.1f}° off the vertical"
+    return f"{text}; gravity in it {rig.gravity:.4g} m/s²; theta is the angle of the body's {axis} axis"
+
+
+def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list[str]:
+    """What was cut and left out, and the energy out of the plane."""
+    used = [drop for drop in drops if not drop.left_out]
+    texts = [f"{len(drops)} drops cut out of the recording"] if cut else []
+    worst = impacts[["energy_out_before", "energy_out_after"]].max(axis=1).groupby(impacts["trial"]).max()
+    for reason in dict.fromkeys(drop.left_out for drop in drops if drop.left_out):
+        trials = [drop.trial for drop in drops if drop.left_out == reason]
+        shown = [f"{n} ({worst[n]:.0%} of its energy)" if reason == SPATIAL else str(n) for n in trials[:20]]
+        more = f" and {len(trials) - 20} more" if len(trials) > 20 else ""
+        texts.append(f"{len(trials)} of {len(drops)} trials left out, {reason}: {', '.join(shown)}{more}")
+    shares = worst[[drop.trial for drop in used if drop.trial in worst.index]]
+    if len(shares):
+        texts.append(
+            f"energy out of the plane: {shares.median():.2%} in the median trial, {shares.max():.2%} at most "
+            f"(trial {shares.idxmax()}); each impact in impacts_in_space.csv"
+        )
+    return texts
+
+
+def _no_drop(drops: Sequence[Drop], height: np.ndarray, rig: Rig) -> str:
+    if all(drop.left_out == SPATIAL for drop in drops):
+        return (
+            f"all {len(drops)} trials have more than {MOST_OUT:.0%} of their energy out of the plane: the "
+            "motion is one in space, or rotations are not read as they were written (order, handedness, "
+            "sequence of angles)."
+        )
+    ends = [height[drop.flights[-1].stop - 1] for drop in drops if drop.flights]
+    low = float(np.median(ends))
+    return (
+        f"none of {len(drops)} drops reaches the surface: their falls end {low:.3f} m above it (median). Is the "
+        f"surface at {rig.surface_height + low:.3f} m (--surface-height)? Are the shape and --frame right?"
+    )

@@ -1,0 +1,166 @@
+"""Exports of OptiTrack Motive: CSV of rigid bodies and markers (https://docs.optitrack.com, Data Export: CSV).
+
+    Format Version,1.23,Take Name,drops,…,Export Frame Rate,240,…,Rotation Type,Quaternion,Length Units,Meters,…
+    (empty)
+    ,Type,Rigid Body,Rigid Body,…,Marker,…
+    ,Name,plate,plate,…,plate:Marker1,…
+    ,ID,1,1,…
+    ,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error,…
+    Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,…
+    0,0.000000,0.01,…
+
+Lines of other names (`Parent`) may stand among those of the columns.  A frame in which a body is lost has empty cells.
+Euler angles are in degrees, about the body's own axes in the sequence that Rotation Type names.  y is up, unless the
+export's axis convention says otherwise, which the file does not.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.datasets.sources.export_cells import Row, columns_of, length_unit, read_rows, rotations
+from thesis_lib.datasets.space.markers import body_of_markers
+from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.foundation.errors import UserError
+
+UP = "y"
+HEADER_ROWS = 20  # within which the line of the axes must stand
+MARKERS = ("marker", "rigid body marker")
+
+
+def is_motive(first_line: str) -> bool:
+    """Whether a file that begins so is an export of Motive."""
+    return first_line.lstrip('"').lower().startswith("format version")
+
+
+def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
+    """The motion of `body` (by default the only one) in an export; `rotation` overrides the sequence of Euler angles.
+
+    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is no
+    number.
+    """
+    rows = read_rows(path)
+    facts = _facts(path, rows)
+    at = next((i for i, (_, cells) in enumerate(rows[:HEADER_ROWS]) if cells and cells[0].lower() == "frame"), None)
+    names = _line(rows, "name")
+    kinds = _line(rows, "type")
+    if at is None or names is None or kinds is None or at == 0:
+        raise UserError(
+            f"{path} begins like an export of Motive, but has no lines 'Type', 'Name' and 'Frame,Time "
+            f"(Seconds),…' in its first {HEADER_ROWS}; export it again, with header information."
+        )
+    axes, what = rows[at][1], rows[at - 1][1]
+    data = [row for row in rows[at + 1 :] if any(row[1])]
+    if not data:
+        raise UserError(f"{path} has header lines but no frames; export it again.")
+    time = next((i for i, cell in enumerate(axes) if cell.lower().startswith("time")), None)
+    groups: dict[str, dict[str, dict[tuple[str, str], int]]] = {"body": {}, "marker": {}}
+    for column in range(2, len(axes)):
+        cell = [line[column] if column < len(line) else "" for line in (kinds, names, what, axes)]
+        kind = cell[0].lower()
+        place = "body" if kind == "rigid body" else "marker" if kind in MARKERS else ""
+        if place and cell[3].lower() in ("x", "y", "z", "w"):
+            groups[place].setdefault(cell[1], {}).setdefault((cell[2].lower(), cell[3].lower()), column)
+    t = columns_of(path, data, [time if time is not None else 0])[:, 0]
+    if time is None:
+        t = t / _number(path, facts, "export frame rate")
+    scale = length_unit(path, facts.get("length units", "meters"), "row 1, Length Units")
+    if groups["body"]:
+        chosen = choose_body(path, list(groups["body"]), body)
+        return _rigid_body(path, data, t, groups["body"][chosen], chosen, scale, rotation or _sequence(path, facts))
+    return body_from_markers(path, data, t, groups["marker"], body, scale, notes)
+
+
+def _facts(path: Path, rows: list[Row]) -> dict[str, str]:
+    """The pairs of the first line, names in small letters."""
+    cells = rows[0][1] if rows else []
+    facts = {name.lower(): value for name, value in zip(cells[::2], cells[1::2])}
+    if (space := facts.get("coordinate space", "global").lower()) != "global":
+        raise UserError(f"{path} is exported in '{space[:40]}' coordinates; export it in the Global coordinate space.")
+    return facts
+
+
+def _number(path: Path, facts: Mapping[str, str], name: str) -> float:
+    try:
+        value = float(facts.get(name, ""))
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e6:
+        raise UserError(
+            f"{path}, row 1: '{name}' is missing or no rate in Hz; export it again with header information."
+        )
+    return value
+
+
+def _sequence(path: Path, facts: Mapping[str, str]) -> str:
+    text = facts.get("rotation type", "quaternion")
+    if text.lower() == "quaternion":
+        return "XYZ"
+    if sorted(text.upper()) != ["X", "Y", "Z"]:
+        raise UserError(f"{path}, row 1: Rotation Type '{text[:40]}' is unknown; export quaternions.")
+    return text.upper()
+
+
+def _line(rows: list[Row], name: str) -> list[str] | None:
+    return next((cells for _, cells in rows[:HEADER_ROWS] if len(cells) > 1 and cells[1].lower() == name), None)
+
+
+def choose_body(path: Path, bodies: list[str], body: str | None) -> str:
+    """The body that is meant: the only one, or that named `body` (an end of its name will do); else UserError."""
+    shown = ", ".join(bodies[:20]) + (f" and {len(bodies) - 20} more" if len(bodies) > 20 else "")
+    if body is None and len(bodies) == 1:
+        return bodies[0]
+    found = [name for name in bodies if name == body] or [name for name in bodies if body and name.endswith(body)]
+    if len(found) == 1:
+        return found[0]
+    if body is None:
+        raise UserError(f"{path} has {len(bodies)} bodies: {shown}. Say which with --body NAME.")
+    raise UserError(f"{path} has no body '{body}' (or several whose names end so). It has: {shown}.")
+
+
+def _rigid_body(
+    path: Path, data: list[Row], t: np.ndarray, columns: dict, name: str, scale: float, sequence: str
+) -> Motion:
+    turn = {axis: column for (what, axis), column in columns.items() if what == "rotation"}
+    place = {axis: column for (what, axis), column in columns.items() if what == "position"}
+    if set(place) != set("xyz") or not set("xyz") <= set(turn):
+        raise UserError(f"{path}: body {name} lacks columns of its Rotation or Position; export both.")
+    cells = columns_of(path, data, [*turn.values(), *(place[axis] for axis in "xyz")])
+    rotated = {axis: cells[:, i] for i, axis in enumerate(turn)}
+    quaternion, readings = rotations(path, rotated, sequence, True, name)
+    return Motion(name, str(path), t, scale * cells[:, len(turn) :], quaternion, None, readings)
+
+
+def body_from_markers(
+    path: Path, data: list[Row], t: np.ndarray, markers: dict, body: str | None, scale: float, notes: list[str]
+) -> Motion:
+    """The motion of a body of which an export has only the markers, named body:marker or with no body at all.
+
+    `markers`: name -> {(kind, axis): column}.
+    """
+    bodies: dict[str, list[str]] = {}
+    for name, columns in markers.items():
+        if {axis for _, axis in columns} >= set("xyz"):
+            bodies.setdefault(name.rpartition(":")[0], []).append(name)
+    if not bodies:
+        raise UserError(f"{path} has neither a rigid body nor markers; export the rigid bodies.")
+    chosen = choose_body(path, list(bodies), body)
+    wanted = [column for name in bodies[chosen] for column in _positions(markers[name])]
+    cells = scale * columns_of(path, data, wanted).reshape(len(data), -1, 3)
+    try:
+        position, quaternion, odd = body_of_markers(cells)
+    except ValueError as error:
+        raise UserError(f"{path}, markers of '{chosen}': {error}.") from error
+    notes.append(
+        f"the body is made of {cells.shape[1]} markers: its origin is their mean, its axes are those of the "
+        "recording in the first frame that shows all; say with --frame where its centre of mass is"
+    )
+    if odd:
+        notes.append(f"{odd} frames left out: their markers are not where a rigid body has them")
+    return Motion(chosen, str(path), t, position, quaternion)
+
+
+def _positions(columns: dict[tuple[str, str], int]) -> list[int]:
+    found = {axis: column for (_, axis), column in columns.items()}
+    return [found[axis] for axis in "xyz"]

@@ -1,0 +1,149 @@
+"""Exports of Vicon Nexus and Tracker: CSV with a block for each kind of data (Nexus: Export ASCII).
+
+    Segments
+    200
+    ,,plate:plate,,,,,
+    Frame,Sub Frame,RX,RY,RZ,TX,TY,TZ
+    ,,deg,deg,deg,mm,mm,mm
+    1,0,10.2,…
+    (empty)
+    Trajectories
+    200
+    ,,plate:m1,,,plate:m2,,
+    Frame,Sub Frame,X,Y,Z,X,Y,Z
+    ,,mm,mm,mm,mm,mm,mm
+
+The second line of a block is its rate in Hz.  Segments (Tracker: Objects) have positions and rotations: angles about
+the body's own axes x, y, z in this sequence, the axis times the angle (`helical`), or with a column RW a quaternion;
+the file does not say which of the first two.  Trajectories have markers.  A body that is lost has empty cells, or zeros
+throughout.  z is up.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.datasets.sources.export_cells import DELIMITERS, Row, columns_of, length_unit, read_rows, rotations
+from thesis_lib.datasets.sources.motive import body_from_markers, choose_body
+from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.foundation.errors import UserError
+
+UP = "z"
+BODIES, MARKERS = ("segments", "objects"), ("trajectories",)
+# blocks that an export may begin with
+BLOCKS = (*BODIES, *MARKERS, "model outputs", "devices", "joints", "events", "global angle")
+ANGLES = {"deg": True, "rad": False}
+
+
+def is_vicon(first_line: str) -> bool:
+    """Whether a file that begins so is an export of Nexus or Tracker."""
+    return first_line.strip().strip("".join(DELIMITERS) + '"').lower() in BLOCKS
+
+
+@dataclass(frozen=True)
+class _Block:
+    name: str
+    rate: float
+    names: list[str]  # of each column, that of the body or marker
+    axes: list[str]  # of each column, small letters
+    units: list[str]
+    rows: list[Row]
+
+
+def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
+    """The motion of `body` (by default the only one) in an export; `rotation` is the sequence of its angles.
+
+    UserError if no block is as described above, the body is not in it or is not named, or a cell is no number.
+    """
+    rows = read_rows(path)
+    blocks = {block.name: block for block in _blocks(path, rows)}
+    found = next((blocks[name] for name in (*BODIES, *MARKERS) if name in blocks), None)
+    if found is None:
+        raise UserError(f"{path} has no block 'Segments', 'Objects' or 'Trajectories' with frames; export them.")
+    if not found.rows:
+        raise UserError(f"{path}: its block '{found.name}' has no frames; export it again.")
+    frames = columns_of(path, found.rows, [0, 1])
+    sub = np.nan_to_num(frames[:, 1])
+    each = float(np.max(sub)) + 1.0
+    t = (frames[:, 0] * each + sub) / found.rate
+    columns: dict[str, dict[tuple[str, str], int]] = {}
+    for column, (name, axis) in enumerate(zip(found.names, found.axes)):
+        if column > 1 and name:
+            columns.setdefault(name, {}).setdefault((axis[:1] if len(axis) == 2 else "", axis[-1:]), column)
+    if found.name in MARKERS:
+        markers = {name: {key: n for key, n in of.items() if key[0] == ""} for name, of in columns.items()}
+        units = {found.units[n] for of in markers.values() for (_, axis), n in of.items() if axis in "xyz"}
+        scale = length_unit(path, units.pop() if len(units) == 1 else "mm", "line of units")
+        return body_from_markers(path, found.rows, t, markers, body, scale, notes)
+    bodies = {
+        name: of for name, of in columns.items() if {("r", a) for a in "xyz"} | {("t", a) for a in "xyz"} <= set(of)
+    }
+    if not bodies:
+        raise UserError(f"{path}: its block '{found.name}' lacks columns RX, RY, RZ, TX, TY, TZ; export them.")
+    chosen = choose_body(path, list(bodies), body)
+    return _segment(path, found, t, bodies[chosen], chosen, rotation or "XYZ", notes)
+
+
+def _segment(
+    path: Path, block: _Block, t: np.ndarray, columns: dict, name: str, sequence: str, notes: list[str]
+) -> Motion:
+    turn = [(axis, columns["r", axis]) for axis in "xyzw" if ("r", axis) in columns]
+    place = [columns["t", axis] for axis in "xyz"]
+    cells = columns_of(path, block.rows, [*(column for _, column in turn), *place])
+    zeros = ~np.any(np.nan_to_num(cells) != 0.0, axis=1) & np.isfinite(cells).all(axis=1)
+    if zeros.any():
+        notes.append(f"{int(zeros.sum())} frames of zeros taken for lost ones")
+        cells[zeros] = np.nan
+    rotated = {axis: cells[:, i] for i, (axis, _) in enumerate(turn)}
+    unit = block.units[turn[0][1]].lower()
+    if "w" not in rotated and unit not in ANGLES:
+        raise UserError(f"{path}, line of units: '{unit[:40]}' is no unit of RX; expected deg or rad.")
+    quaternion, readings = rotations(path, rotated, sequence, ANGLES.get(unit, False), name)
+    scale = length_unit(path, block.units[place[0]], "line of units")
+    return Motion(name, str(path), t, scale * cells[:, len(turn) :], quaternion, None, readings)
+
+
+def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:
+    """The blocks of frames that are of use; each begins with its name, its rate and three lines of columns."""
+    blocks, i = [], 0
+    while i < len(rows):
+        name = _alone(rows[i][1]).lower()
+        if name not in (*BODIES, *MARKERS):
+            i += 1
+            continue
+        head = rows[i + 1 : i + 5]
+        if len(head) < 4:
+            raise UserError(f"{path}, row {rows[i][0]}: the block '{name}' breaks off in its header; export it again.")
+        (row, rate), names, axes, units = head[0], *(cells for _, cells in head[1:])
+        try:
+            hertz = float(_alone(rate))
+        except ValueError:
+            hertz = 0.0
+        if not 0.0 < hertz < 1e6:
+            raise UserError(f"{path}, row {row}: expected the rate of the block '{name}' in Hz; export it again.")
+        if not axes or axes[0].lower() != "frame":
+            raise UserError(f"{path}, row {head[2][0]}: expected the columns of '{name}', Frame, Sub Frame, …")
+        width = len(axes)
+        end = next((k for k in range(i + 5, len(rows)) if not any(rows[k][1])), len(rows))
+        units = (units + [""] * width)[:width]
+        small = [axis.lower() for axis in axes]
+        blocks.append(_Block(name, hertz, _spread(names, width), small, units, list(rows[i + 5 : end])))
+        i = end
+    return blocks
+
+
+def _alone(cells: Sequence[str]) -> str:
+    """The only cell of a row that holds anything; "" if there are none or several."""
+    filled = [cell for cell in cells if cell]
+    return filled[0] if len(filled) == 1 else ""
+
+
+def _spread(names: Sequence[str], width: int) -> list[str]:
+    """A name for each of `width` columns: it stands over the first of its own."""
+    result, last = [], ""
+    for column in range(width):
+        last = names[column] if column < len(names) and names[column] else last
+        result.append(last)
+    return result

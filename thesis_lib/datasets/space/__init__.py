@@ -1,0 +1,1 @@
+"""Motions in space: the plane in which a body moves, its free flights, and the drops of a long recording."""

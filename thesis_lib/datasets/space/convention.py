@@ -1,0 +1,149 @@
+"""Is a rotation read as it was written?  A wrong order of a quaternion or a left-handed frame, told from the data.
+
+A quaternion whose components are in another order turns just as smoothly, about an axis that stands still, too; and a
+frame with one axis reversed turns the wrong way about.  Two things of a body that moves in a vertical plane tell:
+
+    S_f  = Σ [(v·n)² + k² (|ω|² − (ω·n)² + (ω·n − its mean)²)] / Σ [|v_h|² + k² |ω|²]      over a flight f
+    c±   = ± k² Δω − r_x(±θ) Δv_y + r_y(±θ) Δv_x
+
+S is the middle one of all flights, n the normal that makes their sum of numerators least: the share of the energy that
+is out of the best plane or is no steady turning, falling left aside (v_h: level part of v).  Without a torque turning
+is conserved, and its axis is normal to the plane of the motion.  c is the couple of an impact over the mass, 0 at a
+point contact: it is small with the sign of the turning that is true, at that angle of the shape in its frame that fits
+best.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.space.flights import Track, first_window, last_window, smoothed_turning
+from thesis_lib.datasets.space.motion import Motion, turning
+from thesis_lib.datasets.space.plane import Plane, in_plane
+from thesis_lib.foundation.errors import UserError
+
+OUT = 0.02  # S of a plane motion is far below a hundredth; that of a wrong reading some hundredths to tenths
+BETTER = 0.25  # S of another reading over that of the stated one, which makes it the likely one
+SLOW = 0.05  # m/s: level speed and k|ω| below it (rms) tell nothing
+CONTACT = 0.05  # s between two flights with an impact between
+MIRRORED = 0.5  # typical couple of the stated sign over that of the other
+TURNS = np.radians(np.arange(0.0, 360.0, 3.0))  # of the shape against its frame, among which the best is taken
+OFF = np.radians(6.0)  # a turn of the shape that is worth telling ...
+CLEARLY = 0.5  # ... if it makes couples so much smaller
+IMPACTS = 12  # fewest that tell the sign
+SHOWN = 3  # readings that are named
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What does not depend on how rotations are read: the track with its flights, and what is believed of the scene.
+
+    `turn` is by how much (rad) the shape is turned against the tracked frame; `plane` None if it is not known.
+    """
+
+    track: Track
+    flights: Sequence[slice]
+    shape: Shape
+    k_g: float  # m
+    up: np.ndarray
+    plane: Plane | None
+    turn: float = 0.0
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a reading fits: `out` is S, `mirrored` the couple with the turning reversed over the couple as read.
+
+    `turned` (rad) is by how much the shape is turned against the frame that it was believed to have, 0 if nothing
+    tells.
+    """
+
+    out: float
+    mirrored: float  # NaN if nothing tells
+    turned: float
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing speaks against the reading."""
+        return not (self.out > OUT or self.mirrored < MIRRORED)
+
+
+def check_reading(motion: Motion, scene: Scene) -> Fit:
+    """The fit of the motion as it is read; UserError if another of its readings fits far better."""
+    stated = fit(motion, scene)
+    if stated.good:
+        return stated
+    others = {}
+    for option, read in motion.readings.items():
+        other = fit(replace(motion, quaternion=read()), scene)
+        if not other.good:
+            continue
+        if other.out < BETTER * stated.out or stated.out <= OUT:
+            others[option] = other
+    if not others:
+        return stated
+    wrong = "its impacts turn the body the wrong way about"
+    if stated.out > OUT:
+        wrong = f"{stated.out:.0%} of its motion is out of any plane, or is turning that changes in free flight"
+    best = sorted(others, key=lambda option: others[option].out)
+    raise UserError(
+        f"{motion.source}: read as stated, the rotations do not fit the motion: {wrong}. They fit with "
+        f"{' or with '.join(best[:SHOWN])}. Find out how the log was written, and say so."
+    )
+
+
+def fit(motion: Motion, scene: Scene) -> Fit:
+    """S and the sign of the turning of a motion; with a plane in `scene`, n is its normal."""
+    samples, track, up, plane = 0, scene.track, scene.up, scene.plane
+    omega = smoothed_turning(turning(motion), motion.t, track.half)
+    energy, spin, total = [], [], []
+    for flight in scene.flights:
+        inner = slice(first_window(flight, track), last_window(flight, track) + 1)
+        v, w = track.v[inner], scene.k_g * omega[inner]
+        whole = np.isfinite(v).all(axis=1) & np.isfinite(w).all(axis=1)
+        if not whole.any():
+            continue
+        v, w = v[whole], w[whole]
+        change = w - w.mean(axis=0)
+        energy.append(v.T @ v - w.T @ w + change.T @ change)
+        spin.append(np.sum(w**2))
+        total.append(max(np.sum((v - np.outer(v @ up, up)) ** 2) + spin[-1], 1e-12))
+        samples += len(v)
+    if samples == 0 or np.sum(spin) < samples * SLOW**2:
+        return Fit(0.0, np.nan, 0.0)
+    if plane is None:
+        plane = Plane.of(np.linalg.eigh(np.sum(energy, axis=0))[1][:, 0], up)
+    out = np.einsum("i,nij,j->n", plane.normal, np.stack(energy), plane.normal) + spin
+    order = np.argsort(out / np.array(total))
+    middle = order[np.searchsorted(np.cumsum(np.array(total)[order]), np.sum(total) / 2.0)]
+    return Fit(float(out[middle] / total[middle]), *_couples(motion, scene, omega, plane))
+
+
+def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> tuple[float, float]:
+    """Typical |c₋| over |c₊| of the impacts, and the turn of the shape that they tell; NaN and 0 if they are few."""
+    q, track = in_plane(motion, plane)[0], scene.track
+    rows = []
+    for before, after in zip(scene.flights[:-1], scene.flights[1:]):
+        if motion.t[after.start] - motion.t[before.stop - 1] > CONTACT:
+            continue
+        i, j = last_window(before, track), first_window(after, track)
+        hit = (motion.t[before.stop - 1] + motion.t[after.start]) / 2.0
+        start, end = (track.v[n] + track.a[n] * (hit - motion.t[n]) for n in (i, j))
+        spin = omega[[i, j]] @ plane.normal
+        theta = scene.turn + q[i, 2] + spin[0] * (hit - motion.t[i])
+        rows.append([*((end - start) @ np.stack([plane.x, plane.y]).T), spin[1] - spin[0], theta])
+    rows = np.array(rows).reshape(-1, 4)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if len(rows) < IMPACTS:
+        return float("nan"), 0.0
+    dvx, dvy, dw, theta = rows.T
+    couples = []
+    for sign in (1.0, -1.0):
+        r = scene.shape.contact_point((sign * theta + TURNS[:, None]).ravel()).reshape(len(TURNS), -1, 2)
+        couples.append(np.median(np.abs(sign * scene.k_g**2 * dw - r[..., 0] * dvy + r[..., 1] * dvx), axis=1))
+    best = int(np.argmin(couples[0]))
+    turned = float(np.angle(np.exp(1j * TURNS[best])))
+    tells = couples[0][best] < CLEARLY * couples[0][0] and abs(turned) > OFF
+    return float(np.min(couples[1]) / max(couples[0][best], 1e-12)), turned if tells else 0.0

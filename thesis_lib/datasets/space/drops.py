@@ -1,0 +1,122 @@
+"""One long recording cut into drops: chains of free flights with impacts between them.
+
+A drop begins with a free flight that ends at the surface.  It goes on through impacts, as long as the next flight
+begins soon, and ends shortly after its last flight, or with it if the body is caught in the air.  What a hand does
+between drops is no flight.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.datasets.space.flights import Track
+
+CONTACT = 0.15  # s between flights of one drop: hits in quick succession, rolling over a corner
+TAIL = 0.1  # s kept after the last flight: what it hits, and how the body comes to rest
+NEAR = 0.25  # extents of the body above the surface that pass for a contact, as height and angle are believed ones
+IN_THE_AIR = "ends above the surface (caught, or out of view)"
+SPATIAL = "leaves the plane"
+
+
+@dataclass(frozen=True, eq=False)
+class Drop:
+    """Samples [start, stop) of a recording and the flights within.
+
+    `lands`: the last flight ends with an impact; `left_out`: why the drop is, "" if it is not.
+    """
+
+    trial: int
+    start: int
+    stop: int
+    flights: tuple[slice, ...]
+    lands: bool = True
+    left_out: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """What became of a recording, for the picture and the table of its impacts."""
+
+    t: np.ndarray  # (n,) s since its start
+    height: np.ndarray  # (n,) m, lowest point of the body above the surface
+    drops: tuple[Drop, ...]
+    impacts: pd.DataFrame  # trial, impact, t, energy_out_before, energy_out_after, left_out
+
+
+def cut_drops(track: Track, height: np.ndarray, flights: Sequence[slice], extent: float) -> list[Drop]:
+    """The drops of a recording, numbered in order of time; `height` (n,) in m is that of the body's lowest point.
+
+    `extent` in m is the body's.  A flight that ends in the air without an impact before it is left out.
+    """
+    t, step = track.t, float(np.median(np.diff(track.t)))
+    chains: list[tuple[list[slice], bool]] = []
+    for flight in flights:
+        soon = slice(flight.stop - 1, int(np.searchsorted(t, t[flight.stop - 1] + CONTACT)))
+        pause = float(np.max(np.diff(t[soon]), initial=step))
+        lands = np.min(height[soon]) < NEAR * extent + 2.0 * pause * _speed(track, flight)
+        follows = bool(chains) and t[flight.start] - t[chains[-1][0][-1].stop - 1] < CONTACT
+        if follows and chains[-1][1]:
+            chains[-1] = ([*chains[-1][0], flight], lands)
+        else:
+            chains.append(([flight], lands))
+    drops = []
+    for trial, (chain, lands) in enumerate(chains):
+        last = chain[-1].stop
+        later = [flight.start for flight in flights if flight.start >= last]
+        stop = min([int(np.searchsorted(t, t[last - 1] + TAIL)), *later]) if lands else last
+        reason = "" if lands or len(chain) > 1 else IN_THE_AIR
+        drops.append(Drop(trial, chain[0].start, stop, tuple(chain), lands, reason))
+    return drops
+
+
+def whole_pieces(piece: np.ndarray, flights: Sequence[slice]) -> list[Drop]:
+    """A drop for each run of equal numbers in `piece` (n,), for recordings that say what a trial is."""
+    edges = np.r_[0, np.flatnonzero(np.diff(piece)) + 1, len(piece)]
+    drops = []
+    for a, b in itertools.pairwise(edges):
+        within = tuple(flight for flight in flights if a <= flight.start and flight.stop <= b)
+        drops.append(Drop(int(piece[a]), int(a), int(b), within))
+    return drops
+
+
+def lowest(q: np.ndarray, shape: Shape, surface: float) -> np.ndarray:
+    """Height (n,) in m of the body's lowest point above the surface, at poses q (n, 3)."""
+    return shape.gap(q[:, 1], q[:, 2], surface)
+
+
+def impact_shares(
+    drops: Sequence[Drop], t: np.ndarray, out: np.ndarray, total: np.ndarray, most: float
+) -> tuple[list[Drop], pd.DataFrame]:
+    """Share of the energy out of the plane in the flight before and after each impact, and the drops judged by it.
+
+    `out`, `total` (n,) are E_out and E of the samples (NaN where unknown).  A drop with more than `most` in one of its
+    flights is left out.
+    """
+    judged, rows = [], []
+    for drop in drops:
+        shares = [_share(out[flight], total[flight]) for flight in drop.flights]
+        worst = max((share for share in shares if np.isfinite(share)), default=0.0)
+        reason = drop.left_out or (SPATIAL if worst > most else "")
+        judged.append(replace(drop, left_out=reason))
+        for i, flight in enumerate(drop.flights[: None if drop.lands else -1]):
+            after = shares[i + 1] if i + 1 < len(shares) else np.nan
+            hit = t[flight.stop - 1] - t[drop.start]
+            rows.append([drop.trial, i, hit, shares[i], after, reason])
+    columns = ["trial", "impact", "t", "energy_out_before", "energy_out_after", "left_out"]
+    return judged, pd.DataFrame(rows, columns=columns)
+
+
+def _share(out: np.ndarray, total: np.ndarray) -> float:
+    whole = np.isfinite(out) & np.isfinite(total)
+    energy = float(np.sum(total[whole]))
+    return float(np.sum(out[whole])) / energy if energy > 0.0 else float("nan")
+
+
+def _speed(track: Track, flight: slice) -> float:
+    v = np.linalg.norm(track.v[flight], axis=1)
+    v = v[np.isfinite(v)]
+    return float(v[-1]) if len(v) else 0.0

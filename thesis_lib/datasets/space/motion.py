@@ -1,0 +1,151 @@
+"""The motion of one body in space, as a recording has it: times, positions, unit quaternions.
+
+| on paper | in code      | unit  | shape  |                                                                       |
+|----------|--------------|-------|--------|-----------------------------------------------------------------------|
+| p        | `position`   | m     | (n, 3) | origin of the tracked frame, in the axes of the recording             |
+| q        | `quaternion` | 1     | (n, 4) | (x, y, z, w), turns the body's axes into those of the recording       |
+| ω        |              | rad/s | (n, 3) | angular velocity, in the axes of the recording                        |
+
+A sample that the recording lacks is NaN.  What a recording does not say for certain (the order of the quaternion, the
+sequence of Euler angles) is kept as `readings`: the same cells, read otherwise, by the option that would do so.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+
+UNIT_LENGTH = 0.02  # how far from 1 the length of a quaternion may be: files have three digits and more
+Readings = Mapping[str, Callable[[], np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One body of one recording; arrays as above, `t` (n,) in s rises."""
+
+    body: str
+    source: str  # file, for messages
+    t: np.ndarray
+    position: np.ndarray
+    quaternion: np.ndarray
+    trial: np.ndarray | None = None  # text (n,), if the recording says which sample belongs to which release
+    readings: Readings = field(default_factory=dict)  # option -> the quaternions (n, 4) that it would give
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Samples (n,) with a time and a whole pose."""
+        whole = np.isfinite(self.position).all(axis=1) & np.isfinite(self.quaternion).all(axis=1)
+        return whole & np.isfinite(self.t)
+
+    def part(self, chosen: np.ndarray) -> "Motion":
+        """The samples `chosen` (mask or index) alone."""
+        trial = None if self.trial is None else self.trial[chosen]
+        readings = {name: lambda read=read: read()[chosen] for name, read in self.readings.items()}
+        arrays = self.t[chosen], self.position[chosen], self.quaternion[chosen]
+        return replace(self, t=arrays[0], position=arrays[1], quaternion=arrays[2], trial=trial, readings=readings)
+
+
+def unit(quaternion: np.ndarray, where: str) -> np.ndarray:
+    """Quaternions (n, 4) of length 1; UserError if they are none (`where` says which file and columns)."""
+    length = np.linalg.norm(quaternion, axis=1)
+    with np.errstate(invalid="ignore"):
+        wrong = np.abs(length - 1.0) > UNIT_LENGTH
+    if wrong.any():
+        first = int(np.flatnonzero(wrong)[0])
+        raise UserError(
+            f"{where}: a rotation has the length {length[first]:.4g}, and unit quaternions have 1 "
+            f"({int(wrong.sum())} of {len(length)}). Are these the four columns of a quaternion?"
+        )
+    return quaternion / length[:, None]
+
+
+def conjugate(quaternion: np.ndarray) -> np.ndarray:
+    """The inverse rotations (n, 4): as a left-handed frame writes them, or the world seen from the body."""
+    return quaternion * [-1.0, -1.0, -1.0, 1.0]
+
+
+def handed(motion: Motion, left: bool) -> Motion:
+    """The motion with its rotations reversed if they are `left`-handed; either way is a reading of the other."""
+    stated = {"": lambda: motion.quaternion} | dict(motion.readings)
+    readings = {}
+    for option, read in stated.items():
+        for other in (False, True):
+            words = f"{option} --left-handed".strip() if other else option or "no --left-handed"
+            if option or other != left:
+                readings[words] = (lambda read=read: conjugate(read())) if other else read
+    return replace(motion, quaternion=conjugate(motion.quaternion) if left else motion.quaternion, readings=readings)
+
+
+def mirrored(quaternion: np.ndarray, axis: int) -> np.ndarray:
+    """The same rotations (n, 4) in a frame whose `axis` points the other way."""
+    sign = np.array([-1.0, -1.0, -1.0, 1.0])
+    sign[axis] = 1.0
+    return quaternion * sign
+
+
+def turning(motion: Motion) -> np.ndarray:
+    """Rotation vectors (n - 1, 3) in rad from each sample to the next, in the axes of the recording."""
+    from scipy.spatial.transform import Rotation
+
+    whole = Rotation.from_quat(motion.quaternion)
+    return (whole[1:] * whole[:-1].inv()).as_rotvec()
+
+
+def from_angles(sequence: str, angles: np.ndarray, degrees: bool) -> np.ndarray:
+    """Quaternions (n, 4) of rotations (n, 3): about the body's own axes in a sequence such as XYZ, about fixed ones if
+    the letters are small, or `helical`, the axis times the angle.  Rows with NaN stay NaN.
+    """
+    from scipy.spatial.transform import Rotation
+
+    whole = np.isfinite(angles).all(axis=1)
+    result = np.full((len(angles), 4), np.nan)
+    if whole.any():
+        if sequence == "helical":
+            rotation = Rotation.from_rotvec(angles[whole], degrees=degrees)
+        else:
+            rotation = Rotation.from_euler(sequence, angles[whole], degrees=degrees)
+        result[whole] = rotation.as_quat()
+    return result
+
+
+PAUSE = 10.0  # s between recordings that are joined: nothing goes on across it
+
+
+def join(motions: Sequence[Motion]) -> tuple[Motion, np.ndarray]:
+    """The seen samples of several recordings as one, one after the other, and the number (n,) of each sample's piece.
+
+    A piece is a trial of a recording that names trials, else a whole recording.  UserError if time does not rise
+    within one, or if nothing is seen.
+    """
+    pieces = []
+    for motion in motions:
+        labels = np.zeros(len(motion)) if motion.trial is None else motion.trial
+        pieces += [motion.part((labels == label) & motion.seen) for label in dict.fromkeys(labels.tolist())]
+    pieces = [piece for piece in pieces if len(piece)]
+    if not pieces:
+        raise UserError(f"{motions[0].source} holds no whole pose of {motions[0].body or 'the body'}.")
+    clock, times = 0.0, []
+    for piece in pieces:
+        if (np.diff(piece.t) <= 0.0).any():
+            at = piece.t[int(np.flatnonzero(np.diff(piece.t) <= 0.0)[0])]
+            raise UserError(
+                f"{piece.source}: time does not rise after {at:.6g} s. Sort the samples; if several trials are in one "
+                "file, name their column with --columns trial=…"
+            )
+        times.append(piece.t - piece.t[0] + clock)
+        clock = times[-1][-1] + PAUSE
+    first = pieces[0]
+    options = [option for option in first.readings if all(option in piece.readings for piece in pieces)]
+    readings = {
+        option: lambda option=option: np.concatenate([piece.readings[option]() for piece in pieces])
+        for option in options
+    }
+    number = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
+    position = np.concatenate([piece.position for piece in pieces])
+    quaternion = np.concatenate([piece.quaternion for piece in pieces])
+    return Motion(first.body, first.source, np.concatenate(times), position, quaternion, None, readings), number
