@@ -1,0 +1,132 @@
+"""`python -m thesis_lib datasets init`: a rig's logs become a dataset."""
+
+import argparse
+from pathlib import Path
+
+from thesis_lib.foundation.errors import UserError
+
+DESCRIPTION = """\
+Convert a rig's logs into a dataset folder, then check it. Which form a file has is told by its ending and first line:
+
+  tables                     CSV with a header line: trial,t,x,y,theta under any names, in any units
+  tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz
+  OptiTrack Motive           CSV export of rigid bodies, or of the markers of one
+  Vicon Nexus, Tracker       CSV export of segments, or of trajectories of the markers of one body
+  ROS bags                   .bag, .mcap, .db3 or a folder of these: PoseStamped, Odometry, TransformStamped, TFMessage
+                             (needs no ROS, but: pip install rosbags)
+
+All but the first are motions in space. The plane of the motion is found from the free flights, or given; the energy out
+of it is told for each impact, and trials with more than 5 % are left out. Rotations that would fit if they were read
+otherwise (another order, a left-handed frame) are refused with the option that mends it. One long recording is cut into
+drops: look at cuts.png in DIR.
+"""
+EXAMPLES = """\
+examples:
+  one log with all runs, millimetres and degrees:
+    python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
+        --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06
+  one file a run, no time column, y pointing down in the camera's image:
+    python -m thesis_lib datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
+        --columns "x=u,y=-v,theta=-phi" --shape ellipse:0.035,0.025
+  one long log in a plane, to be cut into drops:
+    python -m thesis_lib datasets init log.csv -o data/my_drops --cut --shape disk:0.03
+  a log with quaternions, scalar first, y up:
+    python -m thesis_lib datasets init log.csv -o data/my_drops --quaternion wxyz --up y --units mm \\
+        --columns "t=time,q1=q0,q2=q1,q3=q2,q4=q3" --shape square:0.06
+  a take of motion capture with several bodies, whose plate moves across the room's x axis:
+    python -m thesis_lib datasets init take.csv -o data/my_drops --body plate --plane x --shape square:0.06
+  a bag of ROS, the frame "plate" of /tf:
+    python -m thesis_lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
+"""
+
+
+def add_init(commands: argparse._SubParsersAction) -> None:
+    """Add `init` to the commands of `datasets`."""
+    init = commands.add_parser(
+        "init",
+        help="convert a rig's logs into a dataset: tables, motion capture, ROS bags",
+        description=DESCRIPTION,
+        epilog=EXAMPLES,
+    )
+    init.add_argument("files", nargs="+", metavar="FILE")
+    init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
+    init.add_argument("--units", default="", help="of a table: m|mm|cm, rad|deg, s|ms|us; default: m,rad,s")
+    init.add_argument("--columns", default="", help="OURS=YOURS,…; a minus sign before YOURS flips an axis")
+    order = (
+        "the table has quaternions, in this order: its columns x, y, z, and q1, q2, q3, q4 or by default qx, qy, qz, qw"
+    )
+    init.add_argument("--quaternion", choices=["xyzw", "wxyz"], help=order)
+    left = "rotations are those of a left-handed frame, or turn the world into the body"
+    init.add_argument("--left-handed", action="store_true", help=left)
+    sequence = (
+        "of Euler angles in an export: XYZ about the body's own axes in this order, xyz about fixed ones, or helical"
+    )
+    init.add_argument("--rotation", metavar="SEQ", help=f"{sequence}; default: as the export says, else XYZ")
+    init.add_argument("--up", metavar="AXIS", help="of a motion in space: z, -y, …; default: y of Motive, else z")
+    normal = "normal of the plane of a motion in space: x, -y, … or X,Y,Z; default: found from the free flights"
+    init.add_argument("--plane", metavar="AXIS", help=normal)
+    init.add_argument(
+        "--body", metavar="NAME", help="which body of an export, topic of a bag, or topic:frame of transforms"
+    )
+    frame = "in the tracked frame, seen in the plane: centre of mass in m, and by how many degrees the shape is turned"
+    init.add_argument("--frame", metavar="X,Y,ANGLE", help=f"{frame}; default: 0,0,0")
+    cut = "cut each file into drops, or take it as one trial; default: cut motions in space that name no trials"
+    init.add_argument("--cut", action=argparse.BooleanOptionalAction, help=cut)
+    shape = "ellipse:A,B | disk:R | square:SIDE | polygon:'x1,y1;x2,y2;…' in m"
+    init.add_argument("--shape", required=True, help=shape)
+    init.add_argument("--mass", type=float, help="kg; optional")
+    init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")
+    homogeneous = "the body is of one density, and its size known to U (relative, one sigma, such as 0.002): effects "
+    homogeneous += "that contradict the inertia that follows are told as stand-ins, not as causes"
+    init.add_argument("--homogeneous", type=float, metavar="U", dest="size_uncertainty", help=homogeneous)
+    init.add_argument("--rate", type=float, help="Hz; needed if the log has no time column")
+    init.add_argument("--gravity", type=float, help="m/s², in the plane; default: 9.81, in a tilted plane less")
+    init.add_argument("--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s")
+    init.add_argument("--delimiter", default=",", help="between cells, such as ';' or '\\t'; default: comma")
+    init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
+    init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
+
+
+def convert_logs(args: argparse.Namespace) -> int:
+    """Convert, write, check, and say what came of it; UserError where the logs cannot be read or used."""
+    from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.datasets.sources.conversion import Rig, parse_shape
+    from thesis_lib.datasets.sources.logs import Reading, convert
+    from thesis_lib.datasets.sources.rig_log import parse_columns
+    from thesis_lib.datasets.summary import check_dataset, summary_text
+
+    out = Path(args.out)
+    delimiter = "\t" if args.delimiter in ("\\t", "tab") else args.delimiter
+    if len(delimiter) != 1:
+        raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
+    same = ("mass", "k_g", "size_uncertainty", "rate", "gravity", "surface_height")
+    rig = Rig(parse_shape(args.shape), **{name: getattr(args, name) for name in same})
+    same = ("units", "per_trial_files", "quaternion", "left_handed", "rotation", "up", "plane", "body", "frame", "cut")
+    given: dict = {name: getattr(args, name) for name in same}
+    reading = Reading(columns=parse_columns(args.columns), delimiter=delimiter, **given)
+    conversion = convert(args.files, out.resolve().name, rig, reading)
+    write_dataset(conversion.dataset, out, float_format=None)
+    if conversion.cuts:
+        _write_cuts(conversion.cuts, out)
+    for kind, texts in (("note", conversion.notes), ("warning", conversion.warnings)):
+        for text in texts:
+            print(f"{kind}: {text}")
+    try:
+        print(summary_text(*check_dataset(out)))
+    except UserError as error:
+        raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
+    print(
+        f"written to {out}. Next: add a description and, if you know it, the noise to {out / 'dataset.yaml'}, "
+        f"then run python -m thesis_lib datasets check {out}"
+    )
+    return 0
+
+
+def _write_cuts(cuts, out: Path) -> None:
+    """What became of a motion in space: a picture to check, and the energy out of the plane at each impact."""
+    from thesis_lib.figures.cuts import draw_cuts
+    from thesis_lib.figures.style import save_figure
+    from thesis_lib.foundation.files import write_result
+
+    write_result(cuts.impacts, out / "impacts_in_space.csv")
+    save_figure(*draw_cuts(cuts), out / "cuts")
