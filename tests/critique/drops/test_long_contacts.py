@@ -13,7 +13,7 @@ from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.pressing import press
-from thesis_lib.critique.drops.residuals import flight_residuals
+from thesis_lib.critique.drops.residuals import flight_residuals, later_instants
 from thesis_lib.critique.proof.cases import SEEDS, Case, make
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -112,3 +112,17 @@ def test_a_parabola_through_a_long_flight_with_drag_is_predicted():
     assert (
         np.abs(flight_residuals(model, values, flights, RIG)).max() < 5e-3 * dragged
     )  # to first order alone 1 % and more
+
+
+def test_the_gap_is_judged_at_the_instant_that_flights_with_drag_give():
+    """The detection knows gravity only, and takes contacts after flights with drag for later or earlier ones."""
+    dataset, true = make(Case("mechanism", "quadratic_drag", SEEDS, 30, noise=0.1, shape="ellipse", contact_time=LONG))
+    o = observe(dataset, episodes=False)
+    model, values = with_effect("quadratic_drag")
+    values |= {name: value for name, value in true.items() if name in values}
+    noisy = noisy_residuals(model, values, o)
+    later = later_instants(model, values, o)
+    there, moved = noisy.value[:, 6], (noisy.value + later[:, None] * noisy.by_instant)[:, 6]
+    assert np.median(np.abs(there)) > 8e-5 > 2.0 * np.median(np.abs(moved))  # m
+    # nothing but what acts in flight moves an instant
+    assert not later_instants(*with_effect("time_lag"), o).any()

@@ -27,7 +27,7 @@ from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covar
 from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, fit, fit_each
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
+from thesis_lib.critique.drops.residuals import flight_residuals, later_instants, states_at_impact, synthesise
 from thesis_lib.critique.drops.whitening import Whitening, weight
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -135,7 +135,9 @@ class Drops(World[Effect, Fit, Judgement]):
         if len(flight):
             sigmas["flight"] = _robust_mean_square(flight / np.sqrt(o.flights.variance))
         if o.arcs:
-            z = R[:, 3:] / np.sqrt(np.einsum("nii->ni", S)[:, 3:])
+            # the gap at the touch, not at the instant that the detection took for it
+            at_touch = R + later_instants(model, values, o)[:, None] * noisy.by_instant
+            z = at_touch[:, 3:] / np.sqrt(np.einsum("nii->ni", S)[:, 3:])
             touch = z[o.span == 0.0, 3:]  # episodes do not measure it
             sigmas["meet"] = _robust_mean_square(z[:, :3])
             if len(touch):
