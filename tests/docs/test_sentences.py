@@ -3,7 +3,7 @@
 import pytest
 from tutorial_runner import ROOT
 
-from thesis_lib.docs.sentences import read_sentences, value, with_numbers
+from thesis_lib.docs.sentences import keep_results, read_sentences, value, with_numbers
 from thesis_lib.foundation.errors import UserError
 
 STORED = "config/figures/default/common/figure_measured_ratio.csv"
@@ -65,6 +65,24 @@ def test_every_mistake_of_the_file_is_told_with_its_line(read):
 def test_words_that_stand_twice_are_refused(read):
     with pytest.raises(UserError, match="2 times the words"):
         with_numbers(PAGE + PAGE, "page.md", read())
+
+
+def test_tables_of_a_run_are_kept(tmp_path):
+    store, results = tmp_path / "sentences.yaml", tmp_path / "run"
+    store.write_text(SENTENCES.replace(STORED, "results/chapter2/ratio.csv"), encoding="utf-8")
+    copy = tmp_path / "results" / "chapter2" / "ratio.csv"
+    with pytest.raises(UserError, match="does not exist; run the rule"):
+        keep_results(results, tmp_path, store)
+    (results / "chapter2").mkdir(parents=True)
+    (results / "chapter2" / "ratio.csv").write_text("ratio\n1\n", encoding="utf-8")
+    assert keep_results(results, tmp_path, store) == [copy]
+    assert copy.read_text(encoding="utf-8") == "ratio\n1\n"
+    assert keep_results(results, tmp_path, store) == []
+    (results / "chapter2" / "ratio.csv").unlink()  # as in a run without the dataset
+    assert keep_results(results, tmp_path, store) == []
+    (results / "chapter2" / "ratio.csv").write_text("1" * 200_000, encoding="utf-8")
+    with pytest.raises(UserError, match="at most 100,000"):
+        keep_results(results, tmp_path, store)
 
 
 def test_every_sentence_is_of_a_page_and_has_a_value():

@@ -10,6 +10,8 @@ EPILOG = """\
 examples:
   python -m thesis_lib.docs               after a change of a setting, an effect, a law or a column
   python -m thesis_lib.docs --check       exit code 1, and the names, if a page is out of step; writes nothing
+  python -m thesis_lib.docs --results results
+                                          after a run at the default scale: takes the tables that sentences read
   python -m thesis_lib.docs --pictures    draws the pictures of effects and laws again, too (half a minute)
 """
 
@@ -21,9 +23,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a page is out of step")
     parser.add_argument("--pictures", action="store_true", help="draw the pictures again, too")
     parser.add_argument("--docs", type=Path, default=Path("docs"), help="folder of the pages; default: %(default)s")
+    parser.add_argument("--results", type=Path, help="folder of a run at the default scale, whose numbers are taken")
     args = parser.parse_args(argv)
+    if args.check and args.results:
+        parser.error("--check writes nothing, and --results keeps tables: one at a time")
     from thesis_lib.docs.pages import stale_pages
 
+    if args.results:
+        from thesis_lib.docs.sentences import keep_results
+
+        for path in keep_results(args.results):
+            print(f"kept {path}")
     stale = stale_pages(args.docs)
     if args.check:
         for path in stale:

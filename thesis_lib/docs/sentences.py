@@ -11,6 +11,9 @@
 The words stand on the page once, with a number in the place of each brace; line breaks do not count.  `from` is a file
 of the repository, or a name in `TABLES`.  `where`, and after it that of a number, are pandas queries.  They leave one
 row, or `take` says what is made of several.  Minus signs are typographic.
+
+A table under `results/` is read from its copy in `config/results/`, which `python -m thesis_lib.docs --results results`
+makes after a run at the default scale (`keep_results`).
 """
 
 import re
@@ -22,6 +25,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field, RootModel
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.settings import Section
 from thesis_lib.ledger.reading import load_yaml, validate
 
@@ -30,6 +34,8 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[2]
 STORE = ROOT / "config" / "sentences.yaml"
+KEPT = ROOT / "config"  # results/chapter2/x.csv is kept as config/results/chapter2/x.csv
+_LARGEST = 100_000  # bytes of a table that is kept
 _NUMBER = r"([−-]?\d[\d,]*(?:\.\d+)?)"
 _BRACE = re.compile(r"\{(\w+)\}")
 
@@ -109,15 +115,46 @@ def _table(name: str) -> "pd.DataFrame":
         return TABLES[name]()
     import pandas as pd
 
-    path = (ROOT / name).resolve()
+    path = ((KEPT if name.startswith("results/") else ROOT) / name).resolve()
     if not path.is_relative_to(ROOT) or not path.is_file():
-        raise UserError(f"{STORE.name}: {name!r} is no file of the repository, and none of {', '.join(TABLES)}.")
+        kept = "; a table of results/ is kept by python -m thesis_lib.docs --results results"
+        raise UserError(f"{STORE.name}: {name!r} is no file of the repository, and none of {', '.join(TABLES)}{kept}.")
     return pd.read_csv(path)
 
 
 def read_sentences(path: Path = STORE) -> dict[str, list[Sentence]]:
     """Sentences by page; UserError with every mistake in the file, and its line."""
     return validate(_Sentences, load_yaml(path), path).root
+
+
+def results_named(sentences: Mapping[str, list[Sentence]]) -> list[str]:
+    """Tables of results/ that the sentences read, by name."""
+    of_page = (sentence for listed in sentences.values() for sentence in listed)
+    names = {name for s in of_page for name in (s.from_, *(number.from_ for number in s.numbers.values()))}
+    return sorted(name for name in names if name.startswith("results/"))
+
+
+def keep_results(results: Path, kept: Path = KEPT, store: Path = STORE) -> list[Path]:
+    """Copy the tables that sentences read from a run's folder `results`; returns the copies that changed.
+
+    A table that the run does not have, as its dataset is absent, keeps its copy.  UserError if there is no copy either,
+    or if a table is too large to be kept.
+    """
+    changed = []
+    for name in results_named(read_sentences(store)):
+        source, copy = results / name.removeprefix("results/"), kept / name
+        if not source.is_file():
+            if not copy.is_file():
+                raise UserError(f"{store.name} reads {name}, and {source} does not exist; run the rule that makes it.")
+            continue
+        content = source.read_bytes()
+        if len(content) > _LARGEST:
+            raise UserError(f"{source} has {len(content):,} bytes; a table to be kept has at most {_LARGEST:,}.")
+        if not copy.is_file() or copy.read_bytes() != content:
+            write_text(content.decode("utf-8"), copy)
+            changed.append(copy)
+    _table.cache_clear()
+    return changed
 
 
 def value(sentence: Sentence, number: Number) -> str:
