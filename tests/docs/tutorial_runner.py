@@ -58,12 +58,12 @@ def steps_of(page: str) -> list[Step]:
 
 
 def copy_project(to: Path) -> Path:
-    """What a fresh clone has, without data and results."""
+    """What a fresh clone has, without data and results, but compiled, as after its first command."""
     to.mkdir(parents=True)
     for name in FILES:
         shutil.copy2(ROOT / name, to / name)
     for name in FOLDERS:
-        shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("__pycache__", "*.png"))
+        shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("*.png"))
     return to
 
 
@@ -81,7 +81,6 @@ def run(step: Step, folder: Path, project: Path | None = None) -> str:
         commands = re.sub(r"^snakemake ", "snakemake --dry-run --quiet all ", commands, flags=re.M)
     environment = os.environ | {
         "PYTHONPATH": str(project or folder),
-        "PYTHONDONTWRITEBYTECODE": "1",
         "OMP_NUM_THREADS": "1",
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "XDG_CACHE_HOME": str(folder / ".cache"),

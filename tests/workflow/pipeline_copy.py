@@ -1,4 +1,4 @@
-"""What a fresh clone of the pipeline has, copied to another folder."""
+"""What a clone of the pipeline has after its first command, copied to another folder."""
 
 import shutil
 from pathlib import Path
@@ -12,7 +12,7 @@ def copy_pipeline(to: Path) -> Path:
     to.mkdir(parents=True, exist_ok=True)
     for name in PARTS:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(ROOT / name, to / name)
         else:
             shutil.copy2(ROOT / name, to / name)
     return to
