@@ -3,8 +3,8 @@
 Each drop has its own clock.  Flight goes from tick to tick (samples and times between them, at most `FLIGHT_STEP`
 apart) with classical Runge-Kutta steps, exact for a parabola.  Bisection cuts a step that ends below the plate at the
 touch.  From there the contact forces of `forces` are integrated with the small step of the contact until nothing
-touches or sticks.  All drops fly, then all that have landed are in contact, and so on: loops run over steps, never over
-drops.
+touches or sticks.  Loops run over steps, never over drops: all fly until they land, then contacts are integrated until
+half of them have ended, and those fly until they land and join the others.
 
 A recording ends when the body comes to rest: after `SLOW_TOUCHES` slow contacts in a row, `MAX_CONTACTS` contacts, or a
 contact longer than `LONGEST` contact times.
@@ -14,6 +14,7 @@ not depend on the number of drops (except under wear, which counts them).  Sourc
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -133,6 +134,41 @@ def contact_truth(
     return contact_columns(rows, t, (pose, v_pre, v_post), r, impulse, **more)
 
 
+@dataclass
+class Contacts:
+    """n contacts, each since its own touch."""
+
+    rows: np.ndarray  # (n,) which drops
+    q: np.ndarray  # q, v (n, 5), t (n,) s: state now
+    v: np.ndarray
+    t: np.ndarray
+    start: tuple[np.ndarray, np.ndarray, np.ndarray]  # q, v, t at the touch
+    memory: Memory
+    impulse: np.ndarray  # (n, 2) c_t, c_n so far, N s
+    steps: np.ndarray  # (n,) taken so far
+    held: np.ndarray  # (n,) whether it goes on
+    separated: np.ndarray  # (n,) whether it has ended as the body left the plate
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def keep(self, which: np.ndarray) -> "Contacts":
+        """The contacts `which`, a mask."""
+        q, v, t = (part[which] for part in self.start)
+        state = self.rows[which], self.q[which], self.v[which], self.t[which], (q, v, t), self.memory.keep(which)
+        return Contacts(*state, self.impulse[which], self.steps[which], self.held[which], self.separated[which])
+
+    def join(self, other: "Contacts") -> "Contacts":
+        """These contacts, then the `other` ones."""
+
+        def both(name: str) -> np.ndarray:
+            return np.concatenate([getattr(self, name), getattr(other, name)])
+
+        q, v, t = (np.concatenate(pair) for pair in zip(self.start, other.start))
+        state = both("rows"), both("q"), both("v"), both("t"), (q, v, t), self.memory.join(other.memory)
+        return Contacts(*state, both("impulse"), both("steps"), both("held"), both("separated"))
+
+
 class _Drops:
     """State of n drops, their poses at the ticks and the record of their contacts; `t` (n,) ends the recordings in s.
 
@@ -161,9 +197,9 @@ class _Drops:
         self.poses[:, 0] = pose
         self.slow, self.contacts = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
         self.records: list[dict[str, np.ndarray]] = []
-        flying = np.arange(n)
-        while len(flying):
-            flying = self._contact(self._fly(flying))
+        flying, contacts = np.arange(n), self._touch(np.zeros(0, dtype=int))
+        while len(flying) or len(contacts):
+            flying, contacts = self._press(contacts.join(self._touch(self._fly(flying))))
 
     # --- flight ---
 
@@ -210,60 +246,56 @@ class _Drops:
 
     # --- contact ---
 
-    def _contact(self, rows: np.ndarray) -> np.ndarray:
-        """Integrate the contact of the drops `rows`; returns those that continue to fly."""
-        if not len(rows):
-            return rows
+    def _touch(self, rows: np.ndarray) -> Contacts:
+        """Contacts of the drops `rows` that begin now."""
+        q, v, t, n = self.q[rows], self.v[rows], self.t[rows], len(rows)
+        memory, none = self.mechanics.touch(q, rows), np.zeros(n, dtype=bool)
+        return Contacts(rows, q, v, t, (q, v, t), memory, np.zeros((n, 2)), np.zeros(n, dtype=int), ~none, none)
+
+    def _press(self, contacts: Contacts) -> tuple[np.ndarray, Contacts]:
+        """Integrate until at most half of the contacts go on; returns the drops that fly on, and those contacts."""
+        flying, most, limit = [], len(contacts) // 2, int(LONGEST * self.mechanics.contact.steps)
+        while len(contacts) > most:
+            for _ in range(_COMPACT):
+                self._step(contacts, limit)
+            if not contacts.held.all():
+                flying.append(self._end(contacts.keep(~contacts.held)))
+                contacts = contacts.keep(contacts.held)
+        return np.concatenate([np.zeros(0, dtype=int), *flying]), contacts
+
+    def _step(self, c: Contacts, limit: int) -> None:
+        """One time step of the contacts that are held; they end when nothing touches or sticks, or after `limit`."""
         mech, h = self.mechanics, self.mechanics.contact.dt
-        start_q, start_v, start_t = self.q[rows], self.v[rows], self.t[rows]
-        q, v, t = start_q, start_v, start_t
-        memory: Memory = mech.touch(q, rows)
-        here, tick = np.arange(len(rows)), self.next[rows]
-        impulse, separated = np.zeros((len(rows), 2)), np.zeros(len(rows), dtype=bool)
+        q, v, impulse, free = mech.step(c.q, c.v, c.t, c.memory, c.rows)
+        tick = self.next[c.rows]
         coming = self.ticks[np.minimum(tick, len(self.ticks) - 1)]
-        held = np.ones(len(rows), dtype=bool)
+        crosses = (c.t + h >= coming) & c.held & (tick < len(self.ticks))
+        if crosses.any():
+            i = np.flatnonzero(crosses)
+            share = ((coming[i] - c.t[i]) / h)[:, None]
+            between = c.q[i] + share * (q[i] - c.q[i])
+            self.poses[c.rows[i], tick[i]] = mech.origin_state(between, v[i])[0]
+            self.next[c.rows[i]] += 1
+        # those that have ended stay unchanged until they are removed
+        held = c.held[:, None]
+        c.q, c.v, c.t = np.where(held, q, c.q), np.where(held, v, c.v), c.t + h * c.held
+        c.impulse += impulse * held
+        c.steps += 1
+        c.separated |= c.held & free
+        c.held = c.held & ~free & (c.steps < limit)
 
-        def store(which: np.ndarray) -> None:
-            at = rows[here[which]]
-            self.q[at], self.v[at], self.t[at], self.next[at] = q[which], v[which], t[which], tick[which]
-
-        for step in range(int(LONGEST * mech.contact.steps)):
-            new_q, new_v, c, free = mech.step(q, v, t, memory, rows[here])
-            crosses = (t + h >= coming) & held
-            if crosses.any():
-                i = np.flatnonzero(crosses)
-                share = ((coming[i] - t[i]) / h)[:, None]
-                between = q[i] + share * (new_q[i] - q[i])
-                self.poses[rows[here[i]], tick[i]] = self.mechanics.origin_state(between, new_v[i])[0]
-                tick[i] += 1
-                coming[i] = np.append(self.ticks, np.inf)[tick[i]]
-            # separated drops stay unchanged until they are removed
-            held_column = held[:, None]
-            q, v = np.where(held_column, new_q, q), np.where(held_column, new_v, v)
-            t = t + h * held
-            impulse[here] += c * held_column
-            held &= ~free
-            if step % _COMPACT == 0 and not held.all():
-                store(~held)
-                separated[here[~held]] = True
-                here, q, v, t = here[held], q[held], v[held], t[held]
-                tick, coming, memory, held = tick[held], coming[held], memory.keep(held), held[held]
-            if not len(here):
-                break
-        store(np.ones(len(here), dtype=bool))
-        separated[here[~held]] = True
+    def _end(self, c: Contacts) -> np.ndarray:
+        """Record contacts that have ended; returns the drops that fly on."""
+        mech, rows = self.mechanics, c.rows
+        self.q[rows], self.v[rows], self.t[rows] = c.q, c.v, c.t
         shell, loose = mech.shell, mech.mass - mech.shell
         weights = 0.5 * np.array([shell, shell, mech.inertia, loose, loose])
-        energy_change = (self.v[rows] ** 2 - start_v**2) @ weights
-        after = self.q[rows], self.v[rows], self.t[rows]
-        self.records.append(
-            contact_truth(mech, rows, (start_q, start_v, start_t), after, impulse, energy_change, separated)
-        )
-        speed = mech.approach(start_q, start_v, start_t, rows)
-        self.slow[rows] = np.where(speed < V_SLOW, self.slow[rows] + 1, 0)
+        energy_change = (c.v**2 - c.start[1] ** 2) @ weights
+        after = c.q, c.v, c.t
+        self.records.append(contact_truth(mech, rows, c.start, after, c.impulse, energy_change, c.separated))
+        self.slow[rows] = np.where(mech.approach(*c.start, rows) < V_SLOW, self.slow[rows] + 1, 0)
         self.contacts[rows] += 1
-        on = separated & (self.slow[rows] < SLOW_TOUCHES) & (self.contacts[rows] < MAX_CONTACTS)
-        return rows[on]
+        return rows[c.separated & (self.slow[rows] < SLOW_TOUCHES) & (self.contacts[rows] < MAX_CONTACTS)]
 
     def poses_at(self, times: np.ndarray) -> np.ndarray:
         """Recorded poses (n, len(times), 3) at `times`, which are ticks; NaN after the end of a recording."""

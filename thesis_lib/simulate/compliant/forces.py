@@ -43,6 +43,11 @@ class Memory:
         """The memory of the bodies `rows`, a mask or indices."""
         return Memory(*(getattr(self, item.name)[rows] for item in fields(self)))
 
+    def join(self, other: "Memory") -> "Memory":
+        """The memory of these bodies, then of the `other` ones."""
+        parts = ((getattr(self, item.name), getattr(other, item.name)) for item in fields(self))
+        return Memory(*map(np.concatenate, parts))
+
 
 class Mechanics:
     """Forces on the n drops of one run.
