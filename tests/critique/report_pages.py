@@ -2,7 +2,9 @@
 
 import re
 from html.parser import HTMLParser
+from weakref import WeakKeyDictionary
 
+from thesis_lib.figures.style import png_of
 from thesis_lib.report.critique.page import report_html
 
 VOID = {"meta", "br", "hr", "img", "link", "wbr"}
@@ -105,9 +107,17 @@ class Page(HTMLParser):
         return [attrs for name, attrs in self.tags if name == tag]
 
 
+_IMAGES = WeakKeyDictionary()  # of figures
+
+
 def page_of(made, diagnosis, **changes):
     critique, regions, found, drawn = made
-    return report_html(critique, diagnosis, changes.get("where", regions), found, changes.get("pictures", drawn))
+    drawn = changes.get("pictures", drawn)
+    for figure, _ in drawn.values():
+        if figure not in _IMAGES:
+            _IMAGES[figure] = png_of(figure)
+    images = {name: _IMAGES[figure] for name, (figure, _) in drawn.items()}
+    return report_html(critique, diagnosis, changes.get("where", regions), found, drawn, images)
 
 
 def scripts(html):

@@ -148,26 +148,26 @@ def test_drakes_own_dissipation_makes_restitution_fall_with_speed():
 @pytest.mark.parametrize("body", [ELLIPSE, SQUARE], ids=["ellipse", "square"])
 @pytest.mark.parametrize(
     "hidden",
-    [{}, {"com_offset_x": 5e-4}, {"inertia_error": 0.07}, {"plate_velocity": 0.056}, {"tilt": 0.065}]
-    + [{"quadratic_drag": 0.23, "magnus": 0.039}, {"linear_drag": 0.42}, {"wear": 0.3}, {"loose_mass": 0.17}]
-    + [{"plate_amplitude": 5e-4}, {"size_error": 0.04}, {"surface_height": 1e-3}, {"corner_radius": 2e-3}],
-    ids=lambda hidden: "+".join(hidden) or "nothing",
+    [{"com_offset_x": 5e-4}, {"inertia_error": 0.07}, {"plate_velocity": 0.056}, {"tilt": 0.065, "wear": 0.3}]
+    + [{"quadratic_drag": 0.23, "magnus": 0.039}, {"linear_drag": 0.42}, {"loose_mass": 0.17}]
+    + [{"plate_amplitude": 5e-4}, {"size_error": 0.04, "surface_height": 1e-3}, {"corner_radius": 2e-3}],
+    ids="+".join,
 )
 def test_first_impacts_agree_with_the_other_integrator(body, hidden):
-    runs = [run(25, body, hidden=hidden, simulate=s) for s in (simulate_drake_drops, simulate_compliant_drops)]
+    runs = [run(15, body, hidden=hidden, simulate=s) for s in (simulate_drake_drops, simulate_compliant_drops)]
     drake, own = (first(one).set_index("trial") for one in runs)
-    assert list(drake.index) == list(own.index) and len(drake) == 25
+    assert list(drake.index) == list(own.index) and len(drake) == 15
     np.testing.assert_allclose(drake[["t", *POSE]], own[["t", *POSE]], atol=2e-6)
     scale = [1.0, 1.0, body.radius_of_gyration]
     np.testing.assert_allclose(drake[PRE] * scale, own[PRE] * scale, atol=1e-5)
     # within a hair's breadth of flat, two corners land in one contact, and so do the differences of two contact models
     apart = own["r_x"].abs() < FLAT if body is SQUARE else own["r_x"].abs() >= 0.0
-    assert apart.sum() >= 20
+    assert apart.sum() >= 12
     error = ((drake[POST] - own[POST]) * scale).abs()[apart]
     assert error.to_numpy().max() < AGREE
-    if hidden and next(iter(hidden)) in ("com_offset_x", "inertia_error", "plate_velocity", "plate_amplitude"):
+    if next(iter(hidden)) in ("com_offset_x", "inertia_error", "plate_velocity", "plate_amplitude"):
         # the tolerance is far below what the mechanism does
-        without = first(run(25, body, simulate=simulate_compliant_drops)).set_index("trial")
+        without = first(run(15, body, simulate=simulate_compliant_drops)).set_index("trial")
         assert ((drake[POST] - without[POST]) * scale).abs().to_numpy().max() > 1.5 * AGREE
 
 

@@ -82,12 +82,12 @@ def test_mistakes_are_explained(arguments, says):
 @pytest.mark.slow
 def test_the_command_makes_a_dataset_that_check_accepts_and_keeps_what_is_there(tmp_path, capsys):
     out = str(tmp_path / "one")
-    assert main(["example", "-o", out, "--drops", "12"]) == 0
+    assert main(["example", "-o", out, "--drops", "4"]) == 0
     text = capsys.readouterr().out
-    assert "trials      12" in text and "The dataset is valid" in text
+    assert "trials      4" in text and "The dataset is valid" in text
     assert len(pd.read_csv(tmp_path / "one" / NEW_IMPACTS)) == 40
     assert main(["check", out]) == 0
-    assert main(["example", "-o", out, "--drops", "12"]) == 2
+    assert main(["example", "-o", out, "--drops", "4"]) == 2
     assert "already holds a dataset" in capsys.readouterr().err
     assert main(["example", "-o", out, "--drops", "3", "--force"]) == 0
     assert "trials      3" in capsys.readouterr().out
@@ -114,7 +114,7 @@ def test_contacts_last_as_long_as_asked_for(lasting, tmp_path):
     """As deep as the body sinks in; without the option 1 ms."""
     asked = float(lasting[-1]) if lasting else 1.0
     folder = tmp_path / "drops"
-    drops = ["--drops", "30", "--hidden", "nothing", "--shape", "square"]
+    drops = ["--drops", "16", "--hidden", "nothing", "--shape", "square"]
     assert main(["example", "-o", str(folder), *drops, *lasting]) == 0
     found = find_impacts(read_dataset(folder))
     one = found.impacts

@@ -25,7 +25,7 @@ CASES = [
 @functools.cache
 def fit(name, body):
     """The engine fitted to most impacts, the others, and its error in those."""
-    drops = made(name, BODIES[body], 50)
+    drops = made(name, BODIES[body], 50 if name == "mujoco" else 40)
     cut = int(TRAIN * len(drops.q))
     numbers = fitted(name, drops.select(np.arange(cut)))
     test = drops.select(np.arange(cut, len(drops.q)))

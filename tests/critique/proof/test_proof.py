@@ -189,7 +189,7 @@ def test_sizes_of_causes_come_from_their_source_and_shape(monkeypatch):
 
 @pytest.mark.slow
 def test_the_size_of_a_cause_raises_the_misfit_to_the_ratio(monkeypatch):
-    monkeypatch.setattr(cause_sizes, "DROPS", 40)
+    monkeypatch.setattr(cause_sizes, "DROPS", 24)
     found = cause_sizes.find_cause_size(Case("mujoco", "linear_drag", 7))
     assert 0.3 < found / CAUSES["linear_drag"].size < 3.0
 
@@ -236,7 +236,7 @@ def test_how_far_parameters_are_off_is_told_by_source(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, cause in CAUSES.items() if cause.parameter])
 def test_the_size_of_a_cause_is_the_parameter_of_its_effect(name):
-    drops, true = make(Case("mechanism", name, 3, 60))
+    drops, true = make(Case("mechanism", name, 3, 40))
     ((parameter, size),) = true.items()
     found = fit(Model(LAWS["mirtich"], (EFFECTS[CAUSES[name].effects[0]],)), observe(drops))
     # a slope of friction or restitution acts at the contact point, and the effect takes the place of the body
