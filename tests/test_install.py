@@ -160,9 +160,12 @@ def test_an_effect_in_a_file_of_the_users_is_found_with_the_installed_package_al
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: drop-effects\nVersion: 1.2\n")
     (info / "entry_points.txt").write_text("[thesis_lib.effects]\nslip = drop_effects\n")
     shutil.copy(tmp_path / "my_effects.py", installed / "drop_effects.py")
-    packaged = json.loads(run(*critique, "-o", "packaged", folder=tmp_path, path=installed))
+    listed = " ".join(run(*program, "effects", folder=tmp_path, path=installed).split())
+    assert "not of the library, but from" in listed and "drop-effects" in listed
+    switched_on = (*critique, "-o", "packaged", "--effect", name)  # which looks for no other
+    packaged = json.loads(run(*switched_on, folder=tmp_path, path=installed))
     assert packaged["additions"][0]["package"] == "drop-effects"
-    assert packaged["effects"] == own["effects"] and packaged["error"] == own["error"]
+    assert packaged["effects"][0]["parameters"] == own["effects"][0]["parameters"]
     shutil.rmtree(info)
 
 

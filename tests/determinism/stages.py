@@ -75,7 +75,7 @@ def dice(out: Path) -> None:
     from thesis_lib.residual.throwing.throw import simulate_throws
 
     rng = generator(SEED, "dice")
-    fitted, misfit = fit_dice(BELIEVED, made_contacts(TRUTH, 60), rng, DiceFitSettings(evaluations=150, contacts=50))
+    fitted, misfit = fit_dice(BELIEVED, made_contacts(TRUTH, 60), rng, DiceFitSettings(evaluations=80, contacts=50))
     X = rng.normal(size=(60, 3))
     Y = np.stack([np.sin(X[:, 0]), X[:, 1] * X[:, 2]], axis=1) + 0.05 * rng.normal(size=(60, 2))
     process = fit_gaussian_process(X, Y, rng, GaussianProcessSettings())

@@ -98,7 +98,7 @@ def test_no_neighbour_is_better(name, metric, rng):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_never_worse_than_differential_evolution(name, rng):
-    target = far_targets(rng, 5 if name == "mirtich_as_published" else 12)  # its solver takes a second an impact
+    target = far_targets(rng, 4 if name == "mirtich_as_published" else 8)  # its solver takes a second an impact
     fit = fit_individual(LAWS[name], target, "impulse")
     for i in range(len(target)):
         one = target[i : i + 1]

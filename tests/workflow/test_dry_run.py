@@ -54,20 +54,12 @@ def test_measured_data_in_our_format_are_used_as_they_are(checkout, snakemake):
 
 
 @pytest.mark.slow
-def test_studied_datasets_are_a_choice(checkout, snakemake):
-    (checkout / "overlay.yaml").write_text("chapter3: {datasets: [drops]}\nmeasured: []\n")
+def test_an_overlay_reaches_the_jobs_and_studied_datasets_are_a_choice(checkout, snakemake):
+    (checkout / "overlay.yaml").write_text("drops: {n: 77}\nchapter3: {datasets: [drops]}\nmeasured: []\n")
     done = snakemake(checkout, "-n", "results/chapter3/drops/table_3_1.csv", "--configfile", "overlay.yaml")
     assert done.returncode == 0, done.stdout
     assert jobs(done.stdout) == {"simulate_drops": 1, "find_impacts": 1, "ch3_identify": 1, "ch3_evaluate": 1}
-
-
-def test_an_overlay_of_the_command_line_reaches_the_jobs(checkout, snakemake):
-    from thesis_lib.config import read_config
-
-    drops = read_config(checkout / "config/config.yaml", checkout / "config/full.yaml").drops.n
-    done = snakemake(checkout, "-n", "data/simulated/drops/dataset.yaml", "--configfile", "config/full.yaml")
-    assert done.returncode == 0, done.stdout
-    assert f"Simulating {drops} drops" in done.stdout
+    assert "Simulating 77 drops" in done.stdout
 
 
 def test_wrong_configuration_is_refused_without_a_traceback(checkout, snakemake):

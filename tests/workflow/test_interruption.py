@@ -181,7 +181,7 @@ def test_exit_code_is_that_of_snakemake(folder, capsys):
 
 @pytest.mark.slow
 def test_pipeline_survives_interruptions():
-    ways = [way for way in WAYS if way.name in ("kill -9 of Snakemake", "full disk", "Ctrl-C")]
-    done = study(3, 0, ("ch4_schematics", "results/impacts/drops/summary.json"), ways=ways)
-    assert len(done.kills) == 3 and {kill.way for kill in done.kills} == {way.name for way in ways}
+    ways = [way for way in WAYS if way.name in ("kill -9 of Snakemake", "full disk")]
+    done = study(2, 0, ("ch4_schematics", "results/impacts/drops/summary.json"), ways=ways)
+    assert len(done.kills) == 2 and {kill.way for kill in done.kills} == {way.name for way in ways}
     assert done.faults == []

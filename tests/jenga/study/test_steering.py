@@ -8,7 +8,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import YAW, Prediction, X, Y
 from thesis_lib.jenga.play.settings import ShowcaseChoice
 from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, strayed_most
-from thesis_lib.jenga.tower.settings import Setup
+from thesis_lib.jenga.tower.settings import RobotSettings, Setup
 
 
 class Lever:
@@ -33,7 +33,9 @@ class Lever:
 @pytest.mark.slow
 def test_a_model_of_the_lever_arm_brings_blocks_back_that_were_pushed_off_their_centre():
     choice = ShowcaseChoice(steered_blocks=1)
-    steps, ends = steering_pushes(Lever(), 1, Setup(), choice, np.random.default_rng(11))
+    steps, ends = steering_pushes(
+        Lever(), 1, Setup(robot=RobotSettings(step_time=0.05)), choice, np.random.default_rng(11)
+    )
     assert len(ends) == 2 * 2 and ends["out"].all()
     stray = ends.pivot(index=["block", "edge"], columns="steered", values="stray")
     assert stray[1].mean() < 0.7 * stray[0].mean()
