@@ -71,6 +71,7 @@ class Law:
         reference: where the law is defined.
         mu_unit: unit of μ; "1" except for the viscous variant.
         force: of a contact that takes time, whose limit `impulse` is.
+        engine: physics engine whose own contact takes the place of `force`, which is near it; "" for a law.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Law:
     breaks: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
     mu_unit: str = "1"
     force: "NormalForce | None" = None
+    engine: str = ""
 
     @property
     def as_published(self) -> bool:

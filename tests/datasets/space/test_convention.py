@@ -25,8 +25,7 @@ def scene_of(recorded: Take, shape: str) -> tuple[Motion, Scene]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize(("yaw", "tilt"), PLANES)
+@pytest.mark.parametrize(("yaw", "tilt", "mount"), [(*plane, mount) for plane, mount in zip(PLANES, [*MOUNTS] * 2)])
 @pytest.mark.parametrize("shape", ["ellipse", "square"])
 def test_only_true_readings_fit(shape, yaw, tilt, mount):
     """Every wrong order and hand is out of the plane or turns the wrong way, or is the same motion read from a body

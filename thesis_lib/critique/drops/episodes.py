@@ -9,7 +9,7 @@ centroid of its impulse, t̄ later (`model`).
 A hit that begins before the one before it is over presses two corners at once.  No sequence of impacts describes that;
 the motion is then integrated from the touch of the first with springs at all corners (`pressing`).
 
-A compliant law has all its contacts integrated.
+A compliant law has all its contacts integrated, and an engine has its own (`engine_contact`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,6 +18,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.critique.drops.contact_time import duration
+from thesis_lib.critique.drops.engine_contact import press_in_engine
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.pressing import all_points, contact_points, one_point, press
 from thesis_lib.effects.effect import Rig, State
@@ -244,7 +245,8 @@ class _Play:
         touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t)
         # a contact that is over later than the arc after it begins: that arc is followed back
         left = 0.0 if self.most == 1 else self.span[rows] - t
-        after, elapsed = press(self.model, self._values(rows), self.rig, touch, left)
+        resolve = press_in_engine if self.model.law.engine else press
+        after, elapsed = resolve(self.model, self._values(rows), self.rig, touch, left)
         self._set(rows, after)
         self.t[rows] = self.over[rows] = t + elapsed
 

@@ -1,0 +1,147 @@
+"""Contacts of a physics engine in the place of a law's: MuJoCo's or Drake's own, from the touch until the body is off.
+
+An engine is a law whose contacts are resolved by the engine: camera, flight, episodes and likelihood stay as they are.
+Its parameters are those of the compliant law that stands near it (`STAND_INS`), so that both are fitted alike.
+
+Effects of body and rig that act outside the contact force become causes of the engine (`CAUSE_OF`); a surface that
+moves along itself is a change of frame; (μ, ε) that depend on place or angle are given to MuJoCo body by body.  No
+engine has the others (`lacks`).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.contact.law import Law
+from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.contact_time import DAMPING_RATIO
+from thesis_lib.critique.drops.model import Model, contact_space_of
+from thesis_lib.effects.effect import Effect, Rig, State
+from thesis_lib.engines.engine import OUTSIDE, Press, impacts
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
+
+MASS = 1.0  # kg: planar drops tell no mass, and contacts are given by what they do
+SHORTEST = 2e-5  # s; an engine's shortest contact
+LONGEST = 2e-2  # s
+STAND_INS = {  # engine: the compliant law near it, and its title
+    "mujoco": ("convex_contact", "MuJoCo"),
+    "drake": ("hunt_crossley_contact", "Drake, point contact"),
+    "drake_hydroelastic": ("pressure_field_contact", "Drake, hydroelastic"),
+}
+CAUSE_OF = {f"{CAUSES[name].effects[0]}.{CAUSES[name].parameter}": name for name in OUTSIDE}
+FRAME = "moving_surface"
+_OF_FORCE = ("to_contact", "from_contact", "contact_point", "radius_of_gyration", "impulse", "gap", "contact_time")
+
+
+def engine_law(name: str) -> Law:
+    """The engine as a law; KeyError for another name."""
+    base, title = STAND_INS[name]
+    return replace(BASES[base], name=name, title=title, engine=name, reference="its own contact")
+
+
+def lacks(engine: str, effects: Sequence[Effect]) -> list[str]:
+    """Names of the effects that an engine cannot have."""
+    causes = {key.split(".")[0] for key in CAUSE_OF}
+    missing = []
+    for effect in effects:
+        own = [
+            hook for hook in (*_OF_FORCE, "coefficients") if getattr(type(effect), hook) is not getattr(Effect, hook)
+        ]
+        by_body = own == ["coefficients"] and engine == "mujoco"
+        if own and not by_body and effect.name not in causes and effect.name != FRAME:
+            missing.append(effect.name)
+    return missing
+
+
+def press_in_engine(
+    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = 0.0
+) -> tuple[State, np.ndarray]:
+    """True states (n,) when the bodies are off the surface, from true states at first touch, and the time (n,) in s.
+
+    `values` are numbers, or arrays (n,) with one for each body; bodies with equal ones share an engine.  A contact that
+    lasts longer than the engine lets it ends there, whatever is `left`.
+    """
+    del left
+    n, active = len(true.x), model.active(values)
+    frame = [(effect, p) for effect, p in active if effect.name == FRAME]
+    seen = true
+    for effect, p in frame:
+        seen = effect.to_contact(seen, p, rig)
+    mu, epsilon = _coefficients(model, values, rig, true, active)
+    q, v = seen.q - [0.0, rig.height, 0.0], seen.v
+    after_q, after_v, elapsed = q.copy(), v.copy(), np.zeros(n)
+    for rows, settings in _groups(model, values, mu, epsilon):
+        engine = _engine(model.law, rig, mu[rows], epsilon[rows], settings)
+        out = impacts(engine, q[rows], v[rows])
+        after_q[rows] = q[rows] + out.q - _set_down(engine, q[rows])
+        after_v[rows], elapsed[rows] = out.v, out.t
+    shift = after_q - q
+    after = State.of(seen.q + shift, after_v, true.trial, true.t + elapsed)
+    for effect, p in reversed(frame):
+        after = effect.from_contact(after, p, rig)
+        shift = shift + elapsed[:, None] * (after.v - after_v)
+    return State.of(true.q + shift, after.v, true.trial, after.t), elapsed
+
+
+def _coefficients(
+    model: Model, values: Mapping[str, float], rig: Rig, true: State, active: Sequence
+) -> tuple[np.ndarray, np.ndarray]:
+    """μ and ε (n,) of each body, at its lowest point."""
+    mu, epsilon = (np.full(len(true.x), values[name]) for name in ("mu", "epsilon"))
+    by_body = [pair for pair in active if getattr(type(pair[0]), "coefficients") is not Effect.coefficients]  # noqa: B009
+    if by_body:
+        contact = seen, *_ = model.contact_at(true, active, rig)
+        space = contact_space_of(*contact)
+        for effect, p in by_body:
+            mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
+    return np.maximum(mu, 0.0), np.clip(epsilon, 0.0, 1.0)
+
+
+def _groups(
+    model: Model, values: Mapping[str, float], mu: np.ndarray, epsilon: np.ndarray
+) -> Iterator[tuple[np.ndarray, tuple[float, float, dict]]]:
+    """Rows of bodies that share an engine, and its settings: contact time in s, impratio, causes."""
+    n, law = len(mu), model.law
+    assert law.force is not None  # the stand-in's
+    names = [name for name in CAUSE_OF if name in values]
+    loss = law.force.loss(np.full(n, values["epsilon"]))
+    lasting = np.full(n, values["tau"]) * law.force.duration(loss) / law.force.centroid(loss)
+    ratio = np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null))
+    own = (mu, epsilon) if law.engine != "mujoco" else (np.zeros(n), np.zeros(n))
+    columns = [np.clip(lasting, SHORTEST, LONGEST), ratio, *own, *(np.full(n, values[name]) for name in names)]
+    different, group = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
+    for k, (T, impratio, _, _, *sizes) in enumerate(different.tolist()):
+        yield np.flatnonzero(group.ravel() == k), (T, impratio, dict(zip((CAUSE_OF[name] for name in names), sizes)))
+
+
+def _engine(law: Law, rig: Rig, mu: np.ndarray, epsilon: np.ndarray, settings: tuple[float, float, dict]) -> Press:
+    T, impratio, sizes = settings
+    body = Body(shape=rig.shape, mass=MASS, radius_of_gyration=rig.k_g)  # pyright: ignore[reportArgumentType]
+    causes, n, least = HiddenCauses(**sizes), len(mu), 1e-3
+    if law.engine == "mujoco":
+        from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
+        from thesis_lib.simulate.mujoco.contact import MujocoContact
+
+        contact = MujocoContact.model_construct(contact_time=T, impratio=max(impratio, 1.0), steps=STEPS)
+        options = {"contact": contact, "causes": causes, "gravity": rig.gravity}
+        return MujocoEngine(body, n, **options, mu=mu, epsilon=np.clip(epsilon, least, 1.0))
+    from thesis_lib.engines.drake_engine import DrakeEngine
+    from thesis_lib.engines.parameters import drake_numbers, of_drake
+
+    # the law's ε and time are those at 1 m/s
+    friction, e, lasting = of_drake(
+        drake_numbers(float(mu[0]), max(float(epsilon[0]), least), T, mass=MASS, speed=1.0), MASS
+    )
+    contact = CompliantContact.model_construct(mu=friction, epsilon=e, contact_time=lasting)
+    surface = "hydroelastic" if law.engine == "drake_hydroelastic" else "point"
+    return DrakeEngine(body, n, contact=contact, causes=causes, gravity=rig.gravity, surface=surface)
+
+
+def _set_down(engine: Press, q: np.ndarray) -> np.ndarray:
+    """The poses (n, 3) that the engine starts from: each body where it touches."""
+    mechanics = engine.mechanics
+    centre, _ = mechanics.centre_state(q, np.zeros_like(q))
+    gap = mechanics.gap(np.column_stack([centre, q[:, 2]]), np.zeros(len(q)), np.arange(len(q)))
+    return q - np.column_stack([0.0 * gap, gap, 0.0 * gap])

@@ -1,0 +1,1 @@
+"""Physics engines judged beside the laws, on the same drops."""

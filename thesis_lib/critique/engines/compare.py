@@ -1,0 +1,112 @@
+"""Which model is right about this object?  Laws and physics engines side by side, without and with the named effects.
+
+Every model is fitted to the training trials of a critique and judged on its held-out trials, alike.  An engine that
+cannot have one of the effects is fitted without it, and says so.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact import CANDIDATE_LAWS
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.drops.bases import BASES, RESERVE
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.engine_contact import STAND_INS, engine_law, lacks
+from thesis_lib.critique.drops.fit import ROUNDS, fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.engines.fit import fit_engine
+from thesis_lib.effects.effect import Effect
+from thesis_lib.extensions.registry import added_laws
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.intervals import clustered_mean
+
+LAWS = "laws"
+MODELS = (LAWS, *STAND_INS)
+COLUMNS = (
+    *("model", "kind", "effects", "lacks", "mu", "mu_std", "epsilon", "epsilon_std", "contact_time"),
+    *("error", "error_low", "error_high", "noise_floor"),
+)
+WITHOUT, WITH = "without", "with"
+
+
+def read_models(text: str) -> tuple[str, ...]:
+    """The models of a list as of the command line, "laws,mujoco,drake"; UserError for others."""
+    names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+    if unknown := [name for name in names if name not in MODELS]:
+        raise UserError(f"--models knows no {', '.join(map(repr, unknown))}; known are {', '.join(MODELS)}.")
+    if not names:
+        raise UserError(f"--models needs at least one of {', '.join(MODELS)}.")
+    return names
+
+
+def compare_models(
+    critique: Critique, names: Sequence[str], say: Callable[[str], None] = lambda text: None
+) -> pd.DataFrame:
+    """A row for each model without the named effects, and with them where the critique named some; the best first.
+
+    Columns: `COLUMNS`; error with its 95 % interval and noise floor in m/s, contact time in ms at 1 m/s (NaN of what
+    takes none), `lacks`: effects that the model cannot have, by name.  UserError if an engine is not installed, or the
+    critique has no trajectories: an engine has no instants.
+    """
+    engines = [name for name in names if name in STAND_INS]
+    if engines and not critique.observations.arcs:
+        raise UserError(f"{critique.dataset} has no trajectories; engines ({', '.join(engines)}) need the flights.")
+    final = critique.ladder[-1][1]
+    sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
+    rows = []
+    for label, effects in sets.items():
+        start = {name: final.values[name] for name in _of_effects(final.values, effects)}
+        for name in [*_laws(critique) * (LAWS in names), *engines]:
+            say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
+            rows.append(_row(critique, name, label, effects, start))
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    order = table.assign(order=table["effects"] == WITHOUT).sort_values(["order", "error"], kind="stable").index
+    return table.loc[order].reset_index(drop=True)
+
+
+def _laws(critique: Critique) -> list[str]:
+    """Candidate laws, and what stands at the end of the critique."""
+    return list(dict.fromkeys([*CANDIDATE_LAWS, *added_laws(), critique.ladder[-1][1].base]))
+
+
+def _of_effects(values: Mapping[str, float], effects: Sequence[Effect]) -> list[str]:
+    return [key for key in values if key.split(".")[0] in {effect.name for effect in effects}]
+
+
+def _row(
+    critique: Critique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
+) -> tuple[object, ...]:
+    """One model fitted to the training trials and judged on the others."""
+    timed = critique.ladder[-1][1].model.takes_time
+    missing = lacks(name, effects) if name in STAND_INS else []
+    own = tuple(effect for effect in effects if effect.name not in missing)
+    kept = {key: value for key, value in start.items() if key.split(".")[0] not in missing}
+    base = STAND_INS[name][0] if name in STAND_INS else name
+    law = fit(Model(BASES[base], own, timed), critique.training, kept, rounds=ROUNDS)
+    fitted = fit_engine(name, law, critique.training) if name in STAND_INS else law
+    error = held_out_error(fitted.model, fitted.values, critique.held_out)
+    values, std = fitted.values, fitted.std
+    lasting = np.nan
+    if timed:
+        force = fitted.model.law.force or BASES[RESERVE[0]].force
+        loss = force.loss(np.array([values["epsilon"]]))
+        lasting = 1e3 * float(values["tau"] * (force.duration(loss) / force.centroid(loss))[0])
+    kind = "engine" if name in STAND_INS else "law"
+    numbers = (values["mu"], std["mu"], values["epsilon"], std["epsilon"], lasting)
+    floor = critique.ladder[-1][2].floor
+    return (name, kind, label, " + ".join(missing), *numbers, *clustered_mean(error, critique.held_out.trial), floor)
+
+
+def held_out_error(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
+    """Kinetic norm (n,) in m/s of what the model misses of each velocity after impact."""
+    return velocity_error(impact_residuals(model, values, observations)[:, :3], observations.rig.k_g)
+
+
+def spread(table: pd.DataFrame, label: str) -> float:
+    """Largest μ of the engines over the smallest; NaN with fewer than two engines."""
+    mu = table[(table["kind"] == "engine") & (table["effects"] == label)]["mu"]
+    return float(mu.max() / mu.min()) if len(mu) > 1 else np.nan

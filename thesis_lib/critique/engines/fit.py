@@ -1,0 +1,71 @@
+"""Fit a physics engine to drops, by the likelihood that laws are fitted by.
+
+The compliant law that stands near the engine (`engine_contact.STAND_INS`) is fitted first.  It gives the start, and the
+covariance of the residuals, which hang on the law far less than the residuals do.  From there least squares are the
+engine's own, with steps wide enough for its integrator.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.critique.drops.covariance import residual_covariance
+from thesis_lib.critique.drops.engine_contact import engine_law
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.levenberg_marquardt import NEAR, levenberg_marquardt
+from thesis_lib.critique.drops.model import Model, inward
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.drops.whitening import Whitening, most_probable_scatter, robust
+
+STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
+ROUNDS = 2  # of the scatter beyond noise
+
+
+@dataclass(frozen=True)
+class EngineFit:
+    """An engine fitted to drops; `values` and standard errors `std` by full parameter name, `scatter` in m/s."""
+
+    model: Model
+    values: dict[str, float]
+    std: dict[str, float]
+    scatter: float
+
+
+def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
+    """Fit the engine `name` with the effects of `near`, its stand-in fitted to the same observations.
+
+    Standard errors are those of least squares with the measured noise and the scatter.  UserError if the engine is not
+    installed or fails.
+    """
+    model, S = (replace(near.model, law=engine_law(name)), residual_covariance(near.model, near.values, observations))
+    free = model.fitted_parameters
+    low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
+    x = np.clip([near.values[key] for key in free], low, high)
+    step = np.array([abs(inward(p, value, STEP * p.scale)) for value, p in zip(x.tolist(), free.values())])
+    scatter, values = near.sigma_m, dict(near.values)
+
+    def at(point: np.ndarray) -> dict[str, float]:
+        return values | dict(zip(free, point.tolist()))
+
+    for _ in range(ROUNDS):
+        whitening = Whitening(model, observations, S, scatter)
+        search = levenberg_marquardt(x, low, high, step, NEAR)
+        points = next(search)
+        while points:
+            found = [_residuals(whitening, at(point)) for point in points]
+            try:
+                points = search.send(found)
+            except StopIteration as end:
+                x, points = end.value, []
+        scatter = most_probable_scatter(impact_residuals(model, at(x), observations), S, observations)
+    whitening = Whitening(model, observations, S, scatter)
+    here = _residuals(whitening, at(x))
+    h = np.where(x + step <= high, step, -step)
+    J = np.stack([(_residuals(whitening, at(point)) - here) / d for point, d in zip(x + np.diag(h), h)], axis=1)
+    std = np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True)))
+    return EngineFit(model, at(x), dict.fromkeys(values, 0.0) | dict(zip(free, std.tolist())), scatter)
+
+
+def _residuals(whitening: Whitening, values: dict[str, float]) -> np.ndarray:
+    return np.concatenate([robust(part).ravel() for part in whitening(values)])
