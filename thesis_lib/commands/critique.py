@@ -51,6 +51,7 @@ examples:
   python -m thesis_lib critique data/my_drops -o results/critique/my_drops
   python -m thesis_lib critique data/my_drops --effect tangential_restitution --effect surface_tilt
   python -m thesis_lib critique data/my_drops --effects my_effects.py     looks for an effect of your own, too
+  python -m thesis_lib critique data/my_drops --models laws,mujoco,drake  which simulator is right about it?
   python -m thesis_lib critique data/my_drops --json | jq .verdict
   python -m thesis_lib critique data/before data/after -o results/critique/repair
   python -m thesis_lib critique results/critique/before results/critique/after       runs that are done already
@@ -75,6 +76,11 @@ def build_parser() -> Parser:
     parser.add_argument("-o", "--out", metavar="DIR", help=out)
     parser.add_argument("--effect", action="append", dest="effects", metavar="NAME", help=effect)
     add_option(parser)
+    compared = (
+        "compare these models, each fitted without and with the effects that were named: laws, mujoco, drake, "
+        "drake_hydroelastic; a list with commas (a minute and more)"
+    )
+    parser.add_argument("--models", metavar="LIST", help=compared)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
     parser.add_argument("--json", action="store_true", help=printed)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
@@ -97,6 +103,12 @@ def critique(argv: Sequence[str] | None = None) -> int:
     if args.seed < 0:
         raise UserError(f"--seed must be 0 or more, got {args.seed}.")
     args.effects = args.effects and tuple(dict.fromkeys(args.effects))
+    if args.models is not None:
+        from thesis_lib.critique.engines.compare import read_models
+
+        if args.batch or len(args.paths) > 1:
+            raise UserError("--models compares models on one dataset; give one, without --batch.")
+        args.models = read_models(args.models)
     args.additions = load_additions(args.files, args.paths)
     if args.batch:
         return _batch(args)
@@ -136,7 +148,8 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
-        return criticise_path(path, folder, args.seed, effects=args.effects, say=say), folder
+        options = {"effects": args.effects, "models": args.models or ()}
+        return criticise_path(path, folder, args.seed, **options, say=say), folder
 
 
 def _batch(args: argparse.Namespace) -> int:

@@ -1,6 +1,6 @@
 """Text that the commands print: a diagnosis, and the end of a batch."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,8 @@ def diagnosis_text(content: Mapping) -> str:
             f"      gains {gain[f'held_out_log_score_per_{score}']:.3g} nats {case} (95 %: {low:.3g} to {high:.3g}), "
             f"p = {gain['p_value']:.2g}"
         )
+    if "models" in content:
+        lines += ["", *_models(content["models"])]
     step = content["next_experiment"]
     if step["why"] or "mechanism" not in content:
         lines += ["", f"  next experiment: {step['why']}"]
@@ -76,3 +78,19 @@ def batch_text(batch: "Batch", out: Path) -> str:
         log = out / f"{row['dataset']}.log"
         lines.append(f"  {plain(row['dataset'])} failed: {row['reason']}\n      log: {log}")
     return "\n".join([*lines, f"\nwritten to {out}; open {out / 'index.html'}"])
+
+
+def _models(rows: Sequence[Mapping]) -> list[str]:
+    """Laws and engines side by side."""
+    import pandas as pd
+
+    from thesis_lib.critique.engines.words import model_sentences, model_title
+
+    lines = [f"  {sentence}" for sentence in model_sentences(pd.DataFrame(rows))]
+    titles = [model_title(row["model"]) for row in rows]
+    width = max(map(len, titles))
+    lines.append(f"    {'model':<{width}}  effects  error (m/s)  mu      epsilon")
+    for title, row in zip(titles, rows):
+        numbers = f"{row['error']:<11.4g}  {row['mu']:<6.3f}  {row['epsilon']:.3f}"
+        lines.append(f"    {title:<{width}}  {row['effects']:<7}  {numbers}")
+    return lines

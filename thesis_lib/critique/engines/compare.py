@@ -48,7 +48,7 @@ def compare_models(
 ) -> pd.DataFrame:
     """A row for each model without the named effects, and with them where the critique named some; the best first.
 
-    Columns: `COLUMNS`; error with its 95 % interval and noise floor in m/s, contact time in ms at 1 m/s (NaN of what
+    Columns: `COLUMNS`; error with its 95 % interval and noise floor in m/s, contact time in s at 1 m/s (NaN of what
     takes none), `lacks`: effects that the model cannot have, by name.  UserError if an engine is not installed, or the
     critique has no trajectories: an engine has no instants.
     """
@@ -94,7 +94,7 @@ def _row(
     if timed:
         force = fitted.model.law.force or BASES[RESERVE[0]].force
         loss = force.loss(np.array([values["epsilon"]]))
-        lasting = 1e3 * float(values["tau"] * (force.duration(loss) / force.centroid(loss))[0])
+        lasting = float(values["tau"] * (force.duration(loss) / force.centroid(loss))[0])
     kind = "engine" if name in STAND_INS else "law"
     numbers = (values["mu"], std["mu"], values["epsilon"], std["epsilon"], lasting)
     floor = critique.ladder[-1][2].floor

@@ -6,14 +6,17 @@ Of drops:
     where.json  diagnosis.json  model.json                            schema 1 each; model.json predicts
     <picture>.png .pdf .csv                                           with the numbers drawn
     report.html                                                       one page, readable offline
+    models.csv                                                        laws and engines, where they are compared
 
 Of a mechanism: misfit.csv, mechanism_residuals.png .pdf .csv, diagnosis.json and report.html (`mechanisms`).
 """
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique, criticise
 from thesis_lib.critique.drops.questions.where import where
@@ -24,6 +27,7 @@ from thesis_lib.critique.results.tables import tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.recordings.recording import Recording, is_recording
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json, write_result, write_text
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.report.critique.whole_folder import MODEL_FILE, REGIONS, VERDICT_FILE, whole_folder
@@ -37,6 +41,7 @@ def criticise_path(
     seed: int,
     *,
     effects: Sequence[str] | None = None,
+    models: Sequence[str] = (),
     say: Say = lambda text: None,
 ) -> dict:
     """Criticise the drops or the recording in the folder `path`; UserError if the data cannot be read or criticised.
@@ -46,10 +51,12 @@ def criticise_path(
     if is_recording(path):
         from thesis_lib.datasets.recordings.read import read_recording
 
+        if models:
+            raise UserError(f"{path} is the recording of a mechanism; --models compares models of drops. Leave it out.")
         return recording_folder(read_recording(path), folder, seed, effects=effects, say=say)
     from thesis_lib.datasets.read import read_dataset
 
-    return critique_folder(read_dataset(path), folder, seed, effects=effects, say=say)
+    return critique_folder(read_dataset(path), folder, seed, effects=effects, models=models, say=say)
 
 
 def critique_folder(
@@ -60,6 +67,7 @@ def critique_folder(
     effects: Sequence[str] | None = None,
     settings: CritiqueSettings | None = None,
     arcs: ArcSettings | None = None,
+    models: Sequence[str] = (),
     say: Say = lambda text: None,
 ) -> dict:
     """Criticise a dataset, write everything into `folder`, and return the content of diagnosis.json.
@@ -69,14 +77,20 @@ def critique_folder(
         seed: of the configuration; the stream also depends on the dataset's content.
         effects: switched on instead of the automatic choice; None lets the data choose, () allows none.
         settings, arcs: thresholds, and detection of impacts.
+        models: what is compared beside the critique, of `critique.engines.compare.MODELS`.
         say: called with a line on each step.
 
     UserError if the dataset is too small, or if an effect is unknown or cannot be tested with it.
     """
     rng = generator(seed, "critique", dataset.digest())
     critique = criticise(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+    compared = None
+    if models:
+        from thesis_lib.critique.engines.compare import compare_models
+
+        compared = compare_models(critique, models, say)
     say("writing tables, pictures and report")
-    return write_critique(critique, folder, rng)
+    return write_critique(critique, folder, rng, compared)
 
 
 def recording_folder(
@@ -101,8 +115,13 @@ def recording_folder(
     return write_mechanism_critique(critique, recording.name, folder, rng)
 
 
-def write_critique(critique: Critique, folder: str | Path, rng: np.random.Generator) -> dict:
-    """Write all files of a critique into `folder` and return the content of diagnosis.json."""
+def write_critique(
+    critique: Critique, folder: str | Path, rng: np.random.Generator, models: pd.DataFrame | None = None
+) -> dict:
+    """Write all files of a critique into `folder` and return the content of diagnosis.json.
+
+    `models` is the table of `compare_models`, if models were compared.
+    """
     # late, because the critique itself needs neither pictures nor pages
     from thesis_lib.figures.critique.pictures import pictures
     from thesis_lib.figures.style import png_of, save_figure
@@ -111,6 +130,9 @@ def write_critique(critique: Critique, folder: str | Path, rng: np.random.Genera
     regions = where(critique, rng)
     made = tables(critique, rng)
     content = diagnosis(critique, rng, made["ladder"])
+    if models is not None:
+        made["models"] = models
+        content["models"] = json.loads(models.to_json(orient="records"))
     drawn = pictures(critique, made, regions)
     images = {name: png_of(figure) for name, (figure, _) in drawn.items()}
     page = report_html(critique, content, regions, made, drawn, images)

@@ -64,6 +64,8 @@ def captions(critique: Critique) -> dict[str, str]:
         "with 95 % intervals. Long flights show what the noise of short ones hides.",
         "ladder": "Mean held-out error with its 95 % interval after each added effect, on a logarithmic axis, with "
         f"noise floor and bounds as lines.{misfits}",
+        "models": "Left: mean held-out error of each model with its 95 % interval, on a logarithmic axis. Right: its "
+        "friction. Open: fitted without the named effects; filled: with them; diamonds are physics engines.",
         "parameters": "Each parameter with its 95 % interval, from top to bottom as effects are added.",
     }
 

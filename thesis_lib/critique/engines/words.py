@@ -1,0 +1,42 @@
+"""Which model, and why: sentences from the table of `compare_models`."""
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.drops.engine_contact import STAND_INS
+from thesis_lib.critique.engines.compare import WITH, WITHOUT, spread
+from thesis_lib.critique.results.titles import effect_title, law_title
+from thesis_lib.statistics.wording import listed, number
+
+ALIKE = 1.1  # ratio of friction coefficients up to which engines agree
+
+
+def model_title(name: str) -> str:
+    """Title of a law or an engine."""
+    return STAND_INS[name][1] if name in STAND_INS else law_title(name)
+
+
+def model_sentences(table: pd.DataFrame) -> list[str]:
+    """Which model errs least; how engines agree on friction; what an engine cannot have."""
+    label = WITH if (table["effects"] == WITH).any() else WITHOUT
+    last = table[table["effects"] == label]
+    best = last.iloc[0]
+    alike = [model_title(row.model) for row in last.iloc[1:].itertuples() if row.error_low <= best["error_high"]]
+    named = " with the named effects" if label == WITH else ""
+    first = f"{model_title(best['model'])} errs least{named}: {number(best['error'])} m/s"
+    if np.isfinite(best["noise_floor"]):
+        first += f" (noise floor {number(best['noise_floor'])} m/s)"
+    first += f"; {listed(alike)} cannot be told from it." if alike else "; all others err more."
+    sentences = [first]
+    before, after = spread(table, WITHOUT), spread(table, WITH)
+    if np.isfinite(before):
+        second = f"The engines' friction coefficients differ by a factor of {before:.3g}"
+        if np.isfinite(after):
+            second += f" without the named effects, and of {after:.3g} with them"
+            if before > ALIKE >= after:
+                second += ": they made up for what was missing"
+        sentences.append(f"{second}.")
+    for row in last[last["lacks"] != ""].itertuples():
+        effects = listed([effect_title(name) for name in row.lacks.split(" + ")])
+        sentences.append(f"{model_title(row.model)} cannot have {effects}, and is fitted without.")
+    return sentences

@@ -1,0 +1,27 @@
+"""The part of report.html that answers which model is right about the object: laws and engines side by side."""
+
+import pandas as pd
+from markupsafe import Markup
+
+from thesis_lib.critique.engines.words import model_sentences, model_title
+from thesis_lib.critique.results.titles import effect_title
+from thesis_lib.report.elements import interval, paragraph, plus_minus, table
+from thesis_lib.statistics.wording import listed, number
+
+CAPTION = (
+    "Every model fitted to the training trials and judged on the others: held-out error (m/s) with its 95 % interval, "
+    "friction and restitution with ± half the 95 % interval, duration of a central contact at 1 m/s"
+)
+
+
+def models(found: pd.DataFrame) -> Markup:
+    """What the table says, and the table; `found` is that of `compare_models`."""
+    rows = []
+    for row in found.itertuples():
+        lacks = listed([effect_title(name) for name in str(row.lacks).split(" + ")]) if row.lacks else ""
+        lasting = f"{1e3 * row.contact_time:.3g} ms" if pd.notna(row.contact_time) else "–"
+        pairs = (plus_minus(row.mu, row.mu_std), plus_minus(row.epsilon, row.epsilon_std))
+        error = (number(row.error), interval(row.error_low, row.error_high))
+        rows.append((model_title(str(row.model)), str(row.effects), *error, *pairs, lasting, lacks or "–"))
+    columns = ("model", "named effects", "error", "95 % interval", "μ", "ε", "contact", "cannot have")
+    return paragraph(*model_sentences(found)) + table(CAPTION, columns, rows, numeric=(2, 4, 5, 6))
