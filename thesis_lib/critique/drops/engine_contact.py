@@ -24,6 +24,7 @@ from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, Hidd
 
 MASS = 1.0  # kg: planar drops tell no mass, and contacts are given by what they do
 SHORTEST = 2e-5  # s; an engine's shortest contact
+INSTANT = 1e-4  # s, for what is measured at instants: a body hardly moves meanwhile
 LONGEST = 2e-2  # s
 STAND_INS = {  # engine: the compliant law near it, and its title
     "mujoco": ("convex_contact", "MuJoCo"),
@@ -107,7 +108,9 @@ def _groups(
     assert law.force is not None  # the stand-in's
     names = [name for name in CAUSE_OF if name in values]
     loss = law.force.loss(np.full(n, values["epsilon"]))
-    lasting = np.full(n, values["tau"]) * law.force.duration(loss) / law.force.centroid(loss)
+    lasting = np.full(n, INSTANT)
+    if "tau" in values:
+        lasting = np.full(n, values["tau"]) * law.force.duration(loss) / law.force.centroid(loss)
     ratio = np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null))
     own = (mu, epsilon) if law.engine != "mujoco" else (np.zeros(n), np.zeros(n))
     columns = [np.clip(lasting, SHORTEST, LONGEST), ratio, *own, *(np.full(n, values[name]) for name in names)]

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import roots_gegenbauer
 
 from thesis_lib.critique.drops.contact_time import TURNED
+from thesis_lib.critique.drops.engine_contact import press_in_engine
 from thesis_lib.critique.drops.episodes import MOST_HITS, play
 from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import Model
@@ -125,6 +126,10 @@ def impact_residuals(
 def predict(model: Model, values: Mapping[str, float], observations: Observations, before: State) -> Prediction:
     """What follows from the measured states `before` impact."""
     o, rig, n = observations, observations.rig, len(before.x)
+    if not o.arcs and model.law.engine:
+        active = model.active(values)
+        after, _ = press_in_engine(model, values, rig, model.to_true(before, active, rig))
+        return Prediction(model.to_measured(after, active, rig).v, None, None)
     if not o.arcs:
         return Prediction(model.predict(before, values, rig, o.offset).v, None, None)
     v, touch, q = np.empty((n, 3)), np.zeros(n), None

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.contact import CANDIDATE_LAWS
+from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.bases import BASES, RESERVE
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.engine_contact import STAND_INS, engine_law, lacks
 from thesis_lib.critique.drops.fit import ROUNDS, fit
@@ -28,7 +29,7 @@ LAWS = "laws"
 MODELS = (LAWS, *STAND_INS)
 COLUMNS = (
     *("model", "kind", "effects", "lacks", "mu", "mu_std", "epsilon", "epsilon_std", "contact_time"),
-    *("error", "error_low", "error_high", "noise_floor"),
+    *("error", "error_low", "error_high", "behind", "behind_low", "behind_high", "noise_floor"),
 )
 WITHOUT, WITH = "without", "with"
 
@@ -48,24 +49,29 @@ def compare_models(
 ) -> pd.DataFrame:
     """A row for each model without the named effects, and with them where the critique named some; the best first.
 
-    Columns: `COLUMNS`; error with its 95 % interval and noise floor in m/s, contact time in s at 1 m/s (NaN of what
-    takes none), `lacks`: effects that the model cannot have, by name.  UserError if an engine is not installed, or the
-    critique has no trajectories: an engine has no instants.
+    Columns: `COLUMNS`; in m/s error with its 95 % interval, and how far it is behind the best with the same effects,
+    compared impact by impact; contact time in s at 1 m/s (NaN where contacts are taken as instants: engines then have
+    `engine_contact.INSTANT`); `lacks`: effects that the model cannot have, by name.  UserError if an engine is not
+    installed.
     """
     engines = [name for name in names if name in STAND_INS]
-    if engines and not critique.observations.arcs:
-        raise UserError(f"{critique.dataset} has no trajectories; engines ({', '.join(engines)}) need the flights.")
     final = critique.ladder[-1][1]
     sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
-    rows = []
+    parts = []
     for label, effects in sets.items():
         start = {name: final.values[name] for name in _of_effects(final.values, effects)}
+        rows, errors = [], []
         for name in [*_laws(critique) * (LAWS in names), *engines]:
             say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
-            rows.append(_row(critique, name, label, effects, start))
-    table = pd.DataFrame(rows, columns=list(COLUMNS))
-    order = table.assign(order=table["effects"] == WITHOUT).sort_values(["order", "error"], kind="stable").index
-    return table.loc[order].reset_index(drop=True)
+            row, error = _row(critique, name, label, effects, start)
+            rows.append(row)
+            errors.append(error)
+        best = errors[int(np.argmin([error.mean() for error in errors]))]
+        behind = [clustered_mean(error - best, critique.held_out.trial) for error in errors]
+        part = pd.DataFrame(rows).assign(noise_floor=critique.ladder[-1][2].floor)
+        part[["behind", "behind_low", "behind_high"]] = np.array(behind)
+        parts.insert(0, part.sort_values("error", kind="stable"))
+    return pd.concat(parts, ignore_index=True)[list(COLUMNS)]
 
 
 def _laws(critique: Critique) -> list[str]:
@@ -79,8 +85,8 @@ def _of_effects(values: Mapping[str, float], effects: Sequence[Effect]) -> list[
 
 def _row(
     critique: Critique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
-) -> tuple[object, ...]:
-    """One model fitted to the training trials and judged on the others."""
+) -> tuple[dict[str, object], np.ndarray]:
+    """One model fitted to the training trials, and its errors (n,) in m/s on the others."""
     timed = critique.ladder[-1][1].model.takes_time
     missing = lacks(name, effects) if name in STAND_INS else []
     own = tuple(effect for effect in effects if effect.name not in missing)
@@ -89,16 +95,17 @@ def _row(
     law = fit(Model(BASES[base], own, timed), critique.training, kept, rounds=ROUNDS)
     fitted = fit_engine(name, law, critique.training) if name in STAND_INS else law
     error = held_out_error(fitted.model, fitted.values, critique.held_out)
-    values, std = fitted.values, fitted.std
-    lasting = np.nan
+    values, std, lasting = fitted.values, fitted.std, np.nan
     if timed:
-        force = fitted.model.law.force or BASES[RESERVE[0]].force
+        force = fitted.model.law.force or NormalForce()
         loss = force.loss(np.array([values["epsilon"]]))
         lasting = float(values["tau"] * (force.duration(loss) / force.centroid(loss))[0])
     kind = "engine" if name in STAND_INS else "law"
-    numbers = (values["mu"], std["mu"], values["epsilon"], std["epsilon"], lasting)
-    floor = critique.ladder[-1][2].floor
-    return (name, kind, label, " + ".join(missing), *numbers, *clustered_mean(error, critique.held_out.trial), floor)
+    row: dict[str, object] = {"model": name, "kind": kind, "effects": label, "lacks": " + ".join(missing)}
+    row |= {key: value for one in ("mu", "epsilon") for key, value in ((one, values[one]), (f"{one}_std", std[one]))}
+    row["contact_time"] = lasting
+    row |= dict(zip(("error", "error_low", "error_high"), clustered_mean(error, critique.held_out.trial)))
+    return row, error
 
 
 def held_out_error(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:

@@ -21,7 +21,7 @@ def model_sentences(table: pd.DataFrame) -> list[str]:
     label = WITH if (table["effects"] == WITH).any() else WITHOUT
     last = table[table["effects"] == label]
     best = last.iloc[0]
-    alike = [model_title(row.model) for row in last.iloc[1:].itertuples() if row.error_low <= best["error_high"]]
+    alike = [model_title(row.model) for row in last.iloc[1:].itertuples() if row.behind_low <= 0.0]
     named = " with the named effects" if label == WITH else ""
     first = f"{model_title(best['model'])} errs least{named}: {number(best['error'])} m/s"
     if np.isfinite(best["noise_floor"]):

@@ -34,9 +34,9 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     shown = [*table["error"], *([floor] if np.isfinite(floor) else [])]
     readable_log(left, shown, shown)
     left.set_yticks(range(len(names)), [model_title(name) for name in names])
-    left.set(ylim=(len(names) - 0.5, -0.5), xlabel="held-out error of the velocity after impact (m/s)")
+    left.set(ylim=(len(names) - 0.5, -0.5), xlabel="held-out error (m/s)")
     low, high = table["mu"].quantile([0.1, 0.9])
-    right.set(xlabel="friction μ, with 95 % interval", xlim=(max(0.0, low - 0.5 * high), 1.5 * high))
+    right.set(xlabel="friction μ (95 % interval)", xlim=(max(0.0, low - 0.5 * high), 1.5 * high))
     right.tick_params(axis="y", left=False)
     handles = [
         Line2D([], [], marker=marker, linestyle="", color=edge, markerfacecolor=face, label=f"{kind}, {LABELS[label]}")

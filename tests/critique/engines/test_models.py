@@ -1,0 +1,204 @@
+"""Engines as laws of the critique, and the table that compares them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from thesis_lib.bodies.body import Body
+from thesis_lib.commands.critique import critique as command
+from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.engine_contact import CAUSE_OF, MASS, STAND_INS, engine_law, lacks, press_in_engine
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_models, read_models
+from thesis_lib.critique.engines.words import model_sentences
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Rig, State
+from thesis_lib.engines.drake_engine import DrakeEngine
+from thesis_lib.engines.engine import impacts
+from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
+from thesis_lib.figures.critique.models import draw_models
+from thesis_lib.foundation.columns import explain
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.report.critique.models import models as page_of_models
+from thesis_lib.simulate.mujoco.causes import MujocoCauses
+from thesis_lib.simulate.mujoco.contact import MujocoContact
+from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+from thesis_lib.simulate.rig.hidden_causes import (
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    CompliantContact,
+    HiddenCauses,
+)
+
+RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
+T = 1e-3  # s
+VALUES = {"mu": 0.2, "epsilon": 0.6, "damping_ratio": 10.0}
+OFFSET = 1e-3  # m
+
+
+def at_touch(n: int, seed: int = 0) -> State:
+    rng = np.random.default_rng(seed)
+    theta = rng.uniform(-np.pi, np.pi, n)
+    r = ELLIPSE_BODY.shape.contact_point(theta)
+    v = np.column_stack([rng.uniform(-1.0, 1.0, n), rng.uniform(-3.0, -1.0, n), rng.uniform(-8.0, 8.0, n)])
+    return State.of(np.column_stack([np.zeros(n), -r[:, 1], theta]), v, np.arange(n), np.zeros(n))
+
+
+def model_of(engine: str, *effects: str) -> Model:
+    return Model(engine_law(engine), tuple(EFFECTS[name] for name in effects), takes_time=True)
+
+
+def values_of(engine: str, **more: float) -> dict:
+    force = engine_law(engine).force
+    loss = force.loss(np.array([VALUES["epsilon"]]))
+    return VALUES | {"tau": T * float((force.centroid(loss) / force.duration(loss))[0])} | more
+
+
+@pytest.mark.parametrize("effects", [{}, {"com_offset.c_x": OFFSET, "com_offset.c_y": 0.0, "wrong_inertia.d_I": 0.1}])
+def test_mujoco_resolves_the_contact_with_those_numbers(effects):
+    touch, names = at_touch(12), ["com_offset", "wrong_inertia"] if effects else []
+    after, took = press_in_engine(model_of("mujoco", *names), values_of("mujoco", **effects), RIG, touch)
+    causes = HiddenCauses(**{CAUSE_OF[key]: value for key, value in effects.items()})
+    contact = MujocoContact(contact_time=T, impratio=10.0, steps=STEPS, mu=VALUES["mu"], epsilon=VALUES["epsilon"])
+    body = Body(shape=RIG.shape, mass=MASS, radius_of_gyration=RIG.k_g)
+    expected = impacts(MujocoEngine(body, 12, contact=contact, causes=causes), touch.q, touch.v)
+    np.testing.assert_allclose(after.v, expected.v, atol=1e-6)
+    np.testing.assert_allclose(took, expected.t, atol=1e-9)
+    assert (took > 0.5 * T).all()
+    if effects:
+        without, _ = press_in_engine(model_of("mujoco"), values_of("mujoco"), RIG, touch)
+        assert np.abs(after.v - without.v).max() > 0.05
+
+
+def test_drake_has_epsilon_and_time_at_its_own_speed():
+    touch = at_touch(4)
+    after, _ = press_in_engine(model_of("drake"), values_of("drake"), RIG, touch)
+    body = Body(shape=RIG.shape, mass=MASS, radius_of_gyration=RIG.k_g)
+    same = [
+        impacts(DrakeEngine(body, 4, contact=CompliantContact(mu=0.2, epsilon=e, contact_time=T)), touch.q, touch.v).v
+        for e in (0.2, 0.4)
+    ]
+    lost = [np.abs(v[:, 1] - touch.vy).mean() for v in (*same, after.v)]
+    assert lost[0] < lost[2]  # ε 0.6 at 1 m/s is between 0.2 and 0.4 at 2.5 m/s
+    assert np.isfinite(after.v).all()
+
+
+def test_each_body_has_its_own_values():
+    touch = at_touch(6)
+    model, values = model_of("mujoco", "com_offset"), values_of("mujoco", **{"com_offset.c_y": 0.0})
+    sizes = np.repeat([0.0, OFFSET], 3)
+    mu = np.tile([0.1, 0.2, 0.3], 2)
+    together, _ = press_in_engine(model, values | {"com_offset.c_x": sizes, "mu": mu}, RIG, touch)
+    for i in range(6):
+        own = values | {"com_offset.c_x": sizes[i], "mu": mu[i]}
+        alone, _ = press_in_engine(model, own, RIG, touch.select(np.array([i])))
+        np.testing.assert_allclose(together.v[i], alone.v[0], atol=1e-9)
+
+
+def test_a_moving_surface_is_a_change_of_frame():
+    touch, speed = at_touch(5), 0.3
+    carried = touch.moved(vx=touch.vx + speed)
+    still, took = press_in_engine(model_of("mujoco"), values_of("mujoco"), RIG, touch)
+    moving = values_of("mujoco", **{"moving_surface.V": speed})
+    after, _ = press_in_engine(model_of("mujoco", "moving_surface"), moving, RIG, carried)
+    np.testing.assert_allclose(after.vx, still.vx + speed, atol=1e-9)
+    np.testing.assert_allclose(after.x, still.x + speed * took, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("engine", "effects", "missing"),
+    [
+        ("mujoco", ("com_offset", "moving_surface", "linear_drag", "mirrored_rotation"), []),
+        ("mujoco", ("position_dependent_restitution", "wear"), []),
+        ("drake", ("position_dependent_restitution", "surface_tilt"), ["position_dependent_restitution"]),
+        ("mujoco", ("tangential_compliance", "wear"), ["tangential_compliance"]),
+        ("drake", ("velocity_dependent_friction", "contact_torque"), ["velocity_dependent_friction", "contact_torque"]),
+    ],
+)
+def test_what_an_engine_cannot_have_is_told(engine, effects, missing):
+    assert lacks(engine, [EFFECTS[name] for name in effects]) == missing
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("laws,bullet", "knows no 'bullet'; known are laws, mujoco, drake"), (" , ", "at least one")]
+)
+def test_models_that_are_unknown_are_refused(text, said):
+    with pytest.raises(UserError, match=said):
+        read_models(text)
+    assert read_models("laws, mujoco,mujoco") == ("laws", "mujoco")
+
+
+def test_the_command_refuses_models_of_many_datasets(tmp_path, capsys):
+    assert command(["--batch", str(tmp_path), "--models", "laws"]) == 2
+    assert "--models compares models on one dataset" in capsys.readouterr().err
+    assert command([str(tmp_path), "--models", "gazebo"]) == 2
+    assert "knows no 'gazebo'" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Squares of MuJoCo whose centre of mass is displaced, criticised and compared."""
+    contact, rng = MujocoContact(mu=0.2, epsilon=0.6, contact_time=T), np.random.default_rng(3)
+    hidden = MujocoCauses(com_offset_x=OFFSET)
+    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, 40, contact=contact, hidden=hidden, noise=RIG_NOISE, rng=rng)
+    dataset = Dataset("squares", made.header, made.trajectories)
+    settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)
+    judged = criticise(dataset, rng=np.random.default_rng(0), settings=settings)
+    said: list[str] = []
+    return judged, compare_models(judged, ("laws", "mujoco"), said.append), said
+
+
+@pytest.mark.slow
+def test_an_engine_is_recognised_as_the_model_of_its_own_drops(found):
+    judged, table, said = found
+    assert [step.effect.name for step in judged.discovery.steps] == ["com_offset"]
+    explain("models", table.columns)
+    assert tuple(table.columns) == COLUMNS and len(said) == len(table)
+    best = table.iloc[0]
+    assert (best["model"], best["effects"], best["behind"]) == ("mujoco", WITH, 0.0)
+    assert best["error"] < 1.25 * best["noise_floor"]
+    assert abs(best["mu"] - 0.2) < 4.0 * best["mu_std"] and abs(best["epsilon"] - 0.6) < 4.0 * best["epsilon_std"]
+    assert best["contact_time"] == pytest.approx(T, rel=0.05)
+    without = table[(table["model"] == "mujoco") & (table["effects"] == WITHOUT)].iloc[0]
+    assert without["error"] > 2.0 * best["error"]
+    rigid = table[(table["model"] == "mirtich") & (table["effects"] == WITH)].iloc[0]
+    assert rigid["behind_low"] > 0.0
+
+
+@pytest.mark.slow
+def test_what_is_compared_is_told_and_drawn(found):
+    _, table, _ = found
+    first, *others = model_sentences(table)
+    assert first.startswith("MuJoCo errs least with the named effects: ") and "noise floor" in first
+    assert not others  # one engine agrees with itself
+    page = str(page_of_models(table)).replace("\N{NO-BREAK SPACE}", " ")
+    assert first in page and page.count("<tr") == len(table) + 1
+    figure, numbers = draw_models(table)
+    assert numbers is table and len(figure.axes) == 2
+    assert next(label.get_text() for label in figure.axes[0].get_yticklabels()) == "MuJoCo"
+
+
+def made_up(**more) -> pd.DataFrame:
+    row = {"kind": "engine", "lacks": "", "epsilon": 0.5, "behind_low": 0.01, "noise_floor": 0.01} | more
+    rows = [
+        {"model": "mujoco", "effects": WITH, "mu": 0.20, "error": 0.010},
+        {"model": "drake", "effects": WITH, "mu": 0.21, "error": 0.020, "lacks": "wear"},
+        {"model": "mujoco", "effects": WITHOUT, "mu": 0.10, "error": 0.1},
+        {"model": "drake", "effects": WITHOUT, "mu": 0.30, "error": 0.1},
+    ]
+    return pd.DataFrame([row | one for one in rows])
+
+
+def test_engines_that_made_up_for_a_hidden_cause_are_told():
+    first, second, third = model_sentences(made_up())
+    assert (
+        first == "MuJoCo errs least with the named effects: 0.0100 m/s (noise floor 0.0100 m/s); all others err more."
+    )
+    assert "by a factor of 3 without the named effects, and of 1.05 with them: they made up" in second
+    assert third == "Drake, point contact cannot have wear, and is fitted without."
+    assert "cannot be told from it" in model_sentences(made_up(behind_low=-0.001))[0]
+    assert set(STAND_INS) == {"mujoco", "drake", "drake_hydroelastic"}
