@@ -5,7 +5,7 @@ a central impact at `REFERENCE_SPEED`.  Hydroelastic bodies are ellipses, disks 
 whose pressure field stays in the plane.
 """
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.engines.engine import mechanics
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
+
+if TYPE_CHECKING:
+    from thesis_lib.simulate.drake.hunt_crossley import Spring
 
 POINTS = 20  # states of a path in one contact time
 ACCURACY = 1e-3  # relative, of Drake's error control; a tenth of it moves velocities by 0.1 mm/s
@@ -31,14 +34,17 @@ class DrakeEngine:
         causes: HiddenCauses | None = None,
         gravity: float = 9.81,
         surface: Literal["point", "hydroelastic"] = "point",
+        spring: "Spring | None" = None,
     ) -> None:
-        """UserError for causes that no engine has, an unknown surface, and a hydroelastic polygon but a rectangle."""
+        """`spring` replaces that of ε and T in point contact.
+
+        UserError for causes that no engine has, an unknown surface, and a hydroelastic polygon but a rectangle."""
         try:
             from thesis_lib.simulate.drake.clock import Clock
             from thesis_lib.simulate.drake.plant import drop_plant
         except ImportError as error:
             raise UserError(f"Drake cannot be used here ({error}): pip install drake.") from error
-        from thesis_lib.simulate.drake.hunt_crossley import spring
+        from thesis_lib.simulate.drake.hunt_crossley import spring as spring_of
         from thesis_lib.simulate.drake.modulus import solid
 
         if surface not in CONTACTS:
@@ -48,7 +54,10 @@ class DrakeEngine:
         self.mechanics = mechanics(body, contact, causes, gravity, n)
         T, mass = contact.contact_time, self.mechanics.mass
         self.h = T / POINTS
-        made_of = spring(contact.epsilon, T, mass) if surface == "point" else solid(body, contact.epsilon, T)
+        if surface == "point":
+            made_of = spring or spring_of(contact.epsilon, T, mass)
+        else:
+            made_of = solid(body, contact.epsilon, T)
         self._clock = Clock(drop_plant(body, contact, causes, gravity, made_of), T, ACCURACY)
 
     def press(self, rows: np.ndarray, q: np.ndarray, v: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:

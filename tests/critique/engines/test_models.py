@@ -7,7 +7,17 @@ import pytest
 from thesis_lib.bodies.body import Body
 from thesis_lib.commands.critique import critique as command
 from thesis_lib.critique.drops.criticise import criticise
-from thesis_lib.critique.drops.engine_contact import CAUSE_OF, MASS, STAND_INS, engine_law, lacks, press_in_engine
+from thesis_lib.critique.drops.engine_contact import (
+    CAUSE_OF,
+    DEFAULT,
+    LATE,
+    MASS,
+    STAND_INS,
+    default_values,
+    engine_law,
+    lacks,
+    press_in_engine,
+)
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_models, read_models
@@ -109,6 +119,18 @@ def test_a_moving_surface_is_a_change_of_frame():
     np.testing.assert_allclose(after.x, still.x + speed * took, atol=1e-9)
 
 
+@pytest.mark.parametrize("engine", ["mujoco", "drake"])
+def test_the_default_contact_is_that_of_the_engine(engine):
+    """MuJoCo's contact lasts 40 ms and gives back a seventh; Drake's hardly gives anything back."""
+    values, mass = default_values(engine, 0.05), 0.05
+    touch = at_touch(12)
+    after, took = press_in_engine(model_of(f"{engine}{DEFAULT}"), values, RIG, touch)
+    energy = [v[:, 0] ** 2 + v[:, 1] ** 2 + (RIG.k_g * v[:, 2]) ** 2 for v in (touch.v, after.v)]
+    assert (energy[1] < 0.6 * energy[0]).all() and (took <= LATE).all()
+    lighter = default_values(engine, 0.5 * mass)
+    assert (lighter == values) == (engine == "mujoco")  # Drake's stiffness is in N/m
+
+
 @pytest.mark.parametrize(
     ("engine", "effects", "missing"),
     [
@@ -157,7 +179,7 @@ def test_an_engine_is_recognised_as_the_model_of_its_own_drops(found):
     judged, table, said = found
     assert [step.effect.name for step in judged.discovery.steps] == ["com_offset"]
     explain("models", table.columns)
-    assert tuple(table.columns) == COLUMNS and len(said) == len(table)
+    assert tuple(table.columns) == COLUMNS and len(said) == (table["kind"] != "default").sum()
     best = table.iloc[0]
     assert (best["model"], best["effects"], best["behind"]) == ("mujoco", WITH, 0.0)
     assert best["error"] < 1.25 * best["noise_floor"]
@@ -167,14 +189,17 @@ def test_an_engine_is_recognised_as_the_model_of_its_own_drops(found):
     assert without["error"] > 2.0 * best["error"]
     rigid = table[(table["model"] == "mirtich") & (table["effects"] == WITH)].iloc[0]
     assert rigid["behind_low"] > 0.0
+    default = table[(table["model"] == "mujoco:default") & (table["effects"] == WITH)].iloc[0]
+    assert (default["kind"], default["mu"], default["mu_std"]) == ("default", 1.0, 0.0)
+    assert default["error"] > 20.0 * best["error"]
 
 
 @pytest.mark.slow
 def test_what_is_compared_is_told_and_drawn(found):
     _, table, _ = found
-    first, *others = model_sentences(table)
+    first, second = model_sentences(table)  # one engine agrees with itself
     assert first.startswith("MuJoCo errs least with the named effects: ") and "noise floor" in first
-    assert not others  # one engine agrees with itself
+    assert second.startswith("MuJoCo at its defaults errs by ") and "times as much as fitted" in second
     page = str(page_of_models(table)).replace("\N{NO-BREAK SPACE}", " ")
     assert first in page and page.count("<tr") == len(table) + 1
     figure, numbers = draw_models(table)

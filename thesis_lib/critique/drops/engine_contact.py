@@ -14,32 +14,56 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.bodies.body import Body
+from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import DAMPING_RATIO
 from thesis_lib.critique.drops.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Rig, State
 from thesis_lib.engines.engine import OUTSIDE, Press, impacts
+from thesis_lib.engines.parameters import DrakeNumbers, MujocoNumbers, drake_numbers, of_drake, of_mujoco
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 
 MASS = 1.0  # kg: planar drops tell no mass, and contacts are given by what they do
 SHORTEST = 2e-5  # s; an engine's shortest contact
 INSTANT = 1e-4  # s, for what is measured at instants: a body hardly moves meanwhile
-LONGEST = 2e-2  # s
+LONGEST = 0.1  # s
+LATE = 5e-3  # s; what a contact that takes longer leaves is compared as if it came then: the arc after it is measured
 STAND_INS = {  # engine: the compliant law near it, and its title
     "mujoco": ("convex_contact", "MuJoCo"),
     "drake": ("hunt_crossley_contact", "Drake, point contact"),
     "drake_hydroelastic": ("pressure_field_contact", "Drake, hydroelastic"),
 }
+DEFAULT = ":default"  # behind an engine's name: with the contact that it gives to who asks for none
+# MuJoCo's contact, with the impedance of a deep one, and Drake's of geometries that state no property
+MUJOCO_DEFAULT = MujocoNumbers((0.02, 1.0), (0.9, 0.95, 1e-3, 0.5, 2.0), friction=1.0, impratio=1.0)
+DRAKE_DEFAULT = DrakeNumbers(stiffness=1e6, dissipation=50.0, friction=0.5)
 CAUSE_OF = {f"{CAUSES[name].effects[0]}.{CAUSES[name].parameter}": name for name in OUTSIDE}
 FRAME = "moving_surface"
 _OF_FORCE = ("to_contact", "from_contact", "contact_point", "radius_of_gyration", "impulse", "gap", "contact_time")
 
 
 def engine_law(name: str) -> Law:
-    """The engine as a law; KeyError for another name."""
-    base, title = STAND_INS[name]
+    """The engine as a law, "mujoco:default" with its default contact; KeyError for another name."""
+    engine, default = name.removesuffix(DEFAULT), name.endswith(DEFAULT)
+    base, title = STAND_INS[engine]
+    title += " at its defaults" * default
     return replace(BASES[base], name=name, title=title, engine=name, reference="its own contact")
+
+
+def default_values(engine: str, mass: float) -> dict[str, float]:
+    """The engine's default contact as values of its law; in Drake it hangs on the `mass` of the body in kg."""
+    force = engine_law(engine).force
+    assert force is not None  # the stand-in's
+    if engine == "mujoco":
+        mu, epsilon, lasting = of_mujoco(MUJOCO_DEFAULT)
+        ratio = {DAMPING_RATIO.name: MUJOCO_DEFAULT.impratio}
+    else:
+        mu, epsilon, lasting = of_drake(DRAKE_DEFAULT, mass, speed=SPEED)
+        ratio = {}
+    loss = force.loss(np.array([epsilon]))
+    tau = lasting * float((force.centroid(loss) / force.duration(loss))[0])
+    return {"mu": mu, "epsilon": epsilon, "tau": tau, **ratio}
 
 
 def lacks(engine: str, effects: Sequence[Effect]) -> list[str]:
@@ -62,7 +86,7 @@ def press_in_engine(
     """True states (n,) when the bodies are off the surface, from true states at first touch, and the time (n,) in s.
 
     `values` are numbers, or arrays (n,) with one for each body; bodies with equal ones share an engine.  A contact that
-    lasts longer than the engine lets it ends there, whatever is `left`.
+    lasts longer than the engine lets it ends there, whatever is `left`; times are at most `LATE`.
     """
     del left
     n, active = len(true.x), model.active(values)
@@ -77,7 +101,7 @@ def press_in_engine(
         engine = _engine(model.law, rig, mu[rows], epsilon[rows], settings)
         out = impacts(engine, q[rows], v[rows])
         after_q[rows] = q[rows] + out.q - _set_down(engine, q[rows])
-        after_v[rows], elapsed[rows] = out.v, out.t
+        after_v[rows], elapsed[rows] = out.v, np.minimum(out.t, LATE)
     shift = after_q - q
     after = State.of(seen.q + shift, after_v, true.trial, true.t + elapsed)
     for effect, p in reversed(frame):
@@ -105,14 +129,14 @@ def _groups(
 ) -> Iterator[tuple[np.ndarray, tuple[float, float, dict]]]:
     """Rows of bodies that share an engine, and its settings: contact time in s, impratio, causes."""
     n, law = len(mu), model.law
-    assert law.force is not None  # the stand-in's
+    assert law.force is not None
     names = [name for name in CAUSE_OF if name in values]
     loss = law.force.loss(np.full(n, values["epsilon"]))
     lasting = np.full(n, INSTANT)
     if "tau" in values:
         lasting = np.full(n, values["tau"]) * law.force.duration(loss) / law.force.centroid(loss)
     ratio = np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null))
-    own = (mu, epsilon) if law.engine != "mujoco" else (np.zeros(n), np.zeros(n))
+    own = (mu, epsilon) if not law.engine.startswith("mujoco") else (np.zeros(n), np.zeros(n))
     columns = [np.clip(lasting, SHORTEST, LONGEST), ratio, *own, *(np.full(n, values[name]) for name in names)]
     different, group = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
     for k, (T, impratio, _, _, *sizes) in enumerate(different.tolist()):
@@ -123,22 +147,28 @@ def _engine(law: Law, rig: Rig, mu: np.ndarray, epsilon: np.ndarray, settings: t
     T, impratio, sizes = settings
     body = Body(shape=rig.shape, mass=MASS, radius_of_gyration=rig.k_g)  # pyright: ignore[reportArgumentType]
     causes, n, least = HiddenCauses(**sizes), len(mu), 1e-3
-    if law.engine == "mujoco":
+    if law.engine.startswith("mujoco"):
         from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
         from thesis_lib.simulate.mujoco.contact import MujocoContact
 
-        contact = MujocoContact.model_construct(contact_time=T, impratio=max(impratio, 1.0), steps=STEPS)
+        impedance = {"impedance": MUJOCO_DEFAULT.solimp[1]} if law.engine.endswith(DEFAULT) else {}
+        contact = MujocoContact.model_construct(contact_time=T, impratio=max(impratio, 1.0), steps=STEPS, **impedance)
         options = {"contact": contact, "causes": causes, "gravity": rig.gravity}
         return MujocoEngine(body, n, **options, mu=mu, epsilon=np.clip(epsilon, least, 1.0))
     from thesis_lib.engines.drake_engine import DrakeEngine
-    from thesis_lib.engines.parameters import drake_numbers, of_drake
+    from thesis_lib.simulate.drake.hunt_crossley import Spring, duration
 
+    if law.engine == f"drake{DEFAULT}":
+        d = DRAKE_DEFAULT.dissipation
+        spring = Spring(MASS * (duration(d * SPEED, 1.0) / T) ** 2, d)
+        contact = CompliantContact.model_construct(mu=float(mu[0]), epsilon=least, contact_time=T)
+        return DrakeEngine(body, n, contact=contact, causes=causes, gravity=rig.gravity, spring=spring)
     # the law's ε and time are those at 1 m/s
     friction, e, lasting = of_drake(
-        drake_numbers(float(mu[0]), max(float(epsilon[0]), least), T, mass=MASS, speed=1.0), MASS
+        drake_numbers(float(mu[0]), max(float(epsilon[0]), least), T, mass=MASS, speed=SPEED), MASS
     )
     contact = CompliantContact.model_construct(mu=friction, epsilon=e, contact_time=lasting)
-    surface = "hydroelastic" if law.engine == "drake_hydroelastic" else "point"
+    surface = "hydroelastic" if law.engine.startswith("drake_hydroelastic") else "point"
     return DrakeEngine(body, n, contact=contact, causes=causes, gravity=rig.gravity, surface=surface)
 
 

@@ -14,7 +14,7 @@ from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.engine_contact import STAND_INS, engine_law, lacks
+from thesis_lib.critique.drops.engine_contact import DEFAULT, MASS, STAND_INS, default_values, engine_law, lacks
 from thesis_lib.critique.drops.fit import ROUNDS, fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
@@ -63,9 +63,11 @@ def compare_models(
         rows, errors = [], []
         for name in [*_laws(critique) * (LAWS in names), *engines]:
             say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
-            row, error = _row(critique, name, label, effects, start)
-            rows.append(row)
-            errors.append(error)
+            found = [_row(critique, name, label, effects, start)]
+            if name in STAND_INS and critique.observations.arcs:
+                found.append(_default(critique, name, label, effects, start))
+            rows += [row for row, _ in found]
+            errors += [error for _, error in found]
         best = errors[int(np.argmin([error.mean() for error in errors]))]
         behind = [clustered_mean(error - best, critique.held_out.trial) for error in errors]
         part = pd.DataFrame(rows).assign(noise_floor=critique.ladder[-1][2].floor)
@@ -94,14 +96,34 @@ def _row(
     base = STAND_INS[name][0] if name in STAND_INS else name
     law = fit(Model(BASES[base], own, timed), critique.training, kept, rounds=ROUNDS)
     fitted = fit_engine(name, law, critique.training) if name in STAND_INS else law
-    error = held_out_error(fitted.model, fitted.values, critique.held_out)
-    values, std, lasting = fitted.values, fitted.std, np.nan
-    if timed:
-        force = fitted.model.law.force or NormalForce()
+    row: dict[str, object] = {"kind": "engine" if name in STAND_INS else "law", "effects": label}
+    return _judged(critique, row | {"lacks": " + ".join(missing)}, fitted.model, fitted.values, fitted.std)
+
+
+def _default(
+    critique: Critique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
+) -> tuple[dict[str, object], np.ndarray]:
+    """An engine with its default contact, and the effects as the critique fitted them."""
+    missing = lacks(name, effects)
+    own = tuple(effect for effect in effects if effect.name not in missing)
+    body = critique.source.header.body if critique.source else None
+    values = default_values(name, (body.mass if body else None) or MASS)
+    values |= {key: value for key, value in start.items() if key.split(".")[0] not in missing}
+    model = Model(engine_law(f"{name}{DEFAULT}"), own, takes_time=True)
+    row: dict[str, object] = {"kind": "default", "effects": label, "lacks": " + ".join(missing)}
+    return _judged(critique, row, model, values, dict.fromkeys(values, 0.0))
+
+
+def _judged(
+    critique: Critique, row: dict[str, object], model: Model, values: Mapping[str, float], std: Mapping[str, float]
+) -> tuple[dict[str, object], np.ndarray]:
+    """The row of a model, with its numbers and its held-out error, and the errors (n,) in m/s."""
+    error, lasting = held_out_error(model, values, critique.held_out), np.nan
+    if model.takes_time:
+        force = model.law.force or NormalForce()
         loss = force.loss(np.array([values["epsilon"]]))
         lasting = float(values["tau"] * (force.duration(loss) / force.centroid(loss))[0])
-    kind = "engine" if name in STAND_INS else "law"
-    row: dict[str, object] = {"model": name, "kind": kind, "effects": label, "lacks": " + ".join(missing)}
+    row = {"model": model.law.name, **row}
     row |= {key: value for one in ("mu", "epsilon") for key, value in ((one, values[one]), (f"{one}_std", std[one]))}
     row["contact_time"] = lasting
     row |= dict(zip(("error", "error_low", "error_high"), clustered_mean(error, critique.held_out.trial)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.engine_contact import STAND_INS
+from thesis_lib.critique.drops.engine_contact import DEFAULT, STAND_INS, engine_law
 from thesis_lib.critique.engines.compare import WITH, WITHOUT, spread
 from thesis_lib.critique.results.titles import effect_title, law_title
 from thesis_lib.statistics.wording import listed, number
@@ -13,13 +13,13 @@ ALIKE = 1.1  # ratio of friction coefficients up to which engines agree
 
 def model_title(name: str) -> str:
     """Title of a law or an engine."""
-    return STAND_INS[name][1] if name in STAND_INS else law_title(name)
+    return engine_law(name).title if name.removesuffix(DEFAULT) in STAND_INS else law_title(name)
 
 
 def model_sentences(table: pd.DataFrame) -> list[str]:
     """Which model errs least; how engines agree on friction; what an engine cannot have."""
     label = WITH if (table["effects"] == WITH).any() else WITHOUT
-    last = table[table["effects"] == label]
+    last = table[(table["effects"] == label) & (table["kind"] != "default")]
     best = last.iloc[0]
     alike = [model_title(row.model) for row in last.iloc[1:].itertuples() if row.behind_low <= 0.0]
     named = " with the named effects" if label == WITH else ""
@@ -36,6 +36,11 @@ def model_sentences(table: pd.DataFrame) -> list[str]:
             if before > ALIKE >= after:
                 second += ": they made up for what was missing"
         sentences.append(f"{second}.")
+    for row in table[(table["effects"] == label) & (table["kind"] == "default")].itertuples():
+        ratio = row.error / float(last[last["model"] == row.model.removesuffix(DEFAULT)]["error"].iloc[0])
+        sentences.append(
+            f"{model_title(row.model)} errs by {number(row.error)} m/s, {ratio:.2g} times as much as fitted."
+        )
     for row in last[last["lacks"] != ""].itertuples():
         effects = listed([effect_title(name) for name in row.lacks.split(" + ")])
         sentences.append(f"{model_title(row.model)} cannot have {effects}, and is fitted without.")

@@ -25,7 +25,9 @@ def draw_models(table: pd.DataFrame) -> Drawn:
         y = names.index(row.model) + shift
         look = {"color": edge, "markerfacecolor": face, "markersize": 4.5, "elinewidth": 1.0, "capsize": 0}
         half = [[row.error - max(row.error_low, 1e-12)], [row.error_high - row.error]]
-        left.errorbar([row.error], [y], xerr=half, fmt="D" if row.kind == "engine" else "o", **look)
+        left.errorbar([row.error], [y], xerr=half, fmt="o" if row.kind == "law" else "D", **look)
+        if row.kind == "default":
+            continue  # its friction was not measured
         width = Z95 * row.mu_std
         right.errorbar([row.mu], [y], xerr=[width], fmt="D" if row.kind == "engine" else "o", **look)
     floor = float(table["noise_floor"].iloc[0])
@@ -35,7 +37,7 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     readable_log(left, shown, shown)
     left.set_yticks(range(len(names)), [model_title(name) for name in names])
     left.set(ylim=(len(names) - 0.5, -0.5), xlabel="held-out error (m/s)")
-    low, high = table["mu"].quantile([0.1, 0.9])
+    low, high = table[table["kind"] != "default"]["mu"].quantile([0.1, 0.9])
     right.set(xlabel="friction μ (95 % interval)", xlim=(max(0.0, low - 0.5 * high), 1.5 * high))
     right.tick_params(axis="y", left=False)
     handles = [
