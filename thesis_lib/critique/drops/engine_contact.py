@@ -151,8 +151,10 @@ def _engine(law: Law, rig: Rig, mu: np.ndarray, epsilon: np.ndarray, settings: t
         from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
         from thesis_lib.simulate.mujoco.contact import MujocoContact
 
-        impedance = {"impedance": MUJOCO_DEFAULT.solimp[1]} if law.engine.endswith(DEFAULT) else {}
-        contact = MujocoContact.model_construct(contact_time=T, impratio=max(impratio, 1.0), steps=STEPS, **impedance)
+        impedance = MUJOCO_DEFAULT.solimp[1] if law.engine.endswith(DEFAULT) else MujocoContact().impedance
+        contact = MujocoContact.model_construct(
+            contact_time=T, impratio=max(impratio, 1.0), impedance=impedance, steps=STEPS
+        )
         options = {"contact": contact, "causes": causes, "gravity": rig.gravity}
         return MujocoEngine(body, n, **options, mu=mu, epsilon=np.clip(epsilon, least, 1.0))
     from thesis_lib.engines.drake_engine import DrakeEngine

@@ -21,7 +21,7 @@ def model_sentences(table: pd.DataFrame) -> list[str]:
     label = WITH if (table["effects"] == WITH).any() else WITHOUT
     last = table[(table["effects"] == label) & (table["kind"] != "default")]
     best = last.iloc[0]
-    alike = [model_title(row.model) for row in last.iloc[1:].itertuples() if row.behind_low <= 0.0]
+    alike = [model_title(row["model"]) for row in last.iloc[1:].to_dict("records") if row["behind_low"] <= 0.0]
     named = " with the named effects" if label == WITH else ""
     first = f"{model_title(best['model'])} errs least{named}: {number(best['error'])} m/s"
     if np.isfinite(best["noise_floor"]):
@@ -36,12 +36,12 @@ def model_sentences(table: pd.DataFrame) -> list[str]:
             if before > ALIKE >= after:
                 second += ": they made up for what was missing"
         sentences.append(f"{second}.")
-    for row in table[(table["effects"] == label) & (table["kind"] == "default")].itertuples():
-        ratio = row.error / float(last[last["model"] == row.model.removesuffix(DEFAULT)]["error"].iloc[0])
+    for row in table[(table["effects"] == label) & (table["kind"] == "default")].to_dict("records"):
+        ratio = row["error"] / float(last[last["model"] == row["model"].removesuffix(DEFAULT)]["error"].iloc[0])
         sentences.append(
-            f"{model_title(row.model)} errs by {number(row.error)} m/s, {ratio:.2g} times as much as fitted."
+            f"{model_title(row['model'])} errs by {number(row['error'])} m/s, {ratio:.2g} times as much as fitted."
         )
-    for row in last[last["lacks"] != ""].itertuples():
-        effects = listed([effect_title(name) for name in row.lacks.split(" + ")])
-        sentences.append(f"{model_title(row.model)} cannot have {effects}, and is fitted without.")
+    for row in last[last["lacks"] != ""].to_dict("records"):
+        effects = listed([effect_title(name) for name in row["lacks"].split(" + ")])
+        sentences.append(f"{model_title(row['model'])} cannot have {effects}, and is fitted without.")
     return sentences

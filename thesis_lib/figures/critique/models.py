@@ -20,16 +20,16 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     names = list(dict.fromkeys(table["model"]))
     figure = new_figure(height=1.7 + 0.28 * len(names))
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.5, 1.0]})
-    for row in table.itertuples():
-        edge, face, shift = LOOKS[row.effects]
-        y = names.index(row.model) + shift
+    for row in table.to_dict("records"):
+        edge, face, shift = LOOKS[row["effects"]]
+        y = names.index(row["model"]) + shift
         look = {"color": edge, "markerfacecolor": face, "markersize": 4.5, "elinewidth": 1.0, "capsize": 0}
-        half = [[row.error - max(row.error_low, 1e-12)], [row.error_high - row.error]]
-        left.errorbar([row.error], [y], xerr=half, fmt="o" if row.kind == "law" else "D", **look)
-        if row.kind == "default":
+        half = [[row["error"] - max(row["error_low"], 1e-12)], [row["error_high"] - row["error"]]]
+        left.errorbar([row["error"]], [y], xerr=half, fmt="o" if row["kind"] == "law" else "D", **look)
+        if row["kind"] == "default":
             continue  # its friction was not measured
-        width = Z95 * row.mu_std
-        right.errorbar([row.mu], [y], xerr=[width], fmt="D" if row.kind == "engine" else "o", **look)
+        width = Z95 * row["mu_std"]
+        right.errorbar([row["mu"]], [y], xerr=[width], fmt="D" if row["kind"] == "engine" else "o", **look)
     floor = float(table["noise_floor"].iloc[0])
     if np.isfinite(floor):
         left.axvline(floor, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)

@@ -17,11 +17,11 @@ CAPTION = (
 def models(found: pd.DataFrame) -> Markup:
     """What the table says, and the table; `found` is that of `compare_models`."""
     rows = []
-    for row in found.itertuples():
-        lacks = listed([effect_title(name) for name in str(row.lacks).split(" + ")]) if row.lacks else ""
-        lasting = f"{1e3 * row.contact_time:.3g} ms" if pd.notna(row.contact_time) else "–"
-        pairs = (plus_minus(row.mu, row.mu_std), plus_minus(row.epsilon, row.epsilon_std))
-        error = (number(row.error), interval(row.error_low, row.error_high))
-        rows.append((model_title(str(row.model)), str(row.effects), *error, *pairs, lasting, lacks or "–"))
+    for row in found.to_dict("records"):
+        lacks = listed([effect_title(name) for name in str(row["lacks"]).split(" + ")]) if row["lacks"] else ""
+        lasting = f"{1e3 * row['contact_time']:.3g} ms" if pd.notna(row["contact_time"]) else "–"
+        pairs = (plus_minus(row["mu"], row["mu_std"]), plus_minus(row["epsilon"], row["epsilon_std"]))
+        error = (number(row["error"]), interval(row["error_low"], row["error_high"]))
+        rows.append((model_title(str(row["model"])), str(row["effects"]), *error, *pairs, lasting, lacks or "–"))
     columns = ("model", "named effects", "error", "95 % interval", "μ", "ε", "contact", "cannot have")
     return paragraph(*model_sentences(found)) + table(CAPTION, columns, rows, numeric=(2, 4, 5, 6))
