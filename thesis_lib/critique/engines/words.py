@@ -26,7 +26,9 @@ def model_sentences(table: pd.DataFrame) -> list[str]:
     first = f"{model_title(best['model'])} errs least{named}: {number(best['error'])} m/s"
     if np.isfinite(best["noise_floor"]):
         first += f" (noise floor {number(best['noise_floor'])} m/s)"
-    first += f"; {listed(alike)} cannot be told from it." if alike else "; all others err more."
+    if len(last) > 1:
+        first += f"; {listed(alike)} cannot be told from it" if alike else "; all others err more"
+    first += "."
     sentences = [first]
     before, after = spread(table, WITHOUT), spread(table, WITH)
     if np.isfinite(before):
