@@ -19,19 +19,15 @@ config/proof/mechanisms.csv holds a row per recording:
 | parameters                         |      | "name=true:found:std" of each, joined by ";", if named         |
 """
 
-import fcntl
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from thesis_lib.critique.mechanisms.critique import GROUP, criticise_recording
 from thesis_lib.critique.mechanisms.study import OUTSIDE, true_sizes
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import put_row, read_rows
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind
 from thesis_lib.simulate.engines.recording import record_engine
 from thesis_lib.simulate.engines.settings import EngineName
@@ -105,39 +101,15 @@ def is_exact(truth: str, verdict: str, named: str) -> bool:
 
 
 def read(store: Path = STORE) -> "pd.DataFrame":
-    """The stored rows, with columns `right` and none if there is no table.
-
-    Raises:
-        UserError: the file holds other columns.
-    """
-    import pandas as pd
-
-    if not Path(store).exists():
-        return pd.DataFrame(columns=[*COLUMNS, "right"])
-    table = pd.read_csv(store, keep_default_na=False)
-    if tuple(table.columns) != COLUMNS:
-        raise UserError(f"{store} does not have the columns {', '.join(COLUMNS)}; delete it and run the proof again.")
+    """The stored rows, with columns `right` and none if there is no table; UserError if it holds other columns."""
+    table = read_rows(Path(store), COLUMNS)
     table["right"] = [is_exact(*row) for row in zip(table["truth"], table["verdict"], table["named"])]
     return table
 
 
 def put(row: dict[str, object], store: Path = STORE) -> None:
-    """Store a row in place of an earlier one of the same recording; rows are sorted, parallel runs wait."""
-    import pandas as pd
-
-    Path(store).parent.mkdir(parents=True, exist_ok=True)
-    folder = os.open(Path(store).parent, os.O_RDONLY)
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX)  # the kernel releases it when the process ends
-        table = read(store).drop(columns="right")
-        same = np.ones(len(table), dtype=bool)
-        for name in KEY:
-            same &= (table[name] == row[name]).to_numpy()
-        rows = [*table[~same].to_dict("records"), row]
-        ordered = pd.DataFrame(rows, columns=list(COLUMNS)).sort_values(list(KEY))
-        write_text(ordered.to_csv(index=False, lineterminator="\n"), Path(store))
-    finally:
-        os.close(folder)
+    """Store a row in place of an earlier one of the same recording."""
+    put_row(row, KEY, Path(store), COLUMNS)
 
 
 def report(table: "pd.DataFrame") -> str:

@@ -1,0 +1,67 @@
+"""The proof of the comparison: its cases, its store, and what it counts."""
+
+import pytest
+
+from thesis_lib.critique.engines.proof import (
+    COLUMNS,
+    ENGINES,
+    KEY,
+    SHAPES,
+    TRUTHS,
+    Case,
+    as_markdown,
+    cases,
+    make,
+    shares,
+)
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.rows import put_row, read_rows
+
+
+def row(engine="mujoco", truth="tilt", seed=1, **more):
+    found = {"engine": engine, "shape": "square", "truth": truth, "seed": seed, "verdict": "effects", "named": truth}
+    numbers = {"own": 0.011, "other": 0.1, "floor": 0.010, "ratio_before": 1.3, "ratio_after": 1.05}
+    return found | numbers | {"best": engine, "mu": 0.2, "mu_std": 0.001} | more
+
+
+def test_a_part_of_the_table_is_mixed_as_the_whole():
+    every = cases(5)
+    assert len(every) == len(set(every)) == 5 * len(ENGINES) * len(SHAPES) * len(TRUTHS)
+    first = every[: len(every) // 5]
+    assert {(c.engine, c.shape, c.truth) for c in first} == {(c.engine, c.shape, c.truth) for c in every}
+
+
+def test_rows_of_parallel_runs_are_kept_by_their_key(tmp_path):
+    store = tmp_path / "proof" / "engines.csv"
+    for one in (row(seed=2), row(seed=1), row("drake"), row(seed=2, best="drake")):
+        put_row(one, KEY, store, COLUMNS)
+    table = read_rows(store, COLUMNS)
+    assert table[["engine", "seed", "best"]].to_numpy().tolist() == [
+        ["drake", 1, "drake"],
+        ["mujoco", 1, "mujoco"],
+        ["mujoco", 2, "drake"],
+    ]
+    store.write_text("engine\nmujoco\n")
+    with pytest.raises(UserError, match="does not have the columns"):
+        read_rows(store, COLUMNS)
+
+
+def test_shares_count_each_question(tmp_path):
+    store = tmp_path / "engines.csv"
+    with pytest.raises(UserError, match="holds no row"):
+        shares(read_rows(store, COLUMNS))
+    made = (row(), row(seed=2, best="drake", own=0.02), row("drake", ratio_before=1.02), row(seed=3, ratio_after=1.2))
+    for one in made:
+        put_row(one, KEY, store, COLUMNS)
+    lines = as_markdown(read_rows(store, COLUMNS)).splitlines()
+    assert lines[2] == "| drake | tilt | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |"
+    assert lines[3] == "| mujoco | tilt | 2 of 3 | 2 of 3 | 0 of 3 | 2 of 3 |"
+    assert lines[4].startswith("| both | all | 3 of 4 (30 to 95 %) | 3 of 4 ")
+
+
+def test_a_case_is_made_the_same_each_time_and_hides_its_cause():
+    one, two, plain = (
+        make(Case("mujoco", "ellipse", truth, 1)) for truth in ("com_offset_x", "com_offset_x", "nothing")
+    )
+    assert one.digest() == two.digest() != plain.digest()
+    assert one.header.body == plain.header.body

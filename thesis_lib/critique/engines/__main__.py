@@ -1,0 +1,35 @@
+"""Command line of the proof of the comparison of engines.
+
+python -m thesis_lib.critique.engines run [--seeds 5] [--jobs 2]
+python -m thesis_lib.critique.engines table
+"""
+
+import sys
+from collections.abc import Sequence
+
+from thesis_lib.critique.engines.proof import COLUMNS, STORE, as_markdown, cases, run
+from thesis_lib.foundation.command_line import Parser, command
+from thesis_lib.foundation.rows import read_rows
+
+
+@command
+def main(argv: Sequence[str] | None = None) -> int:
+    parser = Parser(
+        prog="python -m thesis_lib.critique.engines",
+        description="Drops that MuJoCo or Drake made: is the engine recognised, and right?",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="run | table")
+    running = commands.add_parser("run", help="compute what is not stored yet; goes on where it was stopped")
+    running.add_argument("--seeds", type=int, default=5, help="of each engine, shape and cause; default: %(default)s")
+    running.add_argument("--jobs", type=int, default=1, help="datasets at a time; default: %(default)s")
+    commands.add_parser("table", help="print the shares")
+    options = parser.parse_args(argv)
+    if options.command == "table":
+        print(as_markdown(read_rows(STORE, COLUMNS)))
+    else:
+        run(cases(options.seeds), options.jobs)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
