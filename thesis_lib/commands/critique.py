@@ -36,6 +36,7 @@ What it writes into DIR:
   diagnosis.json   the same for programs: verdict (adequate, effects or unexplained), effects, what could not be told
   model.json       the law with its effects, for python -m thesis_lib predict
   comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the pictures
+  models.csv       with --models: laws and simulators side by side
   of a recording: report.html, diagnosis.json, misfit.csv, mechanism_residuals.csv, and the picture
 With --batch each dataset has a folder like that, and a log, in DIR, beside
   index.html       start here: a line a dataset with verdict, effects and errors; those that failed, with the reason

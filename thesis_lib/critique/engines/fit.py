@@ -19,7 +19,8 @@ from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.whitening import Whitening, most_probable_scatter, robust
 
 STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
-ROUNDS = 2  # of the scatter beyond noise
+ROUNDS = 2  # of the scatter beyond noise, unless it stays, within this factor as a logarithm, or is far below noise
+SETTLED, NEGLIGIBLE = 0.2, 1e-3  # 1, m/s
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,9 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
     def at(point: np.ndarray) -> dict[str, float]:
         return values | dict(zip(free, point.tolist()))
 
+    known = None
     for _ in range(ROUNDS):
-        whitening = Whitening(model, observations, S, scatter)
+        whitening = Whitening(model, observations, S, scatter, known)
         search = levenberg_marquardt(x, low, high, step, NEAR)
         points = next(search)
         while points:
@@ -58,8 +60,11 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
                 points = search.send(found)
             except StopIteration as end:
                 x, points = end.value, []
-        scatter = most_probable_scatter(impact_residuals(model, at(x), observations), S, observations)
-    whitening = Whitening(model, observations, S, scatter)
+        known = at(x), impact_residuals(model, at(x), observations)
+        before, scatter = scatter, most_probable_scatter(known[1], S, observations)
+        if abs(np.log(scatter / before)) < SETTLED or max(scatter, before) < NEGLIGIBLE:
+            break
+    whitening = Whitening(model, observations, S, scatter, known)
     here = _residuals(whitening, at(x))
     h = np.where(x + step <= high, step, -step)
     J = np.stack([(_residuals(whitening, at(point)) - here) / d for point, d in zip(x + np.diag(h), h)], axis=1)

@@ -70,7 +70,7 @@ def cases(seeds: int) -> list[Case]:
     ]
 
 
-def make(case: Case) -> "Dataset":
+def make(case: Case, drops: int = DROPS) -> "Dataset":
     """The drops of a case, as a rig records them."""
     from thesis_lib.datasets.format.dataset import Dataset
     from thesis_lib.simulate.rig.hidden_causes import (
@@ -92,12 +92,12 @@ def make(case: Case) -> "Dataset":
         from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
 
         own = {"contact": MujocoContact(**contact), "hidden": MujocoCauses(**hidden)}
-        made = simulate_mujoco_drops(body, PROOF_RELEASE, DROPS, noise=RIG_NOISE, rng=rng, **own)
+        made = simulate_mujoco_drops(body, PROOF_RELEASE, drops, noise=RIG_NOISE, rng=rng, **own)
     else:
         from thesis_lib.simulate.drake.drops import simulate_drake_drops
 
         own = {"contact": CompliantContact(**contact), "hidden": HiddenCauses(**hidden), "surface": "point"}
-        made = simulate_drake_drops(body, PROOF_RELEASE, DROPS, noise=RIG_NOISE, rng=rng, **own)
+        made = simulate_drake_drops(body, PROOF_RELEASE, drops, noise=RIG_NOISE, rng=rng, **own)
     return Dataset("proof", made.header, made.trajectories)
 
 
