@@ -24,7 +24,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
@@ -83,15 +83,15 @@ def make(case: Case, drops: int = DROPS) -> "Dataset":
     )
 
     body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[case.shape]
-    hidden = {} if case.truth == NOTHING else {case.truth: TRUTHS[case.truth]}
+    hidden: dict[str, Any] = {} if case.truth == NOTHING else {case.truth: TRUTHS[case.truth]}
     rng = generator(case.seed, "engines proof", case.engine, case.shape, case.truth)
-    contact = {"mu": MU, "epsilon": EPSILON, "contact_time": CONTACT_TIME}
+    contact: dict[str, Any] = {"mu": MU, "epsilon": EPSILON, "contact_time": CONTACT_TIME}
     if case.engine == "mujoco":
         from thesis_lib.simulate.mujoco.causes import MujocoCauses
         from thesis_lib.simulate.mujoco.contact import MujocoContact
         from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
 
-        own = {"contact": MujocoContact(**contact), "hidden": MujocoCauses(**hidden)}
+        own: dict[str, Any] = {"contact": MujocoContact(**contact), "hidden": MujocoCauses(**hidden)}
         made = simulate_mujoco_drops(body, PROOF_RELEASE, drops, noise=RIG_NOISE, rng=rng, **own)
     else:
         from thesis_lib.simulate.drake.drops import simulate_drake_drops
@@ -121,8 +121,9 @@ def compute(case: Case) -> dict[str, object]:
         "mu_std": own["mu_std"],
     }
     named = "+".join(step.effect.name for step in judged.discovery.steps)
-    found = {"verdict": judged.verdict, "named": named, "best": str(last["error"].idxmin())}
-    return vars(case) | found | {name: float(f"{value:.4g}") for name, value in numbers.items()}
+    row: dict[str, object] = {**vars(case), "verdict": judged.verdict, "named": named}
+    row["best"] = str(last["error"].idxmin())
+    return row | {name: float(f"{value:.4g}") for name, value in numbers.items()}
 
 
 def run(todo: Sequence[Case], jobs: int, say: Callable[[str], None] = print, store: Path = STORE) -> None:
