@@ -17,7 +17,7 @@ WRITERS = {
     # standard output; text for write_text
     "to_csv": {
         "thesis_lib/commands/model.py",
-        "thesis_lib/critique/mechanisms/proof.py",
+        "thesis_lib/foundation/rows.py",
         "thesis_lib/critique/proof/direct_fits.py",
         "thesis_lib/critique/proof/measured.py",
     },

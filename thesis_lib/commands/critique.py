@@ -52,7 +52,7 @@ examples:
   python -m thesis_lib critique data/my_drops -o results/critique/my_drops
   python -m thesis_lib critique data/my_drops --effect tangential_restitution --effect surface_tilt
   python -m thesis_lib critique data/my_drops --effects my_effects.py     looks for an effect of your own, too
-  python -m thesis_lib critique data/my_drops --models laws,mujoco,drake  which simulator is right about it?
+  python -m thesis_lib critique data/my_drops --models laws,mujoco,drake   which simulator is right about it?
   python -m thesis_lib critique data/my_drops --json | jq .verdict
   python -m thesis_lib critique data/before data/after -o results/critique/repair
   python -m thesis_lib critique results/critique/before results/critique/after       runs that are done already

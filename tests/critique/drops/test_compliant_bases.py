@@ -135,7 +135,7 @@ def test_a_spring_along_the_surface_is_that_of_the_simulated_contact(shape, expo
         body,
         PROOF_RELEASE,
         40,
-        contact=CompliantContact(contact_time=3e-3, exponent=exponent, steps=200),
+        contact=CompliantContact(contact_time=3e-3, exponent=exponent, steps=400),
         hidden=HiddenCauses(tangential_compliance=0.3),
         noise=quiet,
         rng=np.random.default_rng(1),
