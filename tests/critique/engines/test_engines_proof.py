@@ -2,15 +2,18 @@
 
 import pytest
 
+from thesis_lib.critique.engines import proof
 from thesis_lib.critique.engines.proof import (
     COLUMNS,
     ENGINES,
     KEY,
+    MU,
     SHAPES,
     TRUTHS,
     Case,
     as_markdown,
     cases,
+    compute,
     make,
     shares,
 )
@@ -57,6 +60,15 @@ def test_shares_count_each_question(tmp_path):
     assert lines[2] == "| drake | tilt | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |"
     assert lines[3] == "| mujoco | tilt | 2 of 3 | 2 of 3 | 0 of 3 | 2 of 3 |"
     assert lines[4].startswith("| both | all | 3 of 4 (30 to 95 %) | 3 of 4 ")
+
+
+@pytest.mark.slow
+def test_a_dataset_goes_through_critique_and_comparison_into_a_row(tmp_path, monkeypatch):
+    monkeypatch.setattr(proof, "DROPS", 24)
+    computed = compute(Case("mujoco", "ellipse", "nothing", 3))
+    assert tuple(computed) == COLUMNS
+    assert computed["best"] == "mujoco" and computed["own"] < 2.0 * computed["floor"] < computed["other"]
+    assert abs(computed["mu"] - MU) < 5.0 * computed["mu_std"] and computed["ratio_before"] >= 1.0
 
 
 def test_a_case_is_made_the_same_each_time_and_hides_its_cause():

@@ -106,7 +106,8 @@ def compute(case: Case) -> dict[str, object]:
     from thesis_lib.critique.drops.criticise import criticise
     from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, spread
 
-    judged = criticise(make(case), rng=generator(case.seed, "engines proof critique", *vars(case).values()))
+    rng = generator(case.seed, "engines proof critique", case.engine, case.shape, case.truth)
+    judged = criticise(make(case, DROPS), rng=rng)
     table = compare_models(judged, ENGINES)
     label = WITH if judged.ladder[-1][1].effects else WITHOUT
     last = table[(table["effects"] == label) & (table["kind"] == "engine")].set_index("model")
