@@ -1,8 +1,10 @@
 """Tables of docs/findings.md, from the stored results of the proof."""
 
+from thesis_lib.critique.engines import proof as engines_proof
 from thesis_lib.critique.proof import direct_fits, measured
 from thesis_lib.critique.proof.by_contact import as_markdown
 from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.foundation.rows import read_rows
 
 
 def real_contacts() -> str:
@@ -23,6 +25,11 @@ def fits_of_measured_drops() -> str:
 def measured_sets() -> str:
     """Critiques of measured sets."""
     return "\n".join(measured.table())
+
+
+def engines() -> str:
+    """Is an engine recognised as the model of its own drops, and right?"""
+    return engines_proof.as_markdown(read_rows(engines_proof.STORE, engines_proof.COLUMNS))
 
 
 def _fits(which: int) -> str:

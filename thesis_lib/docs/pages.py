@@ -45,6 +45,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "fits of simulated drops": findings.fits_of_simulated_drops,
     "fits of measured drops": findings.fits_of_measured_drops,
     "measured sets": findings.measured_sets,
+    "engines": findings.engines,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S
