@@ -115,7 +115,7 @@ def _coefficients(
 ) -> tuple[np.ndarray, np.ndarray]:
     """μ and ε (n,) of each body, at its lowest point."""
     mu, epsilon = (np.full(len(true.x), values[name]) for name in ("mu", "epsilon"))
-    by_body = [pair for pair in active if getattr(type(pair[0]), "coefficients") is not Effect.coefficients]  # noqa: B009
+    by_body = [pair for pair in active if type(pair[0]).coefficients is not Effect.coefficients]
     if by_body:
         contact = seen, *_ = model.contact_at(true, active, rig)
         space = contact_space_of(*contact)

@@ -39,7 +39,8 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
     Standard errors are those of least squares with the measured noise and the scatter.  UserError if the engine is not
     installed or fails.
     """
-    model, S = (replace(near.model, law=engine_law(name)), residual_covariance(near.model, near.values, observations))
+    model = replace(near.model, law=engine_law(name))
+    S = residual_covariance(near.model, near.values, observations)
     free = model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     x = np.clip([near.values[key] for key in free], low, high)

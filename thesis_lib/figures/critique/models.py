@@ -16,7 +16,7 @@ LABELS = {WITHOUT: "without the named effects", WITH: "with them"}
 
 @house_style
 def draw_models(table: pd.DataFrame) -> Drawn:
-    """Held-out error and μ of each model, engines in capitals of their own; the best at the top."""
+    """Held-out error and μ of each model, engines as diamonds; the best at the top."""
     names = list(dict.fromkeys(table["model"]))
     figure = new_figure(height=1.7 + 0.28 * len(names))
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.5, 1.0]})
