@@ -15,7 +15,7 @@ from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant import drops as compliant
+from thesis_lib.simulate.compliant.compiled import SLOW_TOUCHES
 from thesis_lib.simulate.compliant.drops import TRUTH, simulate_compliant_drops
 from thesis_lib.simulate.compliant.forces import rounded_centres
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, HiddenCauses
@@ -438,4 +438,4 @@ def test_recording_ends_where_the_body_rests():
     last = drops.trajectories.groupby("trial")["t"].max()
     assert (last < 0.45).all()
     assert (drops.trials["t_end"] >= last - 1e-9).all()
-    assert drops.trials["contacts"].min() >= compliant.SLOW_TOUCHES
+    assert drops.trials["contacts"].min() >= SLOW_TOUCHES

@@ -17,14 +17,8 @@ import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.drops import (
-    LONGEST,
-    MAX_CONTACTS,
-    SLOW_TOUCHES,
-    V_SLOW,
-    contact_truth,
-    simulate_compliant_drops,
-)
+from thesis_lib.simulate.compliant.compiled import MAX_CONTACTS, SLOW_TOUCHES, V_SLOW
+from thesis_lib.simulate.compliant.drops import LONGEST, contact_truth, simulate_compliant_drops
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 from thesis_lib.simulate.rig.record import Drops

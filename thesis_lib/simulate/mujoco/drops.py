@@ -23,15 +23,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.drops import (
-    BISECTIONS,
-    LONGEST,
-    MAX_CONTACTS,
-    SLOW_TOUCHES,
-    V_SLOW,
-    contact_truth,
-    simulate_compliant_drops,
-)
+from thesis_lib.simulate.compliant.compiled import BISECTIONS, MAX_CONTACTS, SLOW_TOUCHES, V_SLOW
+from thesis_lib.simulate.compliant.drops import LONGEST, contact_truth, simulate_compliant_drops
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.mujoco.causes import SUPPORTED, WITHOUT_ELEMENT, MujocoCauses
 from thesis_lib.simulate.mujoco.contact import COARSEST, MujocoContact
