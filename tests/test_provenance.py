@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.foundation.provenance import (
+    KEPT,
     code_sha256,
     environment,
     file_sha256,
@@ -137,6 +138,29 @@ def test_hash_does_not_depend_on_where_the_checkout_lies(root, tmp_path_factory)
     moved = hashes(other)
     other.rename(root)
     assert moved == hashes(root)
+
+
+def test_what_was_kept_gives_the_same_hashes(root):
+    kept = root / "thesis_lib/__pycache__" / KEPT
+    read = hashes(root)
+    assert len(json.loads(kept.read_text(encoding="utf-8"))["modules"]) == 11  # texts; some are equal, one is unused
+    assert hashes(root) == read
+    for spoilt in (kept.read_text(encoding="utf-8")[:-9], "[]", '{"reader": 1}', "\xff"):
+        kept.write_text(spoilt, encoding="latin-1")
+        assert hashes(root) == read
+    kept.unlink()
+    kept.mkdir()  # nothing can be kept
+    assert hashes(root) == read
+    assert [path.name for path in kept.parent.iterdir()] == [KEPT]
+
+
+def test_a_kept_module_is_found_by_its_text_alone(root):
+    before = hashes(root)
+    file = root / "thesis_lib/plain.py"
+    stamp = file.stat().st_mtime_ns
+    file.write_text('"""Text."""\nX = 2\n', encoding="utf-8")
+    os.utime(file, ns=(stamp, stamp))
+    assert {name for name, value in hashes(root).items() if value != before[name]} == {"plain"}
 
 
 def test_broken_module_is_named(root):

@@ -4,25 +4,30 @@
 through other modules.  Rules carry it as a parameter, so that an edit reruns exactly the rules that use the edited
 module; comments, layout, docstrings and the place of a module do not count.  Imports are followed statically, also
 inside functions.  Packages that are registries are hashed as whole folders, because a new file in them is a new member.
+What was read of a module is kept beside the byte code, under the SHA-256 of its text: most have not changed since.
 """
 
 import ast
 import functools
 import hashlib
 import json
+import os
 import platform
 import re
 import subprocess
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import NamedTuple
 
 PACKAGE = "thesis_lib"
 REGISTRIES = ("contact", "effects", "records")
 # instructions by which BLAS and torch choose their kernels
 VECTOR = {"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512bw"}
+KEPT = "code_hashes.json"  # in the __pycache__ of the package
+READER = 1  # what was kept by another one is read anew
+MOST_KEPT = 5000  # modules, of several versions
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
 
 
@@ -41,10 +46,13 @@ class Sources:
     def __init__(self, root: str | Path | None = None) -> None:
         self.root = Path(root) if root else Path(__file__).resolve().parents[2]
         # of this object, and not of the class: another one looks again
-        self._read = functools.cache(lambda path: _read_module(path.read_text(encoding="utf-8"), str(path)))
+        self._read = functools.cache(self._read_file)
         self._module_file = functools.cache(functools.partial(_module_file, root=self.root))
         self._files_of = functools.cache(functools.partial(_files_of, root=self.root))
         self._hashed = functools.cache(self._hash_file)
+        self._store = self.root / PACKAGE / "__pycache__" / KEPT
+        self._kept = _load(self._store)
+        self._new = False
 
     def lib_hash(self, script: str | Path) -> str:
         """Hash of a script and of what it uses, as `lib_hash` says."""
@@ -56,8 +64,19 @@ class Sources:
             if path not in hashes:
                 hashes[path], modules, beside = self._hashed(path)
                 queue += modules if path == script else modules + beside
+        if self._new:
+            _save(self._store, self._kept)
+            self._new = False
         used = sorted({value for path, value in hashes.items() if path != script})
         return hashlib.sha256("\n".join([hashes[script], *used]).encode()).hexdigest()[:16]
+
+    def _read_file(self, path: Path) -> "_Module":
+        """What is to be hashed of a module: as it was kept, or read now."""
+        content = path.read_bytes()
+        key = hashlib.sha256(content).hexdigest()
+        if key not in self._kept:
+            self._kept[key], self._new = _read_module(content.decode("utf-8"), str(path)), True
+        return self._kept[key]
 
     def _hash_file(self, path: Path) -> tuple[str, tuple[Path, ...], tuple[Path, ...]]:
         """Hash of a file, the files of the package that it imports, and the data files beside it."""
@@ -70,7 +89,7 @@ class Sources:
 
     def _hash_with_imports(self, module: "_Module") -> str:
         """Hash of a module's code, with the path of each import replaced by the imported code."""
-        digest = hashlib.sha256(module.code.encode())
+        digest = hashlib.sha256(module.digest.encode())
         for path, name in module.imports:
             inner = self._module_file(f"{path}.{name}")  # the name of an imported module is part of its path
             file = inner or self._module_file(path)
@@ -79,28 +98,22 @@ class Sources:
         return digest.hexdigest()
 
 
-@dataclass(frozen=True)
-class _Module:
-    """The code of a module, ready to be hashed.
+class _Module(NamedTuple):
+    """What is to be hashed of a module.
 
-    `code` is without docstrings, comments and layout, and an import from the package is `_IMPORT`, without its path;
-    `imports` are (path, name) of these, in their order there, `names` all that is imported, with packages on the way.
+    `digest` is the SHA-256, as hex digits, of its code without docstrings, comments and layout, where an import from
+    the package is `_IMPORT`, without its path; `imports` are (path, name) of these, in their order there, `names` all
+    that is imported, with packages on the way.
     """
 
-    code: str
+    digest: str
     imports: tuple[tuple[str, str], ...]
     names: tuple[str, ...]
-
-    @functools.cached_property
-    def digest(self) -> str:
-        """SHA-256 of the code, as hex digits."""
-        return hashlib.sha256(self.code.encode()).hexdigest()
 
 
 _IMPORT = "import from the package"
 
 
-@functools.cache  # most modules have not changed where a hash is asked for again
 def _read_module(text: str, filename: str) -> _Module:
     tree = ast.parse(text, filename=filename)
     names: list[str] = []
@@ -116,7 +129,35 @@ def _read_module(text: str, filename: str) -> _Module:
             if isinstance(block, list):
                 setattr(node, field, _without_paths(block, imports))
     of_package = tuple(dict.fromkeys(name for name in names if name.split(".")[0] == PACKAGE))
-    return _Module(ast.dump(tree), tuple(imports), of_package)
+    digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+    return _Module(digest, tuple(imports), of_package)
+
+
+def _load(path: Path) -> dict[str, _Module]:
+    """Modules by the SHA-256 of their text, as `_save` kept them; none where that cannot be read."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        if kept["reader"] != [READER, sys.version]:
+            return {}
+        return {
+            key: _Module(digest, tuple((path, name) for path, name in imports), tuple(names))
+            for key, (digest, imports, names) in kept["modules"].items()
+        }
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
+
+
+def _save(path: Path, modules: dict[str, _Module]) -> None:
+    """Keep the modules; where nothing can be written, they are read again the next time."""
+    while len(modules) > MOST_KEPT:
+        modules.pop(next(iter(modules)))  # the oldest
+    tmp = path.with_name(f"{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(exist_ok=True)
+        tmp.write_text(json.dumps({"reader": [READER, sys.version], "modules": modules}), encoding="utf-8")
+        tmp.replace(path)
+    except OSError:
+        tmp.unlink(missing_ok=True)
 
 
 def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> list[ast.stmt]:

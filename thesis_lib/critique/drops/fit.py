@@ -11,7 +11,6 @@ from functools import cached_property, lru_cache
 from itertools import product
 
 import numpy as np
-from scipy.stats import chi2
 
 from thesis_lib.contact import mirtich
 from thesis_lib.critique.drops.contact_time import DAMPING_RATIO
@@ -23,6 +22,7 @@ from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect, State
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.tails import chi_square_quantile
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
@@ -252,7 +252,7 @@ def _lesser(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 @lru_cache
 def _of_normal(m: int) -> tuple[float, float]:
     """The same for normal residuals."""
-    return _curvature_and_variance(chi2.ppf((np.arange(2000) + 0.5) / 2000, m), m)
+    return _curvature_and_variance(chi_square_quantile((np.arange(2000) + 0.5) / 2000, m), m)
 
 
 def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:

@@ -27,6 +27,7 @@ from thesis_lib.datasets.impacts.arcs import ArcFits
 from thesis_lib.datasets.impacts.low_pass import LowPass
 from thesis_lib.datasets.impacts.windows import sides_of, windows_around
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.tails import theil_sen
 
 EDGES = np.array([0, 1, 2, 3, 4, 6, 8, 12, 16, 24])  # sampling intervals from the impact
 _BEYOND = 32  # the edge after the last
@@ -169,13 +170,11 @@ def contact_guard(fits: ArcFits, header: Header) -> float:
     of 250 Hz has a sample in a contact now and then: too rarely for `guard_of`, but it bends the mean of hundreds.
     0 with fewer than `LEAST_SUNK` impacts, or if τ is not clear of 0 (Theil-Sen, 95 %).
     """
-    from scipy.stats import theilslopes
-
     sunk, speed = _sunk(fits, header)
     if len(sunk) < LEAST_SUNK:
         return 0.0
     some = np.unique(np.linspace(0, len(sunk) - 1, MOST_SUNK).astype(int))
-    slope, _, low, _ = np.array([*theilslopes(sunk[some], speed[some])], float).tolist()
+    slope, low, _ = theil_sen(speed[some], sunk[some])
     return min(_CONTACT * slope, LONGEST) if low > 0.0 else 0.0
 
 

@@ -9,7 +9,7 @@ with independent normal m, f and d.  Both are 0 to 1, and the controller charges
 """
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from thesis_lib.jenga.learners.abstractions import stuck_group
 from thesis_lib.jenga.learners.learner import F_N, TOWER, Learner, X
@@ -24,7 +24,7 @@ def no_move(
         return float(belief[stuck_group(learner)].sum())
     mean, var = learner.predict(state[None], np.array([[contact, 0.0]]), context[None], belief[None]).moments()
     std = np.sqrt(var[0])
-    still = norm.cdf(NO_MOVE, mean[0, X] - state[X], std[X])
-    forced = norm.sf(NO_FORCE, mean[0, F_N], std[F_N])
-    drags = norm.sf(DRAG, mean[0, TOWER] - state[TOWER], std[TOWER])
+    still = ndtr((NO_MOVE - mean[0, X] + state[X]) / std[X])
+    forced = ndtr((mean[0, F_N] - NO_FORCE) / std[F_N])
+    drags = ndtr((mean[0, TOWER] - state[TOWER] - DRAG) / std[TOWER])
     return float(1.0 - (1.0 - still * forced) * (1.0 - drags))

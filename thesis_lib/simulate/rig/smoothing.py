@@ -16,7 +16,6 @@ Source: Rauch, Tung and Striebel 1965, doi 10.2514/3.3166.
 """
 
 import numpy as np
-from scipy.signal import butter, lfilter
 
 SQUARED = (np.sqrt(2.0) - 1.0) ** 0.25  # cutoff of a Butterworth filter over that of its square (second order)
 
@@ -34,6 +33,8 @@ def smoothed(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.nda
 
 
 def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.ndarray:
+    from scipy.signal import butter
+
     size = poses.shape[1]
     pad = min(size - 1, int(np.ceil(rate / cutoff)))  # in a period of the cutoff a transient falls to 1 %
     before = 2.0 * poses[:, :1] - poses[:, pad:0:-1]
@@ -56,6 +57,8 @@ def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.nd
 
 def _causal(b: np.ndarray, a: np.ndarray, x: np.ndarray) -> np.ndarray:
     """The filter along the samples of x (n, samples, 3), as if the first one had lasted for ever."""
+    from scipy.signal import lfilter  # late: it takes half a second
+
     first = x[:, :1]
     return np.asarray(lfilter(b, a, x - first, axis=1)) + first
 

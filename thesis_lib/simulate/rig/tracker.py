@@ -14,7 +14,6 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.signal import lfilter
 
 from thesis_lib.bodies.body import Noise
 from thesis_lib.foundation.settings import Section
@@ -79,6 +78,8 @@ def _autoregressive(white: np.ndarray, time: float, step: float) -> np.ndarray:
     """AR(1) noise of variance 1 with this correlation time (s), from white noise (n, samples, 3)."""
     if time == 0.0:
         return white
+    from scipy.signal import lfilter
+
     rho = np.exp(-step / time)
     fresh = np.sqrt(1.0 - rho**2)
     drive = np.concatenate([white[:, :1], fresh * white[:, 1:]], axis=1)

@@ -15,8 +15,6 @@ test (throws in one direction, unknown noise), it gives a reason instead of a p-
 from collections.abc import Callable
 
 import numpy as np
-from scipy.stats import binom, norm
-from scipy.stats import f as f_distribution
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
 from thesis_lib.critique.drops.covariance import noise_covariance, residual_covariance
@@ -24,6 +22,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact, turned_until_impulse
 from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.tails import binomial_tail, f_tail, normal_tail
 
 SIGMAS = 3.0  # standard deviations: an impact beyond is outside a class
 NOISE_TRUST = 1.2  # the noise may be this factor too small before a share beyond SIGMAS is significant
@@ -70,12 +69,12 @@ def rigid_point(fitted: Fit, observations: Observations) -> dict:
     z, up = (couple_and_gain(*velocities(fitted, observations)) / np.sqrt(variance + 1e-300)).T
     beyond = SIGMAS / NOISE_TRUST
     count, gained, n = int(np.sum(np.abs(z) > SIGMAS)), int(np.sum(up > SIGMAS)), len(z)
-    p = min(binom.sf(count - 1, n, 2.0 * norm.sf(beyond)), binom.sf(gained - 1, n, norm.sf(beyond)))
+    p = min(binomial_tail(count, n, 2.0 * normal_tail(beyond)), binomial_tail(gained, n, normal_tail(beyond)))
     return {
-        "p_value": min(1.0, 2.0 * float(p)),
+        "p_value": min(1.0, 2.0 * p),
         "share_couple": count / n,
         "share_energy_gain": gained / n,
-        "expected_share": float(2.0 * norm.sf(SIGMAS)),
+        "expected_share": 2.0 * normal_tail(SIGMAS),
         "couple_mean_square_sigma": float(robust_std(z) ** 2),
     }
 
@@ -185,4 +184,4 @@ def _p_of(coefficients: np.ndarray, covariance: np.ndarray, rest: int) -> float:
     if rank == 0 or rest < 1:
         return 1.0
     statistic = coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients / rank
-    return float(f_distribution.sf(statistic, rank, rest))
+    return f_tail(statistic, rank, rest)

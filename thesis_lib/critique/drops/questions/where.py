@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import rankdata
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.covariance import residual_covariance
@@ -176,7 +175,7 @@ def regions(
 def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Standardised rank sum of each rule (rules,), and the largest of any rule in each permutation."""
     n = len(z)
-    ranks = rankdata(z)
+    ranks = pd.Series(z).rank().to_numpy()
     ranks = (ranks - ranks.mean()) / (ranks.std(ddof=1) or 1.0)
     count = masks.sum(axis=1)
     scale = np.sqrt(count * (n - count) / n)
