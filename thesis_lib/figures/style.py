@@ -86,6 +86,7 @@ def new_figure(width: float = WIDTH, height: float = 3.0, layout: str = "constra
 @house_style
 def png_of(figure: Figure) -> bytes:
     """The figure as PNG; equal content gives equal bytes."""
+    _settle(figure)
     file = io.BytesIO()
     figure.savefig(file, format="png", metadata={"Software": None})
     return file.getvalue()
@@ -109,6 +110,17 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path, png: byte
     with atomic(path.with_name(f"{path.name}.pdf")) as tmp, _fonts_without_layout():
         figure.savefig(tmp, metadata={"Creator": None, "Producer": None, "CreationDate": None})
     write_table(table, path.with_name(f"{path.name}.csv"))
+
+
+def _settle(figure: Figure) -> None:
+    """Fix the layout of a figure, once; without an engine a file takes one drawing instead of two.
+
+    Constrained layout continues from its last state, and with panels of fixed aspect it does not converge: the page,
+    .png and .pdf of one figure would differ.
+    """
+    if figure.get_layout_engine() is not None:
+        figure.draw_without_rendering()
+        figure.set_layout_engine(None)
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.figures.critique.data import draw_data
@@ -34,16 +33,4 @@ def pictures(critique: Critique, tables: Mapping[str, pd.DataFrame] | None, wher
     drawn |= {"ladder": draw_ladder(critique, tables), "parameters": draw_parameters(critique)}
     if "models" in tables:
         drawn["models"] = draw_models(tables["models"])
-    for figure, _ in drawn.values():
-        settle(figure)
     return drawn
-
-
-def settle(figure: Figure) -> None:
-    """Fix the layout of a figure.
-
-    Constrained layout continues from its last state, and with panels of fixed aspect it does not converge: the page,
-    .png and .pdf of one figure would differ.
-    """
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
