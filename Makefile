@@ -20,6 +20,8 @@ PIP_OPTIONS ?=
 export MPLBACKEND := Agg
 export MPLCONFIGDIR := $(CURDIR)/.venv/.matplotlib
 export XDG_CACHE_HOME := $(CURDIR)/.venv/.cache
+# hundreds of short processes: each would compile the package anew
+unexport PYTHONDONTWRITEBYTECODE
 
 CONFIG_default :=
 CONFIG_quick := --configfile config/quick.yaml
