@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, RADIUS, on, one_state
 
+from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import residual_couple
+from thesis_lib.critique.drops.model import Model
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.extensions.stage_predictor import arrays, predict
+
+FLOWN = 2e-8  # m; the acceleration is a difference quotient, good to 1e-6 of ω² |d|
 
 
 def test_mirrored_rotation_twice_is_identity(quadrilateral) -> None:
@@ -40,6 +44,7 @@ def true_drop(rig: Rig, states: State) -> np.ndarray:
         ("time_lag", {"lag": 3e-3}),
         ("mirrored_rotation", {"mirrored": 1.0}),
         ("sensor_drift", {"d_x": 0.2}),
+        ("marker_offset", {"d_x": 4e-3, "d_y": -3e-3}),
     ],
 )
 def test_a_fault_of_the_camera_does_not_change_the_drop(name: str, p: dict, quadrilateral) -> None:
@@ -77,3 +82,26 @@ def test_length_scale_is_about_the_surface() -> None:
     seen = effect.to_measured(one_state(x=1.0, y=0.7, vx=2.0, vy=-3.0, omega=5.0), p, rig)
     values = [seen.x[0], seen.y[0], seen.vx[0], seen.vy[0], seen.omega[0]]
     np.testing.assert_allclose(values, [1.1, 0.72, 2.2, -3.3, 5.0])
+
+
+def test_a_marker_off_the_centre_flies_as_the_rigid_body_turns(quadrilateral) -> None:
+    # the centre flies a parabola and the body turns evenly: the path of the marker, sampled, against the effect
+    rig, states = quadrilateral
+    effect, p = on("marker_offset", d_x=4e-3, d_y=-3e-3)[0]
+    model, values = Model(LAWS["mirtich"], (effect,)), {f"marker_offset.{name}": value for name, value in p.items()}
+    seen = effect.to_measured(states, p, rig)
+    fall = np.tile([0.0, -rig.gravity, 0.0], (len(states.x), 1))
+    a, tau = model.acceleration(seen, values, rig), np.linspace(-0.05, 0.05, 9)
+    beyond = model.arc(np.tile(tau, (len(states.x), 1)), seen, values, rig)
+    assert beyond is not None and np.abs(beyond).max() > 3e-4
+    for k, h in enumerate(tau):
+        true = effect.to_measured(states.flown(fall, h), p, rig).q
+        np.testing.assert_allclose(seen.flown(a, h).q + beyond[:, k], true, atol=FLOWN)
+
+
+def test_marker_and_centre_of_mass_have_the_same_flight_and_other_impacts(quadrilateral) -> None:
+    rig, states = quadrilateral
+    marker, mass = (on("marker_offset", d_x=3e-3, d_y=-2e-3), on("com_offset", c_x=-3e-3, c_y=2e-3))
+    one, other = (predict(active, states, rig) for active in (marker, mass))
+    np.testing.assert_allclose(one.flight, other.flight, atol=1e-2)  # central differences over 1 ms
+    assert np.abs(one.impact - other.impact).max() > 0.1 and np.abs(one.touch - other.touch).max() > 1e-3

@@ -277,7 +277,8 @@ def test_each_mechanism_moves_what_is_recorded(name):
     both = plain.trajectories.merge(hidden.trajectories, on=keys, suffixes=("", "_hidden"))
     moved = both[[f"{c}_hidden" for c in POSE]].to_numpy() - both[POSE].to_numpy()
     sigma = np.abs(moved / [3e-4, 3e-4, 3e-3]).max()
-    assert sigma > 3.0 if name != "surface_height" else sigma > 0.9
+    # a constant shift of all poses is seen in far more samples than one
+    assert sigma > {"surface_height": 0.9, "marker_offset_x": 2.5, "marker_offset_y": 2.5}.get(name, 3.0)
 
 
 def test_lag_shows_an_earlier_angle_and_nothing_else():

@@ -13,7 +13,8 @@ With c = (c_x, c_y) the true minus the believed centre of mass in the body frame
 | C        | `C_x`, `C_y` | m    | (n,)  | axes of the surface                                                |
 | α        | `a[:, 2]`    | rad/s² | (n,) | angular acceleration                                               |
 
-The radius of gyration stays that about the true centre of mass.
+The radius of gyration stays that about the true centre of mass.  The outline is where it is believed to be; where it is
+displaced with the mass, the tracked point is off the centre (marker_offset).
 """
 
 import numpy as np
@@ -53,12 +54,24 @@ class ComOffset(Effect):
         return a + np.stack([square * C_x + alpha * C_y, square * C_y - alpha * C_x, 0.0 * alpha], axis=-1)
 
     def arc(self, tau, state, p, rig):
-        # the origin's circle about the centre of mass, beyond its tangent and its curvature at τ = 0
+        # the origin's circle about the centre of mass
         C_x, C_y = (C[:, None] for C in _turned(state, p))
-        turn = state.omega[:, None] * tau
-        along, across = np.cos(turn) - 1.0 + 0.5 * turn * turn, np.sin(turn) - turn
-        x, y = along * C_x - across * C_y, across * C_x + along * C_y
-        return -np.stack([x, y, np.zeros_like(x)], axis=-1)
+        return -beyond_parabola(state.omega[:, None] * tau, C_x, C_y)
+
+
+def beyond_parabola(turn: np.ndarray, C_x: np.ndarray, C_y: np.ndarray) -> np.ndarray:
+    """A circle from (C_x, C_y) through the angles `turn`, beyond its tangent and its curvature there.
+
+    Args:
+        turn: (n, W) in rad.
+        C_x, C_y: (n, 1) in m, from the centre of the circle.
+
+    Returns:
+        (n, W, 3) in m, m, rad.
+    """
+    along, across = np.cos(turn) - 1.0 + 0.5 * turn * turn, np.sin(turn) - turn
+    x, y = along * C_x - across * C_y, across * C_x + along * C_y
+    return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
 def _turned(state, p):

@@ -5,6 +5,9 @@
 | on paper | in code | unit | shape |                               |
 |----------|---------|------|-------|-------------------------------|
 | dg       | `dg`    | m/s² |       | true minus believed gravity   |
+
+A clock whose seconds are too long or too short by a factor 1 + s shows the same, for impacts know no time: with
+t (1 + s) bodies seem to fall with g / (1 + s)², so that dg = −2 s g for a small s.
 """
 
 import numpy as np

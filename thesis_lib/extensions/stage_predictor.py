@@ -139,13 +139,12 @@ def predict(
         jump = effect.meet(jump, measured, seen_after, p)
         gap = effect.gap(gap, true, p, rig)
         a = effect.acceleration(a, true, p, rig)
-    later = true.moved(vx=true.vx + STEP * a[:, 0], vy=true.vy + STEP * a[:, 1], omega=true.omega + STEP * a[:, 2])
-    one, two = seen_by_camera(true), seen_by_camera(later)
+    one, two = (seen_by_camera(true.flown(a, h)) for h in (-STEP, STEP))
     return Prediction(
         impact=np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1),
         meet=jump,
         touch=rig.shape.gap(true.y, true.theta, rig.height) - gap,
-        flight=np.stack([two.vx - one.vx, two.vy - one.vy, two.omega - one.omega], axis=-1) / STEP,
+        flight=np.stack([two.vx - one.vx, two.vy - one.vy, two.omega - one.omega], axis=-1) / (2.0 * STEP),
         impulse=impulse,
         space=space,
         after=seen_after,

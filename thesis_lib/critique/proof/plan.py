@@ -18,6 +18,7 @@ from thesis_lib.foundation.randomness import generator
 REAL = ("mujoco", "drake_point", "drake_hydroelastic", "mechanism")  # sources with contacts as long as real ones
 TIMES = (1e-3, 3e-4, 3e-3)  # s
 NOTHING_HIDDEN, FEW = 40, 50
+LATER = ("marker_offset_x", "marker_offset_y")  # added when others had been computed: not counted among every third
 
 
 def real_contacts(sources: Sequence[str] = REAL) -> list[Case]:
@@ -41,7 +42,7 @@ def real_contacts(sources: Sequence[str] = REAL) -> list[Case]:
     hidden["pair"] = [case for i, case in enumerate(hidden["pair"]) if case.seed == SEEDS + i % len(TIMES)]
     few = [
         Case(case.source, case.truth, case.seed, FEW, shape=case.shape, contact_time=case.contact_time)
-        for case in [case for case in hidden["single"] if case.seed == SEEDS][:: len(TIMES)]
+        for case in [case for case in hidden["single"] if case.seed == SEEDS and case.truth not in LATER][:: len(TIMES)]
     ]
     rng = generator(0, "proof plan")
     placed = []

@@ -38,6 +38,7 @@ from thesis_lib.datasets.impacts.rounding import (
     touch_time,
 )
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
+from thesis_lib.datasets.impacts.stamps import exposure_times
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def find_in_arrays(
 ) -> FoundImpacts:
     """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped."""
     settings = settings or ArcSettings()
-    everything = make_samples(trial, t, q, header, settings)
+    everything, stamped = exposure_times(make_samples(trial, t, q, header, settings), header, settings)
     stated = stated_sigma(header)
 
     def search(settings: ArcSettings, least: np.ndarray) -> _Found:
@@ -180,6 +181,7 @@ def find_in_arrays(
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
     warnings = (
+        *([stamped] if stamped else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
     )

@@ -1,6 +1,6 @@
 """Camera reports of true poses: faults, noise, and the wobble of a body out of its plane.
 
-    x_m = (1 + s) x + d t,   y_m = (1 + s) y,   θ_m(t) = ± θ(t − lag) + δ
+    x_m = (1 + s) (x + D_x) + d t,   y_m = (1 + s) (y + D_y),   θ_m(t) = ± θ(t − lag) + δ,   D = R(θ) (d_x, d_y)
 
 A wobble after an impact displaces the tracked frame along the direction of its x axis at the impact, by w = a Δv_n
 cos(β − axis) exp(−t/T) sin(2π f t).  Here t is the time since the impact and β the place that was hit, as the lever out
@@ -39,8 +39,11 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
     `poses` are the true poses at `times` (samples,) in s, `lagged_theta` (n, samples) the true θ in rad at `times` less
     the lag.
     """
-    x = (1.0 + m.length_scale) * poses[..., 0] + m.drift * times
-    y = (1.0 + m.length_scale) * poses[..., 1]
+    sin, cos = np.sin(poses[..., 2]), np.cos(poses[..., 2])
+    D_x = cos * m.marker_offset_x - sin * m.marker_offset_y
+    D_y = sin * m.marker_offset_x + cos * m.marker_offset_y
+    x = (1.0 + m.length_scale) * (poses[..., 0] + D_x) + m.drift * times
+    y = (1.0 + m.length_scale) * (poses[..., 1] + D_y)
     theta = (-lagged_theta if m.mirrored else lagged_theta) + m.angle_offset
     return np.stack([x, y, theta], axis=-1)
 

@@ -108,6 +108,8 @@ class HiddenCauses(Section):
     angle_offset: float = _off("measured minus true θ, rad")
     time_lag: float = _off("measured θ(t) = true θ(t − lag), s")
     drift: float = _off("measured x grows by this, m/s")
+    marker_offset_x: float = _off("tracked point minus the body's origin, body frame, m")
+    marker_offset_y: float = _off("tracked point minus the body's origin, body frame, m")
     # outside the library of effects
     plate_amplitude: float = _off("of a plate that vibrates in y, with a random phase each trial, m", ge=0)
     plate_frequency: float = Field(30.0, gt=0, description="Hz")
@@ -174,6 +176,8 @@ CAUSES: dict[str, Cause] = {
     "angle_offset": Cause(("angle_offset",), 0.0126, "d_theta"),
     "time_lag": Cause(("time_lag",), 0.002, "lag"),
     "drift": Cause(("sensor_drift",), 0.049, "d_x"),
+    "marker_offset_x": Cause(("marker_offset",), 0.0008, "d_x"),
+    "marker_offset_y": Cause(("marker_offset",), 0.0008, "d_y"),
     "plate_amplitude": Cause((), 0.00011),
     "loose_mass": Cause((), 0.17),
     "wobble": Cause((), 0.00076),

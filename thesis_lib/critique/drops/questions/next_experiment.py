@@ -40,6 +40,7 @@ CHECKS = {  # what shows a fault of the measurement without an impact
     "length_scale": "Film a ruler in the plane of motion.",
     "mirrored_rotation": "Turn the body counter-clockwise by hand and look at the sign of its angle.",
     "angle_offset": "Film the body at rest in a pose whose angle is known.",
+    "marker_offset": "Turn the body about its centre by hand: the tracked point must stay where it is.",
     "time_lag": "Swing the body about a fixed pin: position and angle must turn back at the same instant.",
 }
 

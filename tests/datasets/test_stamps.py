@@ -1,0 +1,134 @@
+"""Time stamps of arrival are told from those of exposure, by the flights, and put right."""
+
+import numpy as np
+import pytest
+from bouncing import Flights, ellipse_header, fly
+
+from thesis_lib.datasets.format.samples import ArcSettings, make_samples
+from thesis_lib.datasets.impacts.detect import find_in_arrays
+from thesis_lib.datasets.impacts.stamps import exposure_times
+
+PERIOD = 4e-3
+LATE = 2e-3  # s, mean of the delays; half a period
+SHIFT = 0.3e-3  # s; a trial's rows move together by its least delay, which is LATE over the number of rows
+CLOSE = 2e-4  # relative; a mean of 100 slopes through 150 rows each has 1e-4
+
+
+def arrival(t: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Stamps of rows that come late, in order, one at a time."""
+    stamps = t + rng.exponential(LATE, len(t))
+    for one in np.unique(trial):
+        rows = trial == one
+        stamps[rows] = np.maximum.accumulate(stamps[rows]) + 1e-9 * np.arange(rows.sum())
+    return stamps
+
+
+@pytest.fixture(scope="module")
+def flights() -> Flights:
+    return fly(ellipse_header(), np.random.default_rng(5), 100)
+
+
+def restored(flights: Flights, t: np.ndarray, rows: np.ndarray | slice = slice(None), **header: object):
+    given = ellipse_header(**header)
+    samples = make_samples(flights.trial[rows], t[rows], flights.q[rows], given, ArcSettings())
+    return samples, *exposure_times(samples, given, ArcSettings())
+
+
+def errors(made, flights: Flights) -> np.ndarray:
+    """Times less those of the pictures, less the median of each trial; pictures are told by their exact poses."""
+    off = []
+    for one in np.unique(made.trial):
+        rows, of = made.trial == one, flights.trial == one
+        picture = np.abs(made.q[rows][:, None, :] - flights.q[of][None]).sum(axis=2).argmin(axis=1)
+        late = made.t[rows] - flights.t[of][picture]
+        off.append(late - np.median(late))
+    return np.concatenate(off)
+
+
+def test_stamps_of_a_clock_stay_as_they_are(flights: Flights) -> None:
+    for t in (
+        flights.t,
+        np.round(flights.t, 3),
+        flights.t + 2e-5 * np.random.default_rng(2).standard_normal(len(flights.t)),
+    ):
+        samples, made, said = restored(flights, t)
+        assert made is samples and said == ""
+    kept = np.random.default_rng(3).random(len(flights.t)) > 0.05  # lost pictures alone are no stamps of arrival
+    samples, made, said = restored(flights, flights.t, kept)
+    assert made is samples and said == ""
+
+
+@pytest.mark.parametrize("rate", [250.0, None, 249.0])
+def test_delays_are_taken_out(flights: Flights, rate: float | None) -> None:
+    stamps = arrival(flights.t, flights.trial, np.random.default_rng(7))
+    samples, made, said = restored(flights, stamps, rate=rate)
+    assert "those of arrival, not of exposure" in said and len(made) == len(samples)
+    assert np.abs(samples.t - flights.t).max() > 2 * PERIOD
+    assert np.abs(errors(made, flights)).max() < CLOSE * 150 * PERIOD
+    # and the time in flight is right, so that gravity is
+    inside = made.trial[1:] == made.trial[:-1]
+    assert np.median(np.diff(made.t)[inside]) == pytest.approx(PERIOD, rel=CLOSE)
+
+
+def test_digits_that_were_cut_off_are_restored() -> None:
+    """Pictures at 120 Hz with stamps in milliseconds: 8, 9 and 8 ms apart."""
+    at_120 = fly(ellipse_header(rate=120.0), np.random.default_rng(5), 100, samples=75)
+    _, made, said = restored(at_120, np.floor(1e3 * at_120.t) / 1e3, rate=120.0)
+    assert "those of arrival" in said
+    assert np.abs(errors(made, at_120)).max() < CLOSE * 75 / 120.0
+
+
+def test_a_wrong_rate_is_not_believed(flights: Flights) -> None:
+    """A stated rate that is off by more than the stamps allow gives way to theirs."""
+    stamps = arrival(flights.t, flights.trial, np.random.default_rng(7))
+    *_, said = restored(flights, stamps, rate=249.0)
+    assert "clock of 249 Hz" not in said
+    *_, said = restored(flights, stamps, rate=250.0)
+    assert "clock of 250 Hz" in said
+
+
+def test_lost_pictures_are_counted(flights: Flights) -> None:
+    rng = np.random.default_rng(8)
+    kept = rng.random(len(flights.t)) > 0.02
+    some = Flights(flights.header, flights.trial[kept], flights.t[kept], flights.q[kept], *[flights.exact] * 6)
+    stamps = arrival(some.t, some.trial, rng)
+    samples, made, said = restored(some, stamps)
+    assert "rows beside lost pictures are left out" in said
+    assert 0.95 < len(made) / len(samples) < 1.0
+    # nearly all rows stand at their pictures; those near the end of a trial may miss one
+    assert np.mean(np.abs(errors(made, some)) < SHIFT) > 0.97
+
+
+def test_pictures_that_were_taken_at_odd_times_stay_where_they_are() -> None:
+    """The stamps of a camera that is triggered by software are irregular, and right."""
+    fast = fly(ellipse_header(rate=1000.0), np.random.default_rng(5), 100, samples=600)
+    rng = np.random.default_rng(1)
+    rows = []
+    for one in np.unique(fast.trial):
+        of = np.flatnonzero(fast.trial == one)
+        at = np.cumsum(rng.integers(2, 7, len(of)))
+        rows.append(of[at[at < len(of)]])
+    samples, made, said = restored(fast, fast.t, np.concatenate(rows))
+    assert made is samples and said == ""
+
+
+def test_impacts_are_found_again_and_the_reason_is_said(flights: Flights) -> None:
+    stamps = arrival(flights.t, flights.trial, np.random.default_rng(9))
+    found = find_in_arrays(flights.trial, stamps, flights.q, flights.header)
+    exact = find_in_arrays(flights.trial, flights.t, flights.q, flights.header)
+    assert len(found.impacts) == pytest.approx(len(exact.impacts), rel=0.02)
+    assert any("those of arrival" in warning for warning in found.warnings)
+    np.testing.assert_allclose(found.noise.sigma, exact.noise.sigma, rtol=0.05)
+    assert not any("those of arrival" in warning for warning in exact.warnings)
+
+
+def test_a_body_at_rest_says_nothing() -> None:
+    header = ellipse_header()
+    rng = np.random.default_rng(4)
+    trial = np.repeat(np.arange(50), 100)
+    t = np.tile(np.arange(100) * PERIOD, 50)
+    q = [0.1, 0.037, 0.2] + rng.standard_normal((len(t), 3)) * [3e-4, 3e-4, 3e-3]
+    samples = make_samples(trial, arrival(t, trial, rng), q, header, ArcSettings())
+    assert exposure_times(samples, header, ArcSettings()) == (samples, "")
+    few = samples.select(np.arange(10))
+    assert exposure_times(few, header, ArcSettings()) == (few, "")

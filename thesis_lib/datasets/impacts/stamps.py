@@ -1,0 +1,175 @@
+"""Time stamps of arrival: rows come late by what the computer made of them, pictures were taken by a clock.
+
+A camera takes picture k at t_0 + P k.  A log that stamps what arrives writes
+
+    t_k = t_0 + P k + δ_k,     δ_k ≥ 0: milliseconds of cable, driver, scheduler; or digits that were cut off
+
+and a body at 2 m/s is then 4 mm off its path with δ = 2 ms, along x, y and θ at once.  No effect of a body does that,
+and no noise that is independent of the speed.  What tells stamps of arrival from pictures that were really taken at
+these times is the flight: the body flies smoothly over the one set of times only.  Windows of `WINDOW` rows in which
+the body is fast are fitted by parabolas over both.  Where those over picture numbers leave far smaller squares, the
+times are t_0 + P k.  A delay that is the same in all rows changes no result.
+
+A lost picture sets the rows behind it back by P for good.  Lateness never falls below its least value again, so the
+least of the next `AHEAD` rows counts the lost ones.  The first row behind the gap, which may as well have come late
+before it, is left out.
+
+| on paper | in code   | unit | shape |                                            |
+|----------|-----------|------|-------|--------------------------------------------|
+| P        | `period`  | s    |       | of the pictures                            |
+| k        | `picture` | 1    | (N,)  | number of the picture in its trial         |
+| δ        | `late`    | s    | (N,)  | of arrival, less its least value in a trial |
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples
+from thesis_lib.statistics.spread import robust_std
+
+IRREGULAR = 1e-4  # s; steps that are off a multiple of the period by less move no body by more than its noise
+MANY = 0.9  # quantile of the steps that must stay below, for stamps of a clock
+AHEAD = 12  # rows; with delays of half a period on average, all of them are late in one case of 10^5
+WINDOW, STRIDE = 8, 4  # rows of a parabola, and from one to the next: most windows hold no impact
+FAST = 2.0 / 3.0  # quantile of the speed from which windows are looked at: at rest all times are the same
+FEW = 20  # windows that say nothing
+STRAIGHTER = 1.5  # ratio of the medians of squares from which the times are those of arrival
+SPAN = 16  # steps from which the period is guessed where no rate is stated
+FEW_TRIALS = 5  # whose median period and spread say something
+WHOLE = 0.9  # periods by which a row must be late to stand behind a lost picture
+SURELY = 4.0  # standard errors by which the period must be off the stated one to be taken instead
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Pictures of a clock behind the rows: numbers, lateness of each row in s, whether its number is sure, period."""
+
+    picture: np.ndarray
+    late: np.ndarray
+    sure: np.ndarray
+    period: float
+
+
+def exposure_times(samples: Samples, header: Header, settings: ArcSettings) -> tuple[Samples, str]:
+    """The samples at the times at which their pictures were taken, and a sentence that says so.
+
+    The samples themselves and "" where stamps are regular, or where flights are as smooth over them.
+    """
+    clock = _clock_behind(samples, header)
+    if clock is None:
+        return samples, ""
+    sure = samples.select(clock.sure)
+    t = sure.t - clock.late[clock.sure]
+    stamped, taken = _roughness(sure, sure.t), _roughness(sure, t)
+    fast = stamped.speed >= np.quantile(stamped.speed, FAST) if len(stamped.speed) else np.zeros(0, bool)
+    if fast.sum() < FEW:
+        return samples, ""
+    ratio = float(np.median(stamped.squares[fast]) / max(np.median(taken.squares[fast]), 1e-300))
+    if ratio < STRAIGHTER:
+        return samples, ""
+    restored = make_samples(sure.trial, t, sure.q, header, settings)
+    middle, most = 1e3 * np.quantile(clock.late, [0.5, 0.95])
+    left_out = int((~clock.sure).sum())
+    beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
+    return restored, (
+        f"The time stamps are those of arrival, not of exposure: half of the rows are more than {middle:.2g} ms later "
+        f"than the camera's clock of {1.0 / clock.period:.6g} Hz, one in twenty more than {most:.2g} ms. Over the "
+        f"numbers of the pictures the flights have {_times(ratio)} smaller squares, so times are taken from these"
+        f"{beside}. Log the time of exposure, or the picture's number over the rate."
+    )
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g} times" if ratio < 100.0 else "over 100 times"
+
+
+def _clock_behind(samples: Samples, header: Header) -> Clock | None:
+    """The clock of irregular stamps; None where they are regular, or too few."""
+    same = samples.trial[1:] == samples.trial[:-1]
+    step = np.diff(samples.t)[same]
+    if len(step) < FEW:
+        return None
+    period = 1.0 / header.rate if header.rate else _period(samples)
+    off = np.abs(step - period * np.round(step / period))
+    if np.quantile(off, MANY) < IRREGULAR:
+        return None
+    picture, sure = _pictures(samples, period)
+    first = np.flatnonzero(np.r_[True, ~same])
+    n = np.diff(np.r_[first, len(samples)])
+    number = np.repeat(np.arange(len(n)), n)
+    found, std = _period_of_pictures(samples.t, picture, number, n)
+    if np.isfinite(found) and (not header.rate or abs(found - period) > SURELY * std):
+        period = found
+    late = samples.t - period * picture
+    return Clock(picture, late - np.minimum.reduceat(late, first)[number], sure, period)
+
+
+def _period_of_pictures(t: np.ndarray, picture: np.ndarray, number: np.ndarray, n: np.ndarray) -> tuple[float, float]:
+    """Period in s and its standard error: the median of lines through each trial, `number` (N,) with n rows.
+
+    A median, because the pictures of a trial that lost some near its end are miscounted.
+    """
+    k, of_t = (a - (np.bincount(number, a) / n)[number] for a in (picture.astype(float), t))
+    across = np.bincount(number, k * k)
+    each = (np.bincount(number, k * of_t) / np.maximum(across, 1.0))[n > AHEAD]
+    if len(each) < FEW_TRIALS:
+        return np.nan, np.inf
+    return float(np.median(each)), float(1.25 * robust_std(each - np.median(each)) / np.sqrt(len(each)))
+
+
+def _period(samples: Samples) -> float:
+    """Median step over `SPAN` rows of a trial: delays at both ends count little."""
+    far = samples.trial[SPAN:] == samples.trial[:-SPAN]
+    if not far.any():
+        return float(np.median(np.diff(samples.t)[samples.trial[1:] == samples.trial[:-1]]))
+    return float(np.median((samples.t[SPAN:] - samples.t[:-SPAN])[far])) / SPAN
+
+
+def _pictures(samples: Samples, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (N,) of the pictures in their trials, and whether they are sure (N,)."""
+    picture, sure = np.zeros(len(samples), int), np.ones(len(samples), bool)
+    for rows in np.split(np.arange(len(samples)), np.flatnonzero(np.diff(samples.trial)) + 1):
+        n = len(rows)
+        lag = samples.t[rows] - period * np.arange(n)
+        padded = np.r_[lag, np.full(AHEAD - 1, np.inf)]
+        least = np.lib.stride_tricks.sliding_window_view(padded, AHEAD).min(axis=1)
+        lost = np.round((least - least[0]) / period).astype(int)
+        lost[max(n - AHEAD, 0) :] = lost[max(n - AHEAD, 0)]  # too few rows follow to tell late from lost
+        lost = np.maximum.accumulate(np.maximum(lost, 0))
+        for behind in np.flatnonzero(np.diff(lost)) + 1:
+            # no row comes before its picture: such rows stand before the gap, and came late
+            before, i = lost[behind - 1], behind
+            while i < n - 1 and lag[i] - least[0] < period * (before + WHOLE):
+                lost[i] = before
+                i += 1
+            sure[rows[i]] = False
+        picture[rows] = np.arange(n) + lost
+    return picture, sure
+
+
+@dataclass(frozen=True)
+class _Roughness:
+    """Windows of rows: speed (w,) in m/s, and squares (w,) beyond a parabola, those of x, y, θ in units of each."""
+
+    speed: np.ndarray
+    squares: np.ndarray
+
+
+def _roughness(samples: Samples, t: np.ndarray) -> _Roughness:
+    start = np.arange(0, max(len(samples) - WINDOW + 1, 0), STRIDE)
+    start = start[samples.trial[start] == samples.trial[start + WINDOW - 1]]
+    rows = start[:, None] + np.arange(WINDOW)
+    tau = t[rows] - t[rows].mean(axis=1, keepdims=True)
+    span = np.maximum(np.abs(tau).max(axis=1, initial=0.0), 1e-9)
+    u = tau / span[:, None]
+    # orthonormal columns of 1, u, u²
+    Q, _ = np.linalg.qr(np.stack([np.ones_like(u), u, u * u], axis=2))
+    q = samples.q[rows]
+    along = np.einsum("wkj,wkc->wjc", Q, q)
+    squares = np.sum((q - np.einsum("wkj,wjc->wkc", Q, along)) ** 2, axis=1)
+    moved = q - q.mean(axis=1, keepdims=True)
+    speed = np.einsum("wk,wkc->wc", tau, moved[..., :2]) / np.sum(tau**2, axis=1)[:, None]
+    scale = samples.q.std(axis=0) + 1e-12
+    return _Roughness(np.linalg.norm(speed, axis=1), (squares / scale**2).sum(axis=1))

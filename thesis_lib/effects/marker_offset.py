@@ -1,0 +1,62 @@
+"""Marker offset: what is tracked is not the centre of the body, where shape and mass are believed to be.
+
+With d the tracked point minus the body's centre in the body frame and D = R(θ) d:
+
+    pose        x_measured = x + D
+    velocity    v_measured = v + ω × D,   ω × D = ω (−D_y, D_x)
+    flight      a_measured = a − ω² D + α × D      (the tracked point circles the centre, which flies a parabola)
+    arc         (R(ω τ) − 1 − ω τ R(π/2) + (ω τ)²/2) D, what the circle has beyond that at time τ
+
+| on paper | in code      | unit | shape |                                                                    |
+|----------|--------------|------|-------|--------------------------------------------------------------------|
+| d        | `d_x`, `d_y` | m    |       | body frame                                                         |
+| D        | `D_x`, `D_y` | m    | (n,)  | axes of the surface                                                |
+
+A displaced centre of mass (com_offset) with c = −d has the same flights.  But there the outline of the body is where it
+is believed to be, while a marker takes it along: the contact has the believed lever, and the gap at impact is wrong by
+D_y.  A marker frame that is turned is an angle_offset.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.com_offset import beyond_parabola
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class MarkerOffset(Effect):
+    name = "marker_offset"
+    family = "measurement"
+    title = "marker off the centre"
+    equation = "x_measured = x + R(θ) d"
+    parameters = (
+        Parameter("d_x", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4),
+        Parameter("d_y", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4),
+    )
+    channels = ("impact", "touch", "flight")
+    reference = "rigid-body kinematics"
+    breaks_mirror = True
+
+    def to_true(self, state, p, rig):
+        return _seen_at(state, p, -1.0)
+
+    def to_measured(self, state, p, rig):
+        return _seen_at(state, p, 1.0)
+
+    def arc(self, tau, state, p, rig):
+        return beyond_parabola(state.omega[:, None] * tau, *(D[:, None] for D in _turned(state, p)))
+
+
+def _seen_at(state, p, sign):
+    """State of the point at `sign` D from the one that `state` is of."""
+    D_x, D_y = (sign * D for D in _turned(state, p))
+    vx, vy = state.vx - state.omega * D_y, state.vy + state.omega * D_x
+    return state.moved(x=state.x + D_x, y=state.y + D_y, vx=vx, vy=vy)
+
+
+def _turned(state, p):
+    """D = R(θ) d, two arrays (n,)."""
+    sin, cos = np.sin(state.theta), np.cos(state.theta)
+    return cos * p["d_x"] - sin * p["d_y"], sin * p["d_x"] + cos * p["d_y"]
+
+
+EFFECT = MarkerOffset()
