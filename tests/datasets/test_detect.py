@@ -117,7 +117,7 @@ def test_a_gross_contradiction_is_refused_with_its_factor_and_cause(flights: Fli
     def refusal(a: float = 0.035, b: float = 0.025, height: float = 0.012) -> str:
         shape = {"kind": "ellipse", "semi_axes": [a, b]}
         head = ellipse_header(body={"shape": shape, "radius_of_gyration": 0.0192}, surface={"height": height})
-        dataset = SimpleNamespace(name="drops", header=head, trajectories=poses, impacts=None)
+        dataset = SimpleNamespace(name="drops", header=head, trajectories=poses, has_angle=True, impacts=None)
         try:
             find_impacts(dataset)
         except UserError as error:
@@ -210,11 +210,11 @@ def test_impacts_given_by_the_user_win():
 def test_driver_takes_a_dataset_and_refuses_an_empty_one(flights: Flights, found: FoundImpacts):
     poses = pd.DataFrame(np.c_[flights.t, flights.q], columns=["t", "x", "y", "theta"])
     poses.insert(0, "trial", flights.trial)
-    dataset = SimpleNamespace(name="drops", header=flights.header, trajectories=poses, impacts=None)
+    dataset = SimpleNamespace(name="drops", header=flights.header, trajectories=poses, has_angle=True, impacts=None)
     np.testing.assert_array_equal(find_impacts(dataset).impacts.t, found.impacts.t)
     summary = found.summary()
     assert len(found.arcs) == summary["used"] + sum(summary["left_out"].values())
-    empty = SimpleNamespace(name="drops", header=flights.header, trajectories=None, impacts=None)
+    empty = SimpleNamespace(name="drops", header=flights.header, trajectories=None, has_angle=True, impacts=None)
     with pytest.raises(UserError, match="neither"):
         find_impacts(empty)
 

@@ -50,6 +50,7 @@ examples:
   python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
   python -m thesis_lib datasets example -o data/soft --hidden nothing --shape square --contact-time 3
   python -m thesis_lib datasets example -o data/other --engine mujoco         the same drops, in MuJoCo's own contact
+  python -m thesis_lib datasets example -o data/puck --shape puck              one cushion unlike the others
   python -m thesis_lib datasets example -o data/arm --mechanism arm --hidden payload --size 0.1
   python -m thesis_lib datasets example -o data/wheel --mechanism wheel --hidden payload --engine mujoco
 
@@ -96,7 +97,7 @@ def build_parser() -> Parser:
     )
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
-    hidden = "see below; default: com_offset_x, in a mechanism rolling_resistance"
+    hidden = "see below; default: com_offset_x, of a puck quick_cushion, in a mechanism rolling_resistance"
     example.add_argument("--hidden", metavar="NAME", help=hidden)
     engine = (
         "which simulator: this program's own, MuJoCo, or Drake (drops: its point contact); default: %(default)s. A "
@@ -104,8 +105,9 @@ def build_parser() -> Parser:
     )
     example.add_argument("--engine", choices=["own", "mujoco", "drake"], default="own", help=engine)
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
-    example.add_argument("--drops", type=int, help="releases; default: 150, of a mechanism 16 trials")
-    example.add_argument("--shape", choices=["ellipse", "square"], help="of the body that is dropped; default: ellipse")
+    example.add_argument("--drops", type=int, help="releases; default: 150, of a puck 60, of a mechanism 16 trials")
+    shape = "of the body that is dropped; default: ellipse. A puck slides over a table between cushions"
+    example.add_argument("--shape", choices=["ellipse", "square", "puck"], help=shape)
     lasting = (
         "how long a central impact at 2.5 m/s lasts, at most 5 ms; default: 1 ms, as of hard plastic on metal; rubber "
         "takes 3 ms and more, and with 0.02 ms drops are nearly those of a rigid body"
@@ -126,8 +128,9 @@ class _ExampleHelp(argparse.Action):
     def __call__(self, parser, namespace, values, option_string=None) -> None:
         from thesis_lib.simulate.chapter2.recording import hidden_text
         from thesis_lib.simulate.compliant.example import causes_text
+        from thesis_lib.simulate.table.puck import cushions_text
 
-        parser.epilog = f"{EXAMPLE_EXAMPLES}{causes_text()}\n{hidden_text()}"
+        parser.epilog = f"{EXAMPLE_EXAMPLES}{causes_text()}\n{hidden_text()}\n{cushions_text()}"
         parser.print_help()
         parser.exit()
 
@@ -181,6 +184,8 @@ def _example(args: argparse.Namespace) -> int:
     out = Path(args.out)
     if args.mechanism:
         return _example_recording(args, out)
+    if args.shape == "puck":
+        return _example_puck(args, out)
     name, hidden, drops = out.resolve().name, args.hidden or "com_offset_x", 150 if args.drops is None else args.drops
     chosen: dict = {"size": args.size, "drops": drops, "seed": args.seed, "tracker": _tracker(args)}
     chosen["shape"] = args.shape or ""
@@ -191,6 +196,20 @@ def _example(args: argparse.Namespace) -> int:
         f"written to {out}, with {len(example.new_impacts)} further impacts in {out / NEW_IMPACTS}. "
         f"Next: python -m thesis_lib critique {out}"
     )
+    return 0
+
+
+def _example_puck(args: argparse.Namespace, out: Path) -> int:
+    from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.datasets.summary import check_dataset, summary_text
+    from thesis_lib.simulate.table.puck import FLOAT_FORMAT, TRIALS, simulate_puck
+
+    if args.filter or args.cutoff is not None or args.contact_time is not None or args.engine != "own":
+        raise UserError("--engine, --contact-time, --filter and --cutoff are for drops; leave them out with a puck.")
+    given = {"size": args.size, "trials": TRIALS if args.drops is None else args.drops, "seed": args.seed}
+    write_dataset(simulate_puck(out.resolve().name, args.hidden or "quick_cushion", **given), out, FLOAT_FORMAT)
+    print(summary_text(*check_dataset(out)))
+    print(f"written to {out}. Next: python -m thesis_lib critique {out}")
     return 0
 
 

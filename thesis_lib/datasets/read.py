@@ -1,8 +1,10 @@
 """Read a dataset folder and check all of it before anything is computed."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
+from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.checks import impacts as plausible_impacts
 from thesis_lib.datasets.checks import trajectories as plausible
 from thesis_lib.datasets.checks.known_body import KnownBody
@@ -25,7 +27,11 @@ def read_dataset(path: str | Path) -> Dataset:
 
 def _read(folder: Path, name: str, report: Report) -> Dataset | None:
     header, raw = load_header(folder, report)
-    trajectories = load_table(folder, "trajectories", TRAJECTORY_COLUMNS, (), report)
+    turns_unseen = isinstance(salvage_shape(raw), Disk)  # theta moves no contact point
+    optional = ("theta",) if turns_unseen else ()
+    needed = tuple(column for column in TRAJECTORY_COLUMNS if column not in optional)
+    trajectories = load_table(folder, "trajectories", needed, optional, report)
+    has_angle = trajectories is None or "theta" in trajectories.data
     impacts = load_table(folder, "impacts", IMPACT_COLUMNS, OPTIONAL_IMPACT_COLUMNS, report)
     files = [f"{stem}{suffix}" for stem in ("trajectories", "impacts") for suffix in (".csv", ".parquet")]
     if not any(os.path.lexists(folder / file) for file in files):
@@ -37,8 +43,13 @@ def _read(folder: Path, name: str, report: Report) -> Dataset | None:
     body = KnownBody.of(header, salvage_shape(raw))
     if trajectories is not None:
         check_trajectories(trajectories, None if header is None else header.rate)
+        if not has_angle:
+            trajectories = replace(trajectories, data=trajectories.data.assign(theta=0.0))
         plausible.check_trajectories(trajectories, body)
-    if impacts is not None:
+    if impacts is not None and header is not None and header.surfaces is not None:
+        remedy = "leave impacts.csv out: from trajectories.csv the program finds which wall was hit"
+        impacts.error("", "impacts at several surfaces cannot be given", remedy)
+    elif impacts is not None:
         check_impacts(impacts)
         plausible_impacts.check_impacts(impacts, body)
     if report.errors or header is None:
@@ -53,4 +64,4 @@ def _read(folder: Path, name: str, report: Report) -> Dataset | None:
         what = f"these trials are not in {trajectories.file}"
         unknown = ~impacts.data["trial"].isin(trajectories.data["trial"]).to_numpy()
         impacts.warn("column trial", what, "use the same trial numbers in both files", unknown)
-    return Dataset(name, header, poses, hits, folder, tuple(report.warnings))
+    return Dataset(name, header, poses, hits, folder, tuple(report.warnings), has_angle)

@@ -47,7 +47,7 @@ def summarise(dataset: Dataset, detection: FoundImpacts | None = None) -> dict:
             "samples_per_trial": [int(count.min()), int(count.max())],
             "duration": [float(last.min()), float(last.max())],
             "rate": dataset.rate,
-            "range": _ranges(poses, ("x", "y", "theta")),
+            "range": _ranges(poses, ("x", "y", "theta") if dataset.has_angle else ("x", "y")),
         }
     if (impacts := dataset.impacts) is not None:
         result["impacts"] = {
@@ -75,7 +75,9 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str
         f"body        {body.shape.kind}, reaches {body.shape.extent:.4g} m from its centre; {mass}; radius of gyration "
         f"{body.radius_of_gyration:.4g} m (a uniform lamina has {body.shape.radius_of_gyration:.4g} m)"
     )
-    lines.append(f"surface     at y = {dataset.height:g} m; gravity {dataset.gravity:g} m/s²")
+    names = ", ".join(wall.name for wall in dataset.header.surfaces or ())
+    where = f"walls {names}" if names else f"at y = {dataset.height:g} m"
+    lines.append(f"surface     {where}; gravity {dataset.gravity:g} m/s²")
     noise = facts["noise"]
     units = {"position": "m", "angle": "rad", "velocity": "m/s", "angular_velocity": "rad/s"}
     stated = ", ".join(f"{name} {value:g} {units[name]}" for name, value in noise.items()) if noise else ""

@@ -33,11 +33,15 @@ def recording_text() -> str:
 
 def _rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, str]]:
     from thesis_lib.bodies.body import Body, Noise, Surface, Uncertainty
+    from thesis_lib.bodies.walls import Wall
 
     nested = {"body": Body, "surface": Surface, "noise": Noise, "body.uncertainty": Uncertainty}
     for name, field in section.model_fields.items():
         key = f"{path}{field.alias or name}"
-        if key in nested:
+        if key == "surfaces":
+            yield code(key), "no", "list", field.description or ""
+            yield from _rows("surfaces[].", Wall)
+        elif key in nested:
             yield from _rows(f"{key}.", nested[key])
         elif name == "shape":
             what = "see above: `ellipse`, `disk` or `polygon`"

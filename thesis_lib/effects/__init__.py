@@ -7,6 +7,7 @@ import pkgutil
 from collections.abc import Iterable
 from importlib import import_module
 
+from thesis_lib.effects.at_wall import effect_at_wall
 from thesis_lib.effects.effect import FAMILIES, Effect
 from thesis_lib.foundation.errors import UserError
 
@@ -22,7 +23,19 @@ def _load() -> dict[str, Effect]:
     return dict(sorted(effects.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0])))
 
 
-EFFECTS: dict[str, Effect] = _load()
+class _Library(dict[str, Effect]):
+    """Effects by name; those at one wall are found by their names, and are not counted."""
+
+    def __missing__(self, name: str) -> Effect:
+        if (effect := effect_at_wall(name)) is None:
+            raise KeyError(name)
+        return effect
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or effect_at_wall(name) is not None
+
+
+EFFECTS: dict[str, Effect] = _Library(_load())
 
 
 def require_known(names: Iterable[str]) -> None:

@@ -25,6 +25,7 @@ class AngleOffset(Effect):
         Parameter("d_theta", "rad", null=0.0, low=-math.pi / 2, high=math.pi / 2, scale=0.02, starts=(-0.4, 0.4, 1.4)),
     )
     channels = ("impact", "touch")
+    needs_angle = True
     reference = "camera calibration"
     breaks_mirror = True
 

@@ -33,6 +33,7 @@ class ComOffset(Effect):
     )
     channels = ("impact", "flight")
     denies = "centre of mass"
+    needs_angle = True
     reference = "rigid-body kinematics"
     breaks_mirror = True
 

@@ -18,6 +18,7 @@ class ContactPointOffset(Effect):
     title = "contact point offset"
     equation = "r_x = r_x,shape + d_r"
     parameters = (Parameter("d_r", "m", null=0.0, low=-0.01, high=0.01, scale=5e-4),)
+    needs_angle = True
     reference = "Brach 1989 (rigid body collisions: distributed contact)"
     breaks_mirror = True
 

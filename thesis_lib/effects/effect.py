@@ -123,12 +123,23 @@ class State:
 
 @dataclass(frozen=True)
 class Rig:
-    """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m)."""
+    """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
+
+    Between `walls`, their names in order, x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle`
+    neither the angle nor the spin is measured.
+    """
 
     shape: Shape
     k_g: float
     gravity: float
     height: float
+    walls: tuple[str, ...] = ()
+    has_angle: bool = True
+
+    @property
+    def k_told(self) -> float:
+        """Radius of gyration in m as a weight of errors in spin; 0 where the spin is not measured."""
+        return self.k_g if self.has_angle else 0.0
 
 
 @dataclass(frozen=True)
@@ -157,6 +168,9 @@ class Effect:
             (gap at impact), flight (acceleration between impacts).
         needs_trajectories: whether impacts alone cannot test it.
         needs_contact_time: whether it is about nothing but the time that contacts take.
+        needs_angle: whether only the angle or the spin shows it, or an unknown spin before the impact does the same.
+        needs_one_surface: whether it means nothing between walls: it is about gravity, or about places in the plane.
+        includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
         denies: what of the body it says to be other than believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
@@ -171,6 +185,9 @@ class Effect:
     channels: tuple[Channel, ...] = ("impact",)
     needs_trajectories: bool = False
     needs_contact_time: bool = False
+    needs_angle: bool = False
+    needs_one_surface: bool = False
+    includes: tuple[str, ...] = ()
     breaks_mirror: bool = False
     denies: str = ""
     reference: str = ""

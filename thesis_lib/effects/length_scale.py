@@ -18,6 +18,7 @@ class LengthScale(Effect):
     equation = "x_measured = (1 + s_L) x"
     parameters = (Parameter("s_L", "1", null=0.0, low=-0.5, high=1.0, scale=0.02),)
     channels = ("impact", "touch", "flight")
+    needs_one_surface = True
     reference = "camera calibration"
 
     def to_true(self, state, p, rig):

@@ -19,6 +19,7 @@ class MirroredRotation(Effect):
     equation = "θ_measured = −θ, ω_measured = −ω"
     parameters = (Parameter("mirrored", "1", null=0.0, low=0.0, high=1.0, scale=1.0, discrete=1.0),)
     channels = ("impact", "touch")
+    needs_angle = True
     reference = "handedness of axes"
 
     def to_true(self, state, p, rig):

@@ -19,6 +19,7 @@ class MovingSurface(Effect):
     title = "moving surface"
     equation = "v_t = v_x − V − r_y ω"
     parameters = (Parameter("V", "m/s", null=0.0, low=-3.0, high=3.0, scale=0.1),)
+    needs_one_surface = True
     reference = "Galilean invariance"
     breaks_mirror = True
 

@@ -32,6 +32,7 @@ class OrientationDependentContactTime(Effect):
     channels = ("touch",)
     needs_trajectories = True
     needs_contact_time = True
+    needs_angle = True
     reference = "first harmonics of a smooth dependence on the place"
     breaks_mirror = True
 

@@ -27,6 +27,7 @@ class OrientationDependentRestitution(Effect):
         Parameter("a_c", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)),
         Parameter("a_s", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)),
     )
+    needs_angle = True
     reference = "Stoianovici and Hurmuzlu 1996 (rebound of slender bars at different angles)"
     breaks_mirror = True
 

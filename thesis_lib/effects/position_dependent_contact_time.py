@@ -27,6 +27,7 @@ class PositionDependentContactTime(Effect):
     channels = ("touch",)
     needs_trajectories = True
     needs_contact_time = True
+    needs_one_surface = True
     reference = "first order of a smooth dependence on place; stiffness of a spring, Goldsmith 1960, chapter 4"
     breaks_mirror = True
 

@@ -22,6 +22,7 @@ class PositionDependentFriction(Effect):
     title = "friction depends on place"
     equation = "μ = μ₀ (1 + g_μ x)"
     parameters = (Parameter("g_mu", "1/m", null=0.0, low=-10.0, high=10.0, scale=0.5),)
+    needs_one_surface = True
     reference = "first order of a smooth dependence on place"
     breaks_mirror = True
 

@@ -21,6 +21,7 @@ class SensorDrift(Effect):
     title = "drifting camera"
     equation = "x_measured = x + d_x t"
     parameters = (Parameter("d_x", "m/s", null=0.0, low=-1.0, high=1.0, scale=0.1),)
+    needs_one_surface = True
     reference = "Galilean invariance"
     breaks_mirror = True
 

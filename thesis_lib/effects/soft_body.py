@@ -32,6 +32,7 @@ class SoftBody(Effect):
     equation = "r = r_shape(θ) + λ |v_n| (l, 1)"
     parameters = (Parameter("lam", "s", null=0.0, low=0.0, high=3e-3, scale=1e-4),)
     needs_contact_time = True
+    needs_angle = True
     reference = "Johnson 1985, chapter 4 (both bodies give way in the ratio of their compliances)"
 
     def contact_point(self, r_x, r_y, state, p, rig):

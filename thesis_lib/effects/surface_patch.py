@@ -41,6 +41,7 @@ class SurfacePatch(Effect):
         Parameter("w", "m", null=0.02, low=2e-3, high=0.1, scale=0.01),
     )
     channels = ("impact", "touch")
+    needs_one_surface = True
     reference = "Yu, Bauza, Fazeli and Rodriguez 2016 (friction by place), doi:10.1109/IROS.2016.7758091"
     breaks_mirror = True
 

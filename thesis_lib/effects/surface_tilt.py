@@ -24,8 +24,12 @@ class SurfaceTilt(Effect):
     parameters = (Parameter("phi", "rad", null=0.0, low=-0.5, high=0.5, scale=0.01),)
     channels = ("flight",)
     needs_trajectories = True
+    needs_one_surface = True
     reference = "inclined plane"
     breaks_mirror = True
+
+    def applies_to(self, rig):
+        return rig.gravity > 0.0
 
     def acceleration(self, a, state, p, rig):
         sin, cos, g = np.sin(p["phi"]), np.cos(p["phi"]), rig.gravity

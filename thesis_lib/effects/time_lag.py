@@ -22,6 +22,7 @@ class TimeLag(Effect):
     equation = "θ_measured(t) = θ(t − T)"
     parameters = (Parameter("lag", "s", null=0.0, low=-0.05, high=0.05, scale=2e-3, starts=(-0.01, 0.01)),)
     channels = ("impact", "meet", "touch")
+    needs_angle = True
     reference = "kinematics"
 
     def to_true(self, state, p, rig):

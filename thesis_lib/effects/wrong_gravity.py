@@ -23,6 +23,7 @@ class WrongGravity(Effect):
     parameters = (Parameter("dg", "m/s²", null=0.0, low=-9.0, high=9.0, scale=0.1),)
     channels = ("flight",)
     needs_trajectories = True
+    needs_one_surface = True
     reference = "free fall"
 
     def acceleration(self, a, state, p, rig):

@@ -20,6 +20,7 @@ class WrongInertia(Effect):
     equation = "k² = k₀² (1 + d_I)"
     parameters = (Parameter("d_I", "1", null=0.0, low=-0.7, high=2.0, scale=0.1),)
     denies = "inertia"
+    needs_angle = True
     reference = "definition of the radius of gyration"
 
     def radius_of_gyration(self, k_g, p):

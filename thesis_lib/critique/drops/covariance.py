@@ -6,19 +6,29 @@ A is made of secants over one standard deviation of each datum, so that a kink b
 far as noise reaches it.  κ is wide, because the instant of impact is unknown a priori.  σ_m is scatter that neither
 noise nor model explains (`fit`).
 
+Where nobody measured the spin before an impact, S also holds what it does to the prediction over all spins that are
+believed possible (`SPINS`), of which the prediction is the mean.
+
 An episode bends: which corner hits first may hang on a milliradian.  Its covariance goes to second order in the noise,
 and it has no κ, because its touch is solved for.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import compare, end_of_episodes, predict, state_beside
+from thesis_lib.critique.drops.residuals import (
+    compare,
+    end_of_episodes,
+    over_spins,
+    predict,
+    predict_by_spin,
+    state_beside,
+)
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
@@ -53,6 +63,9 @@ def residual_covariance(
 def noisy_residuals(model: Model, values: Mapping[str, float], observations: Observations) -> Noisy:
     """Residuals R of all impacts with their covariance."""
     o = observations
+    if o.spin:
+        found = _of_single(model, values, o)
+        return replace(found, noise=found.noise + spin_covariance(model, values, o))
     if not o.span.any():
         return _of_single(model, values, o)
     single, episodes = np.flatnonzero(o.span == 0.0), np.flatnonzero(o.span)
@@ -62,6 +75,17 @@ def noisy_residuals(model: Model, values: Mapping[str, float], observations: Obs
             found = part(model, values, o.rows(rows))
             whole.value[rows], whole.noise[rows], whole.by_instant[rows] = found.value, found.noise, found.by_instant
     return whole
+
+
+def spin_covariance(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
+    """Covariance (n, 7, 7) of the residuals of single hits from a spin that nobody measured."""
+    before = state_beside(model, values, observations, 0)
+    v, _, q = predict_by_spin(model, values, observations, before)
+    R = np.zeros((len(v), len(observations), 7))
+    R[:, :, :3] = v - over_spins(v)
+    if q is not None:
+        R[:, :, 3:6] = np.nan_to_num(q - over_spins(q))
+    return over_spins(R[..., :, None] * R[..., None, :])
 
 
 def noise_covariance(

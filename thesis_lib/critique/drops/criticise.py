@@ -154,7 +154,7 @@ def criticise(
     say("looking for what remains")
     structure = remaining(final, training.single, rng)
     before, after = states_at_impact(base.model, base.values, held_out)
-    no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_g * (after.omega - before.omega)]
+    no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_told * (after.omega - before.omega)]
     errors = (_irb(base, held_out), _irb(final, held_out), float(np.linalg.norm(no_impact, axis=0).mean()))
     parts = (observations, training, held_out)
     return Critique(
@@ -164,6 +164,8 @@ def criticise(
 
 def _irb(fitted: Fit, observations: Observations) -> float:
     """Mean IRB bound, m/s, of the single hits in the geometry of the fitted contact."""
+    if not observations.rig.has_angle:
+        return 0.0  # with the right spin an impulse reaches any velocity
     observations = observations.single
     before, after = states_at_impact(fitted.model, fitted.values, observations)
     model, values, rig = fitted.model, fitted.values, observations.rig
@@ -179,10 +181,11 @@ def _irb(fitted: Fit, observations: Observations) -> float:
 def _refuse_constant(dataset: Dataset) -> None:
     """Refuse a channel that never changes: it was not measured, so that no verdict is possible."""
     direct = dataset.impacts is not None and len(dataset.impacts) > 0
+    poses = POSE if dataset.has_angle else POSE[:2]
     table = dataset.impacts if direct else dataset.trajectories
     if table is None or len(table) < 2:
         return
-    columns = (*V_PRE, *V_POST) if direct else POSE
+    columns = (*V_PRE, *V_POST) if direct else poses
     lowest = dataset.shape.contact_point(np.linspace(0.0, 2.0 * np.pi, 181))[:, 1]
     if direct and np.ptp(lowest) > 1e-9 * dataset.shape.extent:
         columns = ("theta", *columns)  # only if the angle moves the contact point

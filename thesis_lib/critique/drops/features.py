@@ -10,10 +10,12 @@ import warnings
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.walls import along_wall, wall_of
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
+from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.drops.unknown_spin import velocity_left
 from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.statistics.spread import robust_std
 
@@ -28,12 +30,16 @@ FEATURES = {
     "theta": ("rad", "body angle, within half a turn"),
     "x": ("m", "position along the surface"),
     "trial": ("1", "number of the release"),
+    "wall": ("1", "number of the wall, from 0"),
     "t": ("s", "time since the first sample"),
 }
 
 
 def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
-    """Features of n impacts, columns and units as in `FEATURES`; t only for trajectories."""
+    """Features of n impacts, columns and units as in `FEATURES`; t only for trajectories, wall only between walls.
+
+    Neither omega nor theta where the angle is not measured.
+    """
     before, _ = states_at_impact(fitted.model, fitted.values, observations)
     true = fitted.model.to_true(before, fitted.model.active(fitted.values), observations.rig)
     r = observations.rig.shape.contact_point(true.theta)
@@ -44,10 +50,14 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
             "omega": true.omega,
             "r_x": r[:, 0],
             "theta": within_half_a_turn(true.theta),
-            "x": true.x,
+            "x": along_wall(true.x) if observations.rig.walls else true.x,
             "trial": observations.trial.astype(float),
         }
     )
+    if not observations.rig.has_angle:
+        table = table.drop(columns=["omega", "theta"])
+    if observations.rig.walls:
+        table["wall"] = wall_of(true.x).astype(float)
     if observations.arcs:
         table["t"] = observations.t
     return table
@@ -64,13 +74,13 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    k = observations.rig.k_g
+    k = observations.rig.k_told
     table = features(fitted, observations)
     X = table.to_numpy(float)
     spread = X.std(axis=0)
     used = spread > 0
     names, X = ([name for name, use in zip(table.columns, used) if use], (X - X.mean(axis=0))[:, used] / spread[used])
-    Y = impact_residuals(fitted.model, fitted.values, observations)[:, :3] * [1.0, 1.0, k]
+    Y = velocity_left(fitted.model, fitted.values, observations) * [1.0, 1.0, k]
     # a Gaussian process would fit single wild impacts only
     Y = Y - np.median(Y, axis=0)
     limit = 5.0 * robust_std(Y) + 1e-12

@@ -269,7 +269,7 @@ def _basins(model: Model, observations: Observations, start: Mapping[str, float]
     and no step leads back from a μ at which all stick.
     """
     values = {name: p.null for name, p in model.parameters.items()} | dict(start)
-    k = observations.rig.k_g
+    k = observations.rig.k_told
 
     def cost(mu: float, epsilon: float) -> float:
         R = impact_residuals(model, {**values, "mu": mu, "epsilon": epsilon}, observations)[:, :3]

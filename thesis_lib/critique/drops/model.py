@@ -15,6 +15,7 @@ from thesis_lib.contact.compliant.normal_force import ConvexDamper
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, CONTACT_TIME, OF_FRICTION, TURNED, mobility
+from thesis_lib.critique.drops.sliding import SLIDING, TABLE
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State
 
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
@@ -40,17 +41,21 @@ def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) 
 
 @dataclass(frozen=True)
 class Model:
-    """A law with effects; its parameters are those of the law, `tau` if it `takes_time`, and `effect.parameter`."""
+    """A law with effects; its parameters are those of the law, `tau` if it `takes_time`, and `effect.parameter`.
+
+    A body that `slides` over a table is slowed down by it: its parameters have `a_table`.
+    """
 
     law: Law
     effects: tuple[Effect, ...] = ()
     takes_time: bool = False
+    slides: bool = False
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
         of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in effect.parameters}
-        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + self.of_friction
+        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + self.of_friction + (SLIDING,) * self.slides
         return {p.name: p for p in of_law} | of_effects
 
     @property
@@ -65,7 +70,8 @@ class Model:
 
     def acting(self, *hooks: str) -> list[Effect]:
         """The effects that override one of these hooks."""
-        return [e for e in self.effects if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)]
+        effects = (*self.effects, TABLE) if self.slides else self.effects
+        return [e for e in effects if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)]
 
     @cached_property
     def has_varying_flight(self) -> bool:
@@ -91,7 +97,8 @@ class Model:
     def flight_parameters(self) -> list[str]:
         """Parameters on which the measured flights, and so the states at impact, depend."""
         acting = self.acting("to_true", "to_measured", "acceleration", "arc")
-        return [f"{effect.name}.{p.name}" for effect in acting for p in effect.parameters]
+        names = [f"{effect.name}.{p.name}" for effect in acting if effect is not TABLE for p in effect.parameters]
+        return [*names, SLIDING.name] if self.slides else names
 
     @property
     def is_compliant(self) -> bool:
@@ -304,9 +311,10 @@ class Model:
 
     def active(self, values: Mapping[str, float]) -> list[tuple[Effect, dict[str, float]]]:
         """The effects in order, each with the parameters p of its hooks."""
-        return [
+        active: list[tuple[Effect, dict[str, float]]] = [
             (effect, {p.name: values[f"{effect.name}.{p.name}"] for p in effect.parameters}) for effect in self.effects
         ]
+        return [(TABLE, {SLIDING.name: values[SLIDING.name]}), *active] if self.slides else active
 
     @staticmethod
     def to_true(state: State, active: Sequence, rig: Rig) -> State:

@@ -5,10 +5,12 @@ is itself to be tested.  The lines give pose and velocity at the impact for *any
 drag, tilt, ...).  Flights that are long enough also give their acceleration (`flights`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
 from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, measured_flights
 from thesis_lib.critique.drops.lines import LATER, NODES, Hits, edges_of, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
@@ -16,8 +18,10 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
+from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import Rig
 
+UNKNOWN = 100.0  # times what is known of a spin: so wide that it says nothing
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
 FOR_MODELS, OF_SAMPLES = ("trial", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
 ROWS = ("trial", "impact", "hits", "t", "span", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset")
@@ -40,6 +44,7 @@ class Observations:
         flights: accelerations, or none.
         noise_known: whether `cov` is measured or stated; else only the scatter is known.
         found: result of the detection; its impacts are these n.
+        spin: rad/s, one sigma of the spin before an impact where nobody measured it, and the states say 0; else 0.
     """
 
     rig: Rig
@@ -60,6 +65,7 @@ class Observations:
     flights: Flights
     noise_known: bool
     found: FoundImpacts
+    spin: float = 0.0
 
     def __len__(self) -> int:
         return len(self.trial)
@@ -95,10 +101,17 @@ def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: boo
     `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`).
     """
     found = find_impacts(dataset, settings)
-    rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
+    walls = dataset.header.surfaces or ()
+    names = tuple(wall.name for wall in walls)
+    rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, names, dataset.has_angle)
     if found.samples is None:
         return _from_impacts(found, rig)
     single = _from_samples(found.samples, found, rig)
+    if walls:
+        single, episodes = _on_floors(single, walls), False  # what touches two walls at once is left out
+    if not dataset.has_angle:
+        episodes = False
+        single = _without_angle(single, unseen_spin(found.impacts, dataset.header))
     settings = (settings or ArcSettings()).model_copy(update={"guard": found.guard})
     return _with_episodes(single, found.samples, dataset.header, settings) if episodes else single
 
@@ -141,6 +154,8 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
     most = found.used_arcs[["n_pre", "n_post"]].to_numpy()
     lines = side_lines(samples, impacts.trial, impacts.t, edges_of(hits, impacts.trial, impacts.t, found.guard), most)
     variance = found.noise.used**2 * found.noise.colour
+    if rig.walls:
+        variance[:2] = variance[:2].mean()  # whichever way a wall stands
     cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
     rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
     return Observations(
@@ -159,6 +174,27 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         noise_known=True,
         found=replace(found, impacts=impacts.select(rows)),
     )
+
+
+def _on_floors(o: Observations, walls: Sequence[Wall]) -> Observations:
+    """The impacts in the frames of the walls that were hit; flights stay as they were filmed."""
+    wall = wall_of(o.found.impacts.q[:, 0])
+    value = np.stack([in_wall_frame(walls, wall, o.value[:, side]) for side in (0, 1)], axis=1)
+    slope = np.einsum("nij,nsj->nsi", turns(walls, wall), o.slope)
+    return replace(o, value=value, slope=slope)
+
+
+def _without_angle(o: Observations, spin: float) -> Observations:
+    """Observations in which nobody knows the angle, or the spin after an impact; `spin` is one sigma of that before.
+
+    The unknown spin is a nuisance: predictions are the mean over it, and their covariance holds what it does.
+    """
+    value, cov, variance = o.value.copy(), o.cov.copy(), o.flights.variance.copy()
+    value[:, :, 2] = 0.0
+    cov[:, :, 2] = np.diag([1.0, (UNKNOWN * spin) ** 2])
+    cov[:, 0, 2, 1, 1] = 0.0
+    variance[:, 2] = UNKNOWN**2
+    return replace(o, value=value, cov=cov, flights=replace(o.flights, variance=variance), spin=spin)
 
 
 def _with_episodes(single: Observations, samples: Samples, header: Header, settings: ArcSettings) -> Observations:

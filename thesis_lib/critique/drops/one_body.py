@@ -61,7 +61,7 @@ def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
         return
     gravity, stray = o.rig.gravity, o.found.noise.stray * [1.0, 1.0, o.rig.k_g]
     for value, what in ((stray[0], "sideways (x)"), (stray[2], "in rotation (theta, at the radius of gyration)")):
-        if o.arcs and value > SIDEWAYS * gravity:
+        if o.arcs and gravity and value > SIDEWAYS * gravity:
             raise UserError(
                 f"{name} is no planar free motion between impacts: in flight the body accelerates {what} by "
                 f"{value:.2g} m/s² (one sigma), {value / gravity:.0%} of gravity, where a body that flies in the plane "

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
 from scipy.special import roots_gegenbauer
 
 from thesis_lib.critique.drops.contact_time import TURNED
@@ -26,6 +27,9 @@ ARC_POINTS = 33  # points of a flight at which its path is compared with a parab
 # a line through τ³/6 on [−W, 0] has the slope 0.15 W², as for the acceleration at −0.3 W; its own slope is the velocity
 # at −0.5 W
 ARC_MEAN = 0.6
+# of an unknown spin, in standard deviations: nodes and weights for a normal distribution (Gauss and Hermite)
+SPINS, _OF_SPIN = hermegauss(7)
+_OF_SPIN = _OF_SPIN / _OF_SPIN.sum()
 _PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
 _PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
 
@@ -94,8 +98,11 @@ def later_instants(model: Model, values: Mapping[str, float], observations: Obse
     """By how much (n,) in s the arcs before and after meet later in the model's flights than in those of gravity alone.
 
     The detection takes the instant of an impact from arcs under gravity.  Drag of 2 m/s² makes that late by 0.2 ms.
+    Where it saw that a table slows the body down, its arcs allowed for that.
     """
     o = observations
+    if model.slides and o.found.noise.stray.any():
+        return np.zeros(len(o))
     if not (o.arcs and model.acting("acceleration", "arc")):
         return np.zeros(len(o))
     gravity = np.array([0.0, -o.rig.gravity, 0.0])
@@ -124,7 +131,34 @@ def impact_residuals(
 
 
 def predict(model: Model, values: Mapping[str, float], observations: Observations, before: State) -> Prediction:
-    """What follows from the measured states `before` impact."""
+    """What follows from the measured states `before` impact; where their spin is unknown, its mean over the spins."""
+    if not observations.spin:
+        return _predict(model, values, observations, before)
+    v, touch, q = predict_by_spin(model, values, observations, before)
+    return Prediction(over_spins(v), None if touch is None else over_spins(touch), None if q is None else over_spins(q))
+
+
+def over_spins(values: np.ndarray) -> np.ndarray:
+    """Mean (...) over `SPINS` of values (m, ...)."""
+    return np.tensordot(_OF_SPIN, values, axes=1)
+
+
+def predict_by_spin(
+    model: Model, values: Mapping[str, float], o: Observations, before: State
+) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+    """v (m, n, 3), touch (m, n) and q (m, n, 3) of `Prediction` for `SPINS` times the unknown spin's one sigma."""
+    m, n = len(SPINS), len(before.x)
+    rows = np.tile(np.arange(n), m)
+    spun = before.select(rows)
+    spun = spun.moved(omega=spun.omega + o.spin * np.repeat(SPINS, n))
+    of_all = replace(o, span=o.span[rows], offset=o.offset[rows])
+    found = _predict(model, values_of(values, rows), of_all, spun)
+    touch = None if found.touch is None else found.touch.reshape(m, n)
+    return found.v.reshape(m, n, 3), touch, None if found.q is None else found.q.reshape(m, n, 3)
+
+
+def _predict(model: Model, values: Mapping[str, float], observations: Observations, before: State) -> Prediction:
+    """What follows from states `before` impact."""
     o, rig, n = observations, observations.rig, len(before.x)
     if not o.arcs and model.law.engine:
         active = model.active(values)
@@ -254,10 +288,11 @@ def synthesise(
         raise_by = model.gap(true, values, rig) + model.strike(before, values, rig, o.offset)[1]
         raised = model.to_measured(true.moved(y=true.y - raise_by), active, rig)
         before = before.moved(y=raised.y)
-    after = model.predict(before, values, rig, o.offset)
+    struck = before.moved(omega=before.omega + o.spin * rng.standard_normal(len(o))) if o.spin else before
+    after = model.predict(struck, values, rig, o.offset)
     played = np.zeros(len(o), bool)
     q, v = after.q, after.v
-    for rows, ends in _played(model, values, o, before) if o.arcs else ():
+    for rows, ends in _played(model, values, o, struck) if o.arcs else ():
         q[rows], v[rows], played[rows] = ends.q, ends.v, True
     after = State.of(q, v, o.trial, o.t + o.span)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]

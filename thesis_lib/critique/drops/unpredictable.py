@@ -37,10 +37,10 @@ def predictable(observations: Observations, training: Observations, takes_time: 
     fitted = fit(Model(LAWS[REFERENCE], (), takes_time), alone if len(alone) else training)
     episodes = o.rows(rows)
     S = residual_covariance(fitted.model, fitted.values, episodes)
-    spread = np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], np.array([1.0, 1.0, o.rig.k_g]) ** 2))
+    spread = np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], np.array([1.0, 1.0, o.rig.k_told]) ** 2))
     before, after = states_at_impact(fitted.model, fitted.values, episodes)
     predicted = after.v - impact_residuals(fitted.model, fitted.values, episodes)[:, :3]
-    change = velocity_error(predicted - before.v, o.rig.k_g)
+    change = velocity_error(predicted - before.v, o.rig.k_told)
     wide = ~(spread < WIDEST * change)
     left_out = [o.found.left_out]
     for i in np.flatnonzero(wide):

@@ -28,11 +28,13 @@ from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_ST
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, later_instants, states_at_impact, synthesise
+from thesis_lib.critique.drops.unknown_spin import left_over
 from thesis_lib.critique.drops.whitening import Whitening, weight
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Effort, Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.effects.at_wall import effects_at
 from thesis_lib.extensions.registry import added_laws
 from thesis_lib.statistics.spread import quantile_std, robust_std
 
@@ -41,6 +43,7 @@ from thesis_lib.statistics.spread import quantile_std, robust_std
 LEAVES, TURNS, GAINS = 1.2, 0.02, 3.0
 REFINED = RESERVE[:1]  # an impulse that takes time, integrated
 NEAR = 1.5  # median error over noise, and mean squares of the other channels, at which slopes tell what is worth a fit
+ONE_LAW = ("mirtich",)
 CHANNELS = ("impact", "flight", "meet", "touch")
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
 FLOOR_SEED = 0
@@ -98,14 +101,17 @@ class Drops(World[Effect, Fit, Judgement]):
     def __init__(self, observations: Observations, rivals: int = 1, timed: bool = True) -> None:
         self.timed = timed and observations.arcs
         self.observations, self.rivals = observations, rivals
-        self.bases, self.reserve = (*CANDIDATE_LAWS, *added_laws()), RESERVE * self.timed
+        self.slides = observations.arcs and observations.rig.gravity == 0.0
+        # without a lever arm the laws differ in what they call μ alone: one of them stands for all
+        laws = CANDIDATE_LAWS if observations.rig.has_angle else ONE_LAW
+        self.bases, self.reserve = (*laws, *added_laws()), RESERVE * self.timed
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
 
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, effort: Effort = "full"
     ) -> Fit:
-        model = Model(BASES[base], effects, self.timed)
+        model = Model(BASES[base], effects, self.timed, self.slides)
         if effort == "quick":
             return fit(model.limit, self.quick, start, rounds=1)
         return fit(model, self.observations, start, rounds=ROUNDS if effort == "full" else 1)
@@ -142,13 +148,15 @@ class Drops(World[Effect, Fit, Judgement]):
             sigmas["meet"] = _robust_mean_square(z[:, :3])
             if len(touch):
                 sigmas["touch"] = max(_robust_mean_square(touch), float(np.max(quantile_std(touch, UPPER)) ** 2))
-        error = velocity_error(R[:, :3], o.rig.k_g)
+        knows_spin = o.rig.has_angle
+        error = velocity_error(R[:, :3] if knows_spin else left_over(model, values, o, R[:, :3]), o.rig.k_told)
         floor, excess = np.nan, np.nan
         if o.noise_known:
             L = np.linalg.cholesky(S[:, :3, :3] + 1e-18 * np.eye(3))
             # the same draws for every model: equal residuals then have equal floors
             unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), 3))
-            noise = velocity_error(np.einsum("nij,dnj->dni", L, unit), o.rig.k_g)
+            drawn = np.einsum("nij,dnj->dni", L, unit)
+            noise = velocity_error(drawn if knows_spin else left_over(model, values, o, drawn), o.rig.k_told)
             floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
         return Judgement(o.trial, o.flights.state.trial, *whitening.log_scores(values), error, sigmas, floor, excess)
 
@@ -187,7 +195,7 @@ class Drops(World[Effect, Fit, Judgement]):
         of_law = {p.name for p in BASE_PARAMETERS}
         start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
         for name in REFINED if refine else self.reserve:
-            model = Model(BASES[name], fitted.effects, self.timed)
+            model = Model(BASES[name], fitted.effects, self.timed, self.slides)
             best = max(fits, key=lambda fit: fit.score, default=rigid)
             # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long
             if isinstance(model.law.force, PressureField) and not isinstance(best.model.law.force, HuntCrossley):
@@ -216,6 +224,9 @@ class Drops(World[Effect, Fit, Judgement]):
         if self.timed and "touch" in channels:
             channels.add("impact")  # a contact time that made up for the touch erred in the velocities
         return any(channel_is_material(better, worse, channel, settings) for channel in channels)
+
+    def includes(self, candidate: str, other: str) -> bool:
+        return other in EFFECTS[candidate].includes
 
     def turns_bases(self, candidate: Effect) -> bool:
         return any(p.discrete is not None for p in candidate.parameters)
@@ -258,10 +269,15 @@ class Drops(World[Effect, Fit, Judgement]):
 
 def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str, Effect], dict[str, str]]:
     """Testable effects by name, and by name why the others cannot be tested; `timed`: whether contacts take time."""
-    testable, why_not = {}, {}
-    for name, effect in EFFECTS.items():
-        if not effect.applies_to(observations.rig):
-            why_not[name] = f"does not apply to a body of shape {observations.rig.shape.kind}"
+    testable, why_not, rig = {}, {}, observations.rig
+    for name, effect in [*EFFECTS.items(), *((effect.name, effect) for effect in effects_at(rig.walls))]:
+        if not effect.applies_to(rig):
+            flat = rig.gravity == 0.0 and effect.channels == ("flight",)
+            why_not[name] = "there is no gravity" if flat else f"does not apply to a body of shape {rig.shape.kind}"
+        elif effect.needs_angle and not rig.has_angle:
+            why_not[name] = "theta is not measured: only the spin shows it, or the unknown spin does the same"
+        elif effect.needs_one_surface and rig.walls:
+            why_not[name] = "there are walls instead of one surface"
         elif effect.needs_trajectories and not observations.arcs:
             why_not[name] = "no trajectories"
         elif effect.needs_contact_time and not timed:

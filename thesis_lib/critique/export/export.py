@@ -6,6 +6,7 @@ A new file is whole in itself.  A patched one is the user's, byte by byte, but f
 from dataclasses import dataclass
 from pathlib import Path
 
+from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjcf
 from thesis_lib.critique.export.effects import FORMATS
 from thesis_lib.critique.export.patch import Plane
@@ -30,6 +31,7 @@ class Exported:
 def exported(model: SavedModel, target: str, *, mass: float | None = None, depth: float | None = None) -> Exported:
     """A new file; UserError for an unknown format, a depth or mass that cannot be, a prism too thin."""
     _known(target)
+    require_falling(model.rig.gravity > 0.0, model.rig.has_angle, "export")
     made = solid(model, target, mass, depth)
     held = tuple(f"{name}: {where}" for name, where in made.expressed)
     left = [f"{name}: {why}" for name, why in made.left_out]
@@ -65,6 +67,7 @@ def patched(
         UserError: the file cannot be read, is of another format, or lacks the body or what a patch needs of it.
     """
     _known(target)
+    require_falling(model.rig.gravity > 0.0, model.rig.has_angle, "export")
     if points is not None and points < 1:
         raise UserError(f"--points must be 1 or more; got {points}.")
     if surface and target == "mjcf":

@@ -6,18 +6,20 @@
 import csv
 import io
 from pathlib import Path
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.bodies.shapes import Shape
+from thesis_lib.bodies.walls import MOST
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import CONTACT_TIME
 from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.sliding import SLIDING
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
@@ -33,6 +35,7 @@ OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
+_USUAL = (("walls", []), ("has_angle", True))  # of the rig, not written: one surface, and an angle that was measured
 _PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a model depends on them
 
 
@@ -69,8 +72,10 @@ class SavedRig(Section):
 
     shape: Shape
     radius_of_gyration: float = Field(gt=0, description="m")
-    gravity: float = Field(gt=0, description="m/s²")
+    gravity: float = Field(ge=0, description="m/s²")
     height: float = Field(description="m, of the surface")
+    walls: tuple[Annotated[str, Field(max_length=20)], ...] = Field((), max_length=MOST, description="their names")
+    has_angle: bool = Field(True, description="false: theta was not measured")
 
 
 class SavedModel(Section):
@@ -89,7 +94,8 @@ class SavedModel(Section):
     def model(self) -> Model:
         """Law with effects; its contact takes time where the parameters hold that time."""
         effects = tuple(EFFECTS[name] for name in self.effects)
-        return Model(BASES[self.law], effects, takes_time=CONTACT_TIME.name in self.parameters)
+        timed, slides = (p.name in self.parameters for p in (CONTACT_TIME, SLIDING))
+        return Model(BASES[self.law], effects, takes_time=timed, slides=slides)
 
     @property
     def values(self) -> dict[str, float]:
@@ -99,7 +105,8 @@ class SavedModel(Section):
     @property
     def believed(self) -> Rig:
         """The rig in the form that effects use."""
-        return Rig(self.rig.shape, self.rig.radius_of_gyration, self.rig.gravity, self.rig.height)
+        rig = self.rig
+        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle)
 
 
 def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
@@ -120,13 +127,15 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
     rounded = six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
     # values of the user are not rounded
     user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
-    return SavedModel.model_validate(rounded | {"rig": user | {"gravity": rig.gravity, "height": rig.height}})
+    user |= {"gravity": rig.gravity, "height": rig.height, "walls": rig.walls, "has_angle": rig.has_angle}
+    return SavedModel.model_validate(rounded | {"rig": user})
 
 
 def save_model(model: SavedModel, path: str | Path) -> None:
     """Write model.json; with `origins` only where something is not the library's."""
     content = model.model_dump(mode="json", by_alias=True)
     content["origins"] = {name: one.origin.content() for name, one in model.origins.items()}
+    content["rig"] = {k: v for k, v in content["rig"].items() if (k, v) not in _USUAL}
     write_json(content if model.origins else {k: v for k, v in content.items() if k != "origins"}, path)
 
 

@@ -28,6 +28,7 @@ from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
 from thesis_lib.critique.drops.residuals import impact_residuals, synthesise
+from thesis_lib.critique.drops.unknown_spin import what_is_left
 from thesis_lib.critique.drops.world import Judgement
 from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.discovery import paired_gain
@@ -79,7 +80,7 @@ def comparison(critique: Critique) -> pd.DataFrame:
     rows.append(_row("best_post_hoc", "bound", best_post_hoc(np.stack(list(errors.values()), axis=1))[1]))
     v_pre, v_post, _ = velocities(base, o)
     rows.append(_row("irb_bound", "bound", irb_errors(base, o)))
-    rows.append(_row("no_impact", "baseline", velocity_error(v_post - v_pre, o.rig.k_g)))
+    rows.append(_row("no_impact", "baseline", velocity_error(v_post - v_pre, o.rig.k_told)))
     columns = [
         *("model", "kind", "mu", "mu_std", "epsilon", "epsilon_std", "mean", "median", "quantile_90"),
         *("floor", "score", "n_failed", "share_in_range", "tolerance", "n_held_out"),
@@ -90,6 +91,8 @@ def comparison(critique: Critique) -> pd.DataFrame:
 def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     """Error (n,) in m/s of the best impulse of a rigid point contact at the believed geometry, of each single hit."""
     v_pre, v_post, r = velocities(fitted, observations.single)
+    if not observations.rig.has_angle:
+        return np.zeros(len(v_pre))  # with the right spin an impulse reaches any velocity
     return irb_bound(v_pre, v_post, r, mass=1.0, k_g=observations.rig.k_g).error
 
 
@@ -184,11 +187,14 @@ def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
     """Parts of the mean square error of the base law on held-out single hits, as in the module's table."""
     o, base = critique.held_out.single, critique.ladder[0][1]
     laws = list(critique.discovery.bases.values())
-    weights = np.array([1.0, 1.0, o.rig.k_g]) ** 2
+    weights = np.array([1.0, 1.0, o.rig.k_told]) ** 2
     squares, irb, gap = _bounds(base, laws, o)
     noise, made_irb, made_gap = 0.0, np.nan, np.nan
     if o.noise_known:
         S = residual_covariance(base.model, base.values, o, o.t_std)
+        if not o.rig.has_angle:
+            left = what_is_left(base.model, base.values, o)
+            S = left @ S[:, :3, :3] @ np.swapaxes(left, 1, 2)
         noise = float(np.einsum("nii,i->n", S[:, :3, :3], weights)[_kept(impact_errors(base, o))].mean())
         drawn = [_bounds(base, laws, synthesise(base.model, base.values, o, rng)) for _ in range(SYNTHETIC)]
         _, made_irb, made_gap = np.mean(drawn, axis=0)
@@ -227,6 +233,8 @@ def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
     tolerance = RANGE_FLOORS * floor if np.isfinite(floor) else RANGE_UNKNOWN
     v_pre, v_post, r = (a[:MOST_IN_RANGE] for a in velocities(base, o))
     n = len(v_pre)
+    if not o.rig.has_angle:
+        return dict.fromkeys(critique.discovery.bases, np.nan), tolerance
     target = target_of(Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g))
     shares = {}
     for name, fitted in critique.discovery.bases.items():

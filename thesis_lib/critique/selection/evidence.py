@@ -78,7 +78,7 @@ class Evidence(Generic[E, F, J]):
         loss = {
             other: max(tests.expected_loss(name, other), gains[name] - gains.get(other, tests.gain[other]))
             for other, columns in tests.basis.items()
-            if other != name and columns.shape[1]
+            if other != name and columns.shape[1] and not self.world.includes(other, name)
         }
         return tuple(other for other in sorted(loss, key=lambda o: loss[o]) if loss[other] < self.settings.tell_apart)
 

@@ -170,6 +170,10 @@ class World(ABC, Generic[E, F, J]):
         """Whether with the candidate a base may be the best that was among the worst without it."""
         return False
 
+    def includes(self, candidate: str, other: str) -> bool:
+        """Whether a candidate is the other one at some of its parameters, and so no alternative to it."""
+        return False
+
     def start_with(self, fitted: F, candidate: E) -> Mapping[str, Any]:
         """Start values for the fit with one more effect."""
         return fitted.values

@@ -19,6 +19,7 @@ import numpy as np
 from thesis_lib.bodies.body import Body, Noise, Surface
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.law_drops import Releases, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
@@ -72,6 +73,7 @@ def simulate_model(
         raise UserError(f"The number of drops must be 1 or more, got {n}.")
     if engine not in ENGINES:
         raise UserError(f"There is no engine {engine!r}; known are {', '.join(ENGINES)}.")
+    require_falling(model.rig.gravity > 0.0, model.rig.has_angle, "simulate")
     rate, noise = RATE, RIG_NOISE
     if like is None:
         releases: Releases = proof_releases(model)

@@ -6,6 +6,7 @@ import numpy as np
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Shape
+from thesis_lib.bodies.walls import Wall
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import Problem
 
@@ -40,13 +41,15 @@ UPWARDS = "y must point up, away from the surface: flip its sign (and that of th
 class KnownBody:
     """What is known of the body even if dataset.yaml is wrong elsewhere.
 
-    `shape` and `k_g` (m) are None without a valid shape; `height` (m) is that of the surface; `gravity` in m/s².
+    `shape` and `k_g` (m) are None without a valid shape; `height` (m) is that of the surface, of which
+    there is none between `walls`; `gravity` in m/s².
     """
 
     shape: Shape | None = None
     k_g: float | None = None
     height: float = 0.0
     gravity: float = 9.81
+    walls: tuple[Wall, ...] = ()
 
     @classmethod
     def of(cls, header: Header | None, shape: Shape | None) -> "KnownBody":
@@ -55,7 +58,7 @@ class KnownBody:
             return cls(shape, None if shape is None else shape.extent / 2)
         shape = header.body.shape
         k_g = min(header.body.radius_of_gyration, shape.extent)  # a larger one is reported by `check_header`
-        return cls(shape, k_g, header.surface.height, header.gravity)
+        return cls(shape, k_g, header.surface.height, header.gravity, header.surfaces or ())
 
     @property
     def oversized(self) -> bool:

@@ -66,7 +66,7 @@ def check_header(header: Header, report: Report) -> None:
 
 
 def check_trajectories(table: Table, body: KnownBody) -> None:
-    """Report wrong directions and units of poses."""
+    """Report wrong directions and units of poses; angles between walls are not judged."""
     data = table.data
     trial = data["trial"].to_numpy()
     t, x, y, theta = (data[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
@@ -78,12 +78,38 @@ def check_trajectories(table: Table, body: KnownBody) -> None:
     speeds = {name: np.abs(np.diff(values))[usable] / dt[usable] for name, values in poses.items()}
     samples = Samples(trial, t, np.column_stack([x, y, theta]), runs_of(trial, t))
     noise = noise_from_differences(samples)
+    if body.gravity == 0.0:
+        return _check_on_a_table(table, samples, speeds, noise, body)
     fall = _first_acceleration(trial, y, float(np.median(dt[usable]))) / -body.gravity
     doubtful = _check_direction(table, samples, noise, body)
     doubtful |= _check_lengths(table, x, y, speeds, body, fall)
     if not doubtful and body.gravity <= LARGEST_GRAVITY:
         doubtful = _check_gravity(table, samples, noise, body)
     if not doubtful and not body.oversized:  # angles are judged by positions and by the shape
+        check_degrees(table, samples, speeds, noise, body)
+
+
+def _check_on_a_table(table: Table, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
+    """Report wrong units of a motion without gravity, and a body behind its surface or a wall."""
+    q = samples.q
+    doubtful = False
+    for name in ("x", "y"):
+        if (fast := float(np.quantile(speeds[name], 0.9))) > LARGEST_SPEED:
+            table.error(
+                f"column {name}", f"looks like millimetres or centimetres (speeds reach {fast:.0f} m/s)", METRES
+            )
+            doubtful = True
+    for wall in body.walls:
+        behind = (q[:, :2] - wall.point) @ wall.n < 0.0
+        if not doubtful and behind.mean() > 0.5:
+            what = f"the body's centre is behind the wall {wall.name} in most rows"
+            remedy = "the normal must point from the wall to the body; correct it, or the point"
+            table.report.error(FILE, f"surfaces, {wall.name}", what, remedy)
+            doubtful = True
+    if not body.walls and not doubtful and (sunk := body.sunk(q[:, 1])):
+        table.error("column y", sunk, UPWARDS + ", or correct surface.height in dataset.yaml", q[:, 1] < body.height)
+        doubtful = True
+    if not doubtful and not body.oversized and not body.walls and q[:, 2].any():
         check_degrees(table, samples, speeds, noise, body)
 
 

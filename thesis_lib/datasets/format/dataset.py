@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 # what is said about the data is none of them: it changes no split and no seed
 _NOT_DATA = {"description": True, "body": {"homogeneous", "uncertainty"}}
+_ABSENT = ("surfaces", "spin")  # keys that most datasets lack: without them the digest is what it was before
 TRAJECTORY_COLUMNS = ("trial", "t", "x", "y", "theta")
 
 
@@ -32,6 +33,7 @@ class Dataset:
     impacts: pd.DataFrame | None = None  # at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s)
     path: Path | None = None  # the folder it was read from
     warnings: tuple["Problem", ...] = ()  # what is suspicious but not wrong
+    has_angle: bool = True  # False: trajectories.csv has no theta, which is 0 in `trajectories`
 
     @property
     def shape(self) -> Shape:
@@ -91,6 +93,7 @@ class Dataset:
     def digest(self) -> str:
         """SHA-256 (hex) of the content, whatever its folder, file type or description; seeds derive from it."""
         content = self.header.model_dump(mode="json", by_alias=True, exclude=_NOT_DATA)
+        content = {key: value for key, value in content.items() if key not in _ABSENT or value is not None}
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
         for kind, table in (("trajectories", self.trajectories), ("impacts", self.impacts)):
             if table is None:

@@ -1,11 +1,14 @@
 """dataset.yaml as typed, checked data (dataset format, schema 1)."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from thesis_lib.bodies.body import Body, Noise, Positive, Surface
+from thesis_lib.bodies.walls import MOST, Wall
 from thesis_lib.foundation.settings import Section
+
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Header(Section):
@@ -15,6 +18,27 @@ class Header(Section):
     description: str = ""
     body: Body
     surface: Surface = Surface()
-    gravity: Positive = Field(9.81, description="m/s²")
+    surfaces: Annotated[tuple[Wall, ...], Field(max_length=MOST)] | None = Field(
+        None, description="straight walls in place of the surface, for a motion without gravity"
+    )
+    gravity: NotNegative = Field(9.81, description="m/s²; 0 for a motion over a level table, seen from above")
     rate: Positive | None = Field(None, description="Hz, of trajectories")
     noise: Noise | None = Field(None, description="optional: else estimated from the arcs")
+    spin: Positive | None = Field(
+        None, description="rad/s, one sigma of the spin before an impact, where theta is not measured"
+    )
+
+    @model_validator(mode="after")
+    def _surroundings_agree(self) -> "Header":
+        if self.surfaces is None:
+            return self
+        if not self.surfaces:
+            raise ValueError("surfaces holds no wall")
+        if "surface" in self.model_fields_set:
+            raise ValueError("there are surface and surfaces; give one of them")
+        if self.gravity:
+            raise ValueError(f"surfaces are for a motion without gravity, but gravity is {self.gravity:g} m/s²")
+        names = [wall.name for wall in self.surfaces]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")
+        return self

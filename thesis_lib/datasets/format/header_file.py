@@ -8,6 +8,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from thesis_lib.bodies.body import Body, Noise, Surface, Uncertainty
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
+from thesis_lib.bodies.walls import Wall
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import Report
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile
@@ -22,6 +23,7 @@ _SECTIONS: dict[tuple, type[BaseModel]] = {
     ("body",): Body,
     ("body", "uncertainty"): Uncertainty,
     ("surface",): Surface,
+    ("surfaces",): Wall,
     ("noise",): Noise,
     **{("body", "shape", kind): model for kind, model in SHAPES.items()},
 }
@@ -41,10 +43,17 @@ _REMEDIES = {
         "uncertainty",
     ): "give relative standard uncertainties above 0 and below 1 ({mass: 0.001, size: 0.002}), or leave it out",
     ("surface",): "write {height: 0.0}, the height of the surface in m, or leave it out",
-    ("gravity",): "give 9.81 in m/s² (positive: it points down by convention), or leave it out",
+    (
+        "surfaces",
+    ): "write a list of walls {name: north, point: [x, y], normal: [0, -1]}: a point of the line in m, and the "
+    "direction from the wall to the body; names have lower-case letters, digits and _",
+    ("gravity",): "give 9.81 in m/s² (positive: it points down by convention), or leave it out; 0 for a motion over a "
+    "level table",
     ("rate",): "give the sampling rate in Hz as a number above 0, or leave it out",
     ("noise",): "give one-sigma values above 0 (position in m, angle in rad, velocity in m/s, "
     "angular_velocity in rad/s), or leave noise out",
+    ("spin",): "give the spin in rad/s, one sigma, as a number above 0, or leave it out",
+    (): "walls need gravity: 0 (a motion over a level table), names of their own, and no surface beside them",
 }
 
 
@@ -109,12 +118,13 @@ def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report
     if kind == "extra_forbidden":
         report.error(FILE, where, "unknown key", _unknown_key(loc))
         return
-    enclosing = (key[:n] for n in range(len(key), 0, -1))
+    enclosing = (key[:n] for n in range(len(key), -1, -1))
     remedy = next((_REMEDIES[part] for part in enclosing if part in _REMEDIES), "see the format")
     value = _short(mistake.get("input"))
     context = mistake.get("ctx", {})
     must_be = {
         "greater_than": f"above {context.get('gt')}",
+        "greater_than_equal": f"{context.get('ge')} or more",
         "less_than": f"below {context.get('lt')}",
         "bool_type": "true or false",
         "bool_parsing": "true or false",
@@ -126,17 +136,22 @@ def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report
         "model_type": "a mapping of keys to values",
         "model_attributes_type": "a mapping of keys to values",
     }
+    if not loc:  # keys that contradict each other
+        report.error(FILE, "", str(mistake["msg"]).removeprefix("Value error, "), remedy)
+        return
     what = {"missing": "the key is missing", "union_tag_not_found": "the key kind is missing"}.get(kind)
     if kind in must_be:
         what = f"is {value}, but must be {must_be[kind]}"
     elif kind == "union_tag_invalid":
         tag = str(context.get("tag"))
         what, remedy = f"kind is '{tag}', which is not a shape", _suggest(tag, list(SHAPES)) or remedy
-    report.error(FILE, where, what or f"is {value}: {mistake['msg']}", remedy)
+    report.error(FILE, where, what or f"is {value}: {str(mistake['msg']).removeprefix('Value error, ')}", remedy)
 
 
 def _unknown_key(loc: tuple) -> str:
     name, section = str(loc[-1]), loc[:-1]
+    if section[:1] == ("surfaces",):
+        section = ("surfaces",)
     known = _keys(_SECTIONS.get(section, Header))
     if (hint := _suggest(name, known)) is not None:
         return hint

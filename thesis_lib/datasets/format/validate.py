@@ -153,7 +153,7 @@ def check_trajectories(table: Table, rate: float | None) -> None:
                 "remove these trials, or log them at a higher rate: a fit on either side of an impact needs 5 samples"
             )
             table.error(where, what, remedy)
-    _check_copies(table, ["x", "y", "theta"])
+    _check_copies(table, [name for name in ("x", "y", "theta") if name in table.data])
     if np.any(forward := same & (step > 0.0)):
         usual = float(np.median(step[forward]))
         _check_step(table, usual, rate)

@@ -19,7 +19,10 @@ def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None
     `float_format`, numbers are the shortest text that reads back to the same bits.
     """
     folder = Path(folder)
-    tables = {"trajectories": dataset.trajectories, "impacts": dataset.impacts}
+    poses = dataset.trajectories
+    if poses is not None and not dataset.has_angle:
+        poses = poses.drop(columns="theta")
+    tables = {"trajectories": poses, "impacts": dataset.impacts}
     for stem, table in tables.items():
         stale = [f"{stem}.parquet"] + ([f"{stem}.csv"] if table is None else [])
         for name in stale:
@@ -44,4 +47,6 @@ def write_csv(table: pd.DataFrame, path: Path, float_format: str | None = None) 
 def header_text(header: Section) -> str:
     """dataset.yaml or recording.yaml as text, with the keys in the documented order."""
     content = header.model_dump(mode="json", by_alias=True, exclude_none=True)
+    if "surfaces" in content:
+        del content["surface"]  # there is none beside walls
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)

@@ -14,6 +14,7 @@ The 19 unknowns of an impact, p = (q_c, v−, v+, u, t_c, w−, w+), minimise
 
     χ² = Σ_i ‖(q_i − q̂_i)/σ‖² + (φ_n(q_c)/s_φ)² + ‖u‖² + ‖w−‖² + ‖w+‖².                                       (3)
 
+Between walls φ_n is the gap to the wall that is hit: the nearest of those that push the body the way it went.
 The second term says that the body touches the surface at t_c, which determines t_c even if |Δv| is small; beside 20
 samples of decent noise it is too weak for a wrong surface height to move the result.
 
@@ -39,6 +40,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from thesis_lib.bodies.walls import gap_slopes, gaps, struck_wall
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.lines import lines_through, norm
@@ -202,6 +204,10 @@ def _touch(p: np.ndarray, windows: Windows, header: Header) -> tuple[np.ndarray,
     """Gap φ_n(q_c) (n,) in m and its derivative (n, P) by p: J_n = (0, 1, r_x) at q_c, else 0."""
     pose, shape = p[:, _Q] + windows.q_0, header.body.shape
     row = np.zeros_like(p)
+    if (walls := header.surfaces) is not None:
+        wall = struck_wall(walls, shape, pose, p[:, _POST] - p[:, _PRE])
+        row[:, _Q] = gap_slopes(walls, shape, pose, wall)
+        return gaps(walls, shape, pose)[np.arange(len(p)), wall], row
     row[:, 1], row[:, 2] = 1.0, shape.contact_point(pose[:, 2])[:, 0]
     return shape.gap(pose[:, 1], pose[:, 2], header.surface.height), row
 

@@ -18,6 +18,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
+from thesis_lib.datasets.impacts.at_walls import on_floors
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
 from thesis_lib.datasets.impacts.noise import (
@@ -38,6 +39,7 @@ from thesis_lib.datasets.impacts.rounding import (
     touch_time,
 )
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
+from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stamps import exposure_times
 from thesis_lib.foundation.errors import UserError
 
@@ -111,6 +113,8 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
     table, header = dataset.trajectories, dataset.header
     trial, t, q = (table[names].to_numpy() for names in ("trial", "t", ["x", "y", "theta"]))
     detected = find_in_arrays(trial, t, q, header, settings)
+    if not dataset.has_angle:
+        detected = replace(detected, warnings=(*detected.warnings, spin_sentence(detected.impacts, header)))
     if wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q):
         raise DatasetError(dataset.name, wrong)
     return detected
@@ -137,15 +141,15 @@ def find_in_arrays(
             samples, at, fits, noise, glitch, sigma = search(settings, least)
     usual, rounded = settings.guard, 0.0
     if (
-        noise.stray[0] < _SIDEWAYS * header.gravity
+        header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity
     ):  # samples that leave arcs of a body out of its plane are not rounded
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
     low_pass, lasting = None, 0.0
-    if (guard := max(rounded, contact_guard(fits, header))) > usual:
+    if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
         settings = settings.model_copy(update={"guard": guard})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
     if rounded > usual:
-        lasting, known = touch_time(fits, header), np.fmax(noise.sigma, SIGMA_FLOOR)
+        lasting, known = touch_time(on_floors(fits, header), header), np.fmax(noise.sigma, SIGMA_FLOOR)
         low_pass = low_pass_of(fits, samples, known, header.gravity, guard, sampling_interval(samples), lasting)
         if low_pass is not None and low_pass.moves_parabolas:
             # the filter lowered all free fall alike
@@ -163,6 +167,7 @@ def find_in_arrays(
     fits = _fit_straightest(samples, at, noise, header, settings)
 
     trial_of = samples.trial[at]
+    fits = on_floors(fits, header)
     ordinal = _ordinal(trial_of)
     reasons, details, flags = assess_arcs(fits, samples, noise.used, header, settings)
     used = reasons == ""
@@ -194,7 +199,7 @@ def find_in_arrays(
         samples=samples,
         guard=settings.guard,
         low_pass=low_pass,
-        warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings)),
+        warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings, header.gravity > 0.0)),
     )
 
 

@@ -171,9 +171,12 @@ def estimate_spread(
 
 
 def noise_warnings(
-    noise: NoiseEstimate, stated: np.ndarray, glitches: pd.DataFrame, settings: ArcSettings
+    noise: NoiseEstimate, stated: np.ndarray, glitches: pd.DataFrame, settings: ArcSettings, falls: bool = True
 ) -> tuple[str, ...]:
-    """Sentences for the user about noise and glitches (columns trial, t); `stated` (3,) is the header's noise."""
+    """Sentences for the user about noise and glitches (columns trial, t); `stated` (3,) is the header's noise.
+
+    `falls`: whether there is gravity.
+    """
     sentences = []
     units = {"x": "m", "y": "m", "theta": "rad"}
     for (name, unit), scatter, said, believed in zip(units.items(), noise.sigma, stated, noise.stated):
@@ -192,9 +195,10 @@ def noise_warnings(
         )
     if noise.stray.any():
         sizes = ", ".join(f"{value:.2g}" for value in noise.stray)
+        usual = "air, guides, cables or a tilt" if falls else "friction with the table, a tilt"
         sentences.append(
             f"In flight the body accelerates by more than gravity (one sigma of x, y, theta: {sizes} m/s², m/s², "
-            "rad/s²: air, guides, cables or a tilt); the arcs allow for it."
+            f"rad/s²: {usual}); the arcs allow for it."
         )
     if len(glitches):
         sentences.append(

@@ -187,7 +187,10 @@ def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
     for epsilon in _RESTITUTIONS:
         c_n = -(1.0 + epsilon) * v_n[rows, lowest][:, None] / (1.0 + lever**2 / k2)
         after = v_n + c_n * (1.0 + lever * r_x / k2)
-        fall = (after + np.sqrt(after**2 + 2.0 * g * height)) / g
+        if g > 0.0:
+            fall = (after + np.sqrt(after**2 + 2.0 * g * height)) / g
+        else:  # nothing brings a corner down that does not come down by itself
+            fall = np.where(after < 0.0, -height / np.where(after < 0.0, after, -1.0), np.inf)
         # vertices side by side (a rounded corner drawn as a polygon) are one place
         fall[np.abs(r_x - lever) < _ONE_PLACE * header.body.radius_of_gyration] = np.inf
         last = np.maximum(last, fall.min(axis=1))

@@ -124,6 +124,7 @@ def rounding_within(
     u = (fits.v_post - fits.v_pre) / sigma
     u /= np.maximum(np.sqrt((u**2).sum(1)), 1e-300)[:, None]
 
+    median_across = _MEDIANS[1] if samples.q[:, 2].any() else _MEDIANS[0]  # an angle that is not measured has no noise
     edges = EDGES[reach >= EDGES] * interval
     ratio, count = np.full((len(edges) - 1, 2), np.nan), np.zeros((len(edges) - 1, 2))
     for g, (low, high) in enumerate(itertools.pairwise(edges)):
@@ -136,7 +137,7 @@ def rounding_within(
                 continue
             mean = np.einsum("nw,nwc->nc", here[rows, side], e[rows, side]) / number[rows, None]
             along = (mean * u[rows]).sum(1) ** 2
-            across = np.median((mean**2).sum(1) - along) / _MEDIANS[1]
+            across = np.median((mean**2).sum(1) - along) / median_across
             ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
     return Rounding(edges, ratio, count)
 

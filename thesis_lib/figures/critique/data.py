@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from thesis_lib.bodies.walls import as_filmed
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.words import reason_text
@@ -39,7 +40,7 @@ def draw_data(critique: Critique) -> Drawn:
         axes = np.atleast_1d(parts[0].subplots(1, len(shown)))
         for ax, trial in zip(axes, shown):
             rows += _path(ax, critique, int(trial))
-        axes[0].set_ylabel("height $y$ (m)")
+        axes[0].set_ylabel("position $y$ (m)" if critique.source.header.surfaces else "height $y$ (m)")
         handles = [
             Line2D([], [], color="0.6", marker=".", linestyle="", markersize=3, label="samples"),
             Line2D([], [], color=INK, linewidth=1.1, label="fitted flight"),
@@ -50,7 +51,8 @@ def draw_data(critique: Critique) -> Drawn:
     table = features(critique.ladder[0][1], o)
     held_out = np.isin(o.trial, np.unique(critique.held_out.trial))
     below = parts[int(has_paths)]
-    for i, (ax, name) in enumerate(zip(below.subplots(1, len(STATES)), STATES)):
+    states = [name for name in STATES if name in table]
+    for i, (ax, name) in enumerate(zip(below.subplots(1, len(states)), states)):
         rows += _histogram(ax, name, table[name].to_numpy(), held_out)
         if i == 0:
             ax.set_ylabel("impacts")
@@ -97,6 +99,7 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     """One trial in the plane: samples, fitted arcs, outline of the body at each impact, surface."""
     source, o = critique.source, critique.observations
     samples = source.trajectories[source.trajectories["trial"] == trial]
+    walls = source.header.surfaces or ()
     hits = o.found.arcs[o.found.arcs["trial"] == trial].sort_values("t")
     t, x, y, theta = (samples[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
     last = hits["t"].max() + 0.12 if len(hits) else t.max()
@@ -125,9 +128,22 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
             # the fit stores a line; gravity's parabola relative to it is added
             bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
             height = q[:, 1] - o.rig.gravity * bow
+            if walls:
+                q = as_filmed(walls, q)
+                height = q[:, 1]
             ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
             rows += [("path", "arc", a, b, np.nan, trial) for a, b in zip(q[:, 0], height)]
     margin = o.rig.shape.extent
+    if walls:
+        ax.set_aspect("equal", adjustable="box")
+        ax.margins(0.1)
+        for wall in walls:
+            other = np.add(wall.point, [wall.n[1], -wall.n[0]])
+            ax.axline(wall.point, (float(other[0]), float(other[1])), color=GREY, linewidth=0.8)
+        ax.set_xlabel("position $x$ (m)")
+        ax.set_title(f"trial {trial}", fontsize=7.5)
+        ax.locator_params(nbins=4)
+        return rows
     low, high = o.rig.height - 0.4 * margin, y[shown].max() + margin
     left, right = x[shown].min() - margin, x[shown].max() + margin
     # both axes have one scale in a panel of proportions `PANEL`

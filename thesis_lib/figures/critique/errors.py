@@ -149,6 +149,8 @@ def draw_laws(critique: Critique) -> Drawn:
 
 def laws_sentence(table: pd.DataFrame) -> str:
     """How much the choice of law matters."""
+    if len(table) == 1:
+        return f"{law_title(table['model'][0])} errs by {number(table['error'][0])} m/s on held-out impacts"
     (best, *_, worst), (least, *_, most) = table["model"].map(law_title), table["error"]
     alike = table.loc[table["error"] <= (1.0 + ALIKE) * least, "error"]
     if len(alike) == len(table):

@@ -98,7 +98,7 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
     axes = figure.subplots(len(shown.components), len(names), sharex="col", sharey="row", squeeze=False)
     rows = []
     for i, (component, label) in enumerate(shown.components.items()):
-        spread = np.quantile(np.abs(before[:, i]), 0.97)
+        spread = np.quantile(np.abs(before[:, i]), 0.97) or 1.0  # what is not measured has no residual
         for j, name in enumerate(names):
             ax = axes[i, j]
             ax.axhline(0.0, color=GREY, linewidth=0.7, zorder=0)

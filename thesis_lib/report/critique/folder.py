@@ -21,6 +21,7 @@ import pandas as pd
 from thesis_lib.critique.drops.criticise import Critique, criticise
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.saved_model import save_model, saved
 from thesis_lib.critique.results.tables import tables
@@ -82,6 +83,8 @@ def critique_folder(
 
     UserError if the dataset is too small, or if an effect is unknown or cannot be tested with it.
     """
+    if models:
+        require_falling(dataset.gravity > 0.0, dataset.has_angle, "--models")
     rng = generator(seed, "critique", dataset.digest())
     critique = criticise(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
     compared = None

@@ -26,7 +26,7 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.questions.class_tests import velocities
-from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.drops.unknown_spin import velocity_left
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
 from thesis_lib.pages import FOLDER, render
@@ -50,10 +50,10 @@ KEYS = (
 def explorer(critique: Critique, where: Mapping) -> Markup:
     """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction."""
     o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]
-    residuals = {"base": impact_residuals(base.model, base.values, o)[:, :3]}
+    residuals = {"base": velocity_left(base.model, base.values, o)}
     if len(critique.ladder) > 1:
-        residuals["final"] = impact_residuals(final.model, final.values, o)[:, :3]
-    errors = {name: velocity_error(R, o.rig.k_g) for name, R in residuals.items()}
+        residuals["final"] = velocity_left(final.model, final.values, o)
+    errors = {name: velocity_error(R, o.rig.k_told) for name, R in residuals.items()}
     known = np.flatnonzero(np.all([np.isfinite(e) for e in errors.values()], axis=0))
     if not len(known):
         return Markup()

@@ -34,7 +34,10 @@ Statistic = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # v_pre,
 
 def class_tests(fitted: Fit, observations: Observations) -> dict:
     """All four tests, by name, for the law `fitted` without effects."""
-    return {test.__name__: test(fitted, observations) for test in (rigid_point, momentum_balance, parity, homogeneity)}
+    tests = (rigid_point, momentum_balance, parity, homogeneity)
+    if not observations.rig.has_angle:
+        return {test.__name__: {"p_value": None, "why_not": "theta is not measured"} for test in tests}
+    return {test.__name__: test(fitted, observations) for test in tests}
 
 
 def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -149,7 +152,7 @@ def _contact_state(fitted: Fit, observations: Observations) -> tuple[np.ndarray,
 
 def _residual(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
     """Residual of the velocity with clipped tails, and its expected standard deviation; (n, 3) each in m/s."""
-    o, weights = observations, np.array([1.0, 1.0, observations.rig.k_g])
+    o, weights = observations, np.array([1.0, 1.0, observations.rig.k_told])
     S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
     std = np.sqrt(np.einsum("nii->ni", S)[:, :3] * weights**2 + fitted.sigma_m**2)
     z = impact_residuals(fitted.model, fitted.values, o)[:, :3] * weights / std

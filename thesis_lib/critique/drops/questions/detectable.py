@@ -22,6 +22,7 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import SLOPE_STEP
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals
+from thesis_lib.critique.drops.unknown_spin import velocity_left
 from thesis_lib.critique.drops.whitening import Whitening
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.effects.effect import Parameter
@@ -101,7 +102,7 @@ def material_sizes(critique: Critique) -> Sizes:
         """Residuals by channel, in m/s or standard deviations, and all whitened residuals."""
         R = impact_residuals(model, values, o)
         all_whitened = Whitening(model, o, S, final.sigma_m).stacked(values)
-        parts = {"impact": R[:, :3] * [1.0, 1.0, o.rig.k_g], "all": all_whitened}
+        parts = {"impact": velocity_left(model, values, o) * [1.0, 1.0, o.rig.k_told], "all": all_whitened}
         if o.arcs:
             parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": R[:, 6:] / sharp[:, 6:]}
         if len(o.flights):

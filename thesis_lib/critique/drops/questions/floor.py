@@ -21,7 +21,8 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
+from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.drops.unknown_spin import velocity_left
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 FOLDS = 5
@@ -58,7 +59,7 @@ FEWEST = 10
 def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Floor:
     """Both answers for the single hits of `observations`, best of trials that the model was not fitted to."""
     o = observations.single
-    E = impact_residuals(fitted.model, fitted.values, o)[:, :3] * [1.0, 1.0, o.rig.k_g]
+    E = velocity_left(fitted.model, fitted.values, o) * [1.0, 1.0, o.rig.k_told]
     error, rest = velocity_error(E, 1.0), velocity_error(E - _learned(_state(fitted, o), E, o.trial, rng), 1.0)
     fall = error - rest
     low, high = bootstrap_mean(fall, o.trial, DRAWS, rng)
@@ -104,7 +105,7 @@ def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> tuple[np.ndarray, np.
     before, _ = states_at_impact(fitted.model, fitted.values, o)
     true = fitted.model.to_true(before, fitted.model.active(fitted.values), o.rig)
     place = np.stack([true.x / LENGTH, np.cos(true.theta) / TURN, np.sin(true.theta) / TURN], axis=1)
-    S = np.concatenate([true.v * [1.0, 1.0, o.rig.k_g], place], axis=1)
+    S = np.concatenate([true.v * [1.0, 1.0, o.rig.k_told], place], axis=1)
     if len(S) < 2:
         return np.zeros(0), np.zeros(0, int)
     distance, nearest = (np.asarray(part)[:, 1] for part in KDTree(S).query(S, k=2))

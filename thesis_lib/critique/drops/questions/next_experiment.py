@@ -50,6 +50,8 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     if critique.is_structured:
         return _unexplained(critique, rng)
     final = critique.ladder[-1][1]
+    if critique.observations.rig.walls:
+        return _nothing("Between walls no states are proposed: hit each of them slowly and fast, straight and askew.")
     first_try: dict = {}
     for step in critique.discovery.steps:
         for name in step.alternatives[:NAMED] if step.clears else ():
@@ -122,6 +124,8 @@ def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
     """States around which the remaining misfit is largest."""
     final, channels = critique.ladder[-1][1], critique.misfit_channels
     why = "Something is left that no effect explains, so that no comparison of named effects is proposed."
+    if critique.observations.rig.walls:
+        return _nothing(why)
     if channels == ("flight",) and not critique.is_learnable:
         return _nothing(
             f"{why} It is in {CHANNEL_TEXT['flight']}: film longer flights, of bodies that turn slowly and quickly."

@@ -29,7 +29,7 @@ from thesis_lib.critique.drops.questions.flight_residuals import (
     misfit,
     relative_residuals,
 )
-from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.drops.unknown_spin import velocity_left
 from thesis_lib.foundation.rounding import six_digits
 
 PERMUTATIONS = 499
@@ -101,8 +101,8 @@ def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
 
 def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
     """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
-    o, weights = critique.observations, np.array([1.0, 1.0, critique.observations.rig.k_g])
-    error = velocity_error(impact_residuals(fitted.model, fitted.values, o)[:, :3], o.rig.k_g)
+    o, weights = critique.observations, np.array([1.0, 1.0, critique.observations.rig.k_told])
+    error = velocity_error(velocity_left(fitted.model, fitted.values, o), o.rig.k_told)
     S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
     z = error / np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], weights**2) + 3.0 * fitted.sigma_m**2)
     return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)

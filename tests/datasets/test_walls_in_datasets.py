@@ -1,0 +1,168 @@
+"""Walls in place of a floor, and a body whose angle nobody measured: what is read, refused and found."""
+
+import numpy as np
+import pytest
+from folders import DISK, bouncing_disk, header, impacts, trajectories, write
+from test_read import only
+
+from thesis_lib.bodies.shapes import Disk
+from thesis_lib.bodies.walls import LANE, Wall, along_wall, as_filmed, in_wall_frame, struck_wall, turns, wall_of
+from thesis_lib.critique.drops.observations import observe
+from thesis_lib.datasets import find_impacts, read_dataset
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.simulate.table.puck import CUSHIONS, EPSILON, simulate_puck
+
+WALLS = [
+    {"name": "south", "point": [0.0, -0.4], "normal": [0.0, 1.0]},
+    {"name": "north", "point": [0.0, 0.4], "normal": [0.0, -1.0]},
+]
+TURNED = 0.6  # rad
+ASKEW = 2e-3  # m/s, one sigma of a velocity: detection sees x and y apart, so single samples change sides
+
+
+def table(**changes) -> dict:
+    """dataset.yaml of a disk between two walls."""
+    content = header(body=DISK, gravity=0.0, surfaces=WALLS, noise={"position": 3.0e-4})
+    del content["surface"]
+    return content | changes
+
+
+def sliding():
+    """A disk that slides to and fro between the walls."""
+    poses = trajectories()
+    return poses.assign(y=0.3 - 0.5 * poses["t"]).drop(columns="theta")
+
+
+def test_a_floor_is_its_own_wall_and_a_ceiling_is_a_floor_upside_down() -> None:
+    q = np.array([[0.2, 0.5, 0.1]])
+    walls = [
+        Wall(name="floor", point=(0.0, 0.3), normal=(0.0, 2.0)),
+        Wall(name="top", point=(0.1, 1.0), normal=(0, -1)),
+    ]
+    np.testing.assert_allclose(in_wall_frame(walls, np.array([0]), q), [[0.2, 0.2, 0.1]], atol=1e-15)
+    upside_down = in_wall_frame(walls, np.array([1]), q)
+    np.testing.assert_allclose(upside_down[:, :2], [[LANE - 0.1, 0.5]], atol=1e-12)
+    assert np.cos(upside_down[0, 2] - 0.1) == pytest.approx(-1.0)
+    assert wall_of(upside_down[:, 0]).tolist() == [1]
+    np.testing.assert_allclose(along_wall(upside_down[:, 0]), [-0.1], atol=1e-12)
+
+
+def test_the_frame_of_a_wall_keeps_lengths_turns_and_places() -> None:
+    rng = np.random.default_rng(0)
+    wall, q = rng.integers(4, size=50), rng.uniform(-0.4, 0.4, (50, 3))
+    R = turns(CUSHIONS, wall)
+    np.testing.assert_allclose(R @ np.swapaxes(R, 1, 2), np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(R), 1.0)
+    np.testing.assert_allclose(as_filmed(CUSHIONS, in_wall_frame(CUSHIONS, wall, q)), q[:, :2], atol=1e-12)
+
+
+def test_in_a_corner_the_wall_is_told_by_the_way_in_which_the_body_is_pushed() -> None:
+    corner = np.array([[0.559, 0.359, 0.0]] * 2)  # 1 mm from the north and the east cushion
+    pushed = np.array([[-1.0, 0.3, 0.0], [0.2, -1.0, 0.0]])
+    names = [CUSHIONS[i].name for i in struck_wall(CUSHIONS, Disk(radius=0.04), corner, pushed)]
+    assert names == ["east", "north"]
+
+
+def test_a_dataset_without_theta_is_read_and_written_back(tmp_path) -> None:
+    dataset = read_dataset(write(tmp_path / "a", table(), trajectories=sliding()))
+    assert not dataset.has_angle
+    assert (dataset.trajectories["theta"] == 0.0).all()
+    again = read_dataset(write_dataset(dataset, tmp_path / "b", float_format=None))
+    assert not again.has_angle
+    assert again.header == dataset.header
+    assert again.digest() == dataset.digest()
+
+
+def test_theta_may_be_absent_for_a_disk_only(tmp_path) -> None:
+    assert "column theta: missing" in only(write(tmp_path, header(), trajectories=trajectories().drop(columns="theta")))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"gravity": 9.81}, "surfaces are for a motion without gravity"),
+        ({"surface": {"height": 0.0}}, "there are surface and surfaces"),
+        ({"surfaces": [WALLS[0], WALLS[1] | {"name": "south"}]}, "the name south occurs more than once"),
+        ({"surfaces": [WALLS[0] | {"normal": [0.0, 0.0]}]}, "the normal has no direction"),
+        ({"surfaces": [WALLS[0] | {"point": [0.0, -400.0]}]}, "millimetres?"),
+        ({"surfaces": [WALLS[0] | {"name": "South wall"}]}, "should match pattern"),
+        ({"surfaces": [WALLS[0] | {"normals": [0.0, 1.0]}]}, "did you mean 'normal'?"),
+        ({"surfaces": [WALLS[0] | {"normal": [0.0, float("nan")]}]}, "a finite number"),
+        ({"surfaces": []}, "surfaces holds no wall"),
+        ({"surfaces": [WALLS[0], WALLS[1] | {"normal": [0.0, 1.0]}]}, "behind the wall north in most rows"),
+        ({"gravity": -9.81}, "must be 0.0 or more"),
+        ({"spin": 0.0}, "above 0.0"),
+    ],
+)
+def test_each_mistake_about_walls_is_said(tmp_path, changes: dict, said: str) -> None:
+    text = only(write(tmp_path, table(**changes), trajectories=sliding()))
+    assert said in text, text
+
+
+def test_lengths_in_millimetres_are_noticed_without_gravity_too(tmp_path) -> None:
+    poses = sliding()
+    folder = write(tmp_path, table(), trajectories=poses.assign(x=1e3 * poses["x"]))
+    assert "column x: looks like millimetres" in only(folder)
+
+
+def test_impacts_cannot_be_given_for_walls(tmp_path) -> None:
+    text = only(write(tmp_path, table(), trajectories=sliding(), impacts=impacts()))
+    assert "which wall was hit" in text
+
+
+def test_old_datasets_have_the_seeds_that_they_had(tmp_path) -> None:
+    # stored results hang on it: keys that a header lacks do not count
+    dataset = read_dataset(write(tmp_path, header(), trajectories=trajectories()))
+    assert dataset.digest() == "e5ef7a024a3fac3d7fa80e288c730834cdf24f01c02bd09d15bc24575e235d5f"
+
+
+@pytest.fixture(scope="module")
+def puck() -> Dataset:
+    return simulate_puck("puck", "nothing", trials=25)
+
+
+def test_impacts_are_found_at_the_walls_with_their_restitution(puck: Dataset) -> None:
+    found = find_impacts(puck)
+    hits = found.impacts
+    assert len(hits) > 40
+    assert set(wall_of(hits.q[:, 0])) == {0, 1, 2, 3}
+    assert (hits.v_pre[:, 1] < 0.0).all()
+    # the median over 50 impacts of a ratio known to 0.3 %
+    assert np.median(-hits.v_post[:, 1] / hits.v_pre[:, 1]) == pytest.approx(EPSILON, abs=2e-3)
+    # contacts of 1 ms sink in by 0.5 mm at 1 m/s
+    assert np.median(np.abs(found.used_arcs["gap"])) < 1e-3
+    assert any("theta is not measured" in text for text in found.warnings)
+
+
+def test_a_table_that_stands_askew_has_the_same_impacts(puck: Dataset) -> None:
+    cos, sin = np.cos(TURNED), np.sin(TURNED)
+    R, shift = np.array([[cos, -sin], [sin, cos]]), np.array([0.3, -0.2])
+    walls = [
+        wall.model_copy(update={"point": tuple(R @ wall.point + shift), "normal": tuple(R @ wall.normal)})
+        for wall in CUSHIONS
+    ]
+    moved = puck.trajectories[["x", "y"]].to_numpy() @ R.T + shift
+    poses = puck.trajectories.assign(x=moved[:, 0], y=moved[:, 1])
+    askew = Dataset("askew", puck.header.model_copy(update={"surfaces": tuple(walls)}), poses, has_angle=False)
+    straight, turned = find_impacts(puck).impacts, find_impacts(askew).impacts
+    assert (straight.trial == turned.trial).all()
+    assert (wall_of(straight.q[:, 0]) == wall_of(turned.q[:, 0])).all()
+    for name in ("v_pre", "v_post"):
+        difference = np.abs(getattr(straight, name) - getattr(turned, name)).max(axis=0)
+        assert difference[:2].max() < ASKEW
+
+
+def test_spin_is_stated_or_follows_from_the_speed(puck: Dataset, tmp_path) -> None:
+    assert 10.0 < observe(puck).spin < 30.0  # half of 1.5 m/s at 0.04 m
+    stated = Dataset("p", puck.header.model_copy(update={"spin": 3.0}), puck.trajectories, has_angle=False)
+    assert observe(stated).spin == 3.0
+
+
+def test_a_ball_without_an_angle_bounces_on_a_floor(tmp_path) -> None:
+    poses = bouncing_disk().drop(columns="theta")
+    folder = write(tmp_path, header(body=DISK, noise={"position": 2e-4}), trajectories=poses)
+    with_angle = write(tmp_path / "theta", header(body=DISK), trajectories=bouncing_disk())
+    found, known = (find_impacts(read_dataset(each)).impacts for each in (folder, with_angle))
+    assert len(found) == len(known) > 5
+    np.testing.assert_allclose(found.v_post[:, :2], known.v_post[:, :2], atol=0.02)

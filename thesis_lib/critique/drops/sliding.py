@@ -1,0 +1,48 @@
+"""Friction with a table: what slows a body down that slides over it between its impacts.
+
+    a ← a − a_table (v_x, v_y)/|v|,    a_table = μ_table g
+
+Coulomb friction of a level table acts against the motion of the centre, whatever the speed.  Without gravity in the
+plane of the motion `a_table` is a parameter beside μ and ε, as every table has some: it makes no verdict.  A spin is
+slowed down, too, but by how much depends on where the body rests on the table; here it stays.
+
+| on paper | in code   | unit | shape |                            |
+|----------|-----------|------|-------|----------------------------|
+| a_table  | `a_table` | m/s² |       | deceleration               |
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.foundation.errors import UserError
+
+SLIDING = Parameter("a_table", "m/s²", null=0.0, low=0.0, high=10.0, scale=0.1)
+_SLOWEST = 1e-3  # m/s; slower bodies stand still for a camera
+
+
+class _Table(Effect):
+    """No candidate: it belongs to the model of every body that slides."""
+
+    name = "table"
+    family = "flight"
+    title = "friction with the table"
+    equation = "a = −a_table v/|v|"
+    parameters = (SLIDING,)
+    channels = ("flight",)
+    needs_trajectories = True
+    reference = "Coulomb 1785"
+
+    def acceleration(self, a, state, p, rig):
+        speed = np.maximum(np.hypot(state.vx, state.vy), _SLOWEST)
+        slowing = p[SLIDING.name] / speed
+        return a - np.stack([slowing * state.vx, slowing * state.vy, 0.0 * speed], axis=-1)
+
+
+TABLE = _Table()
+
+
+def require_falling(falls: bool, has_angle: bool, what: str) -> None:
+    """Refuse `what` for a motion without gravity or without an angle; UserError."""
+    if not (falls and has_angle):
+        lacks = "theta was not measured" if falls else "there is no gravity"
+        raise UserError(f"{what} needs a body that falls and whose angle is measured; here {lacks}.")

@@ -1,0 +1,31 @@
+"""The spin of a body whose angle is not measured: what is believed of it before an impact.
+
+Friction at an impact gives a disk that slides without spin at most 2/3 of its tangential velocity as rim speed; a hand
+gives as much.  So unless dataset.yaml states `spin`, the rim speed before an impact is taken as 0 ± `RIM` times the
+median speed (one sigma).
+"""
+
+import numpy as np
+
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import Impacts
+
+RIM = 0.5
+
+
+def unseen_spin(impacts: Impacts, header: Header) -> float:
+    """One sigma in rad/s of the spin before impacts, where theta is not measured."""
+    if header.spin is not None:
+        return header.spin
+    speed = np.hypot(*impacts.v_pre[:, :2].T)
+    return RIM * float(np.median(speed)) / header.body.shape.extent if len(speed) else 1.0
+
+
+def spin_sentence(impacts: Impacts, header: Header) -> str:
+    """What is assumed, for the user."""
+    sigma = unseen_spin(impacts, header)
+    whence = "as dataset.yaml states" if header.spin is not None else f"a rim speed of {RIM:g} times the median speed"
+    return (
+        f"theta is not measured: the spin before each impact is unknown and taken as 0 ± {sigma:.3g} rad/s ({whence}); "
+        "effects that show in the angle or the spin alone cannot be tested."
+    )

@@ -1,0 +1,141 @@
+"""Effects of one wall among several: "which wall differs?"
+
+An effect of `AT_ONE_WALL` acts at the impacts on one wall alone, whose name follows its own:
+`velocity_dependent_restitution_at_north`.  Besides effects of the library there are three that make sense at one wall
+only, a law's parameter that is another there,
+
+    ε ← clip(ε (1 + d), 0, 1),    μ ← μ (1 + d),    τ ← τ (1 + d)        at that wall
+
+and a restitution that depends on speed there may be another at 1 m/s, too.
+
+The wall is told by x (`thesis_lib/bodies/walls.py`).
+
+| on paper | in code | unit | shape |                                      |
+|----------|---------|------|-------|--------------------------------------|
+| d        | `d`     | 1    |       | relative change at the wall          |
+"""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from thesis_lib.bodies.walls import wall_of
+from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig
+from thesis_lib.effects.surface_height import SurfaceHeight
+from thesis_lib.effects.velocity_dependent_friction import VelocityDependentFriction
+from thesis_lib.effects.velocity_dependent_restitution import SPEED, VelocityDependentRestitution
+
+_BETWEEN = "_at_"
+
+
+class OtherRestitution(Effect):
+    name = "other_restitution"
+    family = "surface"
+    title = "another restitution"
+    equation = "ε = ε₀ (1 + d)"
+    parameters = (Parameter("d", "1", null=0.0, low=-1.0, high=3.0, scale=0.1),)
+    reference = "definition of the restitution"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["d"]), 0.0, 1.0)
+
+
+class OtherRestitutionBySpeed(VelocityDependentRestitution):
+    """The restitution of a wall of its own, whose value at 1 m/s differs, too."""
+
+    includes = ("other_restitution",)
+    equation = "ε = ε₀ (1 + d) (|v_n| / 1 m/s)^−p exp(−c (|v_n| − 1 m/s))"
+    parameters = (*OtherRestitution.parameters, *VelocityDependentRestitution.parameters)
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        at_1 = np.clip(epsilon * (1.0 + p["d"]), 0.0, 1.0) * np.exp(p["c"] * SPEED)
+        return super().coefficients(mu, at_1, space, state, p, rig)
+
+
+class OtherFriction(Effect):
+    name = "other_friction"
+    family = "surface"
+    title = "another friction"
+    equation = "μ = μ₀ (1 + d)"
+    parameters = (Parameter("d", "1", null=0.0, low=-1.0, high=10.0, scale=0.2),)
+    reference = "Coulomb 1785"
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return np.maximum(mu * (1.0 + p["d"]), 0.0), epsilon
+
+
+class OtherContactTime(Effect):
+    name = "other_contact_time"
+    family = "surface"
+    title = "another contact time"
+    equation = "τ = τ₀ (1 + d)"
+    parameters = (Parameter("d", "1", null=0.0, low=-1.0, high=10.0, scale=0.5),)
+    channels = ("touch",)
+    needs_trajectories = True
+    needs_contact_time = True
+    reference = "definition of the contact time"
+
+    def contact_time(self, tau, space, state, p, rig):
+        return np.maximum(tau * (1.0 + p["d"]), 0.0)
+
+
+AT_ONE_WALL: dict[str, Effect] = {
+    effect.name: effect
+    for effect in (
+        OtherRestitution(),
+        OtherRestitutionBySpeed(),
+        OtherFriction(),
+        VelocityDependentFriction(),
+        OtherContactTime(),
+        SurfaceHeight(),
+    )
+}
+
+
+class AtWall(Effect):
+    """The effect `of` at the impacts on `wall` alone; it may have no hooks but those of this class."""
+
+    family = "surface"
+
+    def __init__(self, of: Effect, wall: str) -> None:
+        self.of, self.wall = of, wall
+        self.name, self.title = f"{of.name}{_BETWEEN}{wall}", f"{of.title} at the wall {wall}"
+        self.equation, self.parameters, self.channels = f"{of.equation} at {wall}", of.parameters, of.channels
+        self.needs_trajectories, self.needs_contact_time = of.needs_trajectories, of.needs_contact_time
+        self.reference, self.includes = of.reference, tuple(f"{name}{_BETWEEN}{wall}" for name in of.includes)
+
+    def applies_to(self, rig: Rig) -> bool:
+        return self.wall in rig.walls and len(rig.walls) > 1
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        here, there = self._here(state, rig), self.of.coefficients(mu, epsilon, space, state, p, rig)
+        return np.where(here, there[0], mu), np.where(here, there[1], epsilon)
+
+    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+        here, there = self._here(state, rig), self.of.impulse(impulse, space, mu, epsilon, r, state, p, rig)
+        pairs = ((there.c_t, impulse.c_t), (there.c_n, impulse.c_n), (there.tau, impulse.tau))
+        return Impulse(*(np.where(here, a, b) for a, b in pairs))
+
+    def contact_time(self, tau, space, state, p, rig):
+        return np.where(self._here(state, rig), self.of.contact_time(tau, space, state, p, rig), tau)
+
+    def gap(self, gap, state, p, rig):
+        return np.where(self._here(state, rig), self.of.gap(gap, state, p, rig), gap)
+
+    def _here(self, state, rig):
+        return wall_of(state.x) == rig.walls.index(self.wall)
+
+
+def effects_at(walls: Iterable[str]) -> Iterator[AtWall]:
+    """Each of `AT_ONE_WALL` at each of the walls."""
+    for wall in walls:
+        for effect in AT_ONE_WALL.values():
+            yield AtWall(effect, wall)
+
+
+def effect_at_wall(name: object) -> AtWall | None:
+    """The effect at one wall with this name; None for other names."""
+    if not isinstance(name, str) or _BETWEEN not in name:
+        return None
+    of, _, wall = name.partition(_BETWEEN)
+    return AtWall(AT_ONE_WALL[of], wall) if of in AT_ONE_WALL and wall.isidentifier() else None

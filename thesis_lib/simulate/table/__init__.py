@@ -1,0 +1,1 @@
+"""A puck that slides over a table between cushions, recorded from above"""
