@@ -20,6 +20,10 @@ ALLOWED = {
         "network",
     ): "the one download; no byte is parsed before its SHA-256 matches (tests/datasets/test_published.py)",
     (
+        "thesis_lib/critique/proposal/effect_file.py",
+        "eval",
+    ): "the text of effects that it writes itself, of fixed words and numbers (tests/critique/proposal/)",
+    (
         "thesis_lib/extensions/loading.py",
         "code",
     ): "a user's own effects, from the path that was given (tests/extensions/test_loading.py)",

@@ -36,6 +36,7 @@ What it writes into DIR:
   diagnosis.json   the same for programs: verdict (adequate, effects or unexplained), effects, what could not be told
   model.json       the law with its effects, for python -m thesis_lib predict
   comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the pictures
+  DIR_proposal.py  beside DIR, where nothing fits and a term is proposed: an effect file for --effects
   models.csv       with --models: laws and simulators side by side
   of a recording: report.html, diagnosis.json, misfit.csv, mechanism_residuals.csv, and the picture
 With --batch each dataset has a folder like that, and a log, in DIR, beside
@@ -82,6 +83,11 @@ def build_parser() -> Parser:
         "drake_hydroelastic; a list with commas (a minute and more)"
     )
     parser.add_argument("--models", metavar="LIST", help=compared)
+    proposed = (
+        "file for the term that is proposed where the verdict is unexplained, looked for also beside effects that were "
+        "named; without this option it lies beside DIR as <DIR>_proposal.py"
+    )
+    parser.add_argument("--propose", metavar="FILE.py", help=proposed)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
     parser.add_argument("--json", action="store_true", help=printed)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
@@ -110,6 +116,8 @@ def critique(argv: Sequence[str] | None = None) -> int:
         if args.batch or len(args.paths) > 1:
             raise UserError("--models compares models on one dataset; give one, without --batch.")
         args.models = read_models(args.models)
+    if args.propose is not None:
+        _require_place(args.propose, args)
     args.additions = load_additions(args.files, args.paths)
     if args.batch:
         return _batch(args)
@@ -119,6 +127,19 @@ def critique(argv: Sequence[str] | None = None) -> int:
             "own, add --batch."
         )
     return _one(args) if len(args.paths) == 1 else _compare(args)
+
+
+def _require_place(path: str, args: argparse.Namespace) -> None:
+    """Refuse a file for the proposal that could not be loaded again, or that is there already."""
+    from thesis_lib.extensions.loading import require_outside_of_data
+
+    if args.batch or len(args.paths) > 1:
+        raise UserError("--propose names the file of one proposal; give one dataset, without --batch.")
+    if not path.endswith(".py"):
+        raise UserError(f"--propose {path}: the proposal is a Python file; give it a name that ends in .py.")
+    require_outside_of_data(path, args.paths)
+    if os.path.lexists(path):
+        raise UserError(f"--propose {path}: that file exists already and stays as it is; choose another name.")
 
 
 def _one(args: argparse.Namespace) -> int:
@@ -134,6 +155,9 @@ def _one(args: argparse.Namespace) -> int:
     else:
         print(diagnosis_text(content))
         print(f"\nwritten to {folder}; open {folder / 'report.html'}")
+        if content.get("proposal"):
+            file = Path(args.propose or folder.parent / content["proposal"]["file"])
+            print(f"proposed: {file}; add it with  python -m thesis_lib critique {path} --effects {file}")
     return 0
 
 
@@ -149,7 +173,7 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
-        options = {"effects": args.effects, "models": args.models or ()}
+        options = {"effects": args.effects, "models": args.models or (), "proposal": args.propose}
         return criticise_path(path, folder, args.seed, **options, say=say), folder
 
 

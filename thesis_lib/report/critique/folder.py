@@ -12,7 +12,7 @@ Of a mechanism: misfit.csv, mechanism_residuals.png .pdf .csv, diagnosis.json an
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +43,7 @@ def criticise_path(
     *,
     effects: Sequence[str] | None = None,
     models: Sequence[str] = (),
+    proposal: str | Path | None = None,
     say: Say = lambda text: None,
 ) -> dict:
     """Criticise the drops or the recording in the folder `path`; UserError if the data cannot be read or criticised.
@@ -54,10 +55,13 @@ def criticise_path(
 
         if models:
             raise UserError(f"{path} is the recording of a mechanism; --models compares models of drops. Leave it out.")
+        if proposal:
+            raise UserError(f"{path} is the recording of a mechanism; --propose is for drops. Leave it out.")
         return recording_folder(read_recording(path), folder, seed, effects=effects, say=say)
     from thesis_lib.datasets.read import read_dataset
 
-    return critique_folder(read_dataset(path), folder, seed, effects=effects, models=models, say=say)
+    options = {"effects": effects, "models": models, "proposal": proposal}
+    return critique_folder(read_dataset(path), folder, seed, **options, say=say)
 
 
 def critique_folder(
@@ -69,6 +73,7 @@ def critique_folder(
     settings: CritiqueSettings | None = None,
     arcs: ArcSettings | None = None,
     models: Sequence[str] = (),
+    proposal: str | Path | None = None,
     say: Say = lambda text: None,
 ) -> dict:
     """Criticise a dataset, write everything into `folder`, and return the content of diagnosis.json.
@@ -79,6 +84,8 @@ def critique_folder(
         effects: switched on instead of the automatic choice; None lets the data choose, () allows none.
         settings, arcs: thresholds, and detection of impacts.
         models: what is compared beside the critique, of `critique.engines.compare.MODELS`.
+        proposal: file for a term that is proposed where nothing fits; None: beside the folder, and only where `effects`
+            is None.
         say: called with a line on each step.
 
     UserError if the dataset is too small, or if an effect is unknown or cannot be tested with it.
@@ -92,8 +99,20 @@ def critique_folder(
         from thesis_lib.critique.engines.compare import compare_models
 
         compared = compare_models(critique, models, say)
+    found, file = None, Path(proposal) if proposal else proposal_path(folder)
+    asked = critique.verdict == "unexplained" and critique.is_structured and (proposal or effects is None)
+    if asked:
+        from thesis_lib.critique.proposal.propose import propose
+
+        own = generator(seed, "proposal", dataset.digest())
+        found = propose(critique, own, say)
     say("writing tables, pictures and report")
-    return write_critique(critique, folder, rng, compared)
+    if not asked:
+        return write_critique(critique, folder, rng, compared)
+    from thesis_lib.critique.proposal.results import content_of, write_source
+
+    name = write_source(found, file).name if found else ""
+    return write_critique(critique, folder, rng, compared, {"proposal": content_of(found, name)})
 
 
 def recording_folder(
@@ -118,12 +137,22 @@ def recording_folder(
     return write_mechanism_critique(critique, recording.name, folder, rng)
 
 
+def proposal_path(folder: str | Path) -> Path:
+    """The file beside the folder of a critique: from inside, where impacts.csv lies, no code is loaded."""
+    folder = Path(folder).resolve()
+    return folder.with_name(f"{folder.name}_proposal.py")
+
+
 def write_critique(
-    critique: Critique, folder: str | Path, rng: np.random.Generator, models: pd.DataFrame | None = None
+    critique: Critique,
+    folder: str | Path,
+    rng: np.random.Generator,
+    models: pd.DataFrame | None = None,
+    more: Mapping | None = None,
 ) -> dict:
     """Write all files of a critique into `folder` and return the content of diagnosis.json.
 
-    `models` is the table of `compare_models`, if models were compared.
+    `models` is the table of `compare_models`, if models were compared; `more` are further keys of diagnosis.json.
     """
     # late, because the critique itself needs neither pictures nor pages
     from thesis_lib.figures.critique.pictures import pictures
@@ -133,6 +162,11 @@ def write_critique(
     regions = where(critique, rng)
     made = tables(critique, rng)
     content = diagnosis(critique, rng, made["ladder"])
+    if more:
+        from thesis_lib.critique.proposal.results import sentences
+
+        content |= more
+        content["summary"] = [*content["summary"], *sentences(content)]
     if models is not None:
         made["models"] = models
         content["models"] = json.loads(models.to_json(orient="records"))

@@ -16,7 +16,7 @@ from thesis_lib.critique.results.numbers import ladder_table
 from thesis_lib.critique.results.summary import possible_faults
 from thesis_lib.figures.style import Drawn
 from thesis_lib.foundation.terminal import visible
-from thesis_lib.report.critique import effects, impacts, tables, text
+from thesis_lib.report.critique import effects, impacts, proposal, tables, text
 from thesis_lib.report.critique.skeleton import critique_page
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, picture
 
@@ -56,6 +56,7 @@ def report_html(
         "3. Which effect is missing": (
             *("which", effects.effects(d), tables.effects_table(d), effects.remaining(critique, d)),
         ),
+        "A term that is proposed": ("proposed", proposal.proposed(d)),
         "4. What adding it does" if d["effects"] else "4. Nothing was added": (
             *("added", effects.ladder_text(critique, d, ladder), drawn.get("ladder"), effects.moved(critique)),
             *(drawn.get("parameters"), tables.parameters_table(critique)),

@@ -20,6 +20,12 @@ MAX_CONTACTS = 25
 BISECTIONS = 34  # of a flight step: 1e-3 / 2^34 = 6e-14 s
 STAGES = ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0))  # of a Runge-Kutta step: weight, and where the next one is
 
+# what a hidden law acts on, and its φ (`hidden_laws`)
+NONE, ON_EPSILON, ON_MU, COUPLE, DIRECTION = range(5)
+SLIP, THRESHOLD, SPIN, ROOT_OF_SPIN, TURNING, LEVER, QUARTERS, ENDS, RELEASE = range(9)
+NO_LAW = (NONE, SLIP, 0.0)
+SLOWEST = 1e-3  # m/s, below every impact that a camera sees
+
 compiled = njit(cache=True, error_model="numpy")
 
 
@@ -36,6 +42,7 @@ class World(NamedTuple):
     stiffness: float
     exponent: float
     dt: float  # step in contact
+    law: tuple[int, int, float]  # what it acts on, φ, and size
     causes: np.void  # the hidden causes, with the names and units of `HiddenCauses`
 
 
@@ -88,15 +95,6 @@ def plate(causes, t, phase):
 
 
 @compiled
-def plates(causes, t, phase):
-    """Height in m and vertical velocity in m/s of the plate, (n, 2), at the times t (n,)."""
-    of = np.empty((len(t), 2))
-    for i in range(len(t)):
-        of[i, 0], of[i, 1] = plate(causes, t[i], phase[i])
-    return of
-
-
-@compiled
 def accelerate(world, q, v, a):
     """Acceleration (5,) without contact, into `a`."""
     m, drag = world.causes, world.causes.linear_drag
@@ -115,16 +113,7 @@ def accelerate(world, q, v, a):
 
 
 @compiled
-def accelerations(world, q, v):
-    """Acceleration (n, 5) without contact of n bodies."""
-    a = np.empty_like(q)
-    for i in range(len(q)):
-        accelerate(world, q[i], v[i], a[i])
-    return a
-
-
-@compiled
-def _touch(world, q, restitution, r_x, r_y, epsilon, mu, stiffness):
+def touch(world, q, restitution, r_x, r_y, epsilon, mu, stiffness):
     """ε, μ and k in N/mⁿ (p,) of the contact points r of a body that touches."""
     m, (c_x, c_y) = world.causes, _origin(world, q[2])
     for k in range(len(r_x)):
@@ -141,14 +130,18 @@ def _touch(world, q, restitution, r_x, r_y, epsilon, mu, stiffness):
 
 
 @compiled
-def touches(world, q, restitution):
-    """ε, μ and k (3, n, p) of the contact points of n bodies at q (n, 5) that touch, `restitution` (n,)."""
-    p = max(len(world.vertices), 1)
-    (r_x, r_y), of = np.empty((2, p)), np.empty((3, len(q), p))
-    for i in range(len(q)):
-        place(world, q[i, 2], r_x, r_y)
-        _touch(world, q[i], restitution[i], r_x, r_y, of[0, i], of[1, i], of[2, i])
-    return of
+def _phi(world, q, v, speed, trial, r_x, r_y):
+    """φ of the hidden law, of a body that touches at r and came with `speed` in m/s, and r_y."""
+    form, low = world.law[1], _lowest(r_y)
+    k, (c_x, c_y) = np.sqrt(world.inertia / world.shell), _origin(world, q[2])
+    beta = np.arctan2(r_y[low] + c_y, r_x[low] + c_x) - q[2]
+    slip, spin = abs(v[0] - r_y[low] * v[2]) / speed, v[2] * k / speed
+    by_spin = (abs(spin), np.sqrt(abs(spin)), spin)
+    if form <= THRESHOLD:
+        return (slip if form == SLIP else 1.0 / (1.0 + np.exp((0.5 - slip) / 0.05))), r_y[low]
+    if form <= TURNING:
+        return by_spin[form - SPIN], r_y[low]
+    return (r_x[low] / k, np.cos(4.0 * beta), np.cos(2.0 * beta), trial / 100.0)[form - LEVER], r_y[low]
 
 
 @compiled
@@ -193,7 +186,7 @@ def _friction(world, slip, mobility, push, pressing, mu, stiffness, deepest, bri
 
 
 @compiled
-def _step(world, phase, q, v, t, r, memory, a):
+def _step(world, phase, q, v, t, r, memory, a, speed, trial):
     """One time step in contact: half a drift, a kick, half a drift; q, v and `memory` change.
 
     `r` (3, p): room for r_x, r_y, push; `memory` (5, p): δ_m, s, ε, μ, k; `a` (5,): room.  Returns the impulse (c_t,
@@ -201,6 +194,13 @@ def _step(world, phase, q, v, t, r, memory, a):
     """
     h, w, (r_x, r_y, pushes) = world.dt, 1.0 / world.inertia, r
     deepest, bristle, epsilon, mu, stiffness = memory
+    acts_on, lever, size = world.law[0], 0.0, 0.0
+    if acts_on > ON_EPSILON:
+        place(world, q[2], r_x, r_y)
+        phi, lever = _phi(world, q, v, speed, trial, r_x, r_y)
+        size = world.law[2] * phi
+        if acts_on == ON_MU:
+            mu[:] = world.mu * max(1.0 + size, 0.0)
     _drift(q, v, 0.5 * h, q)
     place(world, q[2], r_x, r_y)
     height, rise = plate(world.causes, t + 0.5 * h, phase)
@@ -234,6 +234,12 @@ def _step(world, phase, q, v, t, r, memory, a):
     if world.causes.rolling_lever:
         v[2] -= np.sign(v[2]) * min(h * w * world.causes.rolling_lever * pushed, abs(v[2]))
     _drift(q, v, 0.5 * h, q)
+    if acts_on == COUPLE:
+        v[2] += size * h * total * np.sqrt(w / world.shell)
+    if acts_on == DIRECTION:
+        dragged += size * total
+        v[0] += size * h * total / world.shell
+        v[2] -= size * h * total * lever * w
     return h * dragged, h * total, free
 
 
@@ -321,14 +327,20 @@ def falls(world, steps, q0, v0, ticks, phases, epsilons):
             _copy(ahead, faster, q, v)
             place(world, q[2], r_x, r_y)
             memory[:2] = 0.0
-            _touch(world, q, epsilons[i], r_x, r_y, memory[2], memory[3], memory[4])
+            touch(world, q, epsilons[i], r_x, r_y, memory[2], memory[3], memory[4])
+            low = _lowest(r_y)
+            speed = max(np.hypot(v[0] - r_y[low] * v[2], v[1] + r_x[low] * v[2]), SLOWEST)
+            if world.law[0] == ON_EPSILON:
+                factor = 1.0 + world.law[2] * _phi(world, q, v, speed, i, r_x, r_y)[0]
+                for k in range(p):
+                    memory[2, k] = min(max(memory[2, k] * factor, EPSILON_LOW), EPSILON_HIGH)
             number = counts[i]
-            approach = plate(world.causes, t, phase)[1] - v[1] - r_x[_lowest(r_y)] * v[2]
+            approach = plate(world.causes, t, phase)[1] - v[1] - r_x[low] * v[2]
             times[i, number, 0] = t
             _copy(q, v, states[i, number, 0], states[i, number, 1])
             for _ in range(steps):
                 _copy(q, v, ahead, faster)
-                c_t, c_n, free = _step(world, phase, q, v, t, r, memory, room[0])
+                c_t, c_n, free = _step(world, phase, q, v, t, r, memory, room[0], speed, i)
                 if tick < len(ticks) and t + h >= ticks[tick]:
                     for k in range(5):
                         ahead[k] += (ticks[tick] - t) / h * (q[k] - ahead[k])

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.simulate.compliant.compiled import MAX_CONTACTS, falls
+from thesis_lib.simulate.compliant.compiled import MAX_CONTACTS, NO_LAW, falls
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.rig.camera import reported, wobble
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
@@ -64,7 +64,7 @@ def simulate_compliant_drops(
         contact: the contact without hidden causes.
         duration, rate: s, Hz; samples at 0, 1/rate, ... up to the duration.
         noise: one-sigma noise of position (x, y each) and angle; none where it is None or absent.
-        engine: class that integrates the motion, with the arguments and results of `_Drops`, which is the default.
+        engine: class that integrates the motion, with the arguments and results of `CompliantMotion`, the default.
         tracker: how poses are recorded; if None, as they are seen.
 
     Returns:
@@ -89,7 +89,7 @@ def simulate_compliant_drops(
     pictures = rate * (tracker.frames if tracker else 1)
     samples = sample_times(duration, pictures)
     lagged = samples - hidden.time_lag
-    drops = (engine or _Drops)(mechanics, pose, velocity, samples, lagged, pictures)
+    drops = (engine or CompliantMotion)(mechanics, pose, velocity, samples, lagged, pictures)
     if tracker and tracker.time_constant:
         drops.poses = low_pass(drops.poses, drops.ticks, velocity, tracker.time_constant)
     poses = drops.poses_at(samples)
@@ -128,10 +128,11 @@ def contact_truth(
     return contact_columns(rows, t, (pose, v_pre, v_post), r, impulse, **more)
 
 
-class _Drops:
+class CompliantMotion:
     """Poses of n drops at the ticks, and the record of their contacts; `t` (n,) ends the recordings in s.
 
-    Poses and velocities of release are (n, 3); `samples` and `lagged` are the times in s at which poses are asked for.
+    Poses and velocities of release are (n, 3); `samples` and `lagged` are the times in s at which poses are asked for;
+    `law`: see `hidden_laws`.
     """
 
     def __init__(
@@ -142,6 +143,7 @@ class _Drops:
         samples: np.ndarray,
         lagged: np.ndarray,
         rate: float,
+        law: tuple[int, int, float] = NO_LAW,
     ) -> None:
         self.ticks = _ticks(samples, lagged[lagged > 0.0], rate)
         # the loose mass starts at rest in the body
@@ -150,7 +152,7 @@ class _Drops:
         v = np.column_stack([motion, velocity[:, 2], motion])
         longest = int(LONGEST * mechanics.contact.steps)
         self.poses, self.t, counts, states, times, impulse, left = falls(
-            mechanics.world, longest, q, v, self.ticks, mechanics.phase, mechanics.epsilon
+            mechanics.world._replace(law=law), longest, q, v, self.ticks, mechanics.phase, mechanics.epsilon
         )
         made = np.arange(MAX_CONTACTS) < counts[:, None]
         before, after = ((*states[made][:, k : k + 2].swapaxes(0, 1), times[made][:, k // 2]) for k in (0, 2))

@@ -66,6 +66,7 @@ class Mechanics:
             self.vertices = rounded_centres(corners, m.corner_radius) - self.com
         else:
             axes = (body.shape.radius,) * 2 if isinstance(body.shape, Disk) else body.shape.semi_axes
+        self.points = 1 if self.vertices is None else len(self.vertices)
         self.world = compiled.World(
             vertices=np.zeros((0, 2)) if self.vertices is None else self.vertices,
             axes=axes,
@@ -77,6 +78,7 @@ class Mechanics:
             stiffness=self.stiffness,
             exponent=float(contact.exponent),
             dt=contact.dt,
+            law=compiled.NO_LAW,
             causes=np.array([tuple(getattr(m, name) for name in HiddenCauses.model_fields)], _CAUSES)[0],
         )
 
@@ -109,7 +111,8 @@ class Mechanics:
 
     def plate(self, t: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Height and vertical velocity, each (n, 1), of the plate at times t (n,) of the drops `rows`."""
-        height, rise = compiled.plates(self.world.causes, np.ascontiguousarray(t), self.phase[rows]).T[..., None]
+        of = [compiled.plate(self.world.causes, *at) for at in zip(t.tolist(), self.phase[rows].tolist())]
+        height, rise = np.array(of).reshape(-1, 2).T[..., None]
         return height, rise
 
     def gap(self, q: np.ndarray, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -120,11 +123,19 @@ class Mechanics:
 
     def acceleration(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Acceleration (n, 5) without contact."""
-        return compiled.accelerations(self.world, np.ascontiguousarray(q), np.ascontiguousarray(v))
+        a = np.empty(q.shape)
+        for row in zip(q, v, a):
+            compiled.accelerate(self.world, *map(np.ascontiguousarray, row[:2]), row[2])
+        return a
 
     def touch(self, q: np.ndarray, rows: np.ndarray) -> Touch:
         """What the contact points of the drops `rows` meet that touch at poses q (n, 5)."""
-        return Touch(*compiled.touches(self.world, np.ascontiguousarray(q), self.epsilon[rows]))
+        of = np.empty((3, len(q), self.points))
+        r_x, r_y = np.empty((2, self.points))
+        for i, (pose, epsilon) in enumerate(zip(np.ascontiguousarray(q), self.epsilon[rows])):
+            compiled.place(self.world, pose[2], r_x, r_y)
+            compiled.touch(self.world, pose, epsilon, r_x, r_y, *of[:, i])
+        return Touch(*of)
 
 
 def rounded_centres(corners: np.ndarray, radius: float) -> np.ndarray:

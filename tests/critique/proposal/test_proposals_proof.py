@@ -1,0 +1,110 @@
+"""The proof of proposals: its cases, what counts as right, and the stored table."""
+
+import pandas as pd
+import pytest
+
+from thesis_lib.critique.proposal import proof
+from thesis_lib.critique.proposal.proof import (
+    COLUMNS,
+    ENOUGH,
+    KEY,
+    NOTHING,
+    OWN,
+    STORE,
+    Case,
+    as_markdown,
+    cases,
+    make,
+    right,
+    run,
+)
+from thesis_lib.critique.proposal.terms import TARGETS, all_terms
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.rows import put_row, read_rows
+from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
+
+
+def row(truth: str = "couple_by_spin", proposed: str = "couple_by_turning", a: float = -0.15, **more) -> dict:
+    made = {"seed": 1000, "verdict": "unexplained", "named": "", "law": "mirtich", "alternatives": ""}
+    numbers = {
+        "a_std": 0.001,
+        "before": 0.05,
+        "after": 0.011,
+        "floor": 0.008,
+        "attainable": 0.01,
+        "excess": 1.1,
+        "seconds": 5.0,
+    }
+    return {"truth": truth, "proposed": proposed, "a": a} | made | numbers | more
+
+
+def test_a_part_of_the_table_is_mixed_as_the_whole() -> None:
+    every = cases(3, 20)
+    assert len(every) == len(set(every)) == 3 * len(HIDDEN_LAWS) + 20
+    assert {case.truth for case in every[: len(every) // 2]} == {*HIDDEN_LAWS, NOTHING}
+    assert cases(1, 0) == [Case(truth, proof.SEEDS) for truth in HIDDEN_LAWS]
+    assert min(case.seed for case in every) >= 1000  # those that chose sizes and terms are below
+
+
+def test_each_hidden_law_has_a_term_that_says_it() -> None:
+    terms = {term.name: term for term in all_terms()}
+    assert set(OWN) == set(HIDDEN_LAWS)
+    assert all(terms[OWN[name]].target == law.acts_on for name, law in HIDDEN_LAWS.items())
+    assert {law.acts_on for law in HIDDEN_LAWS.values()} == set(TARGETS)
+
+
+def test_what_is_right() -> None:
+    assert right(row()) == dict.fromkeys(("proposed", "variable", "sign", "form", "enough", "typical"), True)
+    wrong_sign = right(row(a=0.15))
+    assert wrong_sign["variable"] and not wrong_sign["sign"] and not wrong_sign["form"]
+    other_form = right(row(proposed="couple_by_slip_speed_and_turning"))
+    assert not other_form["variable"] and not other_form["form"]
+    squared = right(row("friction_by_spin", "friction_by_squared_spin", 5.0))
+    assert squared["sign"] and not squared["form"]
+    nothing = right(row(proposed="", a="", after="", excess=5.0))
+    assert not any(nothing.values())
+    assert not right(row(after=ENOUGH * 0.008 + 1e-4))["enough"]
+
+
+def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path, monkeypatch) -> None:
+    store = tmp_path / "proposals.csv"
+    with pytest.raises(UserError, match="holds no row"):
+        as_markdown(read_rows(store, COLUMNS))
+    computed = []
+
+    def compute(case: Case, drops: int) -> dict:
+        computed.append(case)
+        if case.truth == NOTHING:
+            return row(NOTHING, "", "", seed=case.seed, after="")
+        return row(case.truth, OWN[case.truth], HIDDEN_LAWS[case.truth].size, seed=case.seed)
+
+    monkeypatch.setattr(proof, "compute", compute)
+    todo = cases(1, 2)
+    run(todo[:3], say=str, store=store)
+    run(todo, say=str, store=store)
+    assert sorted(map(str, computed)) == sorted(map(str, todo))
+    text = as_markdown(read_rows(store, COLUMNS))
+    assert "| couple by spin | couple | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |" in text
+    assert "no term is proposed in 2 of 2" in text
+
+
+def test_a_row_that_is_computed_again_replaces_the_first(tmp_path) -> None:
+    store = tmp_path / "proposals.csv"
+    for a in (-0.15, -0.14):
+        put_row(row(a=a), KEY, store, COLUMNS)
+    assert read_rows(store, COLUMNS)["a"].astype(float).tolist() == [-0.14]
+
+
+def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
+    one, again, other = (make(Case("couple_by_spin", seed), 3).trajectories for seed in (1, 1, 2))
+    pd.testing.assert_frame_equal(one, again)
+    assert not one.equals(other)
+
+
+@pytest.mark.skipif(not STORE.exists(), reason="the table has not been computed")
+def test_the_stored_table_is_of_these_cases() -> None:
+    table = read_rows(STORE, COLUMNS)
+    assert set(table["truth"]) <= {*HIDDEN_LAWS, NOTHING}
+    assert not table.duplicated(list(KEY)).any()
+    terms = {term.name for term in all_terms()} | {""}
+    assert set(table["proposed"].str.split("+").explode()) <= terms

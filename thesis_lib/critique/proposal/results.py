@@ -1,0 +1,124 @@
+"""What a proposal leaves behind: its part of diagnosis.json, sentences for a reader, and the file.
+
+| key of `proposal` | meaning                                                                                       |
+|-------------------|-----------------------------------------------------------------------------------------------|
+|                   | null where no term passed the test                                                            |
+| terms             | name, title, equation, parameters, gain by K-fold with p-value, terms that say the same       |
+|                   | `share_of_halves`: of the halves of the trials in which sparse regression chose the term      |
+| law, effects      | of the model with the terms: its law, and the library's effects that it still needs           |
+| parameters        | of that model, by full name                                                                   |
+| gain              | on held-out trials, over the critique's final model                                           |
+| error             | held-out error: of the critique's final model, with the proposal, of noise alone              |
+| tried             | number of terms that were tried, which the p-values count                                     |
+| file              | name of the effect file                                                                       |
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from thesis_lib.critique.proposal.effect_file import source
+from thesis_lib.critique.proposal.propose import Proposal
+from thesis_lib.critique.proposal.terms import all_terms
+from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.statistics.wording import listed, number
+
+MOST_NAMES = 99  # files with other content beside each other
+MOST_SAID = 3  # terms that say the same
+
+
+def content_of(proposal: Proposal | None, file: str) -> dict | None:
+    """The part of diagnosis.json, rounded to six digits."""
+    if proposal is None:
+        return None
+    fitted = proposal.fitted
+    parameters = {
+        name: {"value": fitted.values[name], "std": fitted.std[name], "unit": p.unit}
+        for name, p in fitted.model.parameters.items()
+    }
+    terms = [
+        {
+            "name": one.term.name,
+            "title": one.term.title,
+            "equation": one.term.equation,
+            "parameters": {"a": parameters[f"{one.term.name}.a"]},
+            "gain": {
+                "held_out_log_score_per_impact": one.gain[0],
+                "interval": list(one.gain[1:]),
+                "p_value": one.p_value,
+            },
+            "indistinguishable_from": [other.name for other in one.alternatives],
+            "share_of_halves": one.share,
+        }
+        for one in proposal.terms
+    ]
+    gain, low, high = proposal.held_out_gain
+    errors = {"before": float(proposal.before.error.mean()), "after": float(proposal.after.error.mean())}
+    return six_digits(
+        {
+            "terms": terms,
+            "law": fitted.base,
+            "effects": [effect.name for effect in proposal.kept],
+            "parameters": parameters,
+            "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high]},
+            "error": {"unit": "m/s", **errors, "noise_floor": proposal.after.floor},
+            "tried": proposal.tried,
+            "file": file,
+        }
+    )
+
+
+def sentences(d: Mapping) -> list[str]:
+    """Sentences for the summary; `d` is the content of diagnosis.json with the key `proposal`."""
+    found = d["proposal"]
+    if found is None:
+        return [
+            f"Of {len(all_terms())} terms that could be added to restitution, friction, a sideways impulse or a couple "
+            "none passes the test of an effect, so none is proposed."
+        ]
+    error, terms = found["error"], found["terms"]
+    named = [f"{one['equation']} with {sized(one)} ({one['title']})" for one in terms]
+    worst = max(one["gain"]["p_value"] for one in terms)
+    floor = error["noise_floor"]
+    beside = f" (noise floor {number(floor)} m/s)" if floor is not None and floor == floor else ""
+    many = "terms" if len(terms) > 1 else "term"
+    fall = f"the held-out error goes from {number(error['before'])} m/s to {number(error['after'])} m/s{beside}"
+    same = [name for one in terms for name in one["indistinguishable_from"]]
+    doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
+    return [
+        f"Proposed {many}: {listed(named)}; of {found['tried']} that were tried, p = {number(worst, 2)}; with "
+        f"{'them' if len(terms) > 1 else 'it'} {fall}.",
+        *doubt,
+        f"That is a form for what is missing, not its cause: {found['file']}, beside the folder, holds it as an effect "
+        f"to read, rename and edit, and critique DATA --effects {found['file']} adds it.",
+    ]
+
+
+def sized(term: Mapping) -> str:
+    """a = value ± standard error."""
+    a = term["parameters"]["a"]
+    return f"a = {number(a['value'])} ± {number(a['std'], 1)}"
+
+
+def text_of(proposal: Proposal) -> str:
+    """The text of the effect file, with what was measured."""
+    found = [
+        f"Found: {one.term.name}: a = {proposal.fitted.values[f'{one.term.name}.a']:.4g} ± "
+        f"{proposal.fitted.std[f'{one.term.name}.a']:.1g}, p = {one.p_value:.2g} among {proposal.tried} terms."
+        for one in proposal.terms
+    ]
+    before, after = proposal.before.error.mean(), proposal.after.error.mean()
+    found.append(f"With it the held-out error goes from {before:.3g} m/s to {after:.3g} m/s.")
+    return source([one.term for one in proposal.terms], "\n".join(found))
+
+
+def write_source(proposal: Proposal, path: Path) -> Path:
+    """Write the effect file; a file with other text may hold a user's edits: it stays, and another name is taken."""
+    text = text_of(proposal)
+    for i in range(1, MOST_NAMES):
+        free = path if i == 1 else path.with_name(f"{path.stem}_{i}.py")
+        if not free.exists() or free.read_text(encoding="utf-8", errors="replace") == text:
+            break
+    free.parent.mkdir(parents=True, exist_ok=True)
+    write_text(text, free)
+    return free

@@ -1,0 +1,81 @@
+"""An impact on whose path a couple, a sideways force or another friction acts, as the state has it at each moment.
+
+Shared by effects of one's own; not an effect itself.  With the normal impulse p as "time", as in `impulse_path`,
+
+    dτ = l dp,   dc_t = s dp + friction,   |friction| ≤ f μ dp
+
+with l, s and f functions of the slip v_t and the angular velocity ω at that moment.  So friction resists what pushes
+sideways, and restitution goes by the work that is left.  The difference of this path and the one without it is added
+to the impulse of the law in use.
+
+| on paper | in code    | unit | shape | meaning                                                   |
+|----------|------------|------|-------|-----------------------------------------------------------|
+| l        | `couple`   | m    | (n,)  | couple over the normal impulse, counter-clockwise         |
+| s        | `sideways` | 1    | (n,)  | tangential over normal impulse, beside friction           |
+| f        | `factor`   | 1    | (n,)  | factor on μ; below 0 counts as 0                          |
+
+l is cut at the radius of gyration k, s at 1 and f at 20, so that nothing that feeds itself runs away.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from thesis_lib.contact.space import ContactSpace
+from thesis_lib.effects.effect import Impulse
+from thesis_lib.effects.impulse_path import STEPS, NormalPath, friction, whole_impulse
+
+LARGEST = 1.0  # of |l|/k and |s|: what exceeds the normal force is no correction of a contact any more
+HIGHEST = 20.0  # of f
+Moment = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of v_t (n,) in m/s and ω (n,) in rad/s
+
+
+def driven(
+    impulse: Impulse,
+    space: ContactSpace,
+    mu: np.ndarray,
+    epsilon: np.ndarray,
+    r: tuple[np.ndarray, np.ndarray],
+    omega: np.ndarray,
+    *,
+    couple: Moment | None = None,
+    sideways: Moment | None = None,
+    factor: Moment | None = None,
+) -> Impulse:
+    """`impulse` (n,) with what the driven path has more than the plain one; `r` is the contact point in m."""
+    r_x, r_y = r
+    with np.errstate(all="ignore"):
+        # K_tt + K_nn − 2 = |r|² / k²: the k of this impact, other effects included
+        k2 = (r_x * r_x + r_y * r_y) / (space.K_tt + space.K_nn - 2.0)
+        dp = whole_impulse(space, mu, epsilon) / STEPS
+        turn_t, turn_n, path = r_y / k2, r_x / k2, NormalPath(space, r_x / k2)
+        v_t, turning = np.stack([space.v_t, space.v_t]), np.stack([omega, omega])
+        was_t, was_turning = v_t[0], turning[0]
+        none = np.zeros_like(v_t)
+        levers, pushes, factors = none[0], none[0], none[0] + 1.0  # the largest on the way
+        for _ in range(STEPS):
+            # the moment in the middle of the step, extrapolated from the step before
+            moment = 1.5 * v_t[0] - 0.5 * was_t, 1.5 * turning[0] - 0.5 * was_turning
+            d_tau, push, limit = none.copy(), none.copy(), np.stack([mu * dp, mu * dp])
+            if couple is not None:
+                lever = np.clip(couple(*moment), -LARGEST * np.sqrt(k2), LARGEST * np.sqrt(k2))
+                d_tau[0], levers = lever * dp, np.maximum(levers, np.abs(lever))
+            if sideways is not None:
+                share = np.clip(sideways(*moment), -LARGEST, LARGEST)
+                push[0], pushes = share * dp, np.maximum(pushes, np.abs(share))
+            if factor is not None:
+                times = np.clip(factor(*moment), 0.0, HIGHEST)
+                limit[0], factors = times * limit[1], np.maximum(factors, times)
+            kicked = v_t + space.K_tn * dp + space.K_tt * push - turn_t * d_tau
+            rubbed = friction(kicked, limit, space.K_tt)
+            was_t, was_turning = v_t[0], turning[0]
+            v_t = kicked + space.K_tt * rubbed
+            turning = turning + turn_n * dp - turn_t * (rubbed + push) + d_tau / k2
+            path.step(dp, rubbed + push, d_tau)
+        ends = path.end(epsilon)
+        d_t, d_n, d_tau = (pair[0] - pair[1] for pair in (ends.c_t, ends.c_n, ends.tau))
+    d_t, d_n, d_tau = (np.where(np.isfinite(part), part, 0.0) for part in (d_t, d_n, d_tau))
+    c_n = np.maximum(impulse.c_n + d_n, 0.0)
+    limit = np.maximum((mu * factors + pushes) * c_n, np.abs(impulse.c_t))
+    c_t = np.maximum(np.minimum(impulse.c_t + d_t, limit), -limit)
+    return Impulse(c_t, c_n, impulse.tau + np.clip(d_tau, -levers * c_n, levers * c_n))
