@@ -4,6 +4,7 @@ from thesis_lib.critique.engines import proof as engines_proof
 from thesis_lib.critique.proof import direct_fits, measured
 from thesis_lib.critique.proof.by_contact import as_markdown
 from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.critique.proposal import proof as proposals_proof
 from thesis_lib.foundation.rows import read_rows
 
 
@@ -30,6 +31,11 @@ def measured_sets() -> str:
 def engines() -> str:
     """Is an engine recognised as the model of its own drops, and right?"""
     return engines_proof.as_markdown(read_rows(engines_proof.STORE, engines_proof.COLUMNS))
+
+
+def proposals() -> str:
+    """Is the right term proposed where no named effect fits, and none where nothing is hidden?"""
+    return proposals_proof.as_markdown(read_rows(proposals_proof.STORE, proposals_proof.COLUMNS))
 
 
 def _fits(which: int) -> str:

@@ -46,6 +46,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "fits of measured drops": findings.fits_of_measured_drops,
     "measured sets": findings.measured_sets,
     "engines": findings.engines,
+    "proposals": findings.proposals,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S

@@ -54,13 +54,15 @@ def test_each_hidden_law_has_a_term_that_says_it() -> None:
 
 
 def test_what_is_right() -> None:
-    assert right(row()) == dict.fromkeys(("proposed", "variable", "sign", "form", "enough", "typical"), True)
+    assert right(row()) == dict.fromkeys(("proposed", "variable", "sign", "form", "enough", "best", "typical"), True)
     wrong_sign = right(row(a=0.15))
     assert wrong_sign["variable"] and not wrong_sign["sign"] and not wrong_sign["form"]
     other_form = right(row(proposed="couple_by_slip_speed_and_turning"))
     assert not other_form["variable"] and not other_form["form"]
     squared = right(row("friction_by_spin", "friction_by_squared_spin", 5.0))
     assert squared["sign"] and not squared["form"]
+    near = right(row("restitution_by_threshold", "restitution_by_obliquity", -0.3))
+    assert near["sign"] and not near["form"]
     nothing = right(row(proposed="", a="", after="", excess=5.0))
     assert not any(nothing.values())
     assert not right(row(after=ENOUGH * 0.008 + 1e-4))["enough"]
@@ -84,7 +86,7 @@ def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path, monkeypatch) ->
     run(todo, say=str, store=store)
     assert sorted(map(str, computed)) == sorted(map(str, todo))
     text = as_markdown(read_rows(store, COLUMNS))
-    assert "| couple by spin | couple | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |" in text
+    assert "| couple by spin | couple | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |" in text
     assert "no term is proposed in 2 of 2" in text
 
 
@@ -108,3 +110,7 @@ def test_the_stored_table_is_of_these_cases() -> None:
     assert not table.duplicated(list(KEY)).any()
     terms = {term.name for term in all_terms()} | {""}
     assert set(table["proposed"].str.split("+").explode()) <= terms
+    answers = [right(row) for row in table[table["truth"] != NOTHING].to_dict("records")]
+    found = [answer for answer in answers if answer["form"]]
+    # what the findings say: where the mean error stays above 1.5 floors, the hidden term itself brings it no lower
+    assert found and sum(answer["best"] for answer in found) >= 0.9 * len(found)
