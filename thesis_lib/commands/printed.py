@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from thesis_lib.commands.batch import Batch
 
-STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad"}
+STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad", "x": " m"}
 
 
 def diagnosis_text(content: Mapping) -> str:
@@ -38,7 +38,7 @@ def diagnosis_text(content: Mapping) -> str:
     for state, sigmas in zip(step["states"], step.get("sigmas", ())):
         # the names of a mechanism's states tell the units
         units = dict.fromkeys(state, "") if "mechanism" in content else STATE_UNITS
-        values = ", ".join(f"{name} {state[name]:g}{unit}" for name, unit in units.items())
+        values = ", ".join(f"{name} {value:g}{units[name]}" for name, value in state.items())
         lines.append(f"    {values} ({sigmas:.2g} sigma)")
     return "\n".join(lines)
 

@@ -1,7 +1,7 @@
 """Tables of docs/findings.md, from the stored results of the proof."""
 
 from thesis_lib.critique.engines import proof as engines_proof
-from thesis_lib.critique.proof import direct_fits, measured
+from thesis_lib.critique.proof import direct_fits, measured, next_drops_table
 from thesis_lib.critique.proof.by_contact import as_markdown
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proposal import proof as proposals_proof
@@ -36,6 +36,11 @@ def engines() -> str:
 def proposals() -> str:
     """Is the right term proposed where no named effect fits, and none where nothing is hidden?"""
     return proposals_proof.as_markdown(read_rows(proposals_proof.STORE, proposals_proof.COLUMNS))
+
+
+def next_experiment() -> str:
+    """How many drops the states save that the critique proposes."""
+    return next_drops_table.as_markdown()
 
 
 def _fits(which: int) -> str:

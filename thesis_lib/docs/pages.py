@@ -47,6 +47,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "measured sets": findings.measured_sets,
     "engines": findings.engines,
     "proposals": findings.proposals,
+    "next experiment": findings.next_experiment,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S

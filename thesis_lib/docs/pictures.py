@@ -12,10 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from thesis_lib.contact import LAWS, Law
+from thesis_lib.critique.proof.next_drops import read_answers
 from thesis_lib.docs.effects import sizes_text
 from thesis_lib.docs.laws import published_twin
 from thesis_lib.docs.signatures import signature
 from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.figures.proof.next_drops import draw_next_drops
 from thesis_lib.figures.style import GREY, INK, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.files import atomic, write_table
 
@@ -48,6 +50,7 @@ def draw_pictures(folder: Path) -> Iterator[Path]:
     for law in LAWS.values():
         if not law.as_published:
             yield _save(draw_reach(law), folder / "laws" / f"{law.name}.png")
+    yield _save(draw_next_drops(list(read_answers().values()))[0], folder / "next_experiment.png")
     write_table(kept_numbers(tables), folder / "effects" / "signatures.csv")
     yield folder / "effects" / "signatures.csv"
 

@@ -228,7 +228,7 @@ def is_excess_material(excess: float, p_value: float, settings: MechanismSetting
 def _beyond_noise(judgement: ForceJudgement) -> Remaining:
     """The misfit against that of noise, 1, with the p-value of |z|² from its χ² distribution."""
     z = judgement.z
-    return Remaining(chi_square_tail(z @ z, len(z)), judgement.misfit, 1.0, ())
+    return Remaining(chi_square_tail(float(z @ z), len(z)), judgement.misfit, 1.0, ())
 
 
 def states_of_windows(weak: WeakForm) -> tuple[list[str], np.ndarray]:

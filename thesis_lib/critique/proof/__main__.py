@@ -8,6 +8,7 @@ python -m thesis_lib.critique.proof size com_offset
 python -m thesis_lib.critique.proof run --source mujoco --shape square --contact-time 1 --truths nothing
 python -m thesis_lib.critique.proof run-table --jobs 2
 python -m thesis_lib.critique.proof size com_offset_x --source mujoco --shape square
+python -m thesis_lib.critique.proof next --questions 24
 """
 
 import argparse
@@ -21,6 +22,9 @@ from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, 
 from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.check import ages, check, rows_to_check
 from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.next_drops import QUESTIONS
+from thesis_lib.critique.proof.next_drops import run as run_questions
+from thesis_lib.critique.proof.next_drops_table import as_markdown as next_experiment
 from thesis_lib.critique.proof.plan import REAL, real_contacts, run
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.sizes import find_size, require_checkout, store_cause_size, stored_factor
@@ -50,6 +54,9 @@ def main(arguments: list[str] | None = None) -> int:
             print(as_markdown(outcomes(), recovered()), end="")
         elif options.command == "table":
             print(report(folder=options.csv), end="")
+        elif options.command == "next":
+            run_questions(options.questions, lambda line: print(line, flush=True))
+            print(next_experiment(), flush=True)
         else:
             _size(options)
     except UserError as error:
@@ -150,6 +157,12 @@ def _parser() -> argparse.ArgumentParser:
     table = commands.add_parser("table", help="the stored results against the targets, the misses, the confusion table")
     files = "write summary.csv, real_contacts.csv, misses.csv and confusion.csv there too"
     table.add_argument("--csv", type=Path, metavar="DIR", help=files)
+    worth = (
+        "do the states that the critique proposes settle questions with fewer drops than random ones? (10 s a question)"
+    )
+    following = commands.add_parser("next", help=worth)
+    wanted = f"questions that 50 random drops leave open; stored ones count ({QUESTIONS})"
+    following.add_argument("--questions", type=int, default=QUESTIONS, help=wanted)
     found = "find the size of an effect or cause at which the misfit is 3 times the floor again (half a minute)"
     size = commands.add_parser("size", help=found)
     size.add_argument("name", nargs="*", help="effects of the source law, causes of another one (all)")

@@ -217,12 +217,13 @@ def states_table(following: Mapping) -> Markup:
     what, which = "difference", "at which the two predictions differ most"
     if following.get("shows") == "misfit":
         what, which = "misfit", "around which the misfit is largest"
-    names = ("vx", "vy", "omega", "theta")
-    columns = ["state", "v_x (m/s)", "v_y (m/s)", "ω (rad/s)", "θ (rad)"]
-    rows = [
-        [str(i), *(number(state[name]) for name in names)] for i, state in enumerate(following.get("states", []), 1)
-    ]
+    states = following.get("states", [])
+    names = {"vx": "v_x (m/s)", "vy": "v_y (m/s)", "omega": "ω (rad/s)", "theta": "θ (rad)", "x": "x (m)"}
+    if not (states and "x" in states[0]):
+        del names["x"]  # it matters for some effects only
+    columns = ["state", *names.values()]
+    rows = [[str(i), *(number(state[name]) for name in names)] for i, state in enumerate(states, 1)]
     if sigmas := following.get("sigmas"):
         columns.append(f"{what} (sigma)")
         rows = [[*row, number(sigma, 2)] for row, sigma in zip(rows, sigmas)]
-    return table(f"States just before impact {which}", columns, rows, numeric=range(1, 6))
+    return table(f"States just before impact {which}", columns, rows, numeric=range(1, len(columns)))

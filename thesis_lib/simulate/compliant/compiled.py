@@ -36,7 +36,7 @@ class World(NamedTuple):
     axes: tuple[float, float]  # semi-axes of a smooth body
     com: tuple[float, float]  # from the body's origin to the true centre of mass, in its frame
     gravity: tuple[float, float]
-    shell: float  # mass without the loose one
+    mass: float  # without the loose one
     inertia: float
     mu: float
     stiffness: float
@@ -133,7 +133,7 @@ def touch(world, q, restitution, r_x, r_y, epsilon, mu, stiffness):
 def _phi(world, q, v, speed, trial, r_x, r_y):
     """φ of the hidden law, of a body that touches at r and came with `speed` in m/s, and r_y."""
     form, low = world.law[1], _lowest(r_y)
-    k, (c_x, c_y) = np.sqrt(world.inertia / world.shell), _origin(world, q[2])
+    k, (c_x, c_y) = np.sqrt(world.inertia / world.mass), _origin(world, q[2])
     beta = np.arctan2(r_y[low] + c_y, r_x[low] + c_x) - q[2]
     slip, spin = abs(v[0] - r_y[low] * v[2]) / speed, v[2] * k / speed
     by_spin = (abs(spin), np.sqrt(abs(spin)), spin)
@@ -219,26 +219,26 @@ def _step(world, phase, q, v, t, r, memory, a, speed, trial):
         total += pushes[k] - pull
         turning += r_x[k] * (pushes[k] - pull)
     _drift(v, a, h, v)
-    v[1] += h / world.shell * total
+    v[1] += h / world.mass * total
     v[2] += h * w * turning
     dragged = turning = 0.0
     for k in range(len(r_x)):
-        slip, mobility = v[0] - r_y[k] * v[2] - world.causes.plate_velocity, 1.0 / world.shell + r_y[k] ** 2 * w
+        slip, mobility = v[0] - r_y[k] * v[2] - world.causes.plate_velocity, 1.0 / world.mass + r_y[k] ** 2 * w
         force, bristle[k] = _friction(
             world, slip, mobility, pushes[k], pressing, mu[k], stiffness[k], deepest[k], bristle[k]
         )
         dragged += force
         turning += r_y[k] * force
-    v[0] += h / world.shell * dragged
+    v[0] += h / world.mass * dragged
     v[2] -= h * w * turning
     if world.causes.rolling_lever:
         v[2] -= np.sign(v[2]) * min(h * w * world.causes.rolling_lever * pushed, abs(v[2]))
     _drift(q, v, 0.5 * h, q)
     if acts_on == COUPLE:
-        v[2] += size * h * total * np.sqrt(w / world.shell)
+        v[2] += size * h * total * np.sqrt(w / world.mass)
     if acts_on == DIRECTION:
         dragged += size * total
-        v[0] += size * h * total / world.shell
+        v[0] += size * h * total / world.mass
         v[2] -= size * h * total * lever * w
     return h * dragged, h * total, free
 

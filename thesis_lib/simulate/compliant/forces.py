@@ -65,14 +65,14 @@ class Mechanics:
             corners = np.array(body.shape.vertices) * (1.0 + m.size_error)
             self.vertices = rounded_centres(corners, m.corner_radius) - self.com
         else:
-            axes = (body.shape.radius,) * 2 if isinstance(body.shape, Disk) else body.shape.semi_axes
+            axes = (body.shape.radius, body.shape.radius) if isinstance(body.shape, Disk) else body.shape.semi_axes
         self.points = 1 if self.vertices is None else len(self.vertices)
         self.world = compiled.World(
             vertices=np.zeros((0, 2)) if self.vertices is None else self.vertices,
             axes=axes,
             com=(m.com_offset_x, m.com_offset_y),
             gravity=(float(self.gravity[0]), float(self.gravity[1])),
-            shell=self.shell,
+            mass=self.shell,
             inertia=self.inertia,
             mu=float(contact.mu),
             stiffness=self.stiffness,
@@ -124,8 +124,8 @@ class Mechanics:
     def acceleration(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Acceleration (n, 5) without contact."""
         a = np.empty(q.shape)
-        for row in zip(q, v, a):
-            compiled.accelerate(self.world, *map(np.ascontiguousarray, row[:2]), row[2])
+        for one, motion, found in zip(np.ascontiguousarray(q), np.ascontiguousarray(v), a):
+            compiled.accelerate(self.world, one, motion, found)
         return a
 
     def touch(self, q: np.ndarray, rows: np.ndarray) -> Touch:

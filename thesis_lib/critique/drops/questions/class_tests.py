@@ -186,5 +186,5 @@ def _p_of(coefficients: np.ndarray, covariance: np.ndarray, rest: int) -> float:
     rank = int(np.linalg.matrix_rank(covariance, hermitian=True))
     if rank == 0 or rest < 1:
         return 1.0
-    statistic = coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients / rank
+    statistic = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients) / rank
     return f_tail(statistic, rank, rest)

@@ -1,10 +1,18 @@
 """Propose the next releases: states just before impact that would tell most.
 
-`shows` "difference": states at which two models differ most.  They are the final model and its nearest rival: an
-alternative that these data cannot tell from a chosen effect, or else the unused candidate with the largest score test.
-The difference d of their predicted velocities after impact counts as √(dᵀ S⁻¹ d), with S the mean covariance of the
-final model's residual, scatter included.  Effects that are on or off are no rivals by score test: a first-order test
-says nothing about a step.
+`shows` "difference": states at which two models differ most, whatever becomes of their parameters there.  They are the
+final model and its nearest rival: an alternative that these data cannot tell from a chosen effect, or else the unused
+candidate with the largest score test.  A rival that is refitted follows the other one as far as it can, so that a
+large difference of today's predictions may tell nothing.  With the whitened difference d_i of the velocities after
+impact in state i, slopes J_i of one model by its parameters, and its information I from the data at hand, impacts in
+the states A add, if the other model is true,
+
+    min_δ ½ (Σ_A |d_i − J_i δ|² + δᵀ I δ)    nats to the difference of their log scores.
+
+States are chosen in turn, `REPEATS` impacts each, so that the sum of this over either model being true grows most (the
+T-optimum of Atkinson and Fedorov 1975, doi 10.1093/biomet/62.1.57).  Whitening is by the median covariance S of the
+final model's residual, scatter included.  What is told of a state is the |d_i − J_i δ| that is left, the smaller of
+both.  Effects that are on or off are no rivals by score test: a first-order test says nothing about a step.
 
 `shows` "misfit": something remains that no effect explains.  States around which the final model's own root mean square
 misfit is largest, in units of noise.
@@ -13,28 +21,32 @@ Proposed states lie within `REACH` times the range of the states before the firs
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import Fit, fit
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.fit import SLOPE_STEP, Fit, fit
+from thesis_lib.critique.drops.model import inward
 from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Effect, State
+from thesis_lib.effects.effect import Effect, Rig, State
 
 DRAWS = 400
 REACH = 1.3  # range of proposed states over that of measured ones
 FEWEST, MOST = 3, 5
 APART = 0.35  # least distance of two states in four dimensions, in widths of the ranges
+LITTLE = 1e-6  # information on a parameter that the data do not show, per square of its step
+REPEATS = 4  # impacts in each state for which states are chosen
 CLEAR = 3.0  # least difference in standard deviations
 TOO_MANY = 10.0  # times the impacts at hand: more repeats are not proposed
 WORTHWHILE = 0.5  # least difference of a further state, over the largest
 CLIP = 10.0  # times the median misfit: limits the weight of a wild impact
 NEIGHBOURS = 10  # measured impacts around a state over which misfits are averaged
 CHANNELS = ("vx", "vy", "omega", "theta")
+PLACED = (*CHANNELS, "x")  # of a state, where it matters where the body lands
 CHECKS = {  # what shows a fault of the measurement without an impact
     "sensor_drift": "Film a mark that is fixed beside the surface: in the picture it moves only if the camera drifts.",
     "length_scale": "Film a ruler in the plane of motion.",
@@ -46,7 +58,10 @@ CHECKS = {  # what shows a fault of the measurement without an impact
 
 
 def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
-    """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states."""
+    """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states.
+
+    Where a candidate depends on the place of the impact, states also have x in m.
+    """
     if critique.is_structured:
         return _unexplained(critique, rng)
     final = critique.ladder[-1][1]
@@ -55,7 +70,7 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     first_try: dict = {}
     for step in critique.discovery.steps:
         for name in step.alternatives[:NAMED] if step.clears else ():
-            tried = _told_apart(critique, final, step.effect, EFFECTS[name], rng)
+            tried = tell_apart(critique, final, step.effect, EFFECTS[name], rng)
             if tried["states"]:
                 return tried
             first_try = first_try or tried
@@ -74,10 +89,10 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     return _compared(critique, final, rival, why, rng)
 
 
-def _told_apart(critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
-    """States at which the chosen effect and another that explains the same differ most."""
+def tell_apart(critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
+    """States at which the chosen effect of the model `final` and another one differ most, as `next_experiment`."""
     kept_effects = tuple(effect for effect in final.effects if effect.name != chosen.name)
-    model = Model(final.model.law, (*kept_effects, other))
+    model = replace(final.model, effects=(*kept_effects, other))
     kept = {k: v for k, v in final.values.items() if k in model.parameters}
     why = f"These data cannot tell “{chosen.title}” from “{other.title}”."
     checks = [CHECKS[effect.name] for effect in (chosen, other) if effect.name in CHECKS]
@@ -90,12 +105,12 @@ def _compared(
     critique: Critique, final: Fit, rival: Fit, why: str, rng: np.random.Generator, checks: Sequence[str] = ()
 ) -> dict:
     """States at which two models differ most, or the reason why there are none."""
-    states, differences = _states(critique, final, rival, rng)
+    states, pairs = _differences(critique, final, rival, rng)
     advice = " ".join(["", *checks])
-    if not len(states) or differences.max() <= 0:
+    rows, differences = _design(states, pairs)
+    if not len(rows) or differences.max() <= 0:
         return _nothing(f"{why} No release within reach would tell: their predictions after impact agree.{advice}")
-    rows = _pick(states, differences)
-    largest = differences[rows[0]]
+    largest = differences[0]
     repeats = (CLEAR / largest) ** 2
     if repeats > TOO_MANY * len(critique.observations):
         return _nothing(
@@ -105,14 +120,14 @@ def _compared(
     often = "a single one tells" if repeats <= 1 else f"about {int(np.ceil(repeats))} impacts there would tell"
     why = (
         f"{why} At these states before impact the two predictions differ by up to {largest:.2g} standard deviations of "
-        f"noise and scatter in a single impact: {often}.{advice}"
+        f"noise and scatter in a single impact, wherever their parameters go: {often}.{advice}"
     )
-    return _proposed(why, "difference", states[rows], differences[rows])
+    return _proposed(why, "difference", states[rows], differences)
 
 
 def _proposed(why: str, shows: str | None, states: np.ndarray, sigmas: np.ndarray) -> dict:
     # three digits are finer than a hand or a launcher sets
-    set_points = [{name: float(f"{x:.3g}") + 0.0 for name, x in zip(CHANNELS, state)} for state in states]
+    set_points = [{name: float(f"{x:.3g}") + 0.0 for name, x in zip(PLACED, state)} for state in states]
     return {"why": why, "shows": shows, "states": set_points, "sigmas": sigmas.tolist()}
 
 
@@ -162,8 +177,39 @@ def _misfits(critique: Critique, final: Fit, channels: tuple[str, ...]) -> np.nd
     return np.minimum(np.sqrt(np.mean(z**2, axis=1)), CLIP * np.sqrt(np.mean(np.median(z**2, axis=0))))
 
 
-def _states(critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Candidate states (n, 4) as in `CHANNELS`, and the models' differences there (n,) in standard deviations."""
+@dataclass(frozen=True)
+class _Refit:
+    """What a model can follow: in n states whitened differences d (n, 3) and slopes J (n, 3, p); information (p, p)."""
+
+    d: np.ndarray
+    J: np.ndarray
+    information: np.ndarray
+
+    def best(self, rows: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """δ (p,) after `REPEATS` impacts in each of the states `rows`, and the sums Σ JᵀJ + I and Σ Jᵀd behind it."""
+        J, d = self.J[list(rows)], self.d[list(rows)]
+        M = self.information + REPEATS * np.einsum("nij,nik->jk", J, J)
+        b = REPEATS * np.einsum("nij,ni->j", J, d)
+        return np.linalg.solve(M, b), M, b
+
+    def gains(self, rows: Sequence[int]) -> np.ndarray:
+        """Nats (n,) that the states `rows` and one more would add."""
+        _, M, b = self.best(rows)
+        M = M + REPEATS * np.einsum("nij,nik->njk", self.J, self.J)
+        b = b + REPEATS * np.einsum("nij,ni->nj", self.J, self.d)
+        squares = REPEATS * (np.sum(self.d[list(rows)] ** 2) + np.sum(self.d**2, axis=1))
+        return 0.5 * (squares - np.einsum("nj,nj->n", b, np.linalg.solve(M, b[..., None])[..., 0]))
+
+    def left(self, rows: Sequence[int]) -> np.ndarray:
+        """|d − J δ| in the states `rows`."""
+        delta, *_ = self.best(rows)
+        return np.linalg.norm(self.d[list(rows)] - self.J[list(rows)] @ delta, axis=1)
+
+
+def _differences(
+    critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator
+) -> tuple[np.ndarray, tuple[_Refit, ...]]:
+    """Candidate states (n, 4 or 5) as in `PLACED`, and there the rival's refit to the final model, and the reverse."""
     o = critique.observations
     rig = o.rig
     drawn, _ = _reachable(critique, final, rng)
@@ -171,13 +217,61 @@ def _states(critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator
     x, trial, t = (np.full(len(drawn), np.median(values)) for values in (before.x, o.trial, o.t))
     y = rig.height - rig.shape.contact_point(drawn[:, 3])[:, 1]
     state = State.of(np.column_stack([x, y, drawn[:, 3]]), drawn[:, :3], trial, t)
-    by_final, by_rival = (fitted.model.predict(state, fitted.values, rig) for fitted in (final, rival))
-    d = by_final.v - by_rival.v
+    if any(_depends_on_place(fitted, state, before, rig) for fitted in (final, rival)):
+        low, high = np.quantile(before.x[np.unique(o.trial, return_index=True)[1]], [0.01, 0.99])
+        state = state.moved(x=low + (high - low) * rng.random(len(drawn)))
+        drawn = np.column_stack([drawn, state.x])
     # a median, because single impacts at a kink of the law would dominate a mean
     S = np.median(residual_covariance(final.model, final.values, o, o.t_std)[:, :3, :3], axis=0)
     S = S + final.sigma_m**2 * np.diag([1.0, 1.0, 1.0 / rig.k_g**2])
-    difference = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", d, np.linalg.inv(S), d), 0.0))
-    return drawn, np.nan_to_num(difference)
+    whiten = np.linalg.inv(np.linalg.cholesky(S)).T
+    made = [_slopes(fitted, state, rig) for fitted in (final, rival)]
+    usable = np.all([np.isfinite(v).all(axis=1) & np.isfinite(J).all(axis=(1, 2)) for v, J, _ in made], axis=0)
+    refits = [
+        _Refit((other - v)[usable] @ whiten, np.einsum("nij,ik->nkj", J[usable], whiten), information)
+        for (other, *_), (v, J, information) in (made, made[::-1])
+    ]
+    return drawn[usable], tuple(refits)
+
+
+def _depends_on_place(fitted: Fit, state: State, measured: State, rig: Rig) -> bool:
+    """Whether the velocity after impact depends on where on the surface the body lands."""
+    places = (state.moved(x=np.full_like(state.x, x)) for x in np.quantile(measured.x, [0.1, 0.5, 0.9]))
+    made = np.stack([fitted.model.predict(place, fitted.values, rig).v for place in places])
+    return bool(np.ptp(np.nan_to_num(made), axis=0).max(initial=0.0) > 0.0)
+
+
+def _slopes(fitted: Fit, state: State, rig: Rig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Velocities after impact (n, 3), their slopes (n, 3, p) by the parameters in standard errors, and I (p, p)."""
+    model, values, std = fitted.model, fitted.values, np.sqrt(np.diag(fitted.covariance))
+    free = model.fitted_parameters
+    # over a standard error, so that a kink between sticking and sliding counts as far as the parameters reach it
+    sizes = [float(np.clip(h, SLOPE_STEP * p.scale, p.scale)) for p, h in zip(free.values(), std)]
+    steps = [inward(p, values[name], h) for (name, p), h in zip(free.items(), sizes)]
+    v = model.predict(state, values, rig).v
+    moved = [model.predict(state, {**values, name: values[name] + h}, rig).v for name, h in zip(free, steps)]
+    J = np.stack([(one - v) / np.sign(h) for one, h in zip(moved, steps)], axis=2)
+    covariance = fitted.covariance / np.outer(sizes, sizes)
+    return v, J, np.linalg.pinv(covariance, hermitian=True) + LITTLE * np.eye(len(sizes))
+
+
+def _design(states: np.ndarray, refits: Sequence[_Refit]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the states to measure (k,), and what they tell in standard deviations (k,), the largest first."""
+    width = np.ptp(states, axis=0) if len(states) else np.ones(states.shape[1])
+    unit = states / np.where(width > 0, width, 1.0)
+    chosen: list[int] = []
+    free = np.ones(len(states), bool)
+    while free.any() and len(chosen) < MOST:
+        gain = np.where(free, sum(refit.gains(chosen) for refit in refits), -np.inf)
+        chosen.append(int(gain.argmax()))
+        free &= np.linalg.norm(unit - unit[chosen[-1]], axis=1) >= APART
+    if not chosen:
+        return np.zeros(0, int), np.zeros(0)
+    left = np.min([refit.left(chosen) for refit in refits], axis=0)
+    order = np.argsort(-left, kind="stable")
+    rows, left = np.array(chosen)[order], left[order]
+    keep = max(FEWEST, int(np.sum(left >= WORTHWHILE * left[0])))
+    return rows[:keep], left[:keep]
 
 
 def _within_a_turn(theta: np.ndarray) -> np.ndarray:
