@@ -84,10 +84,10 @@ def _models(rows: Sequence[Mapping]) -> list[str]:
     """Laws and engines side by side."""
     import pandas as pd
 
-    from thesis_lib.critique.engines.words import model_sentences, model_title
+    from thesis_lib.critique.engines.words import model_sentences, row_title
 
     lines = [f"  {sentence}" for sentence in model_sentences(pd.DataFrame(rows))]
-    titles = [model_title(row["model"]) for row in rows]
+    titles = [row_title(row) for row in rows]
     width = max(map(len, titles))
     lines.append(f"    {'model':<{width}}  effects  error (m/s)  mu      epsilon")
     for title, row in zip(titles, rows):

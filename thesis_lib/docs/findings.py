@@ -1,5 +1,6 @@
 """Tables of docs/findings.md, from the stored results of the proof."""
 
+from thesis_lib.critique.engines import measured as engines_measured
 from thesis_lib.critique.engines import proof as engines_proof
 from thesis_lib.critique.proof import direct_fits, measured, next_drops_table
 from thesis_lib.critique.proof.by_contact import as_markdown
@@ -41,6 +42,11 @@ def proposals() -> str:
 def next_experiment() -> str:
     """How many drops the states save that the critique proposes."""
     return next_drops_table.as_markdown()
+
+
+def models_of_measured_sets() -> str:
+    """Laws and engines on both measured sets."""
+    return engines_measured.as_markdown(engines_measured.stored())
 
 
 def _fits(which: int) -> str:

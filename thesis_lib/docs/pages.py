@@ -48,6 +48,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "engines": findings.engines,
     "proposals": findings.proposals,
     "next experiment": findings.next_experiment,
+    "models of measured sets": findings.models_of_measured_sets,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S

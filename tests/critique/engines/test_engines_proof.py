@@ -2,7 +2,7 @@
 
 import pytest
 
-from thesis_lib.critique.engines import proof
+from thesis_lib.critique.engines import measured, proof
 from thesis_lib.critique.engines.proof import (
     COLUMNS,
     ENGINES,
@@ -23,7 +23,14 @@ from thesis_lib.foundation.rows import put_row, read_rows
 
 def row(engine="mujoco", truth="tilt", seed=1, **more):
     found = {"engine": engine, "shape": "square", "truth": truth, "seed": seed, "verdict": "effects", "named": truth}
-    numbers = {"own": 0.011, "other": 0.1, "floor": 0.010, "ratio_before": 1.3, "ratio_after": 1.05}
+    numbers = {
+        "own": 0.011,
+        "other": 0.1,
+        "floor": 0.010,
+        "ratio_default": 2.0,
+        "ratio_before": 1.3,
+        "ratio_after": 1.05,
+    }
     return found | numbers | {"best": engine, "mu": 0.2, "mu_std": 0.001} | more
 
 
@@ -57,9 +64,10 @@ def test_shares_count_each_question(tmp_path):
     for one in made:
         put_row(one, KEY, store, COLUMNS)
     lines = as_markdown(read_rows(store, COLUMNS)).splitlines()
-    assert lines[2] == "| drake | tilt | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |"
-    assert lines[3] == "| mujoco | tilt | 2 of 3 | 2 of 3 | 0 of 3 | 2 of 3 |"
+    assert lines[2] == "| drake | tilt | 1 of 1 | 1 of 1 | 0 of 1 | 1 of 1 | 1 of 1 |"
+    assert lines[3] == "| mujoco | tilt | 2 of 3 | 2 of 3 | 0 of 3 | 0 of 3 | 2 of 3 |"
     assert lines[4].startswith("| both | all | 3 of 4 (30 to 95 %) | 3 of 4 ")
+    assert lines[5] == "| both | all: median factor between their μ | | | 2 | 1.3 | 1.05 |"
 
 
 @pytest.mark.slow
@@ -77,3 +85,17 @@ def test_a_case_is_made_the_same_each_time_and_hides_its_cause():
     )
     assert one.digest() == two.digest() != plain.digest()
     assert one.header.body == plain.header.body
+
+
+def test_rows_of_a_measured_set_become_a_table(tmp_path):
+    numbers = dict.fromkeys(measured.ROUNDED, 0.25)
+    one = {"dataset": "die", "trials": 9, "named": "", "effects": "without", "lacks": ""} | numbers
+    for model, kind, more in (
+        ("drake:default", "friction", {"error": 0.5, "lacks": "wear + com_offset", "noise_floor": float("nan")}),
+        ("mirtich", "law", {"error": 0.1, "contact_time": float("nan")}),
+    ):
+        put_row(one | {"model": model, "kind": kind} | more, measured.KEY, tmp_path / "m.csv", measured.COLUMNS)
+    lines = measured.as_markdown(read_rows(tmp_path / "m.csv", measured.COLUMNS)).splitlines()
+    assert lines[2].startswith("| die, 9 | Mirtich | without | 0.100 (0.250 to 0.250) | 0.250 | 0.250 | 0.250 |  |  |")
+    assert "at its defaults, friction fitted | without | 0.500" in lines[3]
+    assert "| unknown |" in lines[3] and lines[3].endswith("| 250 ms | wear, displaced centre of mass |")

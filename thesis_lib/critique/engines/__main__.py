@@ -2,6 +2,7 @@
 
 python -m thesis_lib.critique.engines run [--seeds 5] [--jobs 2]
 python -m thesis_lib.critique.engines table
+python -m thesis_lib.critique.engines measured data/measured/planar_dice [--trials 60]
 """
 
 import sys
@@ -18,14 +19,28 @@ def main(argv: Sequence[str] | None = None) -> int:
         prog="python -m thesis_lib.critique.engines",
         description="Drops that MuJoCo or Drake made: is the engine recognised, and right?",
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="run | table")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="run | table | measured")
     running = commands.add_parser("run", help="compute what is not stored yet; goes on where it was stopped")
     running.add_argument("--seeds", type=int, default=5, help="of each engine, shape and cause; default: %(default)s")
     running.add_argument("--jobs", type=int, default=1, help="datasets at a time; default: %(default)s")
     commands.add_parser("table", help="print the shares")
+    measured = commands.add_parser("measured", help="compare laws and engines on a measured set, and store the rows")
+    measured.add_argument("folder")
+    measured.add_argument("--trials", type=int, help="the first ones; default: all")
     options = parser.parse_args(argv)
     if options.command == "table":
         print(as_markdown(read_rows(STORE, COLUMNS)))
+    elif options.command == "measured":
+        from thesis_lib.critique.engines.measured import as_markdown as side_by_side
+        from thesis_lib.critique.engines.measured import compute, stored
+        from thesis_lib.critique.proof.measured import first_trials
+        from thesis_lib.datasets.read import read_dataset
+        from thesis_lib.foundation.progress import Progress
+
+        dataset = first_trials(read_dataset(options.folder), options.trials)
+        with Progress(dataset.name) as say:
+            compute(dataset, say)
+        print(side_by_side(stored()))
     else:
         run(cases(options.seeds), options.jobs)
     return 0

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import minimize_scalar
 
 from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.compliant.normal_force import NormalForce
@@ -31,6 +32,7 @@ COLUMNS = (
     *("model", "kind", "effects", "lacks", "mu", "mu_std", "epsilon", "epsilon_std", "contact_time"),
     *("error", "error_low", "error_high", "behind", "behind_low", "behind_high", "noise_floor"),
 )
+FRICTIONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 1.0, 1.5)  # from which a search starts
 WITHOUT, WITH = "without", "with"
 
 
@@ -65,7 +67,7 @@ def compare_models(
             say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
             found = [_row(critique, name, label, effects, start)]
             if name in STAND_INS and critique.observations.arcs:
-                found.append(_default(critique, name, label, effects, start))
+                found += _default(critique, name, label, effects, start)
             rows += [row for row, _ in found]
             errors += [error for _, error in found]
         best = errors[int(np.argmin([error.mean() for error in errors]))]
@@ -102,16 +104,22 @@ def _row(
 
 def _default(
     critique: Critique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
-) -> tuple[dict[str, object], np.ndarray]:
-    """An engine with its default contact, and the effects as the critique fitted them."""
+) -> list[tuple[dict[str, object], np.ndarray]]:
+    """An engine with its default contact, at its default friction and with the one that suits the training trials
+    best; the effects are as the critique fitted them."""
     missing = lacks(name, effects)
     own = tuple(effect for effect in effects if effect.name not in missing)
     body = critique.source.header.body if critique.source else None
     values = default_values(name, (body.mass if body else None) or MASS)
     values |= {key: value for key, value in start.items() if key.split(".")[0] not in missing}
     model = Model(engine_law(f"{name}{DEFAULT}"), own, takes_time=True)
-    row: dict[str, object] = {"kind": "default", "effects": label, "lacks": " + ".join(missing)}
-    return _judged(critique, row, model, values, dict.fromkeys(values, 0.0))
+    row: dict[str, object] = {"effects": label, "lacks": " + ".join(missing)}
+    fitted = values | {"mu": best_friction(model, values, critique.training)}
+    unknown = dict.fromkeys(values, 0.0)
+    return [
+        _judged(critique, row | {"kind": kind}, model, numbers, unknown)
+        for kind, numbers in (("default", values), ("friction", fitted))
+    ]
 
 
 def _judged(
@@ -130,12 +138,27 @@ def _judged(
     return row, error
 
 
+def best_friction(model: Model, values: Mapping[str, float], observations: Observations) -> float:
+    """The μ with which a model errs least on average, all its other numbers as they are: what is often fitted alone."""
+
+    def error(log_mu: float) -> float:
+        return float(held_out_error(model, {**values, "mu": float(np.exp(log_mu))}, observations).mean())
+
+    grid = np.log(FRICTIONS)
+    errors = [error(log_mu) for log_mu in grid]
+    i = int(np.argmin(errors))
+    around = grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)]
+    found = minimize_scalar(error, bounds=around, method="bounded", options={"xatol": 0.01})
+    return float(np.exp(found.x if found.fun < errors[i] else grid[i]))
+
+
 def held_out_error(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
     """Kinetic norm (n,) in m/s of what the model misses of each velocity after impact."""
     return velocity_error(impact_residuals(model, values, observations)[:, :3], observations.rig.k_g)
 
 
-def spread(table: pd.DataFrame, label: str) -> float:
-    """Largest μ of the engines over the smallest; NaN with fewer than two engines."""
-    mu = table[(table["kind"] == "engine") & (table["effects"] == label)]["mu"]
+def spread(table: pd.DataFrame, label: str, kind: str = "engine") -> float:
+    """Largest μ of the engines over the smallest; NaN with fewer than two engines.  `kind`: "friction" for the default
+    contact."""
+    mu = table[(table["kind"] == kind) & (table["effects"] == label)]["mu"]
     return float(mu.max() / mu.min()) if len(mu) > 1 else np.nan

@@ -15,7 +15,8 @@ config/proof/engines.csv holds a row per dataset:
 | verdict, named                  |      | of the critique; effects joined by +                             |
 | best                            |      | engine that errs least with them                                 |
 | own, other, floor               | m/s  | held-out error of the engine that made the drops, of the other   |
-| ratio_before, ratio_after       | 1    | μ of the engines, larger over smaller, without and with effects  |
+| ratio_default                   | 1    | μ of the engines, larger over smaller: default contact, μ fitted |
+| ratio_before, ratio_after       | 1    | with the contact fitted, too, without and with the named effects |
 | mu, mu_std                      | 1    | of the engine that made the drops                                |
 """
 
@@ -45,8 +46,10 @@ TRUTHS = {NOTHING: 0.0, "com_offset_x": 1e-3, "size_error": 0.05, "tilt": 0.1}  
 DROPS = 60
 MU, EPSILON, CONTACT_TIME = 0.2, 0.6, 1e-3
 ENOUGH, AGREE = 1.5, 1.1
+ASKED = ("recognised", "adequate", "agreed_default", "agreed_before", "agree")
 KEY = ("engine", "shape", "truth", "seed")
-COLUMNS = (*KEY, *("verdict", "named", "best", "own", "other", "floor", "ratio_before", "ratio_after", "mu", "mu_std"))
+RATIOS = ("ratio_default", "ratio_before", "ratio_after")
+COLUMNS = (*KEY, "verdict", "named", "best", "own", "other", "floor", *RATIOS, "mu", "mu_std")
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,7 @@ def compute(case: Case) -> dict[str, object]:
         "own": own["error"],
         "other": last["error"].drop(case.engine).min(),
         "floor": own["noise_floor"],
+        "ratio_default": spread(table, WITHOUT, "friction"),
         "ratio_before": spread(table, WITHOUT),
         "ratio_after": spread(table, label),
         "mu": own["mu"],
@@ -151,10 +155,11 @@ def shares(table: "pd.DataFrame") -> "pd.DataFrame":
         adequate=table["own"] < ENOUGH * table["floor"],
         agree=table["ratio_after"].astype(float) < AGREE,
         agreed_before=table["ratio_before"].astype(float) < AGREE,
+        agreed_default=table["ratio_default"].astype(float) < AGREE,
     )
     rows = []
     for (engine, truth), part in right.groupby(["engine", "truth"], sort=False):
-        counts = {name: int(part[name].sum()) for name in ("recognised", "adequate", "agreed_before", "agree")}
+        counts = {name: int(part[name].sum()) for name in ASKED}
         rows.append({"engine": engine, "hidden": truth, "n": len(part)} | counts)
     return pd.DataFrame(rows)
 
@@ -162,14 +167,16 @@ def shares(table: "pd.DataFrame") -> "pd.DataFrame":
 def as_markdown(table: "pd.DataFrame") -> str:
     """The shares as a table of a page, and their sums with 95 % intervals."""
     counted = shares(table)
-    columns = ("recognised", "adequate", "agreed_before", "agree")
-    lines = ["| drops of | hidden | recognised | adequate | μ agree before | and after |", "|---|---|---|---|---|---|"]
+    head = "| drops of | hidden | recognised | adequate | μ agree: default contact | contact fitted | effects, too |"
+    lines = [head, "|---|---|---|---|---|---|---|"]
     for row in counted.to_dict("records"):
-        cells = [f"{row[name]} of {row['n']}" for name in columns]
+        cells = [f"{row[name]} of {row['n']}" for name in ASKED]
         lines.append(f"| {row['engine']} | {row['hidden']} | {' | '.join(cells)} |")
     n, sums = int(counted["n"].sum()), []
-    for name in columns:
+    for name in ASKED:
         low, high = wilson(int(counted[name].sum()), n)
         sums.append(f"{counted[name].sum()} of {n} ({100 * low:.0f} to {100 * high:.0f} %)")
     lines.append(f"| both | all | {' | '.join(sums)} |")
+    medians = [f"{table[name].astype(float).median():.3g}" for name in RATIOS]
+    lines.append(f"| both | all: median factor between their μ | | | {' | '.join(medians)} |")
     return "\n".join(lines)

@@ -1,5 +1,7 @@
 """Which model, and why: sentences from the table of `compare_models`."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -9,6 +11,7 @@ from thesis_lib.critique.results.titles import effect_title, law_title
 from thesis_lib.statistics.wording import listed, number
 
 ALIKE = 1.1  # ratio of friction coefficients up to which engines agree
+FITTED = ("law", "engine")
 
 
 def model_title(name: str) -> str:
@@ -16,10 +19,15 @@ def model_title(name: str) -> str:
     return engine_law(name).title if name.removesuffix(DEFAULT) in STAND_INS else law_title(name)
 
 
+def row_title(row: Mapping) -> str:
+    """Title of a row of the table."""
+    return model_title(str(row["model"])) + (", friction fitted" if row["kind"] == "friction" else "")
+
+
 def model_sentences(table: pd.DataFrame) -> list[str]:
     """Which model errs least; how engines agree on friction; what an engine cannot have."""
     label = WITH if (table["effects"] == WITH).any() else WITHOUT
-    last = table[(table["effects"] == label) & (table["kind"] != "default")]
+    last = table[(table["effects"] == label) & table["kind"].isin(FITTED)]
     best = last.iloc[0]
     alike = [model_title(row["model"]) for row in last.iloc[1:].to_dict("records") if row["behind_low"] <= 0.0]
     named = " with the named effects" if label == WITH else ""
@@ -38,6 +46,13 @@ def model_sentences(table: pd.DataFrame) -> list[str]:
             if before > ALIKE >= after:
                 second += ": they made up for what was missing"
         sentences.append(f"{second}.")
+    if np.isfinite(plain := spread(table, WITHOUT, "friction")):
+        rows = table[(table["kind"] == "friction") & (table["effects"] == WITHOUT)].to_dict("records")
+        each = listed([f"{row['mu']:.2g} in {model_title(row['model'].removesuffix(DEFAULT))}" for row in rows])
+        sentences.append(
+            f"With the contact that each has by default, and friction alone fitted, they differ by a factor of "
+            f"{plain:.2g}: {each}."
+        )
     for row in table[(table["effects"] == label) & (table["kind"] == "default")].to_dict("records"):
         ratio = row["error"] / float(last[last["model"] == row["model"].removesuffix(DEFAULT)]["error"].iloc[0])
         sentences.append(

@@ -28,8 +28,8 @@ def draw_models(table: pd.DataFrame) -> Drawn:
         left.errorbar([row["error"]], [y], xerr=half, fmt="o" if row["kind"] == "law" else "D", **look)
         if row["kind"] == "default":
             continue  # its friction was not measured
-        width = Z95 * row["mu_std"]
-        right.errorbar([row["mu"]], [y], xerr=[width], fmt="D" if row["kind"] == "engine" else "o", **look)
+        width = Z95 * row["mu_std"]  # 0 of a friction fitted alone
+        right.errorbar([row["mu"]], [y], xerr=[width], fmt="o" if row["kind"] == "law" else "D", **look)
     floor = float(table["noise_floor"].iloc[0])
     if np.isfinite(floor):
         left.axvline(floor, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)

@@ -1,0 +1,73 @@
+"""Laws and engines on measured sets, stored: a row for each model without and with the named effects.
+
+config/proof/models_measured.csv; CI does not make it, since the sets are not part of this project.  Columns are those
+of `compare.COLUMNS`, rounded, after
+
+| column  | unit | meaning                                       |
+|---------|------|-----------------------------------------------|
+| dataset |      | the measured set                              |
+| trials  | 1    | the first ones, that were compared            |
+| named   |      | effects that the critique named, joined by +  |
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import put_row, read_rows
+from thesis_lib.statistics.wording import number
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from thesis_lib.datasets.format.dataset import Dataset
+
+STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "models_measured.csv"
+KEY = ("dataset", "effects", "model", "kind")
+ROUNDED = (
+    *("mu", "mu_std", "epsilon", "epsilon_std", "contact_time", "error", "error_low", "error_high"),
+    *("behind", "behind_low", "behind_high", "noise_floor"),
+)
+COLUMNS = ("dataset", "trials", "named", "model", "kind", "effects", "lacks", *ROUNDED)
+
+
+def compute(dataset: "Dataset", say: Callable[[str], None], store: Path = STORE) -> None:
+    """Criticise a measured set, compare laws and engines on it, and store the rows."""
+    import numpy as np
+
+    from thesis_lib.critique.drops.criticise import criticise
+    from thesis_lib.critique.engines.compare import LAWS, compare_models
+    from thesis_lib.critique.engines.proof import ENGINES
+
+    critique = criticise(dataset, rng=generator(0, dataset.name), say=say)
+    named = "+".join(step.effect.name for step in critique.discovery.steps)
+    about = {"dataset": dataset.name, "trials": len(np.unique(critique.observations.trial)), "named": named}
+    for row in compare_models(critique, (LAWS, *ENGINES), say).to_dict("records"):
+        put_row(about | row | {name: float(f"{row[name]:.4g}") for name in ROUNDED}, KEY, store, COLUMNS)
+
+
+def as_markdown(table: "pd.DataFrame") -> str:
+    """The stored rows as a table of a page; the best first."""
+    from thesis_lib.critique.engines.words import row_title
+    from thesis_lib.critique.results.titles import effect_title
+
+    lines = [
+        "| set | model | effects | held-out error (m/s), 95 % | noise | μ | ε | contact | cannot have |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for (name, trials), part in table.groupby(["dataset", "trials"], sort=False):
+        for row in part.sort_values("error").to_dict("records"):
+            lacks = ", ".join(effect_title(effect) for effect in row["lacks"].split(" + ")) if row["lacks"] else ""
+            lasting = f"{1e3 * float(row['contact_time']):.3g} ms" if row["contact_time"] != "" else ""
+            error = f"{number(row['error'])} ({number(row['error_low'])} to {number(row['error_high'])})"
+            floor = number(float(row["noise_floor"])) if row["noise_floor"] != "" else "unknown"
+            cells = (f"{name}, {trials}", row_title(row), row["effects"], error, floor)
+            numbers = f"{row['mu']:.3f} | {row['epsilon']:.3f} | {lasting} | {lacks} |"
+            lines.append(f"| {' | '.join(cells)} | {numbers}")
+    return "\n".join(lines)
+
+
+def stored() -> "pd.DataFrame":
+    """The stored rows."""
+    return read_rows(STORE, COLUMNS)
