@@ -2,11 +2,13 @@
 
     python -m benchmarks.engine_fits [-n IMPACTS] [--quick] [-o FILE.csv]
 
-Drops of the chapter's ellipse, made by the engine itself with contacts of 1 ms and recorded with a rig's noise: impacts
-and episodes as they come.  The fit of the engine includes that of the law that it starts from.  CPU time on one core.
+Drops of the chapter's ellipse, made by the engine itself (by MuJoCo for Bullet, if that is installed) with contacts of
+1 ms and recorded with a rig's noise: impacts and episodes as they come.  The fit of the engine includes that of the law
+that it starts from.  CPU time on one core.
 """
 
 import time
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -22,8 +24,9 @@ from thesis_lib.critique.engines.proof import ENGINES, MU, NOTHING, SEEDS, Case,
 
 def measure(n: int, results: Results) -> None:
     """Add CPU seconds of each engine's fit to `n` impacts, and how far its friction is off."""
-    for engine in ENGINES:
-        observations = observe(make(Case(engine, "ellipse", NOTHING, SEEDS), drops=2 + n // 2))
+    for engine in [*ENGINES, *["bullet"] * bool(find_spec("pybullet"))]:
+        maker = engine if engine in ENGINES else "mujoco"
+        observations = observe(make(Case(maker, "ellipse", NOTHING, SEEDS), drops=2 + n // 2))
         trials = observations.trial[np.argsort(observations.trial, kind="stable")][:n]
         some = observations.select(np.unique(trials))
         begin = time.process_time()
@@ -42,7 +45,7 @@ def measure(n: int, results: Results) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    parser = benchmark_parser("engine_fits", "Fit MuJoCo and Drake to impacts.")
+    parser = benchmark_parser("engine_fits", "Fit MuJoCo, Drake and Bullet to impacts.")
     parser.add_argument("-n", type=int, default=300, metavar="IMPACTS", help="impacts (300)")
     options = parser.parse_args(arguments)
     n = 30 if options.quick else options.n

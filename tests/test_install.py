@@ -22,7 +22,7 @@ from thesis_lib.contact import LAWS
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 # pinned for the pipeline, its chapters and the checks: a critique must do without
-EXTRA = {"pydrake", "torch", "gpytorch", "mujoco", "gymnasium", "jax", "numpyro", "snakemake", "pytest"}
+EXTRA = {"pydrake", "torch", "gpytorch", "mujoco", "pybullet", "gymnasium", "jax", "numpyro", "snakemake", "pytest"}
 HEADER = """\
 schema: 1
 body: {shape: {kind: ellipse, semi_axes: [0.035, 0.025]}, mass: 0.0364, radius_of_gyration: 0.0192}
@@ -41,11 +41,12 @@ print(json.dumps({"from": thesis_lib.__file__, "verdict": found.verdict, "laws":
 
 
 def test_dependencies_are_those_that_the_tests_run_with():
-    pinned = dict(re.findall(r"^([\w-]+)==(\S+)$", (ROOT / "environment.txt").read_text(encoding="utf-8"), re.M))
+    texts = ((ROOT / name).read_text(encoding="utf-8") for name in ("environment.txt", "benchmarks/requirements.txt"))
+    pinned = dict(re.findall(r"^([\w-]+)==(\S+)$", "\n".join(texts), re.M))
     optional = [text for texts in PROJECT.get("optional-dependencies", {}).values() for text in texts]
     for text in [*PROJECT["dependencies"], *optional]:
         name, least = text.split(">=")
-        assert pinned[name] == least, f"pyproject.toml asks for {text}, environment.txt has {pinned[name]}"
+        assert pinned[name] == least, f"pyproject.toml asks for {text}, but pinned is {pinned[name]}"
 
 
 def run(*command: str | Path, folder: Path, path: Path | None = None) -> str:

@@ -1,6 +1,7 @@
 """What the file of an engine cannot hold: each row of the table in docs/engine_files.md was tried here."""
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import mujoco
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 from engine_states import DISK
 
+from thesis_lib.engines.bullet_engine import PACKAGE, BulletEngine
+from thesis_lib.engines.bullet_engine import STEPS as BULLET_STEPS
 from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
@@ -18,18 +21,20 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "engine_files.md"
 SHORT = 5e-5  # s
 NONE = 0.02  # of the slip before: what is left or returned where none should be
 SPEEDS = np.array([0.5, 3.0])
+bullet = pytest.mark.skipif(not find_spec("pybullet"), reason=f"Bullet is optional: pip install {PACKAGE}")
 
 
 def landed(engine, slip, speed, **contact):
     """Velocities (n, 3) of disks after central impacts."""
     slip, speed = np.broadcast_arrays(np.atleast_1d(slip), np.atleast_1d(speed))
-    made = MujocoContact(**contact, steps=STEPS) if engine is MujocoEngine else CompliantContact(**contact)
+    steps = {BulletEngine: {"steps": BULLET_STEPS}}.get(engine, {})
+    made = MujocoContact(**contact, steps=STEPS) if engine is MujocoEngine else CompliantContact(**contact, **steps)
     q = np.tile([0.0, 0.03, 0.0], (len(slip), 1))
     v = np.column_stack([slip, -speed, np.zeros(len(slip))])
     return impacts(engine(DISK, len(slip), contact=made, gravity=1e-6), q, v).v
 
 
-@pytest.mark.parametrize("engine", [MujocoEngine, DrakeEngine])
+@pytest.mark.parametrize("engine", [MujocoEngine, DrakeEngine, pytest.param(BulletEngine, marks=bullet)])
 def test_no_slip_is_returned(engine):
     """A contact that sticks ends slip; a rubber ball would send it back."""
     for epsilon in (0.3, 0.8):
@@ -45,6 +50,110 @@ def test_mujocos_restitution_knows_no_speed():
 def test_drakes_restitution_falls_with_the_speed():
     epsilon = landed(DrakeEngine, 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
     assert epsilon[0] > 0.75 and epsilon[1] < 0.5
+
+
+@bullet
+def test_bullets_spring_knows_no_speed_and_returns_what_its_time_step_leaves():
+    epsilon = landed(BulletEngine, 0.0, SPEEDS, epsilon=0.5, contact_time=1e-3)[:, 1] / SPEEDS
+    np.testing.assert_allclose(epsilon, 0.5, atol=3e-3)
+    most = landed(BulletEngine, 0.0, 2.0, epsilon=1.0, contact_time=1e-3)[:, 1] / 2.0
+    assert most == pytest.approx(0.952, abs=2e-3)
+
+
+def world_of_bullet(shape, step=1e-4, **of_body):
+    """A body of 50 g on a plane whose numbers are 1, without drag and gravity."""
+    import pybullet
+
+    world = pybullet.connect(pybullet.DIRECT)
+    surface = pybullet.createMultiBody(0, pybullet.createCollisionShape(pybullet.GEOM_PLANE))
+    pybullet.changeDynamics(surface, -1, restitution=1, lateralFriction=1)
+    body = pybullet.createMultiBody(0.05, pybullet.createCollisionShape(**shape))
+    pybullet.changeDynamics(body, -1, linearDamping=0, angularDamping=0, **of_body)
+    pybullet.setPhysicsEngineParameter(fixedTimeStep=step)
+    return pybullet, world, body
+
+
+def came_back(speed, step, phase):
+    """Share of its speed with which a ball comes back that flies 30 mm and so much of a step to the plane."""
+    import pybullet
+
+    pybullet, world, ball = world_of_bullet({"shapeType": pybullet.GEOM_SPHERE, "radius": 0.025}, step, restitution=0.6)
+    pybullet.resetBasePositionAndOrientation(ball, [0, 0, 0.055 + speed * step * phase], [0, 0, 0, 1])
+    pybullet.resetBaseVelocity(ball, [0, 0, -speed])
+    for _ in range(int(0.06 / speed / step) + 10):
+        pybullet.stepSimulation()
+    velocity = pybullet.getBaseVelocity(ball)[0][2]
+    pybullet.disconnect(world)
+    return velocity / speed
+
+
+@bullet
+def test_bullets_restitution_hangs_on_where_a_step_meets_the_surface():
+    """Bullet brakes a body that the next step would carry in, and forgets how fast it came; then it pushes it out."""
+    phases = np.arange(20) / 20
+    usual, fine, finer = ([came_back(2.0, step, phase) for phase in phases] for step in (1 / 240, 1 / 1000, 1 / 4000))
+    assert min(usual) == pytest.approx(0.50, abs=0.02) and max(usual) == pytest.approx(0.67, abs=0.02)
+    assert min(fine) == pytest.approx(0.20, abs=0.02) and max(fine) == pytest.approx(0.64, abs=0.02)
+    assert max(finer) < 0.01  # and the finer the steps, the less comes back: nothing
+    slow = [came_back(0.19, 1 / 240, phase) for phase in phases]
+    assert max(slow) < 0.01  # below 0.2 m/s
+
+
+@bullet
+def test_bullet_has_no_ellipse():
+    """Of a hull of 4096 points it keeps some hundred, and its lowest point jumps along the body."""
+    import pybullet
+
+    angle = np.linspace(0.0, 2.0 * np.pi, 4096, endpoint=False)
+    outline = np.column_stack([0.035 * np.cos(angle), 0.0 * angle, 0.025 * np.sin(angle)])
+    hull = {"shapeType": pybullet.GEOM_MESH, "vertices": outline.tolist()}
+    pybullet, world, body = world_of_bullet(hull)
+    kept, _ = pybullet.getMeshData(body, -1)
+    pybullet.changeDynamics(body, -1, collisionMargin=0)
+    off = []
+    for theta in np.linspace(0.2, 0.3, 50):
+        turned = [0.0, np.sin(-theta / 2), 0.0, np.cos(theta / 2)]
+        pybullet.resetBasePositionAndOrientation(body, [0, 0, 0.04], turned)
+        low = pybullet.getClosestPoints(body, 0, 1.0)[0][5]
+        reach = np.hypot(0.035 * np.sin(theta), 0.025 * np.cos(theta))
+        off.append(low[0] + (0.035**2 - 0.025**2) * np.sin(theta) * np.cos(theta) / reach)
+    pybullet.disconnect(world)
+    assert kept < 1000 and 5e-5 < np.abs(off).max() < 1e-3
+
+
+@bullet
+def test_bullets_friction_is_the_same_both_ways_and_the_product_of_both_bodies():
+    import pybullet
+
+    lost = []
+    for slip in (5.0, -5.0):
+        ball = {"shapeType": pybullet.GEOM_SPHERE, "radius": 0.03}
+        pybullet, world, body = world_of_bullet(ball, lateralFriction=0.3)
+        pybullet.changeDynamics(0, -1, lateralFriction=0.5)
+        pybullet.resetBasePositionAndOrientation(body, [0, 0, 0.0299], [0, 0, 0, 1])
+        pybullet.resetBaseVelocity(body, [slip, 0, -2.0])
+        pybullet.stepSimulation()
+        v = pybullet.getBaseVelocity(body)[0]
+        lost.append((slip - v[0]) / (v[2] + 2.0))
+        pybullet.disconnect(world)
+    assert lost == pytest.approx([0.15, -0.15], rel=1e-6)
+
+
+@bullet
+def test_bullet_slows_a_flight_unless_it_is_told_not_to():
+    """0.04 (1 + |v|) per s, and the same for the spin."""
+    import pybullet
+
+    pybullet, world, body = world_of_bullet({"shapeType": pybullet.GEOM_SPHERE, "radius": 0.03})
+    pybullet.changeDynamics(body, -1, linearDamping=0.04, angularDamping=0.04)  # its defaults
+    pybullet.resetBasePositionAndOrientation(body, [0, 0, 5.0], [0, 0, 0, 1])
+    pybullet.resetBaseVelocity(body, [2.0, 0, 0], [0, 40.0, 0])
+    for _ in range(100):
+        pybullet.stepSimulation()
+    v, w = pybullet.getBaseVelocity(body)
+    pybullet.disconnect(world)
+    assert 2.0 - v[0] == pytest.approx(0.04 * 3.0 * 2.0 * 0.01, rel=0.02)
+    assert 40.0 - w[1] == pytest.approx(0.04 * 41.0 * 40.0 * 0.01, rel=0.02)
 
 
 def test_mujocos_friction_is_the_same_both_ways():

@@ -1,1 +1,1 @@
-"""Physics engines as models of an impact: MuJoCo and Drake, with parameters by their physical meaning."""
+"""Physics engines as models of an impact: MuJoCo, Drake and Bullet, with parameters by their physical meaning."""

@@ -6,8 +6,8 @@ again; between two contacts bodies fly on parabolas, in closed form.  The end of
 cubic Hermite path of the step in which the gap opens.
 
 Parameters have the same meaning for all engines: μ; ε and the contact time T of a central impact (at any speed in
-MuJoCo, at `REFERENCE_SPEED` in Drake, whose ε falls with the speed).  What acts outside the contact force is a property
-of body and rig (`OUTSIDE`), and every engine has it.
+MuJoCo and Bullet, at `REFERENCE_SPEED` in Drake, whose ε falls with the speed).  What acts outside the contact force is
+a property of body and rig (`OUTSIDE`), and every engine has it.
 
 | on paper | in code                         | unit                | shape  |                                       |
 |----------|---------------------------------|---------------------|--------|---------------------------------------|

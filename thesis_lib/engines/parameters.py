@@ -16,24 +16,33 @@ contact in space as in the plane where R/n is the same, so that its d is less th
 Drake, point contact: springs of both bodies in series, so that each has 2 k/n; friction is the harmonic mean of both,
 so that each has μ; the dissipation of equally stiff bodies is their mean, so that each has d.
 
+Bullet, soft contact: a spring k and a damper c at each point, of which the body has all on a rigid surface without
+damping; friction is the product of both, so that the surface has 1.  Spring and damper act as they are after the time
+step h, which damps like c + k h: the numbers hold for one time step, and ε for no more than c = 0 leaves.
+
 | on paper | in code       | unit      |                                                             |
 |----------|---------------|-----------|-------------------------------------------------------------|
 | K, B     |               | 1/s², 1/s | stiffness and damping per mass of a central contact         |
 | d, s     | `impedance`, `share` | 1  | impedance; share of the acceleration over d                 |
 | k        | `stiffness`   | N/m       | of the contact; `of_geometry` is that of one body's geometry |
 | d        | `dissipation` | s/m       | Hunt and Crossley's                                         |
+| c        | `damping`     | N s/m     | of a point in Bullet                                        |
+| h        | `step`        | s         | Bullet's time step                                          |
 
-Sources: MuJoCo's documentation, "Solver parameters"; Drake's, "Compliant point contact".
+Sources: MuJoCo's documentation, "Solver parameters"; Drake's, "Compliant point contact"; PyBullet's Quickstart Guide,
+"changeDynamics", and R. Smith, Open Dynamics Engine, User Guide, 3.8.2 (a spring and a damper as ERP and CFM).
 """
 
+import cmath
 from dataclasses import dataclass
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.drake.hunt_crossley import dissipation, duration, restitution
-from thesis_lib.simulate.mujoco.contact import restitution_and_time, solref
+from thesis_lib.simulate.mujoco.contact import restitution_and_time, solref, spring_and_damper
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
 
 PLANAR = 2.0 / 3.0  # of 1/m: MuJoCo's estimate of the inverse mass of a body that cannot leave its plane
+SETTLE = 8  # rounds in which the first step of Bullet's damper is found
 WIDTH, MIDPOINT, POWER = 1e-3, 0.5, 2.0  # of solimp; without effect where both its impedances are equal
 
 
@@ -53,6 +62,15 @@ class DrakeNumbers:
 
     stiffness: float
     dissipation: float
+    friction: float
+
+
+@dataclass(frozen=True)
+class BulletNumbers:
+    """What Bullet holds of a soft contact of a body: `stiffness` in N/m, `damping` in N s/m, μ."""
+
+    stiffness: float
+    damping: float
     friction: float
 
 
@@ -110,3 +128,35 @@ def of_drake(
     stiffness = 0.5 * points * numbers.stiffness
     lasts = duration(numbers.dissipation * speed, 1.0) * (mass / stiffness) ** 0.5
     return numbers.friction, restitution(numbers.dissipation, speed), lasts
+
+
+def bullet_numbers(
+    mu: float, epsilon: float, contact_time: float, *, mass: float, step: float, points: int = 1
+) -> BulletNumbers:
+    """Numbers of a body of `mass` kg that touches in so many points, for time steps of `step` s."""
+    K = B = 0.0
+    for _ in range(SETTLE):
+        K, B = spring_and_damper(min(epsilon * _start(B, step), 1.0), contact_time)
+    # what a step multiplies by exp(λ h) in the oscillation, by 1/(1 − s h) in Bullet
+    one, two = ((1.0 - cmath.exp(-rate * step)) / step for rate in _rates(K, B))
+    stiffness, damping = (one * two).real, -(one + two).real
+    return BulletNumbers(mass * stiffness / points, mass * max(damping, 0.0) / points, mu)
+
+
+def of_bullet(numbers: BulletNumbers, mass: float, step: float, points: int = 1) -> tuple[float, float, float]:
+    """μ, ε and T (s) of a central impact with these numbers and time steps of `step` s."""
+    rates = _rates(points * numbers.stiffness / mass, points * numbers.damping / mass)
+    one, two = (-cmath.log(1.0 - rate * step) / step for rate in rates)
+    epsilon, contact_time = restitution_and_time((one * two).real, -(one + two).real)
+    return numbers.friction, epsilon / _start(-(one + two).real, step), contact_time
+
+
+def _start(damping: float, step: float) -> float:
+    """What the damper takes in the first step beyond an oscillation: its force begins with a jump."""
+    return 1.0 + 0.5 * damping * step
+
+
+def _rates(stiffness: float, damping: float) -> tuple[complex, complex]:
+    """Both λ in 1/s of x'' = −B x' − K x."""
+    root = cmath.sqrt(0.25 * damping**2 - stiffness)
+    return -0.5 * damping + root, -0.5 * damping - root

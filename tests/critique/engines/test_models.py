@@ -1,11 +1,17 @@
 """Engines as laws of the critique, and the table that compares them."""
 
+import sys
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.commands.critique import critique as command
+from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.engine_contact import (
     CAUSE_OF,
@@ -25,6 +31,7 @@ from thesis_lib.critique.engines.words import model_sentences
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
+from thesis_lib.engines.bullet_engine import PACKAGE
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.figures.critique.models import draw_models
@@ -38,6 +45,7 @@ from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, R
 
 RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
 T = 1e-3  # s
+bullet = pytest.mark.skipif(not find_spec("pybullet"), reason=f"Bullet is optional: pip install {PACKAGE}")
 VALUES = {"mu": 0.2, "epsilon": 0.6, "damping_ratio": 10.0}
 OFFSET = 1e-3  # m
 
@@ -76,7 +84,7 @@ def test_mujoco_resolves_the_contact_with_those_numbers(effects):
         assert np.abs(after.v - without.v).max() > 0.05
 
 
-@pytest.mark.parametrize("engine", ["mujoco", "drake"])
+@pytest.mark.parametrize("engine", ["mujoco", "drake", pytest.param("bullet", marks=bullet)])
 def test_a_central_impact_gives_back_epsilon_at_one_metre_a_second(engine):
     """Gravity acts for a millisecond: 0.01 m/s."""
     pose, v = np.array([[0.0, RIG.shape.semi_axes[1], 0.0]]), np.array([[0.0, -1.0, 0.0]])
@@ -120,6 +128,21 @@ def test_the_default_contact_is_that_of_the_engine(engine):
     assert (lighter == values) == (engine == "mujoco")  # Drake's stiffness is in N/m
 
 
+@bullet
+def test_bullets_default_is_a_rigid_contact_that_gives_nothing_back():
+    """μ of two bodies is the product; it is over in one step of 1/240 s, in which the body sticks or slides on."""
+    values, touch = default_values("bullet", 0.05), at_touch(12)
+    assert (values["mu"], values["epsilon"]) == (0.25, 0.0) and default_values("bullet", 1.0) == values
+    after, took = press_in_engine(model_of(f"bullet{DEFAULT}"), values, RIG, touch)
+    r = RIG.shape.contact_point(touch.theta)
+    still = replace(RIG, gravity=0.0)
+    free, _ = press_in_engine(model_of(f"bullet{DEFAULT}"), values, still, touch)
+    law = LAWS["anitescu_potra_newton"](touch.v, r, mass=1.0, k_g=RIG.k_g, mu=0.25, epsilon=0.0).v_post
+    np.testing.assert_allclose(free.v, law, atol=0.03)
+    np.testing.assert_allclose(after.v[:, 1] + r[:, 0] * after.omega, 0.0, atol=0.03)
+    assert (took <= 1.0 / 240.0).all()
+
+
 @pytest.mark.parametrize(
     ("engine", "effects", "missing"),
     [
@@ -135,7 +158,7 @@ def test_what_an_engine_cannot_have_is_told(engine, effects, missing):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [("laws,bullet", "knows no 'bullet'; known are laws, mujoco, drake"), (" , ", "at least one")]
+    ("text", "said"), [("laws,gazebo", "knows no 'gazebo'; known are laws, mujoco, drake"), (" , ", "at least one")]
 )
 def test_models_that_are_unknown_are_refused(text, said):
     with pytest.raises(UserError, match=said):
@@ -220,4 +243,19 @@ def test_engines_that_made_up_for_a_hidden_cause_are_told():
     assert alone.endswith("by a factor of 4: 0.2 in MuJoCo and 0.05 in Drake, point contact.")
     assert third == "Drake, point contact cannot have wear, and is fitted without."
     assert "cannot be told from it" in model_sentences(made_up(behind_low=-0.001))[0]
-    assert set(STAND_INS) == {"mujoco", "drake", "drake_hydroelastic"}
+    assert set(STAND_INS) == {"mujoco", "drake", "drake_hydroelastic", "bullet"}
+
+
+def test_bullet_is_optional_and_told_how_to_install(monkeypatch, tmp_path, capsys):
+    """Before anything is fitted, and before the dataset is looked at."""
+    monkeypatch.setattr("thesis_lib.critique.engines.compare.find_spec", lambda name: None)
+    assert command([str(tmp_path), "--models", "laws,bullet"]) == 2
+    assert "pip install pybullet==3.2.7" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(UserError, match=r"Bullet cannot be used here .*: pip install pybullet==3\.2\.7"):
+        press_in_engine(model_of("bullet"), values_of("bullet"), RIG, at_touch(1))
+
+
+def test_the_version_of_bullet_that_is_named_is_the_one_that_is_pinned():
+    pinned = (Path(__file__).resolve().parents[3] / "benchmarks" / "requirements.txt").read_text(encoding="utf-8")
+    assert PACKAGE in pinned.splitlines()

@@ -1,4 +1,4 @@
-"""Contacts of a physics engine in the place of a law's: MuJoCo's or Drake's own, from the touch until the body is off.
+"""Contacts of a physics engine in the place of a law's: the engine's own, from the touch until the body is off.
 
 An engine is a law whose contacts are resolved by the engine: camera, flight, episodes and likelihood stay as they are.
 Its parameters are those of the compliant law that stands near it (`STAND_INS`), so that both are fitted alike.
@@ -33,11 +33,13 @@ STAND_INS = {  # engine: the compliant law near it, and its title
     "mujoco": ("convex_contact", "MuJoCo"),
     "drake": ("hunt_crossley_contact", "Drake, point contact"),
     "drake_hydroelastic": ("pressure_field_contact", "Drake, hydroelastic"),
+    "bullet": ("damped_contact", "Bullet"),
 }
 DEFAULT = ":default"  # behind an engine's name: with the contact that it gives to who asks for none
 # MuJoCo's contact, with the impedance of a deep one, and Drake's of geometries that state no property
 MUJOCO_DEFAULT = MujocoNumbers((0.02, 1.0), (0.9, 0.95, 1e-3, 0.5, 2.0), friction=1.0, impratio=1.0)
 DRAKE_DEFAULT = DrakeNumbers(stiffness=1e6, dissipation=50.0, friction=0.5)
+BULLET_DEFAULT = (0.5 * 0.5, 0.0, 1.0 / 240.0)  # μ of two bodies, ε, and the time step in s that a rigid contact takes
 CAUSE_OF = {f"{CAUSES[name].effects[0]}.{CAUSES[name].parameter}": name for name in OUTSIDE}
 FRAME = "moving_surface"
 _OF_FORCE = ("to_contact", "from_contact", "contact_point", "radius_of_gyration", "impulse", "gap", "contact_time")
@@ -58,6 +60,8 @@ def default_values(engine: str, mass: float) -> dict[str, float]:
     if engine == "mujoco":
         mu, epsilon, lasting = of_mujoco(MUJOCO_DEFAULT)
         ratio = {DAMPING_RATIO.name: MUJOCO_DEFAULT.impratio}
+    elif engine == "bullet":
+        (mu, epsilon, lasting), ratio = BULLET_DEFAULT, {}
     else:
         mu, epsilon, lasting = of_drake(DRAKE_DEFAULT, mass, speed=SPEED)
         ratio = {}
@@ -157,6 +161,13 @@ def _engine(law: Law, rig: Rig, mu: np.ndarray, epsilon: np.ndarray, settings: t
         )
         options = {"contact": contact, "causes": causes, "gravity": rig.gravity}
         return MujocoEngine(body, n, **options, mu=mu, epsilon=np.clip(epsilon, least, 1.0))
+    if law.engine.startswith("bullet"):
+        from thesis_lib.engines.bullet_engine import STEPS, BulletEngine
+
+        rigid = law.engine.endswith(DEFAULT)
+        e = float(epsilon[0]) if rigid else max(float(epsilon[0]), least)
+        contact = CompliantContact.model_construct(mu=float(mu[0]), epsilon=e, contact_time=T, steps=STEPS)
+        return BulletEngine(body, n, contact=contact, causes=causes, gravity=rig.gravity, rigid=rigid)
     from thesis_lib.engines.drake_engine import DrakeEngine
     from thesis_lib.simulate.drake.hunt_crossley import Spring, duration
 

@@ -5,6 +5,7 @@ cannot have one of the effects is fitted without it, and says so.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
 
 import numpy as np
 import pandas as pd
@@ -37,12 +38,16 @@ WITHOUT, WITH = "without", "with"
 
 
 def read_models(text: str) -> tuple[str, ...]:
-    """The models of a list as of the command line, "laws,mujoco,drake"; UserError for others."""
+    """The models of a list as of the command line, "laws,mujoco,drake"; UserError for others, and for no Bullet."""
     names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
     if unknown := [name for name in names if name not in MODELS]:
         raise UserError(f"--models knows no {', '.join(map(repr, unknown))}; known are {', '.join(MODELS)}.")
     if not names:
         raise UserError(f"--models needs at least one of {', '.join(MODELS)}.")
+    if "bullet" in names and not find_spec("pybullet"):
+        from thesis_lib.engines.bullet_engine import PACKAGE
+
+        raise UserError(f"--models bullet needs a package that is not installed: pip install {PACKAGE}.")
     return names
 
 
