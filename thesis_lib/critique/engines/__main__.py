@@ -33,11 +33,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     elif options.command == "measured":
         from thesis_lib.critique.engines.measured import as_markdown as side_by_side
         from thesis_lib.critique.engines.measured import compute, stored
-        from thesis_lib.critique.proof.measured import first_trials
         from thesis_lib.datasets.read import read_dataset
         from thesis_lib.foundation.progress import Progress
 
-        dataset = first_trials(read_dataset(options.folder), options.trials)
+        dataset = read_dataset(options.folder).first_trials(options.trials)
         with Progress(dataset.name) as say:
             compute(dataset, say)
         print(side_by_side(stored()))

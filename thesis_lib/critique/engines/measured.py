@@ -43,7 +43,8 @@ def compute(dataset: "Dataset", say: Callable[[str], None], store: Path = STORE)
     critique = criticise(dataset, rng=generator(0, dataset.name), say=say)
     named = "+".join(step.effect.name for step in critique.discovery.steps)
     about = {"dataset": dataset.name, "trials": len(np.unique(critique.observations.trial)), "named": named}
-    for row in compare_models(critique, (LAWS, *ENGINES), say).to_dict("records"):
+    for one in compare_models(critique, (LAWS, *ENGINES), say).to_dict("records"):
+        row = {str(name): value for name, value in one.items()}
         put_row(about | row | {name: float(f"{row[name]:.4g}") for name in ROUNDED}, KEY, store, COLUMNS)
 
 

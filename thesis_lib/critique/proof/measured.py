@@ -18,7 +18,6 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,8 +34,6 @@ from thesis_lib.statistics.wording import number
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from thesis_lib.datasets.format.dataset import Dataset
 
 STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "measured.csv"
 KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
@@ -72,16 +69,6 @@ def row(critique: Critique, hits: str, chosen: str) -> dict:
         "low": rest.gain[1],
         "high": rest.gain[2],
     }
-
-
-def first_trials(dataset: "Dataset", n: int | None) -> "Dataset":
-    """The dataset with its first n trials; None: all."""
-    if n is None:
-        return dataset
-    table = dataset.impacts if dataset.trajectories is None else dataset.trajectories
-    assert table is not None
-    first = table[table["trial"].isin(np.unique(table["trial"])[:n])].reset_index(drop=True)
-    return replace(dataset, **{"impacts" if dataset.trajectories is None else "trajectories": first})
 
 
 def _key(one: Mapping) -> tuple[str, ...]:
@@ -142,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     from thesis_lib.datasets.read import read_dataset
 
-    dataset = first_trials(read_dataset(args.folder), args.trials)
+    dataset = read_dataset(args.folder).first_trials(args.trials)
     settings = CritiqueSettings(episodes=not args.single, max_effects=MOST_EFFECTS)
     by_hand = list(filter(None, args.effects.split(","))) or None
     with Progress(dataset.name) as say:
