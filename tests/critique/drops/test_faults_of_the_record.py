@@ -42,21 +42,20 @@ def named(critique: Critique) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", BODIES)
 @pytest.mark.parametrize(
-    "hidden, effect, true",
+    "shape, hidden, effect, true",
     [
         # what a careful hand misses, and a marker that was stuck where there was room
-        ({"marker_offset_x": 4e-4, "marker_offset_y": -3e-4}, "marker_offset", {"d_x": 4e-4, "d_y": -3e-4}),
-        ({"marker_offset_x": 4e-3, "marker_offset_y": 3e-3}, "marker_offset", {"d_x": 4e-3, "d_y": 3e-3}),
-        ({"angle_offset": 0.02}, "angle_offset", {"d_theta": 0.02}),
-        ({"angle_offset": -0.35}, "angle_offset", {"d_theta": -0.35}),
+        ("square", {"marker_offset_x": 4e-4, "marker_offset_y": -3e-4}, "marker_offset", {"d_x": 4e-4, "d_y": -3e-4}),
+        ("ellipse", {"marker_offset_x": 4e-3, "marker_offset_y": 3e-3}, "marker_offset", {"d_x": 4e-3, "d_y": 3e-3}),
+        ("ellipse", {"angle_offset": 0.02}, "angle_offset", {"d_theta": 0.02}),
+        ("square", {"angle_offset": -0.35}, "angle_offset", {"d_theta": -0.35}),
         # the centre of mass alone is displaced: the outline stays, and so does the name
-        ({"com_offset_x": 5e-4}, "com_offset", {"c_x": 5e-4, "c_y": 0.0}),
+        ("square", {"com_offset_x": 5e-4}, "com_offset", {"c_x": 5e-4, "c_y": 0.0}),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_fault_is_named_alone(hidden: dict, effect: str, true: dict, shape: str) -> None:
+def test_a_fault_is_named_alone(shape: str, hidden: dict, effect: str, true: dict) -> None:
     critique = criticised(drops(shape, **hidden))
     assert critique.verdict == "effects" and named(critique) == [effect]
     assert critique.discovery.steps[0].alternatives == ()
@@ -77,9 +76,8 @@ def late(dataset: Dataset) -> Dataset:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", BODIES)
-def test_stamps_of_arrival_are_named_and_cost_nothing(shape: str) -> None:
-    plain, stamped = drops(shape), late(drops(shape))
+def test_stamps_of_arrival_are_named_and_cost_nothing() -> None:
+    plain, stamped = drops("square"), late(drops("square"))
     verdicts = []
     for dataset in (plain, stamped):
         critique = criticised(dataset)

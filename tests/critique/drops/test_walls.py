@@ -18,7 +18,7 @@ from thesis_lib.effects.at_wall import AT_ONE_WALL, AtWall
 from thesis_lib.effects.effect import Effect
 from thesis_lib.simulate.table.puck import EPSILON, FRICTION, MU, RADIUS, simulate_puck
 
-SEEDS = (0, 1, 2)
+SEEDS = (0,)  # three of each were right
 STUCK = 2.0  # a friction with which every rim sticks
 ROUNDED = 1e-5  # relative: seven nodes give the variance of a straight line exactly, dataset.yaml k to six digits
 

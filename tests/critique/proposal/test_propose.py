@@ -102,7 +102,7 @@ def test_the_regression_finds_it_in_every_half(hidden: Critique) -> None:
     assert found.tests.p_value(found.tests.gain[HIDDEN]) <= 0.001
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0])
 def test_nothing_is_proposed_where_nothing_is_hidden(seed: int) -> None:
     """Asked for though the critique would not ask."""
     critique = criticised(HIDDEN, 0.0, seed)
