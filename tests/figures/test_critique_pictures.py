@@ -1,6 +1,5 @@
 """Pictures of the critique: complete, explained, reproducible, and true to the numbers of the critique."""
 
-import io
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from thesis_lib.figures.critique.errors import draw_budget, laws_sentence
 from thesis_lib.figures.critique.pictures import NAMES, pictures
 from thesis_lib.figures.critique.residuals import dependences, draw_flights, features_to_show
 from thesis_lib.figures.critique.where import boxes_of, inside, map_axes, region_text
-from thesis_lib.figures.style import house_style
+from thesis_lib.figures.style import house_style, png_of
 from thesis_lib.foundation.columns import explain
 from thesis_lib.statistics.wording import number
 
@@ -46,12 +45,6 @@ def without_effects():
 @pytest.fixture(scope="module")
 def drawn(critique):
     return pictures(critique, {"budget": BUDGET}, {"regions": [REGION]})
-
-
-def png(figure):
-    buffer = io.BytesIO()
-    house_style(figure.savefig)(buffer, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def texts(figure):
@@ -80,7 +73,7 @@ def test_impacts_alone_without_effects_or_regions_are_drawn(without_effects):
     assert np.isnan(without_effects.ladder[0][2].floor)
     assert "noise_floor" not in set(found["ladder"][1]["label"])
     for figure, _ in found.values():
-        assert len(png(figure)) > 1000
+        assert len(png_of(figure)) > 1000
         assert not any("nan" in text for text in texts(figure))
 
 
@@ -241,7 +234,7 @@ def test_trials_shown_are_measured_ones(critique, without_effects):
 @pytest.mark.slow
 def test_a_picture_saved_twice_is_the_same_picture(drawn):
     for name, (figure, _) in drawn.items():
-        assert png(figure) == png(figure), name
+        assert png_of(figure) == png_of(figure), name
 
 
 def test_small_lengths_and_angles_are_shown_in_thousandths():
