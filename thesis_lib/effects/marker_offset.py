@@ -33,6 +33,7 @@ class MarkerOffset(Effect):
         Parameter("d_y", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4),
     )
     channels = ("impact", "touch", "flight")
+    needs_angle = True
     reference = "rigid-body kinematics"
     breaks_mirror = True
 

@@ -49,7 +49,7 @@ def test_without_friction_the_spin_does_nothing(observations) -> None:
 
 def test_what_only_the_angle_shows_is_not_tested_and_said(observations) -> None:
     world = Drops(observations)
-    for name in ("magnus", "mirrored_rotation", "com_offset", "tangential_restitution"):
+    for name in ("magnus", "mirrored_rotation", "com_offset", "marker_offset", "tangential_restitution"):
         assert "theta is not measured" in world.not_testable[name]
     assert "walls" in world.not_testable["position_dependent_restitution"]
     assert "gravity" in world.not_testable["surface_tilt"]
