@@ -46,21 +46,27 @@ def _dataset_samples() -> list[Sample]:
     shapes = (
         {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
         {"kind": "polygon", "vertices": [[0.03, 0.03], [-0.03, 0.03], [-0.03, -0.03], [0.03, -0.03]]},
+        {"kind": "disk", "radius": 0.03},
     )
+    walls = [
+        {"name": "south", "point": [0.0, -0.4], "normal": [0.0, 1.0]},
+        {"name": "north", "point": [0.0, 0.4], "normal": [0.0, -1.0]},
+    ]
+    surroundings = [{"surface": {"height": 0.0}, "gravity": 9.81}] * 2
+    surroundings += [{"surfaces": walls, "gravity": 0.0, "spin": 20.0}]
     headers = [
         yaml.safe_dump(
             {
                 "schema": 1,
                 "description": "drops of a body",
                 "body": {"shape": shape, "mass": 0.05, "radius_of_gyration": 0.022},
-                "surface": {"height": 0.0},
-                "gravity": 9.81,
+                **around,
                 "rate": 250.0,
                 "noise": {"position": 3e-4, "angle": 3e-3, "velocity": 0.02, "angular_velocity": 0.5},
             },
             sort_keys=False,
         ).encode()
-        for shape in shapes
+        for shape, around in zip(shapes, surroundings)
     ]
     trial, i = np.divmod(np.arange(90), 30)
     t = i / 250.0
@@ -73,12 +79,14 @@ def _dataset_samples() -> list[Sample]:
             "theta": 0.3 + (2.0 + trial) * t,
         }
     )
+    sliding = poses.assign(y=0.3 - 4.0 * poses["t"]).drop(columns="theta")  # a puck, whose angle is not measured
     n = np.arange(12)
     hits = pd.DataFrame({"trial": n, "impact": 0, "x": 0.01 * n, "y": 0.0424, "theta": np.pi / 4 + 0.01 * np.cos(n)})
     hits = hits.assign(vx_pre=0.5, vy_pre=-2.0, omega_pre=n - 6.0, vx_post=0.4, vy_post=1.0, omega_post=1.0 * n)
     return [
         {"dataset.yaml": headers[0], "trajectories.csv": csv_of(poses)},
         {"dataset.yaml": headers[1], "impacts.csv": csv_of(hits)},
+        {"dataset.yaml": headers[2], "trajectories.csv": csv_of(sliding)},
         {"dataset.yaml": headers[0], "trajectories.parquet": parquet_of(poses)},
     ]
 

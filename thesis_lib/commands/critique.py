@@ -145,6 +145,7 @@ def _require_place(path: str, args: argparse.Namespace) -> None:
 def _one(args: argparse.Namespace) -> int:
     from thesis_lib.commands.comparison import is_run
     from thesis_lib.commands.printed import diagnosis_text
+    from thesis_lib.report.critique.folder import proposal_path
 
     path = args.paths[0]
     if is_run(path):
@@ -156,7 +157,7 @@ def _one(args: argparse.Namespace) -> int:
         print(diagnosis_text(content))
         print(f"\nwritten to {folder}; open {folder / 'report.html'}")
         if content.get("proposal"):
-            file = Path(args.propose or folder.parent / content["proposal"]["file"])
+            file = Path(args.propose or proposal_path(folder).with_name(content["proposal"]["file"]))
             print(f"proposed: {file}; add it with  python -m thesis_lib critique {path} --effects {file}")
     return 0
 

@@ -12,10 +12,15 @@ from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.unknown_spin import velocity_left
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.export.export import exported
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.critique.simulation.simulate_model import simulate_model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.at_wall import AT_ONE_WALL, AtWall
 from thesis_lib.effects.effect import Effect
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.report.critique.folder import critique_folder
 from thesis_lib.simulate.table.puck import EPSILON, FRICTION, MU, RADIUS, simulate_puck
 
 SEEDS = (0,)  # three of each were right
@@ -54,6 +59,21 @@ def test_what_only_the_angle_shows_is_not_tested_and_said(observations) -> None:
     assert "walls" in world.not_testable["position_dependent_restitution"]
     assert "gravity" in world.not_testable["surface_tilt"]
     assert {"other_restitution_at_east", "velocity_dependent_restitution_at_south"} <= set(world.candidates)
+
+
+def test_what_needs_a_falling_body_is_refused_for_a_puck_with_the_reason(tmp_path) -> None:
+    rig = {"shape": {"kind": "disk", "radius": RADIUS}, "radius_of_gyration": RADIUS / 2**0.5, "gravity": 0.0}
+    numbers = {"mu": {"value": MU, "unit": "1"}, "epsilon": {"value": EPSILON, "unit": "1"}}
+    content = {"schema": 1, "law": "mirtich", "effects": (), "parameters": numbers, "rig": rig | {"height": 0.0}}
+    level = SavedModel.model_validate(content)
+    turning = SavedModel.model_validate(content | {"rig": content["rig"] | {"gravity": 9.81, "has_angle": False}})
+    for model, reason in ((level, "no gravity"), (turning, "theta was not measured")):
+        for what in (lambda m: exported(m, "mjcf"), lambda m: simulate_model(m, rng=np.random.default_rng(0))):
+            with pytest.raises(UserError, match=reason):
+                what(model)
+    with pytest.raises(UserError, match="--models needs a body that falls"):
+        critique_folder(simulate_puck("puck", "nothing", trials=3), tmp_path / "out", 0, models=("laws",))
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("name", AT_ONE_WALL)

@@ -92,3 +92,6 @@ def test_what_cannot_be_written_is_said_before_anything_is_computed(
 def test_the_file_lies_beside_the_results(tmp_path: Path) -> None:
     assert proposal_path(tmp_path / "a" / "my_drops").name == "my_drops_proposal.py"
     assert proposal_path(tmp_path / "a" / "my_drops").parent == tmp_path / "a"
+    (tmp_path / "drops").mkdir()
+    (tmp_path / "drops" / "dataset.yaml").write_text("schema: 1\n")  # -o inside the dataset itself
+    assert proposal_path(tmp_path / "drops" / "out" / "first") == tmp_path / "first_proposal.py"

@@ -95,21 +95,25 @@ def state_beside(model: Model, values: Mapping[str, float], observations: Observ
 
 
 def later_instants(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
-    """By how much (n,) in s the arcs before and after meet later in the model's flights than in those of gravity alone.
+    """By how much (n,) in s the arcs before and after meet later in the model's flights than in those of the detection.
 
     The detection takes the instant of an impact from arcs under gravity.  Drag of 2 m/s² makes that late by 0.2 ms.
-    Where it saw that a table slows the body down, its arcs allowed for that.
+    Where it saw stray accelerations, of one sigma s_a, its arcs allowed for the share s_a²/(s_a² + var a) of them.
+    Over an arc of length L, var a is 60/L² times the variance of a line's slope, and the line is off by L²/12 a at
+    its end.
     """
     o = observations
-    if model.slides and o.found.noise.stray.any():
-        return np.zeros(len(o))
     if not (o.arcs and model.acting("acceleration", "arc")):
         return np.zeros(len(o))
-    gravity = np.array([0.0, -o.rig.gravity, 0.0])
-    free = [
-        np.stack([o.value[:, side] - o.bow[:, side, :1] * gravity, o.slope[:, side] - o.bow[:, side, 1:] * gravity])
-        for side in (0, 1)
-    ]
+    gravity, stray = np.array([0.0, -o.rig.gravity, 0.0]), o.found.noise.stray
+    free = []
+    for side in (0, 1):
+        value, slope, bow = o.value[:, side], o.slope[:, side], o.bow[:, side]
+        allowed = stray**2 * np.abs(bow[:, :1])
+        allowed /= allowed + 5.0 * np.maximum(o.cov[:, side, :, 1, 1], 1e-18)
+        a = model.acceleration(State.of(value, slope, o.trial, o.t), values, o.rig)
+        a = gravity + allowed * (a - gravity)
+        free.append(np.stack([value - bow[:, :1] * a, slope - bow[:, 1:] * a]))
     flown = [np.stack([state.q, state.v]) for state in states_at_impact(model, values, o)]
     weight = 1.0 / np.maximum(o.cov[:, :, :, 0, 0].sum(axis=1), 1e-18)
     own, detected = (_meeting(after - before, weight) for before, after in (flown, free))

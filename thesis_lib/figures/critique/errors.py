@@ -122,7 +122,7 @@ def ladder_sentence(critique: Critique) -> str:
 
 @house_style
 def draw_laws(critique: Critique) -> Drawn:
-    """Held-out error and log score of the six laws without effects, beside Best Post Hoc, IRB bound and floor."""
+    """Held-out error and log score of each law without effects, beside Best Post Hoc, IRB bound and floor."""
     table, best = law_errors(critique)
     figure = new_figure(height=3.0)
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.25, 1.0]})
@@ -154,8 +154,8 @@ def laws_sentence(table: pd.DataFrame) -> str:
     (best, *_, worst), (least, *_, most) = table["model"].map(law_title), table["error"]
     alike = table.loc[table["error"] <= (1.0 + ALIKE) * least, "error"]
     if len(alike) == len(table):
-        all_six = f"all six err by {number(least)} to {number(most)} m/s on held-out impacts"
-        return f"The choice of law hardly matters: {all_six}"
+        all_err = f"all {len(table)} err by {number(least)} to {number(most)} m/s on held-out impacts"
+        return f"The choice of law hardly matters: {all_err}"
     if len(alike) >= len(table) / 2:
         return (
             f"{len(alike)} of {len(table)} laws err alike on held-out impacts, by {number(least)} to "

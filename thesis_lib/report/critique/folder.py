@@ -26,6 +26,7 @@ from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.saved_model import save_model, saved
 from thesis_lib.critique.results.tables import tables
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.folder import holds_data
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.recordings.recording import Recording, is_recording
 from thesis_lib.foundation.errors import UserError
@@ -138,9 +139,10 @@ def recording_folder(
 
 
 def proposal_path(folder: str | Path) -> Path:
-    """The file beside the folder of a critique: from inside, where impacts.csv lies, no code is loaded."""
+    """The file beside the folder of a critique, or further up: out of a folder with data no code is loaded."""
     folder = Path(folder).resolve()
-    return folder.with_name(f"{folder.name}_proposal.py")
+    outside = next(place for place in (folder, *folder.parents) if not any(map(holds_data, place.parents)))
+    return outside.with_name(f"{folder.name}_proposal.py")
 
 
 def write_critique(

@@ -66,12 +66,18 @@ def laws(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     compared = "the noise floor is unknown"
     if floor:
         compared = f"that is {number(error['base'] / floor, 2)} times the noise floor of {amount(floor, unit)}"
+    chosen, after_the_fact = "which stands for all where the angle is not measured", ""
+    if len(errors) > 1:
+        chosen = "chosen by its score on unseen trials"
+        after_the_fact = (
+            f"The best of the {len(errors)} laws for each impact, picked after the fact, would err by "
+            f"{amount(float(best.mean()), unit)}. "
+        )
     return paragraph(
-        f"The base law, chosen by its score on unseen trials, is {law_title(base['name'])} with {values}. Its held-out "
+        f"The base law, {chosen}, is {law_title(base['name'])} with {values}. Its held-out "
         f"error is {number(error['base'])} {ends} {unit}; {compared}.",
         f"{laws_sentence(errors)}.",
-        f"The best of the six laws for each impact, picked after the fact, would err by "
-        f"{amount(float(best.mean()), unit)}; any rigid impulse at the believed contact point by at least "
+        f"{after_the_fact}Any rigid impulse at the believed contact point would err by at least "
         f"{amount(critique.irb, unit)} (IRB bound, after the fact); and if nothing happened at the impact, by "
         f"{amount(critique.no_impact, unit)}.",
     )
@@ -87,8 +93,8 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
         known = f"{parameters} is the uncertainty of its parameters; how much is noise is unknown."
     return paragraph(
         f"Of the mean square error of the base law, {known} {rigid} lies beyond any rigid impulse at the believed "
-        f"contact point, so that no friction or restitution can remove it; {law} would go with another of the six "
-        f"laws; {rest} is left."
+        f"contact point, so that no friction or restitution can remove it; {law} would go with another law for each "
+        f"impact; {rest} is left."
     )
 
 
