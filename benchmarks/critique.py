@@ -92,8 +92,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--hidden", nargs="+", default=["com_offset_x"], metavar="CAUSE")
     parser.add_argument("--sizes", type=int, nargs="+", default=[100, 200, 400], metavar="DROPS")
     options = parser.parse_args(arguments)
+    shapes = tuple(ASKED)
     if options.quick:
-        options.hidden, options.drops, options.sizes = ["nothing"], 30, []
+        options.hidden, options.drops, options.sizes, shapes = ["nothing"], 30, [], shapes[-1:]
     results = Results("critique")
     print(f"{'drops of':24s}{'drops':>6s}{'impacts':>9s}{'CPU s':>8s}  verdict")
 
@@ -105,12 +106,13 @@ def main(arguments: list[str] | None = None) -> None:
     for hidden in options.hidden:
         found = measure(hidden, options.drops)
         results.add(f"{hidden}: CPU time", found["cpu_s"], "s", tell(hidden, options.drops, found))
-    for hits, asked in ASKED.items():
+    for hits in shapes:
         name = f"{SHAPES[hits]}, {hits}"
         found = measure_nothing_hidden(hits, options.drops)
         note = tell(name, options.drops, found)
         results.add(f"{name}: CPU time", found["cpu_s"], "s", note)
         if options.drops == 300:
+            asked = ASKED[hits]
             results.add(f"{name}: over what is asked", found["cpu_s"] / asked, "1", f"asked: at most {asked:g} CPU s")
         taken = []
         for drops in options.sizes:

@@ -81,7 +81,9 @@ class TestReading:
 
 def test_recording_replaces_one_scale_of_the_rules_that_ran(results, tmp_path):
     found = recorded(PLAN, read_uses(results), "quick")
-    assert found["large"] == {"quick": {"peak_mb": 411.0, "cpu_s": 30.0}, "default": LARGE["default"]}
+    quick = {"peak_mb": 411.0, "cpu_s": 30.0, "mean_cpu_s": 19.0}  # of 7.25 s and 30 s
+    assert found["large"] == {"quick": quick, "default": LARGE["default"]}
+    assert found["small"]["quick"] == {"peak_mb": 0.0, "cpu_s": 1.0}
     path = tmp_path / "resources.yaml"
     write_measured(found, path)
     assert read_measured(path) == found

@@ -219,12 +219,12 @@ def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int
 
 
 def _cpu_of_jobs(scale: str) -> dict[str, float]:
-    """Measured CPU time of the largest job of each rule, s; at the default scale if that is the only one."""
-    from thesis_lib.resources import MEASURED, read_measured  # late: outside the environment there is no PyYAML
+    """Measured CPU time of a job of each rule, s; at the default scale if that is the only one."""
+    from thesis_lib.resources import MEAN, MEASURED, read_measured  # late: outside the environment there is no PyYAML
 
     measured = read_measured() if MEASURED.is_file() else {}
     uses = {rule: scales.get(scale) or scales.get("default", {}) for rule, scales in measured.items()}
-    return {rule: use["cpu_s"] for rule, use in uses.items() if "cpu_s" in use}
+    return {rule: use.get(MEAN, use["cpu_s"]) for rule, use in uses.items() if "cpu_s" in use}
 
 
 def latest_log(since: float) -> str:

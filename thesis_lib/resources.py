@@ -5,7 +5,7 @@
 
 Snakemake records the use of each job in results/logs/benchmarks/ (peak memory is sampled, every half second at first
 and every 30 s later).  config/resources.yaml holds the largest job of each rule and scale; a job requests the largest
-of all scales times a margin, and more after each failure.
+of all scales times a margin, and more after each failure.  How long a run takes is told from the mean job.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from thesis_lib.foundation.files import write_text
 MEASURED = Path("config/resources.yaml")
 BENCHMARKS = Path("logs/benchmarks")  # below the results
 KEYS = ("peak_mb", "cpu_s")  # of the largest job of a rule at a scale
+MEAN = "mean_cpu_s"  # of the jobs of a rule at a scale, where these are several
 
 MEMORY_MARGIN = 1.5  # peaks are sampled, and other data and library builds need other amounts
 NESTED_MB = 400  # on a cluster each job is two more Snakemake processes of about 190 MB
@@ -33,8 +34,9 @@ TIME_MARGIN = 4.0  # cores may be slower than the measured ones, and shared
 START_MINUTES = 10  # reading libraries from a busy file system, and the nested Snakemakes
 
 HEADER = """\
-# The largest job of each rule: peak memory (MB) and CPU time (s), by scale.  thesis_lib/resources.py turns the worst of
-# the scales into what a job asks of a cluster.  Written by `python -m thesis_lib.resources record --scale SCALE`.
+# The largest job of each rule: peak memory (MB) and CPU time (s), by scale; of several jobs also the mean CPU time.
+# thesis_lib/resources.py turns the worst of the scales into what a job asks of a cluster.
+# Written by `python -m thesis_lib.resources record --scale SCALE`.
 """
 
 
@@ -73,7 +75,10 @@ def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str)
 
 
 def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
-    """Rule -> scale -> {peak_mb, cpu_s}, either may be missing; UserError if the file is missing or of another form."""
+    """Rule -> scale -> {peak_mb, cpu_s, mean_cpu_s}, each may be missing.
+
+    UserError if the file is missing or of another form.
+    """
     path = Path(path)
     if not path.is_file():
         raise UserError(f"{path} does not exist; get it back with git checkout {path}.")
@@ -84,12 +89,12 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
             for rule, scales in measured.items()
         }
         keys = {key for scales in numbers.values() for use in scales.values() for key in use}
-        if not keys <= set(KEYS):
-            raise ValueError(f"unknown: {', '.join(sorted(keys - set(KEYS)))}")
+        if unknown := keys - {*KEYS, MEAN}:
+            raise ValueError(f"unknown: {', '.join(sorted(unknown))}")
         return numbers
     except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
         raise UserError(
-            f"{path} must hold `rule: {{scale: {{peak_mb: …, cpu_s: …}}}}` ({error}); "
+            f"{path} must hold `rule: {{scale: {{peak_mb: …, cpu_s: …, mean_cpu_s: …}}}}` ({error}); "
             "mend it or run python -m thesis_lib.resources record."
         ) from error
 
@@ -144,7 +149,8 @@ def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str
     updated = {rule: dict(scales) for rule, scales in measured.items()}
     for rule, use in uses.items():
         largest = float(math.ceil(use.peak_mb)), float(math.ceil(use.largest_cpu_s))
-        updated.setdefault(rule, {})[scale] = dict(zip(KEYS, largest))
+        mean = {MEAN: float(math.ceil(use.cpu_s / use.jobs))} if use.jobs > 1 else {}
+        updated.setdefault(rule, {})[scale] = dict(zip(KEYS, largest)) | mean
     return updated
 
 
@@ -154,7 +160,7 @@ def write_measured(measured: Mapping[str, Mapping[str, Mapping]], path: str | Pa
     for rule in sorted(measured):
         scales = []
         for scale, use in sorted(measured[rule].items()):
-            numbers = ", ".join(f"{key}: {use[key]:.0f}" for key in KEYS if key in use)
+            numbers = ", ".join(f"{key}: {use[key]:.0f}" for key in (*KEYS, MEAN) if key in use)
             scales.append(f"{scale}: {{{numbers}}}")
         text += f"{rule}: {{{', '.join(scales)}}}\n"
     write_text(text, path)

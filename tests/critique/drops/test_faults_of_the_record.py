@@ -45,10 +45,8 @@ def named(critique: Critique) -> list[str]:
 @pytest.mark.parametrize(
     "shape, hidden, effect, true",
     [
-        # what a careful hand misses, and a marker that was stuck where there was room
-        ("square", {"marker_offset_x": 4e-4, "marker_offset_y": -3e-4}, "marker_offset", {"d_x": 4e-4, "d_y": -3e-4}),
-        ("ellipse", {"marker_offset_x": 4e-3, "marker_offset_y": 3e-3}, "marker_offset", {"d_x": 4e-3, "d_y": 3e-3}),
-        ("ellipse", {"angle_offset": 0.02}, "angle_offset", {"d_theta": 0.02}),
+        # what a careful hand misses, by a marker that was stuck where there was room
+        ("ellipse", {"marker_offset_x": 4e-4, "marker_offset_y": -3e-4}, "marker_offset", {"d_x": 4e-4, "d_y": -3e-4}),
         ("square", {"angle_offset": -0.35}, "angle_offset", {"d_theta": -0.35}),
         # the centre of mass alone is displaced: the outline stays, and so does the name
         ("square", {"com_offset_x": 5e-4}, "com_offset", {"c_x": 5e-4, "c_y": 0.0}),

@@ -178,7 +178,7 @@ def found():
     """Squares of MuJoCo whose centre of mass is displaced, criticised and compared."""
     contact, rng = MujocoContact(mu=0.2, epsilon=0.6, contact_time=T), np.random.default_rng(3)
     hidden = MujocoCauses(com_offset_x=OFFSET)
-    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, 40, contact=contact, hidden=hidden, noise=RIG_NOISE, rng=rng)
+    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, 30, contact=contact, hidden=hidden, noise=RIG_NOISE, rng=rng)
     dataset = Dataset("squares", made.header, made.trajectories)
     settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)
     judged = criticise(dataset, rng=np.random.default_rng(0), settings=settings)
