@@ -1,6 +1,7 @@
 """Walls in place of a floor, and a body whose angle nobody measured: what is read, refused and found."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from folders import DISK, bouncing_disk, header, impacts, trajectories, write
 from test_read import only
@@ -11,7 +12,17 @@ from thesis_lib.critique.drops.observations import observe
 from thesis_lib.datasets import find_impacts, read_dataset
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
-from thesis_lib.simulate.table.puck import CUSHIONS, EPSILON, simulate_puck
+from thesis_lib.simulate.table.puck import (
+    CUSHIONS,
+    EPSILON,
+    LENGTH,
+    NOISE,
+    RADIUS,
+    RATE,
+    WIDTH,
+    believed_header,
+    simulate_puck,
+)
 
 WALLS = [
     {"name": "south", "point": [0.0, -0.4], "normal": [0.0, 1.0]},
@@ -133,6 +144,25 @@ def test_impacts_are_found_at_the_walls_with_their_restitution(puck: Dataset) ->
     # contacts of 1 ms sink in by 0.5 mm at 1 m/s
     assert np.median(np.abs(found.used_arcs["gap"])) < 1e-3
     assert any("theta is not measured" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize(("late", "used"), [(2e-3, 0), (60e-3, 4)])
+def test_two_walls_at_once_are_no_impact_at_one_of_them(late: float, used: int) -> None:
+    """A puck that runs into the corner of north and east, one of which it meets `late` s after the other."""
+    rng, header = np.random.default_rng(1), believed_header()
+    t = np.arange(80) / RATE
+    poses = []
+    for trial, v in enumerate(([1.1, 0.7], [0.7, 1.1])):
+        # straight on and mirrored at each wall, with restitution
+        corner = np.array([LENGTH, WIDTH]) / 2.0 - RADIUS
+        since = t[:, None] - 0.3 - late * np.array([trial == 0, trial == 1])
+        q = corner + np.where(since < 0.0, since, -EPSILON * since) * v + NOISE * rng.standard_normal((len(t), 2))
+        poses.append(pd.DataFrame({"trial": trial, "t": t, "x": q[:, 0], "y": q[:, 1], "theta": 0.0}))
+    found = find_impacts(Dataset("corner", header, pd.concat(poses, ignore_index=True), has_angle=False))
+    assert len(found.impacts) == used
+    if not used:
+        assert (found.left_out["reason"] == "second_hit").all() and set(found.left_out["trial"]) == {0, 1}
+        assert found.left_out["detail"].str.contains("another wall is").any()
 
 
 def test_a_table_that_stands_askew_has_the_same_impacts(puck: Dataset) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.bodies.walls import in_wall_frame, struck_wall, turns
+from thesis_lib.bodies.walls import as_filmed, gaps, in_wall_frame, struck_wall, turns, wall_of
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.impacts.arcs import ArcFits
 
@@ -37,3 +37,23 @@ def walls_hit(fits: ArcFits, header: Header) -> np.ndarray:
     if header.surfaces is None:
         return np.zeros(len(fits), int)
     return struck_wall(header.surfaces, header.body.shape, fits.q, fits.v_post - fits.v_pre)
+
+
+def time_to_another_wall(fits: ArcFits, header: Header) -> np.ndarray:
+    """Time (n,) in s between the hits of n impacts in the frames of their walls and those of the nearest other wall.
+
+    Before or after, whichever way is the quicker one; ∞ on one surface.
+    """
+    walls, n = header.surfaces or (), len(fits)
+    if len(walls) < 2 or not n:
+        return np.full(n, np.inf)
+    wall = wall_of(fits.q[:, 0])
+    angle = np.array([one.angle for one in walls])[wall]
+    apart = np.abs(gaps(walls, header.body.shape, np.column_stack([as_filmed(walls, fits.q), fits.q[:, 2] + angle])))
+    normals = np.stack([one.n for one in walls])
+    speeds = [
+        np.abs(np.einsum("nij,ni->nj", turns(walls, wall), v)[:, :2] @ normals.T) for v in (fits.v_pre, fits.v_post)
+    ]
+    took = apart / np.maximum(np.maximum(*speeds), 1e-9)
+    took[np.arange(n), wall] = np.inf
+    return took.min(axis=1)

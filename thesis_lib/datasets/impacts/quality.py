@@ -6,7 +6,7 @@ Left out, with a reason (the first that applies):
 |--------------------|----------------------------------------------------------------------------------------------|
 | `lost_frames`      | a gap in time leaves too few samples on a side, or holds the impact itself                   |
 | `second_hit`       | another hit too close: few samples between them, or arcs and samples that fit only two hits, |
-|                    | or a second corner that touches at once                                                      |
+|                    | or a second corner, or another wall, that touches at once                                    |
 | `window_too_short` | the trial starts or ends too close to the impact                                             |
 | `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet      |
 | `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                  |
@@ -35,6 +35,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
+from thesis_lib.datasets.impacts.at_walls import time_to_another_wall
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.rounding import touch_time
 
@@ -136,6 +137,8 @@ def assess_arcs(
     leave_out(~fits.converged, "not_ballistic", "the arcs do not meet near the detected instant")
     wait = _second_corner(fits, header)
     leave_out(wait < settings.double_hit, "second_hit", "the next corner hits after " + _text(1e3 * wait) + " ms")
+    wait = time_to_another_wall(fits, header)
+    leave_out(wait < settings.double_hit, "second_hit", "another wall is " + _text(1e3 * wait) + " ms away")
 
     r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
     v_n = fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2]
