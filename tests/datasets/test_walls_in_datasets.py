@@ -51,9 +51,9 @@ def test_a_floor_is_its_own_wall_and_a_ceiling_is_a_floor_upside_down() -> None:
         Wall(name="floor", point=(0.0, 0.3), normal=(0.0, 2.0)),
         Wall(name="top", point=(0.1, 1.0), normal=(0, -1)),
     ]
-    np.testing.assert_allclose(in_wall_frame(walls, np.array([0]), q), [[0.2, 0.2, 0.1]], atol=1e-15)
+    np.testing.assert_allclose(in_wall_frame(walls, np.array([0]), q), [[LANE + 0.2, 0.2, 0.1]], atol=1e-12)
     upside_down = in_wall_frame(walls, np.array([1]), q)
-    np.testing.assert_allclose(upside_down[:, :2], [[LANE - 0.1, 0.5]], atol=1e-12)
+    np.testing.assert_allclose(upside_down[:, :2], [[2.0 * LANE - 0.1, 0.5]], atol=1e-12)
     assert np.cos(upside_down[0, 2] - 0.1) == pytest.approx(-1.0)
     assert wall_of(upside_down[:, 0]).tolist() == [1]
     np.testing.assert_allclose(along_wall(upside_down[:, 0]), [-0.1], atol=1e-12)
@@ -92,7 +92,6 @@ def test_theta_may_be_absent_for_a_disk_only(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"gravity": 9.81}, "surfaces are for a motion without gravity"),
         ({"surface": {"height": 0.0}}, "there are surface and surfaces"),
         ({"surfaces": [WALLS[0], WALLS[1] | {"name": "south"}]}, "the name south occurs more than once"),
         ({"surfaces": [WALLS[0] | {"normal": [0.0, 0.0]}]}, "the normal has no direction"),

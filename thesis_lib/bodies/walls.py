@@ -5,8 +5,9 @@ A wall is the line through `point` across `normal`; the body moves on the side t
 
     t = (n_y, −n_x),    q ← ((p − point)·t, (p − point)·n, θ − α),    v ← (v·t, v·n, ω)
 
-Whatever is known of a floor then holds for the wall.  To tell the walls apart, wall i has a stretch of x of its own:
-`LANE` i is added to x, so that wall and place along it are x alone.
+Whatever is known of a floor then holds for the wall, but for gravity, which pulls along −g (sin α, cos α).  To tell the
+walls apart, wall i has a stretch of x of its own: `LANE` (i + 1) is added to x, so that wall and place along it are x
+alone.  On the first stretch, about 0, the plane is as it was filmed.
 
 | on paper | in code | unit | shape  |                                                        |
 |----------|---------|------|--------|--------------------------------------------------------|
@@ -94,7 +95,7 @@ def in_wall_frame(walls: Sequence[Wall], wall: np.ndarray, q: np.ndarray) -> np.
     point, angle = np.array([one.point for one in walls])[wall], np.array([one.angle for one in walls])[wall]
     origin = np.column_stack([point, angle])
     level = (turns(walls, wall) @ (q - origin)[:, :, None])[:, :, 0]
-    level[:, 0] += LANE * wall
+    level[:, 0] += LANE * (wall + 1)
     return level
 
 
@@ -107,8 +108,8 @@ def as_filmed(walls: Sequence[Wall], q: np.ndarray) -> np.ndarray:
 
 
 def wall_of(x: np.ndarray) -> np.ndarray:
-    """Number (n,) of the wall from x (n,) in its frame."""
-    return np.rint(x / LANE).astype(int)
+    """Number (n,) of the wall from x (n,) in its frame; -1 in the plane as it was filmed."""
+    return np.rint(x / LANE).astype(int) - 1
 
 
 def along_wall(x: np.ndarray) -> np.ndarray:

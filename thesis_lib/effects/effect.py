@@ -32,6 +32,7 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
+from thesis_lib.bodies.walls import wall_of
 from thesis_lib.contact.space import ContactSpace
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
@@ -125,8 +126,8 @@ class State:
 class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
-    Between `walls`, their names in order, x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle`
-    neither the angle nor the spin is measured.
+    Between `walls`, their names in order, x tells the wall (`bodies.walls`), and the height is 0.  `wall_angles` in rad
+    turn them from a floor.  Without `has_angle` neither the angle nor the spin is measured.
     """
 
     shape: Shape
@@ -135,11 +136,21 @@ class Rig:
     height: float
     walls: tuple[str, ...] = ()
     has_angle: bool = True
+    wall_angles: tuple[float, ...] = ()
 
     @property
     def k_told(self) -> float:
         """Radius of gyration in m as a weight of errors in spin; 0 where the spin is not measured."""
         return self.k_g if self.has_angle else 0.0
+
+    def fall(self, x: np.ndarray) -> np.ndarray:
+        """Acceleration of gravity (n, 3) in m/s² and rad/s², in the frames of bodies at x (n,)."""
+        a = np.zeros((len(x), 3))
+        a[:, 1] = -self.gravity
+        if self.wall_angles and self.gravity:
+            angle = np.array([*self.wall_angles, 0.0])[wall_of(x)]  # the last one is for the plane as it was filmed
+            a[:, 0], a[:, 1] = -self.gravity * np.sin(angle), -self.gravity * np.cos(angle)
+        return a
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,8 @@ def test_what_needs_a_falling_body_is_refused_for_a_puck_with_the_reason(tmp_pat
     content = {"schema": 1, "law": "mirtich", "effects": (), "parameters": numbers, "rig": rig | {"height": 0.0}}
     level = SavedModel.model_validate(content)
     turning = SavedModel.model_validate(content | {"rig": content["rig"] | {"gravity": 9.81, "has_angle": False}})
-    for model, reason in ((level, "no gravity"), (turning, "theta was not measured")):
+    boxed = SavedModel.model_validate(content | {"rig": content["rig"] | {"gravity": 9.81, "walls": ("south", "east")}})
+    for model, reason in ((level, "no gravity"), (turning, "theta was not measured"), (boxed, "there are walls")):
         for what in (lambda m: exported(m, "mjcf"), lambda m: simulate_model(m, rng=np.random.default_rng(0))):
             with pytest.raises(UserError, match=reason):
                 what(model)

@@ -116,7 +116,7 @@ def _copies(o: Observations, with_samples: bool) -> Observations:
             lines[k][first + 2 * i, :, side, channel] += step[:, side, channel, k]
             lines[k][first + 2 * i + 1, :, side, channel] -= step[:, side, channel, k]
     # a later instant: both arcs fly on, by their velocity there (not that of the line), under gravity
-    a = np.array([0.0, -o.rig.gravity, 0.0])
+    a = o.rig.fall(o.value[:, 0, 0])[:, None]
     lines[0][13] += _H_INSTANT * (o.slope - o.bow[:, :, 1:] * a)
     lines[1][13] += _H_INSTANT * a
     return copies

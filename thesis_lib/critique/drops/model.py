@@ -207,7 +207,7 @@ class Model:
         after, depth = self._struck(contact, space, active, rig, mu, epsilon), np.zeros_like(r_x)
         if self.takes_time:
             delay = self._delay(contact, space, after, values, active, rig)
-            fallen = delay * (true.vy + 0.5 * rig.gravity * delay)
+            fallen = delay * (true.vy - 0.5 * rig.fall(true.x)[:, 1] * delay)
             at_touch = rig.shape.gap(true.y - fallen, true.theta - delay * true.omega)
             depth = np.where(space.v_n < 0.0, at_touch - rig.shape.gap(true.y, true.theta), 0.0)
             turned = TURNED * delay * (after.omega - seen.omega)
@@ -276,8 +276,7 @@ class Model:
     @staticmethod
     def true_acceleration(true: State, active: Sequence, rig: Rig) -> np.ndarray:
         """Acceleration in flight (n, 3) in a true state, m/s² and rad/s²; `active` is the result of `active`."""
-        a = np.zeros((len(true.x), 3))
-        a[:, 1] = -rig.gravity
+        a = rig.fall(true.x)
         for effect, p in active:
             a = effect.acceleration(a, true, p, rig)
         return a

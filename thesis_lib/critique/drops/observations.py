@@ -102,8 +102,8 @@ def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: boo
     """
     found = find_impacts(dataset, settings)
     walls = dataset.header.surfaces or ()
-    names = tuple(wall.name for wall in walls)
-    rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, names, dataset.has_angle)
+    names, angles = tuple(wall.name for wall in walls), tuple(wall.angle for wall in walls)
+    rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, names, dataset.has_angle, angles)
     if found.samples is None:
         return _from_impacts(found, rig)
     single = _from_samples(found.samples, found, rig)

@@ -105,7 +105,7 @@ def later_instants(model: Model, values: Mapping[str, float], observations: Obse
     o = observations
     if not (o.arcs and model.acting("acceleration", "arc")):
         return np.zeros(len(o))
-    gravity, stray = np.array([0.0, -o.rig.gravity, 0.0]), o.found.noise.stray
+    gravity, stray = o.rig.fall(o.value[:, 0, 0]), o.found.noise.stray
     free = []
     for side in (0, 1):
         value, slope, bow = o.value[:, side], o.slope[:, side], o.bow[:, side]

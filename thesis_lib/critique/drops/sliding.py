@@ -11,6 +11,8 @@ slowed down, too, but by how much depends on where the body rests on the table; 
 | a_table  | `a_table` | m/s² |       | deceleration               |
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from thesis_lib.effects.effect import Effect, Parameter
@@ -41,8 +43,13 @@ class _Table(Effect):
 TABLE = _Table()
 
 
-def require_falling(falls: bool, has_angle: bool, what: str) -> None:
-    """Refuse `what` for a motion without gravity or without an angle; UserError."""
-    if not (falls and has_angle):
-        lacks = "theta was not measured" if falls else "there is no gravity"
-        raise UserError(f"{what} needs a body that falls and whose angle is measured; here {lacks}.")
+def require_falling(gravity: float, has_angle: bool, walls: Sequence, what: str) -> None:
+    """Refuse `what` for a motion without gravity, without an angle or between walls; UserError."""
+    lacks = {
+        "there is no gravity": not gravity,
+        "theta was not measured": not has_angle,
+        "there are walls": bool(walls),
+    }
+    if any(lacks.values()):
+        why = " and ".join(name for name, is_so in lacks.items() if is_so)
+        raise UserError(f"{what} needs a body that falls on one surface and whose angle is measured; here {why}.")

@@ -31,7 +31,7 @@ class Exported:
 def exported(model: SavedModel, target: str, *, mass: float | None = None, depth: float | None = None) -> Exported:
     """A new file; UserError for an unknown format, a depth or mass that cannot be, a prism too thin."""
     _known(target)
-    require_falling(model.rig.gravity > 0.0, model.rig.has_angle, "export")
+    require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "export")
     made = solid(model, target, mass, depth)
     held = tuple(f"{name}: {where}" for name, where in made.expressed)
     left = [f"{name}: {why}" for name, why in made.left_out]
@@ -67,7 +67,7 @@ def patched(
         UserError: the file cannot be read, is of another format, or lacks the body or what a patch needs of it.
     """
     _known(target)
-    require_falling(model.rig.gravity > 0.0, model.rig.has_angle, "export")
+    require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "export")
     if points is not None and points < 1:
         raise UserError(f"--points must be 1 or more; got {points}.")
     if surface and target == "mjcf":

@@ -35,7 +35,8 @@ OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
-_USUAL = (("walls", []), ("has_angle", True))  # of the rig, not written: one surface, and an angle that was measured
+# of the rig, not written: one surface, and an angle that was measured
+_USUAL = (("walls", []), ("has_angle", True), ("wall_angles", []))
 _PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a model depends on them
 
 
@@ -76,6 +77,7 @@ class SavedRig(Section):
     height: float = Field(description="m, of the surface")
     walls: tuple[Annotated[str, Field(max_length=20)], ...] = Field((), max_length=MOST, description="their names")
     has_angle: bool = Field(True, description="false: theta was not measured")
+    wall_angles: tuple[float, ...] = Field((), max_length=MOST, description="rad, from a floor, counter-clockwise")
 
 
 class SavedModel(Section):
@@ -106,7 +108,8 @@ class SavedModel(Section):
     def believed(self) -> Rig:
         """The rig in the form that effects use."""
         rig = self.rig
-        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle)
+        known = (rig.walls, rig.has_angle, rig.wall_angles)
+        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, *known)
 
 
 def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
@@ -128,6 +131,7 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
     # values of the user are not rounded
     user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
     user |= {"gravity": rig.gravity, "height": rig.height, "walls": rig.walls, "has_angle": rig.has_angle}
+    user |= {"wall_angles": rig.wall_angles}
     return SavedModel.model_validate(rounded | {"rig": user})
 
 

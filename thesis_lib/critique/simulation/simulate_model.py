@@ -73,7 +73,7 @@ def simulate_model(
         raise UserError(f"The number of drops must be 1 or more, got {n}.")
     if engine not in ENGINES:
         raise UserError(f"There is no engine {engine!r}; known are {', '.join(ENGINES)}.")
-    require_falling(model.rig.gravity > 0.0, model.rig.has_angle, "simulate")
+    require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "simulate")
     rate, noise = RATE, RIG_NOISE
     if like is None:
         releases: Releases = proof_releases(model)

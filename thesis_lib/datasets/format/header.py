@@ -19,7 +19,7 @@ class Header(Section):
     body: Body
     surface: Surface = Surface()
     surfaces: Annotated[tuple[Wall, ...], Field(max_length=MOST)] | None = Field(
-        None, description="straight walls in place of the surface, for a motion without gravity"
+        None, description="straight walls in place of the surface"
     )
     gravity: NotNegative = Field(9.81, description="m/s²; 0 for a motion over a level table, seen from above")
     rate: Positive | None = Field(None, description="Hz, of trajectories")
@@ -36,8 +36,6 @@ class Header(Section):
             raise ValueError("surfaces holds no wall")
         if "surface" in self.model_fields_set:
             raise ValueError("there are surface and surfaces; give one of them")
-        if self.gravity:
-            raise ValueError(f"surfaces are for a motion without gravity, but gravity is {self.gravity:g} m/s²")
         names = [wall.name for wall in self.surfaces]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")

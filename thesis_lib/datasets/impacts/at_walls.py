@@ -39,6 +39,13 @@ def walls_hit(fits: ArcFits, header: Header) -> np.ndarray:
     return struck_wall(header.surfaces, header.body.shape, fits.q, fits.v_post - fits.v_pre)
 
 
+def gravity_towards(fits: ArcFits, header: Header) -> np.ndarray:
+    """Gravity (n,) in m/s² across the walls of n impacts in the frames of these, positive towards the wall."""
+    if header.surfaces is None:
+        return np.full(len(fits), header.gravity)
+    return header.gravity * np.cos([wall.angle for wall in header.surfaces])[wall_of(fits.q[:, 0])]
+
+
 def time_to_another_wall(fits: ArcFits, header: Header) -> np.ndarray:
     """Time (n,) in s between the hits of n impacts in the frames of their walls and those of the nearest other wall.
 

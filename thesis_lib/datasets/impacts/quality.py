@@ -35,7 +35,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
-from thesis_lib.datasets.impacts.at_walls import time_to_another_wall
+from thesis_lib.datasets.impacts.at_walls import gravity_towards, time_to_another_wall
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.rounding import touch_time
 
@@ -185,15 +185,15 @@ def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
     rows, lowest = np.arange(len(fits)), r_y.argmin(axis=1)
     height, lever = r_y - r_y[rows, lowest][:, None], r_x[rows, lowest][:, None]
     v_n = fits.v_pre[:, 1:2] + r_x * fits.v_pre[:, 2:3]
-    k2, g = header.body.radius_of_gyration**2, header.gravity
+    k2, g = header.body.radius_of_gyration**2, gravity_towards(fits, header)[:, None]
     last = np.zeros(len(fits))
     for epsilon in _RESTITUTIONS:
         c_n = -(1.0 + epsilon) * v_n[rows, lowest][:, None] / (1.0 + lever**2 / k2)
         after = v_n + c_n * (1.0 + lever * r_x / k2)
-        if g > 0.0:
-            fall = (after + np.sqrt(after**2 + 2.0 * g * height)) / g
-        else:  # nothing brings a corner down that does not come down by itself
-            fall = np.where(after < 0.0, -height / np.where(after < 0.0, after, -1.0), np.inf)
+        # where nothing pulls a corner down, it comes down by itself or not at all
+        by_itself = np.where(after < 0.0, -height / np.where(after < 0.0, after, -1.0), np.inf)
+        pulled = (after + np.sqrt(np.maximum(after**2 + 2.0 * g * height, 0.0))) / np.where(g > 0.0, g, 1.0)
+        fall = np.where(g > 0.0, pulled, by_itself)
         # vertices side by side (a rounded corner drawn as a polygon) are one place
         fall[np.abs(r_x - lever) < _ONE_PLACE * header.body.radius_of_gyration] = np.inf
         last = np.maximum(last, fall.min(axis=1))

@@ -127,19 +127,21 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
             q = o.value[i, side] + tau[:, None] * o.slope[i, side]
             # the fit stores a line; gravity's parabola relative to it is added
             bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
-            height = q[:, 1] - o.rig.gravity * bow
-            if walls:
-                q = as_filmed(walls, q)
-                height = q[:, 1]
+            q += o.rig.fall(q[:, 0]) * bow[:, None]
+            height = as_filmed(walls, q)[:, 1] if walls else q[:, 1]
+            q = as_filmed(walls, q) if walls else q
             ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
             rows += [("path", "arc", a, b, np.nan, trial) for a, b in zip(q[:, 0], height)]
     margin = o.rig.shape.extent
     if walls:
         ax.set_aspect("equal", adjustable="box")
-        ax.margins(0.1)
         for wall in walls:
             other = np.add(wall.point, [wall.n[1], -wall.n[0]])
             ax.axline(wall.point, (float(other[0]), float(other[1])), color=GREY, linewidth=0.8)
+        # a wall has no ends: what is seen is the path, and the point by which each wall is named
+        seen = np.concatenate([np.column_stack([x[shown], y[shown]]), [wall.point for wall in walls]])
+        (left, low), (right, high) = seen.min(axis=0) - margin, seen.max(axis=0) + margin
+        ax.set(xlim=(left, right), ylim=(low, high))
         ax.set_xlabel("position $x$ (m)")
         ax.set_title(f"trial {trial}", fontsize=7.5)
         ax.locator_params(nbins=4)

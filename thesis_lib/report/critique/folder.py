@@ -92,7 +92,7 @@ def critique_folder(
     UserError if the dataset is too small, or if an effect is unknown or cannot be tested with it.
     """
     if models:
-        require_falling(dataset.gravity > 0.0, dataset.has_angle, "--models")
+        require_falling(dataset.gravity, dataset.has_angle, dataset.header.surfaces or (), "--models")
     rng = generator(seed, "critique", dataset.digest())
     critique = criticise(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
     compared = None
