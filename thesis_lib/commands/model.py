@@ -24,6 +24,7 @@ STATES.csv holds one impact a row, when the body first touches, as measured:
 
 and comes back with vx_post, vy_post, omega_post and status (ok, not_approaching, no_solution). They hold where the
 contact ends: in a model with a contact time (tau) about a millisecond later, by which the body has turned and sunk in.
+Between walls (`surfaces` of dataset.yaml) a body hits the nearest one towards which it moves.
 """
 PREDICT_EXAMPLES = """\
 examples:

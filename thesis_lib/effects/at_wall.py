@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from thesis_lib.bodies.walls import wall_of
+from thesis_lib.bodies.walls import Wall, wall_of
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig
 from thesis_lib.effects.surface_height import SurfaceHeight
 from thesis_lib.effects.velocity_dependent_friction import VelocityDependentFriction
@@ -105,7 +105,7 @@ class AtWall(Effect):
         self.reference, self.includes = of.reference, tuple(f"{name}{_BETWEEN}{wall}" for name in of.includes)
 
     def applies_to(self, rig: Rig) -> bool:
-        return self.wall in rig.walls and len(rig.walls) > 1
+        return len(rig.walls) > 1 and any(wall.name == self.wall for wall in rig.walls)
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
         here, there = self._here(state, rig), self.of.coefficients(mu, epsilon, space, state, p, rig)
@@ -123,14 +123,14 @@ class AtWall(Effect):
         return np.where(self._here(state, rig), self.of.gap(gap, state, p, rig), gap)
 
     def _here(self, state, rig):
-        return wall_of(state.x) == rig.walls.index(self.wall)
+        return wall_of(state.x) == [wall.name for wall in rig.walls].index(self.wall)
 
 
-def effects_at(walls: Iterable[str]) -> Iterator[AtWall]:
+def effects_at(walls: Iterable[Wall]) -> Iterator[AtWall]:
     """Each of `AT_ONE_WALL` at each of the walls."""
     for wall in walls:
         for effect in AT_ONE_WALL.values():
-            yield AtWall(effect, wall)
+            yield AtWall(effect, wall.name)
 
 
 def effect_at_wall(name: object) -> AtWall | None:

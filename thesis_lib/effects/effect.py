@@ -32,7 +32,7 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.bodies.walls import wall_of
+from thesis_lib.bodies.walls import Wall, wall_of
 from thesis_lib.contact.space import ContactSpace
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
@@ -126,17 +126,16 @@ class State:
 class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
-    Between `walls`, their names in order, x tells the wall (`bodies.walls`), and the height is 0.  `wall_angles` in rad
-    turn them from a floor.  Without `has_angle` neither the angle nor the spin is measured.
+    Between `walls` x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle` neither the angle nor
+    the spin is measured.
     """
 
     shape: Shape
     k_g: float
     gravity: float
     height: float
-    walls: tuple[str, ...] = ()
+    walls: tuple[Wall, ...] = ()
     has_angle: bool = True
-    wall_angles: tuple[float, ...] = ()
 
     @property
     def k_told(self) -> float:
@@ -147,8 +146,9 @@ class Rig:
         """Acceleration of gravity (n, 3) in m/s² and rad/s², in the frames of bodies at x (n,)."""
         a = np.zeros((len(x), 3))
         a[:, 1] = -self.gravity
-        if self.wall_angles and self.gravity:
-            angle = np.array([*self.wall_angles, 0.0])[wall_of(x)]  # the last one is for the plane as it was filmed
+        if self.walls and self.gravity:
+            # the last one is for the plane as it was filmed
+            angle = np.array([*(wall.angle for wall in self.walls), 0.0])[wall_of(x)]
             a[:, 0], a[:, 1] = -self.gravity * np.sin(angle), -self.gravity * np.cos(angle)
         return a
 

@@ -21,7 +21,7 @@ from thesis_lib.effects.at_wall import AT_ONE_WALL, AtWall
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.report.critique.folder import critique_folder
-from thesis_lib.simulate.table.puck import EPSILON, FRICTION, MU, RADIUS, simulate_puck
+from thesis_lib.simulate.table.puck import CUSHIONS, EPSILON, FRICTION, MU, RADIUS, simulate_puck
 
 SEEDS = (0,)  # three of each were right
 STUCK = 2.0  # a friction with which every rim sticks
@@ -67,7 +67,7 @@ def test_what_needs_a_falling_body_is_refused_for_a_puck_with_the_reason(tmp_pat
     content = {"schema": 1, "law": "mirtich", "effects": (), "parameters": numbers, "rig": rig | {"height": 0.0}}
     level = SavedModel.model_validate(content)
     turning = SavedModel.model_validate(content | {"rig": content["rig"] | {"gravity": 9.81, "has_angle": False}})
-    boxed = SavedModel.model_validate(content | {"rig": content["rig"] | {"gravity": 9.81, "walls": ("south", "east")}})
+    boxed = SavedModel.model_validate(content | {"rig": content["rig"] | {"gravity": 9.81, "walls": CUSHIONS}})
     for model, reason in ((level, "no gravity"), (turning, "theta was not measured"), (boxed, "there are walls")):
         for what in (lambda m: exported(m, "mjcf"), lambda m: simulate_model(m, rng=np.random.default_rng(0))):
             with pytest.raises(UserError, match=reason):
@@ -88,7 +88,7 @@ def test_an_effect_at_one_wall_acts_there_alone(observations, name: str) -> None
     at_null, at_size = (impact_residuals(model, values | of, observations) for of in (null, moved))
     plain = impact_residuals(Model(mirtich.LAW, (), True, True), values, observations)
     np.testing.assert_array_equal(at_null, plain)
-    west = observations.rig.walls.index("west")
+    west = [wall.name for wall in observations.rig.walls].index("west")
     changed = np.abs(at_size - plain).max(axis=1) > 1e-9
 
     assert changed.any()

@@ -7,7 +7,7 @@ import pytest
 from thesis_lib.bodies.walls import Wall, wall_of
 from thesis_lib.critique import criticise
 from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.results.saved_model import save_model, saved
+from thesis_lib.critique.results.saved_model import load_model, predict, save_model, saved
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 
@@ -85,9 +85,21 @@ def test_a_trough_of_like_walls_is_adequate(tmp_path) -> None:
     assert found.verdict == "adequate"
     for name, true in (("mu", MU), ("epsilon", EPSILON)):
         assert abs(fitted.values[name] - true) < 4.0 * fitted.std[name] < 0.05 * true
-    model = saved(fitted, found.observations.rig, "trough")
+    save_model(saved(fitted, found.observations.rig, "trough"), tmp_path / "model.json")
+    model = load_model(tmp_path / "model.json")
     assert model.believed == found.observations.rig
-    save_model(model, tmp_path / "model.json")
+    # just off each wall, as it was filmed, and once away from all of them
+    rng = np.random.default_rng(3)
+    q, v = np.zeros((4, 3)), np.column_stack([rng.uniform(-1.0, 1.0, (4, 2)), rng.uniform(-9.0, 9.0, 4)])
+    for i, wall in enumerate(TROUGH):
+        q[i, :2] = np.add(wall.point, 0.3 * np.array([-wall.n[1], wall.n[0]]) * (i != 1)) + RADIUS * wall.n
+        v[i, :2] -= (v[i, :2] @ wall.n + 1.5) * wall.n
+    q[3], v[3] = [0.0, RADIUS, 0.0], [0.0, 2.0, 3.0]
+    states = pd.DataFrame(np.column_stack([q, v]), columns=["x", "y", "theta", "vx", "vy", "omega"])
+    after = predict(model, states)
+    assert list(after["status"]) == ["ok", "ok", "ok", "not_approaching"]
+    expected = [bounced(row, wall, EPSILON) for row, wall in zip(v, TROUGH)]
+    np.testing.assert_allclose(after[["vx_post", "vy_post", "omega_post"]][:3], expected, atol=0.05)
 
 
 @pytest.mark.slow

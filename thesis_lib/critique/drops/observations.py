@@ -102,8 +102,7 @@ def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: boo
     """
     found = find_impacts(dataset, settings)
     walls = dataset.header.surfaces or ()
-    names, angles = tuple(wall.name for wall in walls), tuple(wall.angle for wall in walls)
-    rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, names, dataset.has_angle, angles)
+    rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
     if found.samples is None:
         return _from_impacts(found, rig)
     single = _from_samples(found.samples, found, rig)

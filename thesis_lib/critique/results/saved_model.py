@@ -6,14 +6,14 @@
 import csv
 import io
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 import pandas as pd
 from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.bodies.walls import MOST
+from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, turns, wall_ahead
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import CONTACT_TIME
 from thesis_lib.critique.drops.episodes import contact
@@ -35,8 +35,7 @@ OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
-# of the rig, not written: one surface, and an angle that was measured
-_USUAL = (("walls", []), ("has_angle", True), ("wall_angles", []))
+_USUAL = (("walls", []), ("has_angle", True))  # of the rig, not written: one surface, and an angle that was measured
 _PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a model depends on them
 
 
@@ -75,9 +74,8 @@ class SavedRig(Section):
     radius_of_gyration: float = Field(gt=0, description="m")
     gravity: float = Field(ge=0, description="m/s²")
     height: float = Field(description="m, of the surface")
-    walls: tuple[Annotated[str, Field(max_length=20)], ...] = Field((), max_length=MOST, description="their names")
+    walls: tuple[Wall, ...] = Field((), max_length=MOST, description="`surfaces` of dataset.yaml")
     has_angle: bool = Field(True, description="false: theta was not measured")
-    wall_angles: tuple[float, ...] = Field((), max_length=MOST, description="rad, from a floor, counter-clockwise")
 
 
 class SavedModel(Section):
@@ -108,8 +106,7 @@ class SavedModel(Section):
     def believed(self) -> Rig:
         """The rig in the form that effects use."""
         rig = self.rig
-        known = (rig.walls, rig.has_angle, rig.wall_angles)
-        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, *known)
+        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle)
 
 
 def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
@@ -130,8 +127,8 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
     rounded = six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
     # values of the user are not rounded
     user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
-    user |= {"gravity": rig.gravity, "height": rig.height, "walls": rig.walls, "has_angle": rig.has_angle}
-    user |= {"wall_angles": rig.wall_angles}
+    user |= {"gravity": rig.gravity, "height": rig.height, "has_angle": rig.has_angle}
+    user |= {"walls": [wall.model_dump(mode="json") for wall in rig.walls]}
     return SavedModel.model_validate(rounded | {"rig": user})
 
 
@@ -216,8 +213,9 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
 
     The prediction holds where the contact ends: at once, or after the time that a model with `tau` gives it.
     `states` are x, y, theta, vx, vy, omega at first touch, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
-    effect depends on them, and any further columns.  UserError, which begins with `source`, the name of their file, if
-    a column is missing or a value is not a finite number.
+    effect depends on them, and any further columns.  Between walls the body hits the nearest one towards which it
+    moves.  Where spins were not measured, predictions hold for those of the states.  UserError, which begins with
+    `source`, the name of their file, if a column is missing or a value is not a finite number.
     """
     prefix = f"{source}: " if source else ""
     if missing := [name for name in STATE if name not in states]:
@@ -251,7 +249,19 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
 
 
 def _after(model: SavedModel, state: State) -> np.ndarray:
-    """Velocity (n, 3) in m/s, m/s, rad/s at the end of the contact; at once, if contacts take no time."""
+    """Velocity (n, 3) in m/s, m/s, rad/s at the end of the contact; that of the state where none begins."""
+    if not (walls := model.rig.walls):
+        return _after_on_floor(model, state)
+    wall = wall_ahead(walls, model.rig.shape, state.q, state.v)
+    R = turns(walls, wall)
+    level = State.of(in_wall_frame(walls, wall, state.q), np.einsum("nij,nj->ni", R, state.v), state.trial, state.t)
+    after = _after_on_floor(model, level)
+    untouched = (after == level.v).all(axis=1)
+    return np.where(untouched[:, None], state.v, np.einsum("nji,nj->ni", R, after))
+
+
+def _after_on_floor(model: SavedModel, state: State) -> np.ndarray:
+    """As `_after`, in the frame of the surface that is hit; at once, if contacts take no time."""
     fitted, values, rig = model.model, model.values, model.believed
     if not fitted.takes_time:
         return fitted.predict(state, values, rig).v
