@@ -180,7 +180,8 @@ class _Play:
         for _ in range(NEWTON):
             gap, v_n = self._gaps(start.flown(a, t), rows)
             point = _first(gap, v_n)
-            t = np.clip(t - gap[point, each] / v_n[point, each], 0.0, h)
+            gap, v_n = gap[point, each], v_n[point, each]
+            t = np.clip(t - np.divide(gap, v_n, out=np.zeros_like(gap), where=v_n != 0.0), 0.0, h)
         return t
 
     def rise(self, state: State) -> tuple[np.ndarray, np.ndarray]:
