@@ -5,6 +5,7 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.table import puck
+from thesis_lib.simulate.table.mujoco_puck import slide_in_mujoco
 from thesis_lib.simulate.table.puck import CONTACT, FRICTION, RADIUS, hidden_table, simulate_puck
 
 EAST_EDGE = puck.LENGTH / 2 - RADIUS
@@ -15,7 +16,7 @@ STEPPED = 5e-3
 def path(speed: tuple[float, float], hidden: str = "nothing", spin: float = 0.0, **size: float):
     """Times (T,), positions (T, 2) and velocities (T − 1, 2) of one puck from the middle of the table."""
     times = np.arange(0.0, 0.6, 1e-4)
-    q = puck._slide(np.zeros((1, 2)), np.array([speed]), np.array([spin]), hidden_table(hidden, **size), times)[0]
+    q = puck.slide(np.zeros((1, 2)), np.array([speed]), np.array([spin]), hidden_table(hidden, **size), times)[0]
     return times, q, np.diff(q, axis=0) / 1e-4
 
 
@@ -69,3 +70,33 @@ def test_impossible_sizes_are_refused(hidden: str, size: float) -> None:
 def test_unknown_causes_are_refused_with_the_known_ones() -> None:
     with pytest.raises(UserError, match="quick_cushion, dead_cushion"):
         simulate_puck("puck", "loose_cushion")
+
+
+class TestMujoco:
+    def test_it_does_as_our_own_simulator_does(self) -> None:
+        """Straight hits; where the rim slides MuJoCo's friction lifts the puck, which ours does not."""
+        times, table = np.arange(0.0, 0.5, 1e-3), hidden_table("dead_cushion")
+        q, v, spin = np.zeros((2, 2)), np.array([[2.0, 0.0], [0.0, -1.8]]), np.zeros(2)
+        ours, theirs = (move(q, v, spin, table, times) for move in (puck.slide, slide_in_mujoco))
+        np.testing.assert_allclose(theirs, ours, atol=4e-3)  # their contacts last a millisecond, ours 0.9
+        east, _ = before_and_after_straight(theirs[0, :, 0], times)
+        assert east == pytest.approx(puck.EPSILON - 0.08, abs=0.01)
+
+    def test_what_no_contact_of_mujocos_does_is_refused(self) -> None:
+        with pytest.raises(UserError, match="quick_cushion"):
+            simulate_puck("puck", "quick_cushion", trials=1, move=slide_in_mujoco)
+
+    def test_the_same_seed_has_the_same_releases(self) -> None:
+        tables = [
+            simulate_puck("puck", "nothing", trials=2, move=move).trajectories for move in (None, slide_in_mujoco)
+        ]
+        first = [table.iloc[:3][["x", "y"]].to_numpy() for table in tables]
+        np.testing.assert_allclose(*first, atol=2e-4)
+
+
+def before_and_after_straight(x: np.ndarray, times: np.ndarray) -> tuple[float, float]:
+    """Restitution of the only straight hit of a path x (T,), and its instant in s."""
+    at = int(np.argmax(x))
+    before, after = (np.polyfit(times[rows], x[rows], 2) for rows in (slice(at - 60, at - 3), slice(at + 3, at + 60)))
+    speeds = [np.polyval(np.polyder(line), times[at]) for line in (before, after)]
+    return -speeds[1] / speeds[0], float(times[at])

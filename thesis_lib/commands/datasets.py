@@ -97,7 +97,10 @@ def build_parser() -> Parser:
     )
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
-    hidden = "see below; default: com_offset_x, of a puck quick_cushion, in a mechanism rolling_resistance"
+    hidden = (
+        "see below; default: com_offset_x, of a puck quick_cushion (in MuJoCo dead_cushion), in a mechanism "
+        "rolling_resistance"
+    )
     example.add_argument("--hidden", metavar="NAME", help=hidden)
     engine = (
         "which simulator: this program's own, MuJoCo, or Drake (drops: its point contact); default: %(default)s. A "
@@ -204,10 +207,17 @@ def _example_puck(args: argparse.Namespace, out: Path) -> int:
     from thesis_lib.datasets.summary import check_dataset, summary_text
     from thesis_lib.simulate.table.puck import FLOAT_FORMAT, TRIALS, simulate_puck
 
-    if args.filter or args.cutoff is not None or args.contact_time is not None or args.engine != "own":
-        raise UserError("--engine, --contact-time, --filter and --cutoff are for drops; leave them out with a puck.")
-    given = {"size": args.size, "trials": TRIALS if args.drops is None else args.drops, "seed": args.seed}
-    write_dataset(simulate_puck(out.resolve().name, args.hidden or "quick_cushion", **given), out, FLOAT_FORMAT)
+    if args.filter or args.cutoff is not None or args.contact_time is not None:
+        raise UserError("--contact-time, --filter and --cutoff are for drops; leave them out with a puck.")
+    if args.engine == "drake":
+        raise UserError("A puck slides in our own simulator or in MuJoCo, not in Drake.")
+    given: dict = {"size": args.size, "trials": TRIALS if args.drops is None else args.drops, "seed": args.seed}
+    hidden = args.hidden or "quick_cushion"
+    if args.engine == "mujoco":
+        from thesis_lib.simulate.table.mujoco_puck import slide_in_mujoco
+
+        given["move"], hidden = slide_in_mujoco, args.hidden or "dead_cushion"
+    write_dataset(simulate_puck(out.resolve().name, hidden, **given), out, FLOAT_FORMAT)
     print(summary_text(*check_dataset(out)))
     print(f"written to {out}. Next: python -m thesis_lib critique {out}")
     return 0

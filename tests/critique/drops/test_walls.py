@@ -10,6 +10,7 @@ from thesis_lib.critique.drops.covariance import spin_covariance
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.unknown_spin import velocity_left
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.export.export import exported
@@ -21,6 +22,7 @@ from thesis_lib.effects.at_wall import AT_ONE_WALL, AtWall
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.report.critique.folder import critique_folder
+from thesis_lib.simulate.table.mujoco_puck import slide_in_mujoco
 from thesis_lib.simulate.table.puck import CUSHIONS, EPSILON, FRICTION, MU, RADIUS, simulate_puck
 
 SEEDS = (0,)  # three of each were right
@@ -141,3 +143,13 @@ def test_the_cause_and_the_cushion_are_named(hidden: str, name: str, seed: int) 
     assert found.verdict == "effects"
     assert [step.effect.name for step in found.discovery.steps] == [name]
     assert found.discovery.steps[0].alternatives == ()
+
+
+@pytest.mark.slow
+def test_another_simulators_cushion_is_named_with_its_size() -> None:
+    """MuJoCo's friction pushes a sliding puck off the cushion, so that the verdict may be `unexplained` beside it."""
+    dataset = simulate_puck("puck", "dead_cushion", trials=30, move=slide_in_mujoco)
+    found = criticise(dataset, rng=np.random.default_rng(0), settings=CritiqueSettings(finalists=2, max_effects=1))
+    (step,) = found.discovery.steps
+    assert step.effect.name in ("other_restitution_at_east", "velocity_dependent_restitution_at_east")
+    assert found.ladder[-1][1].values[f"{step.effect.name}.d"] == pytest.approx(-0.08 / EPSILON, abs=0.01)

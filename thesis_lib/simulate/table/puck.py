@@ -20,6 +20,7 @@ gives back the share ε of the normal velocity, and friction μ N against the sl
 Nothing of this uses an impact law or the code of the critique.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,6 +83,7 @@ CAUSES = {
     "shifted_cushion": HiddenInATable("out", 3e-3, "m by which the east cushion stands further out than stated"),
 }
 EAST = 3
+Move = Callable[[np.ndarray, np.ndarray, np.ndarray, Table, np.ndarray], np.ndarray]
 TRIALS = 60
 FLOAT_FORMAT = "%.6f"  # a micrometre, far below the noise
 
@@ -104,8 +106,12 @@ def hidden_table(hidden: str, size: float | None = None) -> Table:
     return table
 
 
-def simulate_puck(name: str, hidden: str, *, size: float | None = None, trials: int = 60, seed: int = 0) -> Dataset:
+def simulate_puck(
+    name: str, hidden: str, *, size: float | None = None, trials: int = 60, seed: int = 0, move: "Move | None" = None
+) -> Dataset:
     """Recordings of a puck with the cause `hidden` of `CAUSES`, or "nothing", as the owner of the table has them.
+
+    `move` is what moves it: `slide`, or another simulator's function with the same arguments.
 
     Raises:
         UserError: the cause is unknown, its size impossible, or there are no trials.
@@ -120,7 +126,7 @@ def simulate_puck(name: str, hidden: str, *, size: float | None = None, trials: 
     v = speed[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
     omega = 0.3 * speed / RADIUS * rng.standard_normal(trials)
     times = np.arange(int(DURATION * RATE)) / RATE
-    path = _slide(q, v, omega, table, times)
+    path = (move or slide)(q, v, omega, table, times)
     seen = path + NOISE * rng.standard_normal(path.shape)
     poses = pd.DataFrame(
         {
@@ -162,7 +168,7 @@ def cushions_text() -> str:
     return "\n".join(["of a puck (--shape puck):", *lines])
 
 
-def _slide(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Table, times: np.ndarray) -> np.ndarray:
+def slide(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Table, times: np.ndarray) -> np.ndarray:
     """Positions (n, T, 2) in m at `times` (T,) in s of pucks from q, v (n, 2) and spin omega (n,); NaN once at rest."""
     n = len(q)
     q, v, omega, now = q.copy(), v.copy(), omega.copy(), np.zeros(n)
