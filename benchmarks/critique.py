@@ -94,7 +94,7 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     shapes = tuple(ASKED)
     if options.quick:
-        options.hidden, options.drops, options.sizes, shapes = ["nothing"], 30, [], shapes[-1:]
+        options.hidden, options.drops, options.sizes, shapes = ["nothing"], 20, [], shapes[-1:]
     results = Results("critique")
     print(f"{'drops of':24s}{'drops':>6s}{'impacts':>9s}{'CPU s':>8s}  verdict")
 

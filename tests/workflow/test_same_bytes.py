@@ -28,7 +28,7 @@ def command(folder: Path, *arguments: str) -> None:
 
 @pytest.mark.slow
 def test_command_and_pipeline_write_the_same_bytes(checkout, snakemake):
-    command(checkout, "datasets", "example", "-o", f"data/measured/{NAME}", "--drops", "30")
+    command(checkout, "datasets", "example", "-o", f"data/measured/{NAME}", "--drops", "20")
     (checkout / "overlay.yaml").write_text(f"critique: {{datasets: [{NAME}]}}\n")
     done = snakemake(
         checkout, "--cores", "1", "--configfile", "overlay.yaml", "--", f"results/critique/{NAME}/report.html"

@@ -6,6 +6,9 @@ that of its elliptic cone: viscous near sticking, and where the rim slides it pu
 Friction with the table is a force against the motion, set anew every `EVERY` steps.
 """
 
+# MuJoCo has no types
+# pyright: reportAttributeAccessIssue=false
+
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
