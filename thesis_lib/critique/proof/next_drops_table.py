@@ -43,7 +43,8 @@ def as_markdown(answers: Sequence[Answer] | None = None) -> str:
         f"{of.halved} of these {of.n} questions ({100 * of.halved / of.n:.0f} %, 95 %: {100 * low:.0f} to "
         f"{100 * high:.0f} %) are settled with at most half as many chosen drops as random ones. The median question "
         f"takes {of.median:.2g} times as many; all together take {of.chosen:.0f} instead of {of.random:.0f}, where one "
-        f"that is settled wrongly (random: {wrong[0]}, chosen: {wrong[1]}) counts as {STEPS[-1]}.",
+        f"that is settled wrongly (random: {wrong[0]}, chosen: {wrong[1]}) counts as {STEPS[-1]}. Chosen drops take "
+        f"more than random ones in {sum(a.chosen > a.random for a in answers if a.is_open)}.",
         "",
         "| hidden | of its size in the proof | seed | which effect? | apart, nats | random drops | chosen drops |",
         "|---|---|---|---|---|---|---|",
@@ -51,7 +52,7 @@ def as_markdown(answers: Sequence[Answer] | None = None) -> str:
     for answer in sorted((a for a in answers if a.is_open), key=lambda a: (-a.random, a.chosen)):
         q, counts = answer.question, []
         for n, wrong in ((answer.random, answer.wrong_random), (answer.chosen, answer.wrong_chosen)):
-            counts.append("wrongly settled" if wrong else f"{'over ' if n >= STEPS[-1] else ''}{n:.0f}")
+            counts.append("wrongly settled" if wrong else f"{n:.0f}{' or more' if n >= STEPS[-1] else ''}")
         which = f"{answer.effect}, {answer.rival}"
         lines.append(
             f"| {q.cause} | {q.size:g} | {q.seed} | {which} | {answer.apart:.1f} | {counts[0]} | {counts[1]} |"

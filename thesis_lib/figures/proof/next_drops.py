@@ -33,7 +33,7 @@ def draw_next_drops(answers: Sequence[Answer]) -> Drawn:
     ax.plot(table["random"], rows, "o", color=RED, markersize=4, label="random")
     ax.plot(table["chosen"], rows, "s", color=BLUE, markersize=3.5, label="in the states proposed")
     ax.set_xscale("log")
-    ax.set_xticks([1, 3, 10, 30, 100, STEPS[-1]], ["1", "3", "10", "30", "100", f"over {STEPS[-1] - 1}"])
+    ax.set_xticks([1, 3, 10, 30, 100, STEPS[-1]], ["1", "3", "10", "30", "100", f"{STEPS[-1]} or more"])
     ax.minorticks_off()
     ax.set_yticks(list(rows), [f"{words(a.effect)} or {words(a.rival)}" for a in opened], fontsize=6)
     ax.set_xlabel("further drops until the scores are 3 nats apart")
