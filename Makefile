@@ -39,7 +39,8 @@ $(STAMP): environment.txt
 	@sh .ci/system-packages check "$(PYTHON)"
 	@echo "Creating .venv with $$($(PYTHON) --version) and installing environment.txt (about 2 GB, some minutes)"
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement environment.txt
+	@# each module is compiled when it is first imported: most of torch never is
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile $(PIP_OPTIONS) --requirement environment.txt
 	@touch $@
 
 reproduce: setup  ## run the main job: every table, figure and claim; an interrupted run goes on where it was

@@ -89,7 +89,7 @@ def run_page(folder: Path) -> str:
 def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Critique of few drops with a hidden cause, index of a batch, claims ledger."""
     folder = tmp_path_factory.mktemp("pages")
-    drops = simulate_example("drops", "com_offset_x", drops=40).dataset
+    drops = simulate_example("drops", "com_offset_x", drops=25).dataset
     settings = CritiqueSettings(folds=2, finalists=1)
     diagnosis = critique_folder(drops, folder / "drops", 0, effects=("com_offset",), settings=settings)
     rows = [row_of_verdict("drops", diagnosis), row_of_failure("bad", "The table is empty.")]
