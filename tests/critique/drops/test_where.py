@@ -185,3 +185,13 @@ def test_a_test_that_the_data_cannot_support_says_so(impacts_dataset):
     found = class_tests(fit(Model(LAWS["whittaker"]), observations), observations)
     assert found["parity"]["p_value"] is None and "both ways" in found["parity"]["why_not"]
     assert found["rigid_point"]["p_value"] is None and "noise" in found["rigid_point"]["why_not"]
+
+
+def test_a_wall_is_named_and_never_more_or_less_than_another():
+    rng, n = np.random.default_rng(0), 300
+    table = pd.DataFrame({"v_n": -rng.uniform(0.5, 3.0, n), "wall": rng.integers(0, 3, n).astype(float)})
+    table.attrs["walls"] = ["floor", "left", "right"]
+    z = rng.standard_normal(n) ** 2 + 9.0 * (table["wall"] == 1.0)
+    (worst, *_) = regions(table, z.to_numpy(), z.to_numpy(), np.ones(n, bool), rng)
+    assert worst["rule"] == "the wall is left" and worst["conditions"][0]["wall"] == "left"
+    assert worst["n"] == int((table["wall"] == 1.0).sum())

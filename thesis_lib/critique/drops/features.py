@@ -58,6 +58,7 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
         table = table.drop(columns=["omega", "theta"])
     if observations.rig.walls:
         table["wall"] = wall_of(true.x).astype(float)
+        table.attrs["walls"] = [wall.name for wall in observations.rig.walls]
     if observations.arcs:
         table["t"] = observations.t
     return table

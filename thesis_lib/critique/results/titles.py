@@ -13,7 +13,7 @@ FEATURE_LABEL = {
     "theta": r"body angle $\theta$",
     "x": "position $x$",
     "trial": "number of the release",
-    "wall": "number of the wall",
+    "wall": "wall",
     "t": "time $t$",
 }
 _NAMES = "mu epsilon eps phi theta omega eta zeta rho tau alpha beta gamma kappa"

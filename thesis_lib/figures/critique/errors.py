@@ -154,8 +154,8 @@ def laws_sentence(table: pd.DataFrame) -> str:
     (best, *_, worst), (least, *_, most) = table["model"].map(law_title), table["error"]
     alike = table.loc[table["error"] <= (1.0 + ALIKE) * least, "error"]
     if len(alike) == len(table):
-        all_err = f"all {len(table)} err by {number(least)} to {number(most)} m/s on held-out impacts"
-        return f"The choice of law hardly matters: {all_err}"
+        ends = " to ".join(dict.fromkeys(map(number, (least, most))))
+        return f"The choice of law hardly matters: all {len(table)} err by {ends} m/s on held-out impacts"
     if len(alike) >= len(table) / 2:
         return (
             f"{len(alike)} of {len(table)} laws err alike on held-out impacts, by {number(least)} to "

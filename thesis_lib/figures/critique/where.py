@@ -104,6 +104,10 @@ def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
         shown = _tiles(ax, x, y, error, top)
         _outline(ax, regions, over)
         ax.set(xlabel=axis_label(over[0]), title=f"{names[kind]}: held-out mean {number(means[kind])} m/s")
+        if "wall" in over:
+            walls = [wall.name for wall in o.rig.walls]
+            axis = ax.yaxis if over[1] == "wall" else ax.xaxis
+            axis.set_ticks(range(len(walls)), walls)
         ax = axes[1, column]
         _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
         turn = np.linspace(0.0, 2.0 * np.pi, 181)

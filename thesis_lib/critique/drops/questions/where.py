@@ -50,15 +50,18 @@ _UNITS = {**FLIGHT_UNITS, **{name: unit for name, (unit, _) in FEATURES.items()}
 
 @dataclass(frozen=True)
 class Condition:
-    """low < feature < high in the feature's unit, or of its magnitude if `absolute`."""
+    """low < feature < high in the feature's unit, or of its magnitude if `absolute`; `wall` is the name of a wall."""
 
     feature: str
     absolute: bool
     low: float | None
     high: float | None
+    wall: str = ""
 
     @property
     def text(self) -> str:
+        if self.wall:
+            return f"the wall is {self.wall}"
         name = f"|{self.feature}|" if self.absolute else self.feature
         unit = _UNITS[self.feature]
 
@@ -156,7 +159,7 @@ def regions(
         worst.append(
             {
                 "rule": " and ".join(condition.text for condition in rules[i]),
-                "conditions": [vars(condition) for condition in rules[i]],
+                "conditions": [_content(condition) for condition in rules[i]],
                 "support": float(inside.mean()),
                 "n": int(inside.sum()),
                 "on": "held_out" if enough else "all",
@@ -170,6 +173,10 @@ def regions(
             }
         )
     return worst
+
+
+def _content(condition: Condition) -> dict:
+    return {name: value for name, value in vars(condition).items() if name != "wall" or value}
 
 
 def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -189,8 +196,9 @@ def _rules(table: pd.DataFrame) -> tuple[list[Rule], np.ndarray]:
     """All rules with enough support, and their masks (rules, n)."""
     if table.empty:
         return [], np.zeros((0, 0), bool)
-    fine, coarse = {}, {}
-    for feature in table.columns:
+    named = [Condition("wall", False, i - 0.5, i + 0.5, wall) for i, wall in enumerate(table.attrs.get("walls", ()))]
+    fine, coarse = ({condition.text: condition for condition in named} for _ in range(2))
+    for feature in table.columns.drop("wall", errors="ignore"):
         x = table[feature].to_numpy(float)
         for absolute in (True,) if feature == "v_n" else (False, True) if feature in _SIGNED else (False,):
             values = np.abs(x) if absolute else x
