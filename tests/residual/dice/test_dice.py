@@ -341,3 +341,14 @@ def test_throws_that_start_equal_and_end_equal_leave_no_error(recorded, monkeypa
     monkeypatch.setattr("thesis_lib.residual.dice.budget.ALIKE", few)
     table = budget([thrower], releases, again, contacts, side_of(dataset), settings, rng).set_index("model")
     assert table.loc["pairs", "std"] < 1e-6 and table.loc["pairs", "face_right"] == 1.0
+
+
+def test_a_marker_off_the_centre_leaves_the_outline_where_it_is():
+    d = np.array([3e-4, -4e-4])
+    marked = critique_model(saved({"marker_offset.d_x": d[0], "marker_offset.d_y": d[1]}), 2 * HALF)
+    plain = critique_model(saved({"angle_offset.d_theta": 0.0}), 2 * HALF)
+    q, _ = throws(20)
+    cos, sin = np.cos(q[:, 2]), np.sin(q[:, 2])
+    centre = q - np.column_stack([cos * d[0] - sin * d[1], sin * d[0] + cos * d[1], np.zeros(20)])
+    assert marked.body.gap(q) == pytest.approx(plain.body.gap(centre), abs=1e-12)
+    assert np.abs(marked.body.gap(q) - plain.body.gap(q)).max() > 3e-4

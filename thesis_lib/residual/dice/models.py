@@ -47,7 +47,7 @@ from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, Throws, simulate_throws
 
 FEWEST = 50  # contacts on either side of an edge; with fewer, both sides are one range of speeds
-BODY_EFFECTS = ("rounded_corners", "angle_offset", "linear_drag", "wrong_inertia", "surface_height")
+BODY_EFFECTS = ("rounded_corners", "angle_offset", "marker_offset", "linear_drag", "wrong_inertia", "surface_height")
 CONTACT_HOOKS = {"coefficients", "impulse", "contact_time"}
 BY_TRIAL = "wear"  # of a surface that throws do not number
 
@@ -64,6 +64,9 @@ class Thrower:
 
 def critique_model(saved: SavedModel, side: float) -> DiceModel:
     """The critique's body and law as a model that can be thrown, with contacts that take no time.
+
+    With a marker off the centre the outline lies where it is, and the mass is taken to be at the marker, as in all fits
+    of the dice.
 
     UserError for effects that are neither in `BODY_EFFECTS` nor act on contacts alone.
     """
@@ -88,6 +91,8 @@ def critique_model(saved: SavedModel, side: float) -> DiceModel:
         epsilon=p["epsilon"],
         gravity=saved.rig.gravity,
         d_theta=p.get("angle_offset.d_theta", 0.0),
+        c_x=p.get("marker_offset.d_x", 0.0),
+        c_y=p.get("marker_offset.d_y", 0.0),
         c_v=p.get("linear_drag.c_v", 0.0),
         c_w=p.get("linear_drag.c_w", 0.0),
         effects=tuple(
