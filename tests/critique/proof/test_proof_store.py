@@ -6,14 +6,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stored_proof import error, parameter, put, refuse, row_of
+from stored_proof import OUTSIDE, error, parameter, put, refuse, row_of
 
 from thesis_lib.critique.proof import __main__ as command
 from thesis_lib.critique.proof import check as proof_check
 from thesis_lib.critique.proof import compute as proof_compute
 from thesis_lib.critique.proof import sizes as proof_sizes
 from thesis_lib.critique.proof.cases import NOTHING, RIGID, SEEDS, SOURCES, Case
-from thesis_lib.critique.proof.check import AGREES, DIFFERS, MOVES, check, compare, rerun, rows_to_check
+from thesis_lib.critique.proof.check import (
+    AGREES,
+    DIFFERS,
+    MOVES,
+    WORSE,
+    check,
+    check_sample,
+    compare,
+    rerun,
+    rows_to_check,
+)
 from thesis_lib.critique.proof.compute import code_hash, compute
 from thesis_lib.critique.proof.store import STORE, put_row, read_rows, write_rows
 from thesis_lib.foundation.errors import UserError
@@ -132,25 +142,35 @@ class TestCheck:
         assert check(cases, store, tell=list) and rows_to_check(None, store=store) == cases
         assert check(cases, store, stamp=True, tell=list) and rows_to_check(None, store=store) == []
 
-    @pytest.mark.parametrize("change", [{"verdict": "unexplained"}, {"groups": (("magnus",),)}, {"groups": ()}])
+    @pytest.mark.parametrize("change", [{"verdict": "refused"}, {"groups": (("magnus",),)}, {"groups": ()}])
     def test_another_answer_fails_and_is_never_stored(self, store, change):
         self.changes = change
         said = []
         assert not check([WEAR], store, stamp=True, tell=said.append)
-        assert "differs" in said[0] and "wear" in said[0]
+        assert WORSE in said[0] and "wear" in said[0]
         assert read_rows("law", store)[WEAR] == self.stored[WEAR]
 
-    def test_numbers_that_moved_fail_where_the_code_is_known(self, store):
+    def test_numbers_that_moved_are_told_and_stored(self, store):
         self.changes = {"errors": error(after=1.01)}
         said = []
-        assert check([WEAR], store, tell=said.append) and "augmented 0.01 → 0.0101" in said[0]
-        assert not check([replace(WEAR, seed=SEEDS + 1)], store, tell=said.append)
-        drake = Case("drake", "tilt", SEEDS)
-        self.stored[drake] = put(store, drake, code=code_hash())
-        assert check([drake], store, tell=said.append) and "moved" in said[-1]
-        # the next time they are those of today's code
-        check([WEAR], store, stamp=True, tell=list)
+        assert check([WEAR], store, stamp=True, tell=said.append) and "augmented 0.01 → 0.0101" in said[0]
         assert read_rows("law", store)[WEAR].errors == error(after=1.01)
+
+    @pytest.mark.parametrize(("wrong", "computed", "passes"), [(0, 2, True), (1, 6, True), (2, 6, False)])
+    def test_a_sample_fails_on_the_second_right_answer_that_became_wrong(
+        self, store, monkeypatch, wrong, computed, passes
+    ):
+        for seed in range(4, 9):
+            put(store, replace(WEAR, seed=SEEDS + seed))
+        stored = read_rows("law", store)
+        order = rows_to_check(6, ["law"], store)
+        assert len(order) == 6 and rows_to_check(2, ["law"], store) == order[:2]
+        turned = order[:wrong]
+        monkeypatch.setattr(
+            proof_check, "compute", lambda case: replace(stored[case], groups=() if case in turned else (("wear",),))
+        )
+        said = []
+        assert check_sample(2, ["law"], store, tell=said.append) is passes and len(said) == computed
 
     @pytest.mark.parametrize(
         ("change", "status"),
@@ -163,12 +183,28 @@ class TestCheck:
             ({"n_impacts": 299}, MOVES),
             ({"parameters": {}}, MOVES),
             ({"parameters": {"w": parameter(1.0, 1.2)}}, MOVES),
-            ({"verdict": "unexplained"}, DIFFERS),
+            ({"verdict": "unexplained"}, DIFFERS),  # the effect is named first all the same
+            ({"groups": (("wear", "magnus"),)}, DIFFERS),
+            ({"groups": (("magnus",),)}, WORSE),
+            ({"verdict": "refused"}, WORSE),
         ],
     )
     def test_what_counts_as_another_row(self, change, status):
         row = row_of(WEAR, parameters={"w": parameter(1.0)})
         assert compare(row, replace(row, **change))[0] == status
+
+    def test_the_order_within_a_group_is_no_part_of_the_answer(self):
+        row = row_of(WEAR, [["wear", "magnus"], ["tilt"]])
+        assert compare(row, replace(row, groups=(("magnus", "wear"), ("tilt",))))[0] == AGREES
+        assert compare(row, replace(row, groups=(("tilt",), ("magnus", "wear"))))[0] == WORSE
+
+    def test_another_stand_in_for_what_is_outside_is_told_and_does_not_fail(self, store):
+        plate = Case("mechanism", OUTSIDE, SEEDS)
+        self.stored[plate] = put(store, plate, [["moving_surface", "sensor_drift"]])
+        said = []
+        self.changes = {"groups": (("tilt",),)}
+        assert check([plate], store, tell=said.append) and "differs" in said[0]
+        assert not check([plate], store, tell=said.append, failing=(DIFFERS, WORSE))
 
     def test_a_rerun_agrees_or_names_what_differs(self, store):
         table = rerun(["law/wear", f"mechanism/{NOTHING}"], store)

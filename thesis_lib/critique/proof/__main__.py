@@ -20,7 +20,7 @@ from pathlib import Path
 from thesis_lib.critique.proof.by_contact import as_markdown
 from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
 from thesis_lib.critique.proof.cause_sizes import find_cause_size
-from thesis_lib.critique.proof.check import ages, check, rows_to_check
+from thesis_lib.critique.proof.check import ages, check, check_sample, rows_to_check
 from thesis_lib.critique.proof.compute import compute
 from thesis_lib.critique.proof.next_drops import QUESTIONS
 from thesis_lib.critique.proof.next_drops import run as run_questions
@@ -48,8 +48,10 @@ def main(arguments: list[str] | None = None) -> int:
             return 0 if computed else 1
         elif options.command == "check":
             print(ages())
-            cases = rows_to_check(None if options.all else options.sample, options.source)
-            return 0 if check(cases, stamp=options.stamp, tell=lambda line: print(line, flush=True)) else 1
+            arguments_of = {"stamp": options.stamp, "tell": lambda line: print(line, flush=True)}
+            if options.all:
+                return 0 if check(rows_to_check(None, options.source), **arguments_of) else 1
+            return 0 if check_sample(options.sample, options.source, **arguments_of) else 1
         elif options.command == "contacts":
             print(as_markdown(outcomes(), recovered()), end="")
         elif options.command == "table":
