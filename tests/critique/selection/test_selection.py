@@ -233,6 +233,32 @@ def test_a_base_of_the_reserve_that_errs_more_is_left_whatever_its_score():
     assert found(Erring(world.trial, world.x, world.y)).fitted.base == "line"
 
 
+def test_a_base_of_the_reserve_that_ends_worse_is_left_again():
+    class DeadEnd(WithReserve):
+        """On the bend no effect enters, although it predicts better than the line with one effect."""
+
+        def reserve_fits(self, fitted, refine=False):
+            return [] if refine else super().reserve_fits(fitted)
+
+        def is_material(self, better, worse, candidate, settings):
+            return self.of_line(worse) and super().is_material(better, worse, candidate, settings)
+
+        def cross_validate(self, fitted, folds):
+            judged = super().cross_validate(fitted, folds)
+            self.bends = {**getattr(self, "bends", {}), id(judged): (fitted.base, judged)}
+            return judged
+
+        def of_line(self, judged):
+            return self.bends[id(judged)][0] == "line"
+
+    world = with_reserve(0, bend=0.5, wave=SIZE, step=SIZE)
+    said = []
+    discovery = found(DeadEnd(world.trial, world.x, world.y), say=said.append)
+    assert "another base, bend" in said and "on line once more, with other effects" in said
+    assert discovery.base == discovery.fitted.base == "line"
+    assert len(discovery.steps) == 2
+
+
 def test_on_a_base_of_the_reserve_slopes_name_a_finalist_that_quick_fits_misjudge(monkeypatch):
     class FarLimit(WithReserve):
         """Quick fits on the bend take the square for the wave, and the wave for nothing."""

@@ -1,7 +1,7 @@
 """What a search has chosen, and how it does on held-out data."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Generic
 
 import numpy as np
@@ -32,6 +32,29 @@ class Step(Generic[E, F, J]):
     fitted: F
     judged: J
     scan: Scan
+
+
+@dataclass
+class Path(Generic[E, F, J]):
+    """How far a search has come, and as it was before a base of the reserve was taken (`simpler`)."""
+
+    base: str
+    fitted: F
+    judged: J
+    steps: list[Step[E, F, J]] = field(default_factory=list)
+    dropped: set[str] = field(default_factory=set)
+    first_scan: Scan | None = None
+    below: F | None = None
+    simpler: "Path[E, F, J] | None" = None
+
+    def remember(self, step: Step[E, F, J] | None) -> None:
+        """Keep a copy, with a step that would have entered, unless there is one."""
+        if self.simpler is None:
+            known = [one for one in self.steps if step is None or one.effect.name != step.effect.name]
+            copy = replace(self, steps=[*known, *([step] if step else [])], dropped=set(self.dropped))
+            if step:
+                copy.fitted, copy.judged = step.fitted, step.judged
+            self.simpler = copy
 
 
 @dataclass(frozen=True)

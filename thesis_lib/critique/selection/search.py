@@ -10,7 +10,8 @@
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
    the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged first.
-   Where a step leaves an error, the next best effects are tried with these bases, too.
+   Where a step leaves an error, the next best effects are tried with these bases, too.  If an error is left in the
+   end, the search goes on without the reserve from where it was taken, and the better of the two ends counts.
 6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
 """
 
@@ -20,7 +21,7 @@ from typing import Generic
 
 import numpy as np
 
-from thesis_lib.critique.selection.discovery import Discovery, Step
+from thesis_lib.critique.selection.discovery import Discovery, Path, Step
 from thesis_lib.critique.selection.evidence import Drop, Evidence
 from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -72,15 +73,38 @@ class _Search(Generic[E, F, J]):
         base, judged = next(self.evidence.judged_in_turn(bases, ranked))
         ranked = [base, *(name for name in ranked if name != base)]
         fitted = bases[base] = self.in_full(bases[base])
-        most = self.settings.max_effects if fixed is None else len(fixed)
-        if (fixed is not None or not most) and (other := self.other_base(self.reserve(fitted), fitted, judged)):
-            fitted, judged = other
-            bases[fitted.base], base = fitted, fitted.base
-        steps: list[Step[E, F, J]] = []
-        dropped: set[str] = set()
-        first_scan = below = None
-        while len(steps) < most:
-            taken = {step.effect.name for step in steps} | dropped
+        path = Path(base, fitted, judged)
+        if fixed is not None or not self.most(fixed):
+            other = self.other_base(self.reserve(fitted), fitted, judged)
+            if other:
+                self.on_other_base(path, other, bases)
+        path = self.extend(path, bases, ranked, fixed)
+        if path.simpler is not None and world.leaves_an_error(path.judged):
+            path = self.better_of(path, path.simpler, bases, ranked)
+        if path.steps and (other := self.other_base(self.reserve(path.fitted, refine=True), path.fitted, path.judged)):
+            self.on_other_base(path, other, bases, "useless" if fixed is None else "none")
+        rest = [e for e in world.candidates.values() if e not in path.fitted.effects]
+        last_scan = self.evidence.scan(path.fitted, rest, "last null")
+        first_scan = path.first_scan or last_scan
+        return Discovery(bases, path.base, tuple(path.steps), first_scan, last_scan, path.below, world.not_testable)
+
+    def most(self, fixed: Sequence[str] | None) -> int:
+        """Most effects."""
+        return self.settings.max_effects if fixed is None else len(fixed)
+
+    def extend(
+        self,
+        path: Path[E, F, J],
+        bases: dict[str, F],
+        ranked: Sequence[str],
+        fixed: Sequence[str] | None,
+        with_reserve: bool = True,
+    ) -> Path[E, F, J]:
+        """Add effects to a path as long as one enters; the path."""
+        world = self.world
+        while len(path.steps) < self.most(fixed):
+            fitted, judged, steps = path.fitted, path.judged, path.steps
+            taken = {step.effect.name for step in steps} | path.dropped
             candidates = [e for e in world.candidates.values() if e.name not in taken]
             if fixed is not None:
                 candidates = [world.candidates[fixed[len(steps)]]]
@@ -88,7 +112,7 @@ class _Search(Generic[E, F, J]):
                 break
             on = [step.effect.name for step in steps]
             tests = self.evidence.scan(fitted, candidates, "null", *on)
-            first_scan = first_scan or tests
+            path.first_scan = path.first_scan or tests
             number = len(steps) + 1
             self.say(f"step {number}: trying {len(candidates)} effects")
             # a missing effect may favour the wrong base: the next best bases are tried with it, too
@@ -100,41 +124,49 @@ class _Search(Generic[E, F, J]):
             quick = self.quick_fits(contenders, candidates, fitted)
             # a base of the reserve is asked for where the best effect leaves an error, too
             best = next(iter(quick.values()), fitted)
-            leaves = fixed is None and world.leaves_an_error(judged) and self.leaves_an_error(best)
+            leaves = with_reserve and fixed is None and world.leaves_an_error(judged) and self.leaves_an_error(best)
             step, reserve = None, self.reserve(fitted) if leaves else []
             other: tuple[F, J] | None = self.far_better_base(reserve, quick, contenders, judged)
             if other is None:
-                step, below = self.best_step(fitted, judged, contenders, quick, tests, fixed is not None)
+                step, path.below = self.best_step(fitted, judged, contenders, quick, tests, fixed is not None)
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
                     rival = step.fitted if step else fitted
                     other = self.other_base(reserve, rival, step.judged if step else judged)
-            if step and not other:
+            if other:
+                path.remember(step)
+            elif step:
                 step = self.with_best_base(step)
                 self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
                 steps.append(step)
-                if fixed is None and world.reserve and world.leaves_an_error(step.judged):
+                if with_reserve and fixed is None and world.reserve and world.leaves_an_error(step.judged):
                     steps[-1] = self.with_other_base(step, quick, contenders, judged)
-                    other = None if steps[-1] is step else (steps[-1].fitted, steps[-1].judged)
+                    if steps[-1] is not step:
+                        other = (steps[-1].fitted, steps[-1].judged)
+                        path.remember(step)
             if other:
-                fitted, judged, steps = self.on_other_base(other, steps, dropped)
-                if not steps:
-                    bases[fitted.base], base = fitted, fitted.base
+                self.on_other_base(path, other, bases)
                 continue
             if step is None:
                 break
             if fixed is None and (name := self.evidence.superfluous(steps, steps[:-1])):
                 self.say(f"not needed any more: {name}")
-                dropped.add(name)
-                steps = self.without(steps, name)
-            fitted, judged = steps[-1].fitted, steps[-1].judged
-        if steps and (other := self.other_base(self.reserve(fitted, refine=True), fitted, judged)):
-            drop = "useless" if fixed is None else "none"
-            fitted, judged, steps = self.on_other_base(other, steps, dropped, drop)
-            if not steps:
-                bases[fitted.base], base = fitted, fitted.base
-        rest = [e for e in world.candidates.values() if e not in fitted.effects]
-        last_scan = self.evidence.scan(fitted, rest, "last null")
-        return Discovery(bases, base, tuple(steps), first_scan or last_scan, last_scan, below, world.not_testable)
+                path.dropped.add(name)
+                path.steps = self.without(steps, name)
+            path.fitted, path.judged = path.steps[-1].fitted, path.steps[-1].judged
+        return path
+
+    def better_of(
+        self, path: Path[E, F, J], simpler: Path[E, F, J], bases: dict[str, F], ranked: Sequence[str]
+    ) -> Path[E, F, J]:
+        """The path on a base of the reserve, or that which goes on without it, if this ends better."""
+        self.say(f"on {simpler.fitted.base} once more, with other effects")
+        if simpler.steps:
+            last = simpler.steps[-1] = self.with_best_base(simpler.steps[-1])
+            simpler.fitted = last.fitted
+        simpler = self.extend(simpler, bases, ranked, None, with_reserve=False)
+        gain = self.evidence.gain(simpler.judged, path.judged, "simpler", simpler.base)
+        errs_more = self.world.errs_more(simpler.judged, path.judged, self.settings)
+        return simpler if gain[1] > 0.0 and not errs_more else path
 
     def leaves_an_error(self, fitted: F) -> bool:
         """Whether a model errs by more than noise where it was fitted."""
@@ -281,20 +313,22 @@ class _Search(Generic[E, F, J]):
         )
 
     def on_other_base(
-        self, other: tuple[F, J], steps: Sequence[Step[E, F, J]], dropped: set[str], drop: Drop = "immaterial"
-    ) -> tuple[F, J, list[Step[E, F, J]]]:
-        """Fit, judgement and steps on another base; what had stood in for it goes to `dropped`."""
-        world, (fitted, judged), steps = self.world, other, list(steps)
+        self, path: Path[E, F, J], other: tuple[F, J], bases: dict[str, F], drop: Drop = "immaterial"
+    ) -> None:
+        """Put a path on another base; what had stood in for it is dropped."""
+        world, (fitted, judged), steps = self.world, other, path.steps
         self.say(f"another base, {fitted.base}")
         steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
         while drop != "none" and steps and (name := self.evidence.superfluous(steps, steps, drop)):
             self.say(f"not needed any more: {name}")
-            dropped.add(name)
+            path.dropped.add(name)
             smaller = tuple(e for e in fitted.effects if e.name != name)
             fitted = world.fit(fitted.base, smaller, fitted.values)
             judged, steps = self.evidence.judge(fitted), self.without(steps, name)
             steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
-        return fitted, judged, steps
+        path.fitted, path.judged, path.steps = fitted, judged, steps
+        if not steps:
+            bases[fitted.base], path.base = fitted, fitted.base
 
     def without(self, steps: Sequence[Step[E, F, J]], name: str) -> list[Step[E, F, J]]:
         """The steps without one effect; all later ones are fitted and judged again."""

