@@ -85,7 +85,7 @@ def search(
             method="L-BFGS-B",
             bounds=log_bounds(x.shape[1]),
             # beyond this the likelihood changes by less than a hundredth of a nat
-            options={"maxiter": settings.iterations, "ftol": 1e-6 / max(1, len(x)) ** 0.5, "gtol": 1e-3},
+            options={"maxiter": settings.iterations, "ftol": 1e-4 / max(1, len(x)) ** 0.5, "gtol": 1e-3},
         )
         if best is None or optimum.fun < best.fun - EQUAL:
             best = optimum
