@@ -59,7 +59,7 @@ test-slurm: setup  ## the quick pipeline on a real Slurm of two nodes, one of wh
 	TEST_SLURM=1 $(BIN)/python -m pytest -s tests/slurm
 
 BENCHMARKS := laws engines engine_fits bandwidth identification ensemble arcs simulators programs critique hidden_effects \
-    gaussian_processes belief pipeline growth
+    gaussian_processes belief pipeline growth next_experiment
 
 bench: setup  ## measure speed and accuracy against other tools, into results/benchmarks (BENCH=--quick: does it run)
 	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement benchmarks/requirements.txt
