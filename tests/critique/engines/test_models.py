@@ -12,6 +12,7 @@ import pytest
 from thesis_lib.bodies.body import Body
 from thesis_lib.commands.critique import critique as command
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.engine_contact import (
     CAUSE_OF,
@@ -24,9 +25,13 @@ from thesis_lib.critique.drops.engine_contact import (
     lacks,
     press_in_engine,
 )
+from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.engines import compare
 from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_models, read_models
+from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.engines.words import model_sentences
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -38,10 +43,18 @@ from thesis_lib.figures.critique.models import draw_models
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.report.critique.models import models as page_of_models
+from thesis_lib.simulate.drake.drops import simulate_drake_drops
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
-from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import (
+    ELLIPSE_BODY,
+    PROOF_RELEASE,
+    RIG_NOISE,
+    SQUARE,
+    CompliantContact,
+    HiddenCauses,
+)
 
 RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
 T = 1e-3  # s
@@ -204,6 +217,39 @@ def test_an_engine_is_recognised_as_the_model_of_its_own_drops(found):
     rows = table[(table["model"] == "mujoco:default") & (table["effects"] == WITH)].set_index("kind")
     assert (rows["mu"]["default"], rows["mu_std"]["default"]) == (1.0, 0.0)
     assert (rows["error"] > 20.0 * best["error"]).all() and rows["mu"]["friction"] < 0.5
+
+
+@pytest.mark.slow
+def test_hydroelastic_bodies_are_an_engine_that_gives_back_what_made_its_drops():
+    contact = CompliantContact(mu=VALUES["mu"], epsilon=VALUES["epsilon"], contact_time=T)
+    rng = np.random.default_rng(5)
+    made = simulate_drake_drops(
+        ELLIPSE_BODY, PROOF_RELEASE, 2, noise=RIG_NOISE, rng=rng, contact=contact, surface="hydroelastic"
+    )
+    observations = observe(Dataset("drops", made.header, made.trajectories))
+    near = fit(Model(BASES[STAND_INS["drake_hydroelastic"][0]], takes_time=True), observations)
+    found = fit_engine("drake_hydroelastic", near, observations)
+    assert found.values["mu"] == pytest.approx(VALUES["mu"], abs=4.0 * found.std["mu"])
+    assert found.std["mu"] < 0.01 * VALUES["mu"]
+
+
+@pytest.mark.slow
+def test_an_engine_without_a_default_contact_has_no_row_of_it(found, monkeypatch):
+    """Drake presses a hydroelastic body only by a modulus that is stated."""
+    judged, _, _ = found
+    asked = []
+
+    def row(critique, name, label, *_):
+        return dict.fromkeys(COLUMNS, 0.0) | {"model": name, "effects": label}, np.ones(len(critique.held_out))
+
+    def default(critique, name, *_):
+        asked.append(name)
+        return []
+
+    monkeypatch.setattr(compare, "_row", row)
+    monkeypatch.setattr(compare, "_default", default)
+    compare_models(judged, ("mujoco", "drake_hydroelastic"))
+    assert set(asked) == {"mujoco"}
 
 
 @pytest.mark.slow

@@ -36,6 +36,7 @@ STAND_INS = {  # engine: the compliant law near it, and its title
     "bullet": ("damped_contact", "Bullet"),
 }
 DEFAULT = ":default"  # behind an engine's name: with the contact that it gives to who asks for none
+WITH_DEFAULT = ("mujoco", "drake", "bullet")  # Drake's hydroelastic bodies have none: one states a modulus
 # MuJoCo's contact, with the impedance of a deep one, and Drake's of geometries that state no property
 MUJOCO_DEFAULT = MujocoNumbers((0.02, 1.0), (0.9, 0.95, 1e-3, 0.5, 2.0), friction=1.0, impratio=1.0)
 DRAKE_DEFAULT = DrakeNumbers(stiffness=1e6, dissipation=50.0, friction=0.5)
@@ -54,7 +55,7 @@ def engine_law(name: str) -> Law:
 
 
 def default_values(engine: str, mass: float) -> dict[str, float]:
-    """The engine's default contact as values of its law; in Drake it hangs on the `mass` of the body in kg."""
+    """The default contact of one of `WITH_DEFAULT` as values of its law; in Drake by `mass` in kg."""
     force = engine_law(engine).force
     assert force is not None  # the stand-in's
     if engine == "mujoco":

@@ -16,7 +16,15 @@ from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.engine_contact import DEFAULT, MASS, STAND_INS, default_values, engine_law, lacks
+from thesis_lib.critique.drops.engine_contact import (
+    DEFAULT,
+    MASS,
+    STAND_INS,
+    WITH_DEFAULT,
+    default_values,
+    engine_law,
+    lacks,
+)
 from thesis_lib.critique.drops.fit import ROUNDS, fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
@@ -71,7 +79,7 @@ def compare_models(
         for name in [*_laws(critique) * (LAWS in names), *engines]:
             say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
             found = [_row(critique, name, label, effects, start)]
-            if name in STAND_INS and critique.observations.arcs:
+            if name in WITH_DEFAULT and critique.observations.arcs:
                 found += _default(critique, name, label, effects, start)
             rows += [row for row, _ in found]
             errors += [error for _, error in found]
