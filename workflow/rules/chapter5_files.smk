@@ -1,20 +1,9 @@
 # Chapter 5: which files there are, and what each policy learns from.
 CH5 = "results/chapter5"
-CH5_GAMES = [
-    *((policy, size) for policy in CONFIG.chapter5.games.learners for size in CONFIG.chapter5.games.sizes),
-    *(("ppo", size) for size in CONFIG.chapter5.games.ppo_sizes),
-    *((policy, 0) for policy in CONFIG.chapter5.games.fixed),
-    *((policy, CONFIG.chapter5.games.shown) for policy in CONFIG.chapter5.games.ablations),
-]
-CH5_PAIRED = [("hma", CONFIG.chapter5.games.shown), ("network", CONFIG.chapter5.games.shown), ("rule", 0)]
 CH5_GAME_FILES = [
     f"{CH5}/games/{policy}_{size}_{CONFIG.chapter5.towers.first_test + i}.json"
-    for policies, first, beyond in (
-        (CH5_GAMES, 0, CONFIG.chapter5.games.towers),
-        (CH5_PAIRED, CONFIG.chapter5.games.towers, CONFIG.chapter5.games.paired_towers),
-    )
-    for policy, size in policies
-    for i in range(first, beyond)
+    for (policy, size), towers in CONFIG.chapter5.games.played().items()
+    for i in range(towers)
 ]
 CH5_SETS = [f"{CH5}/samples/set_{i}.csv" for i in range(CONFIG.chapter5.samples.sets)]
 CH5_STUDY_TABLES = ("games", "attempts", "curve", "paired", "success", "needed")

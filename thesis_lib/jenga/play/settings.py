@@ -24,7 +24,8 @@ class GameChoice(Section):
     """Games of the study; each is a file of its own, so that an interrupted study goes on where it was."""
 
     towers: int = Field(2, ge=1, description="test towers, the same for all policies")
-    paired_towers: int = Field(0, ge=0, description="towers of hma, network (`shown`) and rule, if more than `towers`")
+    learner_towers: int = Field(0, ge=0, description="towers of `learners` and `ablations`, if more than `towers`")
+    paired_towers: int = Field(0, ge=0, description="towers of hma, network (`shown`) and rule, if more than those")
     blocks: int = Field(45, ge=1, le=45, description="blocks tried in a game; the thesis's 45")
     learners: tuple[str, ...] = Field(("hma", "mor", "network"), description="policies that learn, at every size")
     sizes: tuple[int, ...] = Field((100, 1000), min_length=1, description="training samples")
@@ -32,6 +33,15 @@ class GameChoice(Section):
     ppo_sizes: tuple[int, ...] = Field((1000, 10_000), description="samples of PPO: checkpoints of one training")
     fixed: tuple[str, ...] = Field(("rule", "always_push", "exploration", "oracle"), description="without training")
     ablations: tuple[str, ...] = Field(("hma_without_cost",), description="policies that learn, at `shown` only")
+
+    def played(self) -> dict[tuple[str, int], int]:
+        """On how many test towers each policy plays, by (policy, samples; 0: does not learn)."""
+        learned = [(policy, size) for policy in self.learners for size in self.sizes]
+        learned += [(policy, self.shown) for policy in self.ablations]
+        others = [*(("ppo", size) for size in self.ppo_sizes), *((policy, 0) for policy in self.fixed)]
+        towers = dict.fromkeys(learned, max(self.towers, self.learner_towers)) | dict.fromkeys(others, self.towers)
+        paired = [("hma", self.shown), ("network", self.shown), ("rule", 0)]
+        return towers | {key: max(towers.get(key, 0), self.paired_towers) for key in paired}
 
 
 class SampleChoice(Section):

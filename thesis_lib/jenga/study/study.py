@@ -47,7 +47,7 @@ def study_tables(games: Sequence[tuple[int, Game]], shown: int) -> dict[str, pd.
         "curve": learning_curve(table),
         "paired": pd.concat([paired(table), paired(table, "hma_without_cost")], ignore_index=True),
         "success": success_table(attempts, shown),
-        "needed": needed_samples(table, shown),
+        "needed": pd.concat([needed_samples(table, shown, policy) for policy in ("mor", "network")], ignore_index=True),
     }
 
 
