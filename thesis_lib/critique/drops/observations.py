@@ -12,7 +12,7 @@ import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
 from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, measured_flights
-from thesis_lib.critique.drops.lines import LATER, NODES, Hits, edges_of, side_lines
+from thesis_lib.critique.drops.lines import LATER, NODES, Hits, edges_of, position, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
@@ -23,6 +23,7 @@ from thesis_lib.effects.effect import Rig
 
 UNKNOWN = 100.0  # times what is known of a spin: so wide that it says nothing
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
+LATE = 8e-3  # s by which noise may make the last hit of an episode late
 FOR_MODELS, OF_SAMPLES = ("trial", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
 ROWS = ("trial", "impact", "hits", "t", "span", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset")
 
@@ -35,7 +36,8 @@ class Observations:
         rig: believed body and rig.
         trial, t: (n,), t in s; of an episode the instant of the first touch.
         impact, hits: (n,) number of the (first) hit in its trial, and number of hits detected in it.
-        span: (n,) s from `t` to the instant of the state after; 0 for a single hit, which both states belong to.
+        span: (n,) s from `t` to the instant of the state after, within the flight after the last hit; 0 for a single
+            hit, which both states belong to.
         value, slope, bow, nodes, weights: as in `lines`; `value` has no NaN.
         cov: (n, 2, 3, 2, 2) covariance of (value, slope), by side and channel.
         t_std: (n,) standard deviation of the instant t_c, s.
@@ -211,6 +213,9 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     open_ends = np.full(len(table), np.inf)
     edges = np.stack([-open_ends, start + LATER, end - LATER, open_ends], axis=1)
     t = _touch(samples, trial, start, edges, most, rig)
+    # a hit that a model makes a little late, because its start is noisy, must not fall behind the state after
+    middle = position(samples.trial, samples.t, trial, end) + (most[:, 1] - 1) // 2
+    end = np.minimum(end + LATE, samples.t[middle])
     before, after = (side_lines(samples, trial, at, edges, most) for at in (t, end))
     lines = {
         name: np.stack([getattr(before, name)[:, 0], getattr(after, name)[:, 1]], axis=1)
