@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from thesis_lib.contact import mirtich
-from thesis_lib.critique.drops.contact_time import DAMPING_RATIO
+from thesis_lib.critique.drops.contact_time import DAMPING_RATIO, STICTION_TOLERANCE
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.drops.model import Model, inward
@@ -125,8 +125,14 @@ def fit(
         simple = observations.single if len(observations.single) >= ENOUGH_SINGLE else observations
         tries = [t | basin for t in tries for basin in _basins(model, simple, t)]
         best = max(fit_each(model, [(simple, t) for t in tries], 1), key=lambda fitted: fitted.score)
-        return fit_each(model, [(observations, best.values)], rounds)[0]
-    return max(fit_each(model, [(observations, t) for t in tries[:4]], rounds), key=lambda fitted: fitted.score)
+        tries = [best.values]
+    found = max(fit_each(model, [(observations, t) for t in tries[:4]], rounds), key=lambda fitted: fitted.score)
+    tolerance = STICTION_TOLERANCE
+    if found.values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
+        # friction so sharp is Coulomb's: a step that went there too far does not come back
+        again = fit_each(model, [(observations, {**found.values, tolerance.name: tolerance.null})], rounds)[0]
+        return max(found, again, key=lambda fitted: fitted.score)
+    return found
 
 
 def fit_each(
