@@ -49,7 +49,7 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
     `curve`: policy, size, mean, low, high, n (towers); size is 0 for a policy that does not learn.  The returned table
     has the thesis's goal as policy `thesis`.
     """
-    figure = new_figure(height=3.2)
+    figure = new_figure(height=3.5)
     ax = figure.add_subplot()
     learners, levels = curve[curve["size"] > 0], curve[curve["size"] == 0]
     names = list(learners["policy"].unique())
@@ -77,7 +77,7 @@ def figure_5_5b(curve: pd.DataFrame) -> Drawn:
     ax.set_xlabel("samples (pushes of 1 mm)")
     ax.set_ylabel(f"consecutive extractions\n(mean over {_counted(curve['n'])}, 95 %)")
     if names:
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(5, len(names)), columnspacing=1.2)
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, columnspacing=1.2)
     columns = ["policy", "size", "mean", "low", "high", "n"]
     goal = pd.DataFrame([("thesis", 0, float(GOAL), np.nan, np.nan, 0)], columns=columns)
     return figure, pd.concat([curve[columns], goal], ignore_index=True)
