@@ -15,6 +15,7 @@ import yaml
 
 from tests.docs.tutorial_runner import compare
 from thesis_lib.critique.results.saved_model import load_model, predict
+from thesis_lib.docs.games import lead
 from thesis_lib.effects import EFFECTS
 from thesis_lib.ledger.format import read_ledger
 
@@ -249,56 +250,7 @@ def test_budget_of_the_dice_is_that_of_the_stored_run():
     assert stored.loc[("nearest", 0), "std"] < 1.1 * stored.loc[("compliant", 0), "std"]
 
 
-STUDY_NAMES = {"HMA": "hma", "MOR": "mor", "PPO": "ppo", "HMA in one shot": "hma_one_shot"}
 STUDY = ROOT / "config" / "reference" / "chapter5"
-
-
-def games_told(name: str) -> list[list[str]]:
-    """Cells of the rows of a table of games."""
-    table = FINDINGS[FINDINGS.index(f"<!-- {name} -->") : FINDINGS.index(f"<!-- /{name} -->")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[3:]]
-
-
-def extractions(policy: str, size: int) -> pd.Series:
-    return pd.read_csv(STUDY / "study_curve.csv").set_index(["policy", "size"]).loc[(policy, size)]
-
-
-def more_than(policy: str, size: int, rival: str, rival_size: int) -> str:
-    keys = ["policy", "size", "rival", "rival_size"]
-    row = pd.read_csv(STUDY / "study_paired.csv").set_index(keys).loc[(policy, size, rival, rival_size)]
-    return f"{row['difference']:.1f} ({row['low']:.1f} to {row['high']:.1f})"
-
-
-def test_table_of_the_games_is_that_of_the_stored_study():
-    rows = games_told("study")
-    assert len(rows) == 8
-    for name, size, said, more in rows:
-        key = (STUDY_NAMES.get(name, name), int(size))
-        row = extractions(*key)
-        assert said == f"{row['mean']:.1f} ({row['low']:.1f} to {row['high']:.1f}), n = {row['n']:.0f}", key
-        if key != ("hma", 100):
-            assert more == more_than("hma", 100, *key), key
-
-
-def test_tables_of_sizes_and_of_fair_matches_are_those_of_the_stored_study():
-    def means(*keys: tuple[str, int]) -> list[str]:
-        return [f"{row['mean']:.1f} ± {row['std']:.1f}" for row in (extractions(*key) for key in keys)]
-
-    rows = games_told("sizes")
-    assert [int(row[0]) for row in rows] == [50, 100, 200, 300, 500, 1000]
-    for size, *cells in rows:
-        n = int(size)
-        assert cells[:3] == means(*((name, n) for name in ("hma", "mor", "network"))), size
-        assert cells[3:] == [more_than("hma", n, name, n) for name in ("mor", "network")], size
-        assert {extractions(name, n)["n"] for name in ("hma", "mor", "network")} == {10}
-    nobody, everybody = games_told("matches")
-    for (_, *cells), names in (
-        (nobody, ("hma_without_cost", "mor", "network")),
-        (everybody, ("hma", "mor_with_cost", "network_with_cost")),
-    ):
-        assert cells == means(*((name, 100) for name in names)) + [
-            more_than(names[0], 100, name, 100) for name in names[1:]
-        ]
 
 
 def test_sentences_on_engines_whose_drops_are_not_adequate_are_those_of_the_stored_rows():
@@ -330,7 +282,7 @@ def test_sentences_on_the_games_are_those_of_the_stored_study():
         own = paired[(paired["rival"] == rival) & (paired["low"] > 0.0)]
         return sorted(own["size"])
 
-    assert f"HMA brings out {more_than('hma', 100, 'mor', 100)} blocks more than MOR" in said
+    assert f"HMA brings out {lead('hma', 100, 'mor', 100)} blocks more than MOR" in said
     assert told("mor") == [100, 200, 1000] and "HMA leads MOR with 200 and with 1,000 samples, too" in said
     assert told("network") == [] and "From the network it is not told at any number of samples" in said
     needed = pd.read_csv(STUDY / "study_needed.csv").set_index("policy")
@@ -339,7 +291,7 @@ def test_sentences_on_the_games_are_those_of_the_stored_study():
     assert f"in the mean MOR does with {mor[0]} and the network with {network[0]}, but" in said
     assert f"MOR may do so with {mor[1]} or need more than the 1,000 that were tried" in said
     assert f"and the network with {network[1]} or more than 1,000" in said
-    nobody, everybody = more_than("hma_without_cost", 100, "mor", 100), more_than("hma", 100, "mor_with_cost", 100)
+    nobody, everybody = lead("hma_without_cost", 100, "mor", 100), lead("hma", 100, "mor_with_cost", 100)
     assert f"are not told apart ({nobody}); where all have it, HMA leads MOR by {everybody}" in said
     worth = (ahead("hma", "hma_without_cost"), ahead("mor", "mor_with_cost"), ahead("network_with_cost", "network"))
     assert f"worth {worth[0]} blocks to HMA" in said and f"costs MOR {worth[1]}" in said
@@ -347,6 +299,8 @@ def test_sentences_on_the_games_are_those_of_the_stored_study():
     sizes = [[float(x) for x in text.split(" ± ")] for text in worth]
     assert all(mean > 2.0 * std for mean, std in sizes[:2]) and abs(sizes[2][0]) < 2.0 * sizes[2][1]
     curve = pd.read_csv(STUDY / "study_curve.csv").set_index(["policy", "size"])["mean"]
+    learners = [won[name, size] for name in ("hma", "mor", "network") for size in (50, 100, 200, 300, 500, 1000)]
+    assert {games.count() for games in learners} == {10} and "standard error over ten towers" in said
     assert max(curve[name, 50] for name in ("hma", "mor", "network")) < curve["exploration", 0]
     assert curve["ppo"].max() < curve["mor"].min()
     assert f"no policy brings out more than {won.max(axis=None):.0f} on any tower" in said

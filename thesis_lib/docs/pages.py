@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from thesis_lib.docs import configuration, dataset_keys, effects, findings, laws
+from thesis_lib.docs import configuration, dataset_keys, effects, findings, games, laws
 from thesis_lib.docs.markdown import code, table
 from thesis_lib.docs.sentences import read_sentences, with_numbers
 from thesis_lib.foundation.columns import meanings
@@ -49,6 +49,9 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "proposals": findings.proposals,
     "next experiment": findings.next_experiment,
     "models of measured sets": findings.models_of_measured_sets,
+    "games": games.who_plays,
+    "games by samples": games.by_samples,
+    "even matches": games.even_matches,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S

@@ -1,0 +1,31 @@
+"""Which games a study plays: every policy at its sizes, on the towers that it shares with those it is compared with."""
+
+from pathlib import Path
+
+import yaml
+
+from thesis_lib.jenga.play.settings import GameChoice
+
+ROOT = Path(__file__).resolve().parents[3]
+SMALL = {"learners": ["hma", "network"], "sizes": [50, 100], "ablations": ["hma_one_shot"], "ppo_sizes": [1000]}
+
+
+def test_every_policy_plays_as_many_towers_as_its_kind():
+    choice = GameChoice(towers=2, learner_towers=4, paired_towers=6, fixed=["rule", "oracle"], **SMALL)
+    assert choice.played() == {
+        **{("hma", 50): 4, ("network", 50): 4, ("hma_one_shot", 100): 4},
+        **{("hma", 100): 6, ("network", 100): 6, ("rule", 0): 6},
+        **{("ppo", 1000): 2, ("oracle", 0): 2},
+    }
+
+
+def test_no_policy_plays_fewer_towers_than_all():
+    choice = GameChoice(towers=5, learner_towers=3, fixed=["rule"], **SMALL)
+    assert set(choice.played().values()) == {5}
+
+
+def test_the_study_plays_as_many_games_as_its_tables_say():
+    file = ROOT / "config" / "chapter5_study.yaml"
+    games = yaml.safe_load(file.read_text(encoding="utf-8"))["chapter5"]["games"]
+    readme = (ROOT / "config" / "reference" / "chapter5" / "README.md").read_text(encoding="utf-8")
+    assert f"({sum(GameChoice(**games).played().values())} games," in readme
