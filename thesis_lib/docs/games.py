@@ -27,7 +27,7 @@ def who_plays() -> str:
     """Extractions of each policy, and how many more HMA brings out on the same towers."""
     rows = []
     for key in (*FIRST, *OTHERS):
-        row = _curve().loc[key]
+        row: Any = _curve().loc[key]
         more = "" if key == ("hma", SHOWN) else lead("hma", SHOWN, *key)
         extractions = f"{_interval(row, 'mean', 'low', 'high')}, n = {row['n']:.0f}"
         rows.append((title(key[0]), f"{key[1]:,}", extractions, more))
@@ -74,7 +74,7 @@ def leads(names: tuple[str, ...], size: int) -> list[str]:
 
 def lead(policy: str, size: int, rival: str, rival_size: int) -> str:
     """How many more blocks a policy brings out than a rival on the same towers, with 95 % interval."""
-    stored = _read("study_paired").set_index(["policy", "size", "rival", "rival_size"])
+    stored: Any = _read("study_paired").set_index(["policy", "size", "rival", "rival_size"])
     return _interval(stored.loc[(policy, size, rival, rival_size)], "difference", "low", "high")
 
 
