@@ -268,6 +268,31 @@ def test_sentences_on_engines_whose_drops_are_not_adequate_are_those_of_the_stor
     assert f"{of_them.capitalize()} of the {n} are MuJoCo's ellipses that roll to rest" in said
 
 
+def test_sentences_on_engines_and_the_measured_die_are_those_of_the_stored_rows():
+    rows = pd.read_csv(ROOT / "config/proof/models_measured.csv").set_index(["dataset", "model", "kind", "effects"])
+    die = rows.loc["planar_dice"]
+
+    def apart(kind: str, effects: str, of: tuple[str, str] = ("mujoco", "drake")) -> float:
+        mu = [die.loc[(model, kind, effects), "mu"] for model in of]
+        return max(mu) / min(mu)
+
+    default = apart("friction", "without", ("mujoco:default", "drake:default"))
+    fitted, named = (100.0 * (apart("engine", effects) - 1.0) for effects in ("without", "with"))
+    said = " ".join(FINDINGS.split())
+    assert f"frictions differ by a factor of {default:.1f} where each has its default contact" in said
+    assert f"by {fitted:.0f} % once the contact is fitted, and by {named:.0f} % with the effects" in said
+    laws = die[die.index.get_level_values("kind") == "law"]["error"]
+    saved = [
+        1.0 - die.loc[(name, "engine", "with"), "error"] / die.loc[(name, "engine", "without"), "error"]
+        for name in ("mujoco", "drake")
+    ]
+    saved.append(1.0 - laws.xs("with", level="effects").min() / laws.xs("without", level="effects").min())
+    assert f"{100 * saved[0]:.0f} % off MuJoCo's error and {100 * saved[1]:.0f} % off Drake's" in said
+    assert f"off the best law's {100 * saved[2]:.0f} %" in said
+    assert (die["error"] > 5.0 * die["noise_floor"]).all() and "None of these models comes near the noise" in said
+    assert f"Of the die the first {die['trials'].max():.0f} throws are used" in said
+
+
 def test_sentences_on_the_games_are_those_of_the_stored_study():
     games = pd.read_csv(STUDY / "study_games.csv").query("refused == 0")
     won = games.pivot(index="tower", columns=["policy", "size"], values="extractions")

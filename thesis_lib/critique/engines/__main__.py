@@ -2,7 +2,7 @@
 
 python -m thesis_lib.critique.engines run [--seeds 5] [--jobs 2]
 python -m thesis_lib.critique.engines table
-python -m thesis_lib.critique.engines measured data/measured/planar_dice [--trials 60]
+python -m thesis_lib.critique.engines measured data/measured/planar_dice [--trials 100]
 """
 
 import sys

@@ -60,7 +60,7 @@ def as_markdown(table: "pd.DataFrame") -> str:
     for (name, trials), part in table.groupby(["dataset", "trials"], sort=False):
         for row in part.sort_values("error").to_dict("records"):
             lacks = ", ".join(effect_title(effect) for effect in row["lacks"].split(" + ")) if row["lacks"] else ""
-            lasting = f"{1e3 * round(float(row['contact_time']), 9):.3g} ms" if row["contact_time"] != "" else ""
+            lasting = f"{1e3 * round(float(row['contact_time']), 7):.3g} ms" if row["contact_time"] != "" else ""
             error = f"{number(row['error'])} ({number(row['error_low'])} to {number(row['error_high'])})"
             floor = number(float(row["noise_floor"])) if row["noise_floor"] != "" else "unknown"
             cells = (f"{name}, {trials}", row_title(row), row["effects"], error, floor)
