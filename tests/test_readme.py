@@ -344,6 +344,34 @@ def test_sentences_on_the_games_are_those_of_the_stored_study():
     assert [int(x) for x in numbers.groups()] == [round(100 * x) for x in found]
 
 
+def test_sentences_on_switches_of_the_set_up_are_those_of_the_stored_games():
+    said = " ".join(FINDINGS.split())
+    effects = pd.read_csv(STUDY / "switch_effects.csv")
+    assert set(effects["n"]) == {6} and effects["mean"].max() < 21.0
+    changed = effects.set_index(["policy", "switch"])[["difference", "difference_low", "difference_high"]]
+
+    def told(switch: str, sign: float) -> str:
+        ends = (sign * changed.loc[("hma", switch)]).to_numpy()
+        value, low, high = ends[0], *sorted(ends[1:])
+        return f"{value:.1f} ({low:.1f} to {high:.1f})".replace("-", "−")
+
+    assert f"States without noise add {told('exact_states', 1.0)} to HMA's" in said
+    assert f"a push of 56 mm instead of 33 mm costs HMA {told('three_quarters', -1.0)}" in said
+    fewer, ends = told("exploration", -1.0).split(" (")
+    assert f"brings out {fewer} fewer ({ends}" in said
+    learners = changed.loc[["hma", "network"]].dropna()
+    assert (learners.drop("exact_states", level="switch")["difference"] < 0.0).all()
+    sure = learners[(learners["difference_low"] > 0.0) | (learners["difference_high"] < 0.0)]
+    assert list(sure.index) == [("hma", "three_quarters")]
+    success = pd.read_csv(STUDY / "switch_success.csv").query("position == 'all' and phase == 'exploration'")
+    shares = (100.0 * success.set_index(["switch", "action"])[["share", "published"]]).round().astype(int)
+    pushed, pulled = (shares.loc[("exploration", action)] for action in ("push", "extract"))
+    before = [shares.loc[("none", action), "share"] for action in ("push", "extract")]
+    assert f"completes {pushed['share']} % of its pushes and {pulled['share']} % of its extractions" in said
+    published = f"(thesis: {pushed['published']} and {pulled['published']} %"
+    assert f"{published}; ours without it: {before[0]} and {before[1]} %)" in said
+
+
 def test_sentences_on_steering_are_those_of_the_stored_study():
     ends = pd.read_csv(ROOT / "config/reference/chapter5/showcase_steering.csv")
     stray = ends.pivot(index=["block", "edge"], columns="steered", values="stray")

@@ -49,12 +49,14 @@ def even_matches() -> str:
 
 
 def switches() -> str:
-    """Extractions with each switch of the set-up, and what it adds on the same towers."""
-    rows = []
-    for row in _read("switch_effects").to_dict("records"):
-        added = _interval(row, "difference", "difference_low", "difference_high") if row["n_paired"] > 0 else ""
-        rows.append((row["switch"].replace("_", " "), title(row["policy"]), _mean(row), str(row["n"]), added))
-    return table(("switch", "who plays", "extractions", "towers", "against none"), rows)
+    """Extractions with each switch of the set-up, and what it changes on the same towers."""
+    stored = _read("switch_effects")
+    policies, rows = list(dict.fromkeys(stored["policy"])), []
+    for name, part in stored.groupby("switch", sort=False):
+        own = part.set_index("policy")
+        cells = [_with_change(own.loc[policy]) if policy in own.index else "" for policy in policies]
+        rows.append((str(name).replace("_", " "), *cells))
+    return table(("as in the thesis", *(f"{title(name)}; change" for name in policies)), rows)
 
 
 def title(policy: str) -> str:
@@ -91,6 +93,11 @@ def _read(name: str) -> "pd.DataFrame":
 
 def _mean(row: Any) -> str:
     return f"{row['mean']:.1f} ± {row['std']:.1f}".translate(MINUS)
+
+
+def _with_change(row: Any) -> str:
+    change = f"; {_interval(row, 'difference', 'difference_low', 'difference_high')}" if row["n_paired"] > 0 else ""
+    return _mean(row) + change
 
 
 def _interval(row: Any, value: str, low: str, high: str) -> str:

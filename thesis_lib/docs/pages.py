@@ -52,6 +52,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "games": games.who_plays,
     "games by samples": games.by_samples,
     "even matches": games.even_matches,
+    "switches": games.switches,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S
