@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.residual.learners import gaussian_process
 from thesis_lib.residual.learners.gaussian_process import (
     SAME,
     SAME_TRAINED,
@@ -11,7 +12,7 @@ from thesis_lib.residual.learners.gaussian_process import (
     _gpytorch_model,
     fit_gaussian_process,
 )
-from thesis_lib.residual.learners.marginal_likelihood import objective
+from thesis_lib.residual.learners.marginal_likelihood import objective, search
 
 EXACT = 1e-6  # of the outputs' spread: exact methods differ by rounding only
 
@@ -155,6 +156,27 @@ def test_more_data_than_hyperparameters_need(process):
     new, truth = _data(n=200, seed=8)
     worse, better = (np.abs(p.predict(new)[0] - truth).mean() for p in (few, more))
     assert better < worse
+
+
+def test_a_longer_training_set_begins_with_the_weights_of_the_shorter(monkeypatch):
+    X, Y = _data(n=120, seed=7)
+    Y[::15] += 40.0
+    settings = GaussianProcessSettings(device="cpu")
+    few = fit_gaussian_process(X[:80], Y[:80], np.random.default_rng(0), settings)
+    assert few.weight[:, 0].min() < 0.5
+    used = []
+
+    def watched(x, y, weight, *rest):
+        used.append(weight.copy())
+        return search(x, y, weight, *rest)
+
+    monkeypatch.setattr(gaussian_process, "search", watched)
+    fit_gaussian_process(X, Y, np.random.default_rng(0), settings, start=few)
+    np.testing.assert_array_equal(used[0][:80], few.weight[:, 0])
+    np.testing.assert_array_equal(used[0][80:], 1.0)
+    used.clear()  # other rows first: nothing is known of them
+    fit_gaussian_process(X[::-1], Y[::-1], np.random.default_rng(0), settings, start=few)
+    np.testing.assert_array_equal(used[0], 1.0)
 
 
 def test_far_away_a_residual_returns_to_zero_and_another_to_the_mean():
