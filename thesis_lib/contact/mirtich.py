@@ -57,12 +57,19 @@ def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarra
     def integrals(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         # φ₀ = e^{−κp} and its repeated integrals over p; by their series where κp is small
         x = kappa * p
-        phi0 = np.exp(-x)
+        lost = np.expm1(-x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            phi1 = -lost / kappa
+            phi2 = (p - phi1) / kappa
+            phi3 = (0.5 * p * p - phi2) / kappa
         small = x < SERIES_BELOW
-        phi1 = np.where(small, p * (1 - x / 2 + x * x / 6 - x**3 / 24), -np.expm1(-x) / kappa)
-        phi2 = np.where(small, p * p * (1 / 2 - x / 6 + x * x / 24 - x**3 / 120), (p - phi1) / kappa)
-        series = p**3 * (1 / 6 - x / 24 + x * x / 120 - x**3 / 720)
-        return phi0, phi1, phi2, np.where(small, series, (0.5 * p * p - phi2) / kappa)
+        if np.any(small):
+            x2 = x * x
+            x3 = x2 * x
+            phi1 = np.where(small, p * (1 - x / 2 + x2 / 6 - x3 / 24), phi1)
+            phi2 = np.where(small, p * p * (1 / 2 - x / 6 + x2 / 24 - x3 / 120), phi2)
+            phi3 = np.where(small, p * p * p * (1 / 6 - x / 24 + x2 / 120 - x3 / 720), phi3)
+        return 1.0 + lost, phi1, phi2, phi3
 
     def slip(v_t: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         # from v_t on: v_t(p) = v_t φ₀ + K_tn φ₁, its integral and its double integral
@@ -70,38 +77,35 @@ def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarra
         tn = space.K_tn
         return v_t * phi0 + tn * phi1, v_t * phi1 + tn * phi2, v_t * phi2 + tn * phi3
 
-    def v_n(p: np.ndarray) -> np.ndarray:
-        return space.v_n + space.K_nn * p - mu * space.K_tn * slip(space.v_t, p)[1]
-
-    def dv_n(p: np.ndarray) -> np.ndarray:
-        return space.K_nn - mu * space.K_tn * slip(space.v_t, p)[0]
+    def v_n(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        v_t, slid, _ = slip(space.v_t, p)
+        return space.v_n + space.K_nn * p - mu * space.K_tn * slid, space.K_nn - mu * space.K_tn * v_t
 
     frictionless = -space.v_n / space.K_nn
-    p_c = _increasing_root(v_n, dv_n, 0.0 * (frictionless + kappa), frictionless + 0.0 * kappa)
+    p_c = _increasing_root(v_n, 0.0 * (frictionless + kappa), frictionless + 0.0 * kappa)
     v_c, slid, slid_twice = slip(space.v_t, p_c)
     W_c = p_c * (space.v_n + 0.5 * space.K_nn * p_c) - mu * space.K_tn * slid_twice
 
     # restitution is counted from p_c, where v_n = 0: from p = 0 small ε would be lost in rounding
-    def v_n_restored(d: np.ndarray) -> np.ndarray:
-        return space.K_nn * d - mu * space.K_tn * slip(v_c, d)[1]
+    def missing_work(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        _, slid, slid_twice = slip(v_c, d)
+        work = 0.5 * space.K_nn * d * d - mu * space.K_tn * slid_twice + epsilon * epsilon * W_c
+        return work, space.K_nn * d - mu * space.K_tn * slid
 
-    def missing_work(d: np.ndarray) -> np.ndarray:
-        return 0.5 * space.K_nn * d * d - mu * space.K_tn * slip(v_c, d)[2] + epsilon * epsilon * W_c
-
-    d = _increasing_root(missing_work, v_n_restored, 0.0 * (p_c + epsilon), epsilon * p_c, EPS * p_c)
+    d = _increasing_root(missing_work, 0.0 * (p_c + epsilon), epsilon * p_c, EPS * p_c)
     return -mu * (slid + slip(v_c, d)[1]), p_c + d
 
 
-def _increasing_root(value, slope, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0) -> np.ndarray:
+def _increasing_root(function, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0) -> np.ndarray:
     """Roots (n,) above `low` of functions that are negative before and positive after: Newton's method, bracketed.
 
-    A step below `floor` ends the search.
+    `function` gives values and slopes, each (n,).  A step below `floor` ends the search.
     """
     p, high = start, np.full(np.shape(start), np.inf)
     for _ in range(MAX_STEPS):
-        f = value(p)
+        f, slope = function(p)
         low, high = np.where(f < 0.0, p, low), np.where(f < 0.0, high, p)
-        newton = p - f / slope(p)
+        newton = p - f / slope
         inside = (newton >= low) & (newton <= high)
         middle = np.where(np.isfinite(high), 0.5 * (low + high), 2.0 * p)
         step = np.where(f == 0.0, 0.0, np.where(inside, newton, middle) - p)
