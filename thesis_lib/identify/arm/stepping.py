@@ -1,4 +1,4 @@
-"""Time stepping of a batch of arm-and-disk copies, each with its own base parameters and start.
+"""Time stepping of a batch of arm-and-disk copies, each with its own base parameters and start; compiled.
 
 The step is that of `simulate.stepping.stepping` for contact pairs ("arm", "ground"), with the closed-form dynamics of
 `parameters`.  In each step each contact of a copy has one mode,
@@ -8,6 +8,9 @@ The step is that of `simulate.stepping.stepping` for contact pairs ("arm", "grou
     slip s  v_n⁺ = b, c_t = -s μ c_n          needs c_n >= 0, s v_t⁺ >= 0,       s = ±1,
 
 so that four linear equations give the impulse.  The previous step's modes are tried first, then all sixteen pairs.
+
+numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
+stand here, and numbers of other files come in as arguments, since numba does not see changes of other files.
 """
 
 from collections.abc import Callable
@@ -15,6 +18,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numba import njit
 
 from thesis_lib.simulate.stepping.arm_disk import MIN_DISTANCE, ArmDisk
 from thesis_lib.simulate.stepping.contact_modes import TOUCH
@@ -26,8 +30,11 @@ ExtraForce = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 OFF, STICK, SLIP_UP, SLIP_DOWN = range(4)  # v_t⁺ > 0 and v_t⁺ < 0 in the last two
 _SIGN = np.array([0.0, 0.0, 1.0, -1.0])
 # sticking pairs first: of several solutions, the most dissipative is taken
-_ALL_MODES = np.array(list(product((STICK, SLIP_UP, SLIP_DOWN, OFF), repeat=2)))
+_ALL_MODES = np.array(list(product((STICK, SLIP_UP, SLIP_DOWN, OFF), repeat=2)), dtype=np.int8)
 MODE_TOL = 1e-11  # of velocities and impulses at a mode's border; rounding of the 4 x 4 systems is near 1e-14
+SHIFT = 1e-15  # of the diagonal of an exactly singular system, which then fails its conditions
+
+compiled = njit(cache=True, error_model="numpy")
 
 
 @dataclass(frozen=True)
@@ -59,8 +66,8 @@ def simulate_copies(
     `extra` is evaluated at the start of each step.
     """
     f_ext = np.asarray(f_ext, dtype=float)
-    f_ext = f_ext[None] if f_ext.ndim == 2 else f_ext
-    n, m = len(theta), f_ext.shape[1]
+    f_ext = np.array(np.broadcast_to(f_ext, (len(theta), *f_ext.shape[-2:])))  # as numba compiled for
+    n, m = f_ext.shape[:2]
     out = Copies(
         q=np.full((n, m + 1, 5), np.nan),
         v=np.full((n, m + 1, 5), np.nan),
@@ -68,162 +75,204 @@ def simulate_copies(
         c_t=np.zeros((n, m, 2)),
         mode=np.zeros((n, m, 2), dtype=np.int8),
     )
-    theta = np.asarray(theta, dtype=float)
-    q, v = np.array(q0, dtype=float), np.array(v0, dtype=float)
-    out.q[:, 0], out.v[:, 0] = q, v
-    mode, c_n = np.zeros((n, 2), dtype=np.int8), np.zeros((n, 2))
+    out.q[:, 0], out.v[:, 0] = q0, v0
+    numbers = (*arm.link_lengths, *arm.base, arm.disk_radius, arm.g, h, mu, epsilon)
+    constants = tuple(map(float, (*numbers, TOUCH, V_REBOUND, V_RECOVER, MIN_DISTANCE)))
+    theta = np.ascontiguousarray(theta, dtype=float)
+    if extra is None:
+        _steps(theta, out.q, out.v, out.c_n, out.c_t, out.mode, f_ext, constants, 0, m)
+        return out
+    c_n = np.zeros((n, 2))
+    force = np.zeros((n, m, 5))
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         for k in range(m):
-            f = f_ext[:, k] if extra is None else f_ext[:, k] + extra(q, v, c_n)
-            v_free, M_inv, J, phi = _free_step(arm, theta, q, v, f, h)
-            phi_free = _gaps(arm, q + h * v_free)
-            any_active = (phi_free <= 0.0).any(axis=1)
-            active = (phi_free <= 0.0) | (phi <= TOUCH)
-            if any_active.any():
-                at = np.flatnonzero(any_active)
-                v_n = np.matmul(J[at, 2:], v[at, :, None])[:, :, 0]
-                rebound = -epsilon * v_n
-                v_n_free = np.matmul(J[at, 2:], v_free[at, :, None])[:, :, 0]
-                closing = v_n_free - phi_free[at] / h
-                b = np.where((rebound > V_REBOUND) & (phi_free[at] <= 0.0), rebound, np.minimum(closing, V_RECOVER))
-                MJ = np.matmul(M_inv[at], J[at].transpose(0, 2, 1))
-                K = np.matmul(J[at], MJ)
-                v_c = np.matmul(J[at], v_free[at, :, None])[:, :, 0]
-                guess = np.where(active[at] & (mode[at] == OFF), STICK, mode[at])
-                c, new_mode = _impulses(K, v_c, b, mu, active[at], guess)
-                v_free[at] += np.matmul(MJ, c[:, :, None])[:, :, 0]
-                mode = np.zeros_like(mode)
-                mode[at] = new_mode
-                c_n = np.zeros((n, 2))
-                c_n[at] = c[:, 2:] / h
-                out.c_n[:, k], out.mode[:, k] = c_n, mode
-                out.c_t[at, k] = c[:, :2] / h
-            else:
-                mode, c_n = np.zeros_like(mode), np.zeros((n, 2))
-            v = v_free
-            q = q + h * v
-            out.q[:, k + 1], out.v[:, k + 1] = q, v
+            force[:, k] = f_ext[:, k] + extra(out.q[:, k], out.v[:, k], c_n)
+            _steps(theta, out.q, out.v, out.c_n, out.c_t, out.mode, force, constants, k, k + 1)
+            c_n = out.c_n[:, k]
     return out
 
 
-def _free_step(
-    arm: ArmDisk, theta: np.ndarray, q: np.ndarray, v: np.ndarray, f: np.ndarray, h: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """v_free (n, 5), M⁻¹ (n, 5, 5), contact rows (n, 4, 5) in the order of K, and gaps (n, 2) in m."""
-    n, (l1, l2), (bx, by), R, g = len(q), arm.link_lengths, arm.base, arm.disk_radius, arm.g
-    q1, q12, x, y = q[:, 0], q[:, 0] + q[:, 1], q[:, 2], q[:, 3]
-    c1, s1, ux, uy = np.cos(q1), np.sin(q1), np.cos(q12), np.sin(q12)
+@compiled
+def _steps(theta, q, v, c_n, c_t, mode, f_ext, constants, start, stop):
+    """Steps `start` to `stop` of every copy, into q, v (n, m+1, 5), c_n, c_t and mode (n, m, 2)."""
+    h, mu, epsilon, touch, v_rebound, v_recover = constants[6:12]
+    J, MJ, K, A = np.zeros((4, 5)), np.zeros((5, 4)), np.zeros((4, 4)), np.zeros((4, 4))
+    v_free, phi, phi_free, q_free = np.zeros(5), np.zeros(2), np.zeros(2), np.zeros(5)
+    v_c, b, c = np.zeros(4), np.zeros(2), np.zeros(4)
+    active, guess = np.zeros(2, dtype=np.bool_), np.zeros(2, dtype=np.int8)
+    for i in range(len(q)):
+        for k in range(start, stop):
+            v_before = v[i, k]
+            _free_step(theta[i], q[i, k], v_before, f_ext[i, k], constants, v_free, J, MJ, phi)
+            q_free[:] = q[i, k] + h * v_free
+            _gaps(q_free, constants, phi_free)
+            if phi_free[0] <= 0.0 or phi_free[1] <= 0.0:
+                for r in range(4):
+                    v_c[r] = 0.0
+                    for a in range(5):
+                        v_c[r] += J[r, a] * v_free[a]
+                    for s in range(4):
+                        K[r, s] = 0.0
+                        for a in range(5):
+                            K[r, s] += J[r, a] * MJ[a, s]
+                for j in range(2):
+                    v_n = 0.0
+                    for a in range(5):
+                        v_n += J[2 + j, a] * v_before[a]
+                    closing = v_c[2 + j] - phi_free[j] / h
+                    rebounds = -epsilon * v_n > v_rebound and phi_free[j] <= 0.0
+                    b[j] = -epsilon * v_n if rebounds else min(closing, v_recover)
+                    active[j] = phi_free[j] <= 0.0 or phi[j] <= touch
+                    last = mode[i, k - 1, j] if k > 0 else OFF
+                    guess[j] = STICK if active[j] and last == OFF else last
+                _impulses(K, A, v_c, b, mu, active, guess, c)
+                for a in range(5):
+                    for r in range(4):
+                        v_free[a] += MJ[a, r] * c[r]
+                for j in range(2):
+                    mode[i, k, j] = guess[j]
+                    c_t[i, k, j], c_n[i, k, j] = c[j] / h, c[2 + j] / h
+            v[i, k + 1] = v_free
+            q[i, k + 1] = q[i, k] + h * v_free
+
+
+@compiled
+def _free_step(theta, q, v, f, constants, v_free, J, MJ, phi):
+    """Of one copy: the velocity without contact forces (5,), contact rows J (4, 5) in the order of K, M⁻¹ J' (5, 4)
+    and gaps (2,) in m."""
+    l1, l2, bx, by, R, g, h = constants[:7]
+    c1, s1 = np.cos(q[0]), np.sin(q[0])
+    ux, uy = np.cos(q[0] + q[1]), np.sin(q[0] + q[1])
     cos2, sin2 = c1 * ux + s1 * uy, c1 * uy - s1 * ux  # of q_2
-    b1, b2, b3, b4, md, inertia = theta.T
+    b1, b2, b3, b4, md, inertia = theta
     # M⁻¹ of the arm, two by two
     coupling = l1 * b3 * cos2
-    M12, M22 = b4 + coupling, b4
-    M11 = b2 + b4 + 2.0 * coupling
+    M11, M12, M22 = b2 + b4 + 2.0 * coupling, b4 + coupling, b4
     det = M11 * M22 - M12 * M12
     i11, i12, i22 = M22 / det, -M12 / det, M11 / det
     # g - C v + f
-    w1, w2, sb = v[:, 0], v[:, 1], l1 * b3 * sin2
+    w1, w2, sb = v[0], v[1], l1 * b3 * sin2
     g2 = -g * b3 * ux
-    r1 = f[:, 0] - g * b1 * c1 + g2 + sb * w2 * (2.0 * w1 + w2)
-    r2 = f[:, 1] + g2 - sb * w1 * w1
-    v_free = np.empty((n, 5))
-    v_free[:, 0] = w1 + h * (i11 * r1 + i12 * r2)
-    v_free[:, 1] = w2 + h * (i12 * r1 + i22 * r2)
-    v_free[:, 2] = v[:, 2] + h * f[:, 2] / md
-    v_free[:, 3] = v[:, 3] + h * (f[:, 3] / md - g)
-    v_free[:, 4] = v[:, 4] + h * f[:, 4] / inertia
-    M_inv = np.zeros((n, 5, 5))
-    M_inv[:, 0, 0], M_inv[:, 1, 1] = i11, i22
-    M_inv[:, 0, 1] = M_inv[:, 1, 0] = i12
-    M_inv[:, 2, 2] = M_inv[:, 3, 3] = 1.0 / md
-    M_inv[:, 4, 4] = 1.0 / inertia
+    r1 = f[0] - g * b1 * c1 + g2 + sb * w2 * (2.0 * w1 + w2)
+    r2 = f[1] + g2 - sb * w1 * w1
+    v_free[0] = w1 + h * (i11 * r1 + i12 * r2)
+    v_free[1] = w2 + h * (i12 * r1 + i22 * r2)
+    v_free[2] = v[2] + h * f[2] / md
+    v_free[3] = v[3] + h * (f[3] / md - g)
+    v_free[4] = v[4] + h * f[4] / inertia
     # nearest point of link 2, as in ArmDisk.contacts
     ex, ey = bx + l1 * c1, by + l1 * s1
-    reach = np.clip((x - ex) * ux + (y - ey) * uy, 0.0, l2)
-    cx, cy = ex + reach * ux, ey + reach * uy
-    dx, dy = x - cx, y - cy
+    reach = min(max((q[2] - ex) * ux + (q[3] - ey) * uy, 0.0), l2)
+    px, py = ex + reach * ux - bx, ey + reach * uy - by
+    ox, oy = px + bx - ex, py + by - ey
+    dx, dy = q[2] - bx - px, q[3] - by - py
     distance = np.hypot(dx, dy)
-    distance[distance < MIN_DISTANCE] = np.nan
+    if distance < constants[12]:
+        distance = np.nan
+    phi[0], phi[1] = distance - R, q[3] - R
     nx, ny = dx / distance, dy / distance
-    J = np.zeros((n, 4, 5))
-    px, py, ox, oy = cx - bx, cy - by, cx - ex, cy - ey
-    J[:, 0, 0], J[:, 0, 1] = ny * py + nx * px, ny * oy + nx * ox
-    J[:, 0, 2], J[:, 0, 3], J[:, 0, 4] = ny, -nx, R
-    J[:, 1, 2], J[:, 1, 4] = 1.0, R
-    J[:, 2, 0], J[:, 2, 1], J[:, 2, 2], J[:, 2, 3] = nx * py - ny * px, nx * oy - ny * ox, nx, ny
-    J[:, 3, 3] = 1.0
-    return v_free, M_inv, J, np.stack([distance, y], axis=1) - R
+    J[0, 0], J[0, 1] = ny * py + nx * px, ny * oy + nx * ox
+    J[0, 2], J[0, 3], J[0, 4] = ny, -nx, R
+    J[1, 2], J[1, 4] = 1.0, R
+    J[2, 0], J[2, 1], J[2, 2], J[2, 3] = nx * py - ny * px, nx * oy - ny * ox, nx, ny
+    J[3, 3] = 1.0
+    for r in range(4):
+        MJ[0, r], MJ[1, r] = i11 * J[r, 0] + i12 * J[r, 1], i12 * J[r, 0] + i22 * J[r, 1]
+        MJ[2, r], MJ[3, r], MJ[4, r] = J[r, 2] / md, J[r, 3] / md, J[r, 4] / inertia
 
 
-def _gaps(arm: ArmDisk, q: np.ndarray) -> np.ndarray:
-    """Gaps (n, 2) in m at configurations (n, 5)."""
-    (l1, l2), (bx, by) = arm.link_lengths, arm.base
-    q1, q12 = q[:, 0], q[:, 0] + q[:, 1]
-    ux, uy = np.cos(q12), np.sin(q12)
-    ox, oy = q[:, 2] - bx - l1 * np.cos(q1), q[:, 3] - by - l1 * np.sin(q1)
-    reach = np.clip(ox * ux + oy * uy, 0.0, l2)
-    return np.stack([np.hypot(ox - reach * ux, oy - reach * uy), q[:, 3]], axis=1) - arm.disk_radius
+@compiled
+def _gaps(q, constants, phi):
+    """Gaps (2,) in m at a configuration (5,)."""
+    l1, l2, bx, by, R = constants[:5]
+    ux, uy = np.cos(q[0] + q[1]), np.sin(q[0] + q[1])
+    ox, oy = q[2] - bx - l1 * np.cos(q[0]), q[3] - by - l1 * np.sin(q[0])
+    reach = min(max(ox * ux + oy * uy, 0.0), l2)
+    phi[0], phi[1] = np.hypot(ox - reach * ux, oy - reach * uy) - R, q[3] - R
 
 
-def _impulses(
-    K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: float, active: np.ndarray, guess: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Impulses c (n, 4) = (c_t, c_n of both pairs) in N s and modes (n, 2); NaN where no modes are consistent.
+@compiled
+def _impulses(K, A, v_c, b, mu, active, mode, c):
+    """Impulses c (4,) = (c_t, c_n of both pairs) in N s and modes (2,), from a guess of them; NaN where none hold.
 
-    K (n, 4, 4) in 1/kg is J M⁻¹ J', rows J_t of both pairs, then J_n.
+    K (4, 4) in 1/kg is J M⁻¹ J', rows J_t of both pairs, then J_n.
     """
-    c, holds = _try_modes(K, v_c, b, mu, active, guess)
-    mode = guess.copy()
-    rest = np.flatnonzero(~holds)
-    if len(rest):
-        r, s = len(rest), len(_ALL_MODES)
-        each = np.repeat(rest, s)
-        modes = np.where(active[each], np.tile(_ALL_MODES, (r, 1)), OFF)
-        trial, good = _try_modes(K[each], v_c[each], b[each], mu, active[each], modes)
-        good = good.reshape(r, s)
-        pick = np.arange(r) * s + good.argmax(axis=1)
-        c[rest] = np.where(good.any(axis=1)[:, None], trial[pick], np.nan)
-        mode[rest] = modes[pick]
-    return c, mode
+    if _modes_hold(K, A, v_c, b, mu, active, mode, c):
+        return
+    for trial in _ALL_MODES:
+        for j in range(2):
+            mode[j] = trial[j] if active[j] else OFF
+        if _modes_hold(K, A, v_c, b, mu, active, mode, c):
+            return
+    c[:] = np.nan
 
 
-def _try_modes(
-    K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: float, active: np.ndarray, mode: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Impulses (n, 4) in N s for the modes (n, 2), and whether the modes' conditions hold (n,)."""
-    n = len(K)
-    A, rhs = K.copy(), -v_c
-    rhs[:, 2:] += b
-    for i in (0, 1):
-        m = mode[:, i]
-        not_stick = m != STICK
-        # friction: c_t + s μ c_n = 0 where slipping, c_t = 0 where off
-        row = A[:, i]
-        row[not_stick] = 0.0
-        row[not_stick, i] = 1.0
-        row[not_stick, 2 + i] = _SIGN[m[not_stick]] * mu
-        rhs[not_stick, i] = 0.0
-        off = m == OFF
-        row = A[:, 2 + i]
-        row[off] = 0.0
-        row[off, 2 + i] = 1.0
-        rhs[off, 2 + i] = 0.0
-    try:
-        c = np.linalg.solve(A, rhs[:, :, None])[:, :, 0]
-    except np.linalg.LinAlgError:
-        # one exactly singular system would stop the batch; with a shift at rounding level it fails its conditions
-        c = np.linalg.solve(A + 1e-15 * np.eye(4), rhs[:, :, None])[:, :, 0]
-    v = v_c + np.matmul(K, c[:, :, None])[:, :, 0]
-    scale = np.maximum(np.abs(v_c).max(axis=1), np.abs(b).max(axis=1)) + 1e-12
+@compiled
+def _modes_hold(K, A, v_c, b, mu, active, mode, c):
+    """Impulses c (4,) in N s of the modes (2,), and whether the modes' conditions hold."""
+    for shift in (0.0, SHIFT):
+        A[:] = K
+        for j in range(2):
+            c[j], c[2 + j] = -v_c[j], b[j] - v_c[2 + j]
+            if mode[j] != STICK:  # c_t + s μ c_n = 0 where slipping, c_t = 0 where off
+                A[j] = 0.0
+                A[j, j], A[j, 2 + j], c[j] = 1.0, _SIGN[mode[j]] * mu, 0.0
+            if mode[j] == OFF:
+                A[2 + j] = 0.0
+                A[2 + j, 2 + j], c[2 + j] = 1.0, 0.0
+        for j in range(4):
+            A[j, j] += shift
+        if _solve(A, c):
+            break
+    scale = 1e-12
+    for r in range(4):
+        if not np.isfinite(c[r]):
+            return False
+        scale = max(scale, abs(v_c[r]) + 1e-12, abs(b[r % 2]) + 1e-12)
     v_tol = MODE_TOL * scale
-    c_tol = v_tol / K[:, [0, 1], [0, 1]].max(axis=1)
-    holds = np.isfinite(c).all(axis=1)
-    for i in (0, 1):
-        m, c_t, c_n = mode[:, i], c[:, i], c[:, 2 + i]
-        fine = np.where(
-            m == OFF,
-            ~active[:, i] | (v[:, 2 + i] >= b[:, i] - v_tol),
-            (c_n >= -c_tol) & np.where(m == STICK, np.abs(c_t) <= mu * c_n + c_tol, _SIGN[m] * v[:, i] >= -v_tol),
-        )
-        holds &= fine & (active[:, i] | (m == OFF))
-    return c.reshape(n, 4), holds
+    c_tol = v_tol / max(K[0, 0], K[1, 1])
+    for j in range(2):
+        if mode[j] == OFF:
+            v_n = v_c[2 + j]
+            for s in range(4):
+                v_n += K[2 + j, s] * c[s]
+            if active[j] and not v_n >= b[j] - v_tol:
+                return False
+            continue
+        if not (active[j] and c[2 + j] >= -c_tol):
+            return False
+        if mode[j] == STICK:
+            if not abs(c[j]) <= mu * c[2 + j] + c_tol:
+                return False
+            continue
+        v_t = v_c[j]
+        for s in range(4):
+            v_t += K[j, s] * c[s]
+        if not _SIGN[mode[j]] * v_t >= -v_tol:
+            return False
+    return True
+
+
+@compiled
+def _solve(A, x):
+    """Solve A x = b in place of b (4,), by elimination with row pivots; False for an exactly singular matrix."""
+    for j in range(4):
+        pivot = j
+        for r in range(j + 1, 4):
+            if abs(A[r, j]) > abs(A[pivot, j]):
+                pivot = r
+        if A[pivot, j] == 0.0:
+            return False
+        for s in range(4):
+            A[j, s], A[pivot, s] = A[pivot, s], A[j, s]
+        x[j], x[pivot] = x[pivot], x[j]
+        for r in range(j + 1, 4):
+            factor = A[r, j] / A[j, j]
+            for s in range(j, 4):
+                A[r, s] -= factor * A[j, s]
+            x[r] -= factor * x[j]
+    for j in range(3, -1, -1):
+        for s in range(j + 1, 4):
+            x[j] -= A[j, s] * x[s]
+        x[j] /= A[j, j]
+    return True
