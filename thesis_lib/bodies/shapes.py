@@ -150,35 +150,38 @@ class Corner:
 
     def __init__(self, polygon: Polygon, index: np.ndarray) -> None:
         self.polygon, self.index, self.kind = polygon, index, polygon.kind
-        self._last: tuple[np.ndarray, np.ndarray] | None = None
-        self._bodies = 0
+        self._corners, self._bodies = polygon.corners[index].T, len(index)  # x and y (n,), or (k, 1) for k of each body
+        self._theta: np.ndarray | None = None
+        self._cos = self._sin = self._turned = np.empty(0)
 
     @classmethod
     def each(cls, polygon: Polygon, bodies: int) -> "Corner":
         """The first corner of all `bodies`, then the second of all, and so on; their angles repeat with the corner."""
         corners = cls(polygon, np.repeat(np.arange(len(polygon.corners)), bodies))
-        corners._bodies = bodies
+        corners._corners, corners._bodies = polygon.corners.T[:, :, None], bodies
         return corners
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         """That corner of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
-        if self._last is None or self._last[0] is not theta:  # a prediction asks for the same angles again
-            if self._bodies:
-                turned = _turned(self.polygon.corners[:, None], theta[: self._bodies]).reshape(-1, 2)
-            else:
-                turned = _turned(self.polygon.corners[self.index], theta)
-            self._last = theta, turned
-        return self._last[1]
+        self._turn(theta)
+        return self._turned
+
+    def turned(self, points: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """x and y (n,) of a point that belongs to the corner, turned by `theta` (n,); `points` (k, 2), one a corner."""
+        self._turn(theta)
+        x, y = points.T[:, :, None] if self._corners.ndim == 3 else points[self.index].T
+        return (self._cos * x - self._sin * y).ravel(), (self._sin * x + self._cos * y).ravel()
+
+    def _turn(self, theta: np.ndarray) -> None:
+        if self._theta is theta:  # a prediction asks for the same angles again
+            return
+        (x, y), cos, sin = self._corners, np.cos(theta[: self._bodies]), np.sin(theta[: self._bodies])
+        self._turned = np.stack([(cos * x - sin * y).ravel(), (sin * x + cos * y).ravel()]).T
+        self._theta, self._cos, self._sin = theta, cos, sin
 
     def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
         """Distance (n,) in m of the corner above the surface at `height`."""
         return y + self.contact_point(theta)[:, 1] - height
-
-
-def _turned(points: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Points (..., 2) of the body in the axes of the surface, at angles theta (...)."""
-    x, y, cos, sin = points[..., 0], points[..., 1], np.cos(theta), np.sin(theta)
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 @lru_cache(maxsize=32)

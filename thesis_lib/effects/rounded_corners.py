@@ -48,15 +48,18 @@ class RoundedCorners(Effect):
 
 def _moved(shape, theta, rho):
     """Contact point of the rounded polygon (or of one corner of it) minus that of the sharp one, two arrays (n,)."""
-    polygon = shape.polygon if isinstance(shape, Corner) else shape
-    corners, inward, largest = _corners(polygon.vertices)
+    if isinstance(shape, Corner):
+        _, inward, largest = _corners(shape.polygon.vertices)
+        rho, (x, y) = np.minimum(rho, largest), shape.turned(inward, theta)
+        return rho * x, rho * (y - 1.0)
+    corners, inward, largest = _corners(shape.vertices)
     rho = np.minimum(rho, largest)
     sin, cos = np.sin(theta), np.cos(theta)
 
     def lowest(rho):
         x, y = (corners[:, i, None] + rho * inward[:, i, None] for i in (0, 1))
         heights = sin * x + cos * y  # (corners, n)
-        index = shape.index if isinstance(shape, Corner) else np.argmin(heights, axis=0)
+        index = np.argmin(heights, axis=0)
         x, y = (corners[index, i] + rho * inward[index, i] for i in (0, 1))
         return cos * x - sin * y, sin * x + cos * y
 
