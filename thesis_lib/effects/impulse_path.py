@@ -26,6 +26,7 @@ Sources: Routh 1860; Stronge 1990, doi:10.1098/rspa.1990.0125; Mirtich 1996.
 from collections.abc import Callable
 
 import numpy as np
+from numba import njit
 
 from thesis_lib.contact.mirtich import impulse as exact_impulse
 from thesis_lib.contact.space import ContactSpace
@@ -80,42 +81,59 @@ class NormalPath:
     """
 
     def __init__(self, space: ContactSpace, lift: np.ndarray | float = 0.0) -> None:
-        self.space, self.lift = space, lift
-        self.v_n = self._low = space.v_n  # _low is v_n during compression, then 0
-        # twice the work of compression and of the whole path; sums over the steps
-        self._compression = self._work = self._c_t = self._c_n = self._tau = 0.0
-        self._last = (space.v_n,) * 4
+        n = len(space.v_n)
+        v_n, self._K_nn, self._K_tn, self.lift = (
+            np.array(np.broadcast_to(values, n)) for values in (space.v_n, space.K_nn, space.K_tn, lift)
+        )
+        self.v_n = np.stack([v_n, v_n])
+        self._low = self.v_n.copy()  # v_n during compression, then 0
+        # sums over the steps: twice the work of compression and of the whole path, impulses and couple; the last rise
+        self._compression, self._work, self._c_t, self._tau, self._rise = (np.zeros((2, n)) for _ in range(5))
+        self._c_n = np.zeros(n)
+        self._none = np.zeros((2, n))
+        self._last = self._c_n, self._none, self._none
 
     def step(self, dp: np.ndarray, d_t: np.ndarray, d_tau: np.ndarray | None = None) -> None:
         """Advance by the normal impulse `dp` (n,) > 0; friction impulse and couple of the step are (2, n)."""
-        rise = self.space.K_nn * dp + self.space.K_tn * d_t
-        if d_tau is not None:
-            rise += self.lift * d_tau
-            self._tau = self._tau + d_tau
-        v_n = self.v_n + rise
-        low = np.minimum(v_n, 0.0)
-        # v_n is linear in p: the share of the step that still compresses
-        share = (low - self._low + _TINY) / (rise + _TINY)
-        self._compression = self._compression + share * (low + self._low) * dp
-        self._work = self._work + (v_n + self.v_n) * dp
-        self._c_t, self._c_n = self._c_t + d_t, self._c_n + dp
-        self.v_n, self._low, self._last = v_n, low, (dp, d_t, d_tau, rise)
+        self._last = dp, d_t, self._none if d_tau is None else d_tau
+        _advance(
+            *(self._K_nn, self._K_tn, self.lift, *self._last),
+            *(self.v_n, self._low, self._compression, self._work, self._c_t, self._c_n, self._tau, self._rise),
+        )
 
     def end(self, epsilon: np.ndarray) -> Impulse:
         """Impulses (2, n) where restitution has given back the share ε² of the work of compression.
 
         The last step is extended to there, or cut.
         """
-        dp, d_t, d_tau, rise = self._last
-        b = np.maximum(rise / dp, _FLATTEST * self.space.K_nn)
+        dp, d_t, d_tau = self._last
+        b = np.maximum(self._rise / dp, _FLATTEST * self._K_nn)
         # compression may last longer than the steps reach
         compression = self._compression - self._low * self._low / b
         # 2 W + 2 v_n x + b x² = (1 − ε²) 2 W_c
         square = self.v_n * self.v_n + b * ((1.0 - epsilon * epsilon) * compression - self._work)
         more = (np.sqrt(np.maximum(square, 0.0)) - self.v_n) / b
         share = more / dp
-        tau = np.zeros_like(more) if d_tau is None else self._tau + share * d_tau
-        return Impulse(self._c_t + share * d_t, self._c_n + more, tau)
+        return Impulse(self._c_t + share * d_t, self._c_n + more, self._tau + share * d_tau)
+
+
+@njit(cache=True, error_model="numpy")
+def _advance(K_nn, K_tn, lift, dp, d_t, d_tau, v_n, low, compression, work, c_t, c_n, tau, rise):
+    """One step of both paths, in place: K and dp (n,), all else but `lift` and c_n (n,) is (2, n)."""
+    for i in range(len(dp)):
+        c_n[i] += dp[i]
+    for k in range(2):
+        for i in range(len(dp)):
+            up = K_nn[i] * dp[i] + K_tn[i] * d_t[k, i] + lift[i] * d_tau[k, i]
+            then = v_n[k, i] + up
+            below = 0.0 if then > 0.0 else then
+            # v_n is linear in p: the share of the step that still compresses
+            share = (below - low[k, i] + _TINY) / (up + _TINY)
+            compression[k, i] += share * (below + low[k, i]) * dp[i]
+            work[k, i] += (then + v_n[k, i]) * dp[i]
+            c_t[k, i] += d_t[k, i]
+            tau[k, i] += d_tau[k, i]
+            v_n[k, i], low[k, i], rise[k, i] = then, below, up
 
 
 def added(

@@ -19,10 +19,11 @@ rigid path, also changes v_n and the end of restitution (impulse_path.py).
 """
 
 import numpy as np
+from numba import njit
 
 from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.effects.effect import Effect, Impulse, Parameter
-from thesis_lib.effects.impulse_path import NormalPath, added, friction, whole_impulse
+from thesis_lib.effects.impulse_path import NormalPath, added, whole_impulse
 
 STEPS = 20  # in each phase; fewer leave 2.4 instead of 2.0 mm/s against the integrated motion (16)
 _NODES = np.linspace(0.0, np.pi / 2.0, STEPS + 1)
@@ -72,24 +73,47 @@ def _paths(space, mu, epsilon, eta, zeta) -> Impulse:
     ratio = np.maximum(whole_impulse(space, mu, epsilon) / p_c - 1.0, _SHORTEST)
     spring = -p_c / (eta * space.v_n)  # κ, with b = −v_n / p_c
     w = np.sqrt(spring * K_tt)
-    rest = K_tn / (w * w) * p_c  # equilibrium over f_n / p_c
-    bears = mu * p_c / spring
-    path, z = NormalPath(space), np.zeros(len(mu))
-    v = np.stack([v_t, v_t])
-    for phase, h in enumerate((_STEP, _STEP * ratio)):
-        zz, zv, vz, vv = _propagator(w, zeta, h)
-        for i in range(phase * STEPS, (phase + 1) * STEPS):
-            dp = (_MEAN[i] * h) * p_c
-            middle, most = rest * _MEAN[i], bears * _END[i]
-            off = z - middle
-            kicked = v + K_tn * dp
-            slip = kicked.copy()  # what friction has to end: all of it, or what the oscillator loses
-            slip[0] -= vz * off + vv * v[0]
-            z = np.maximum(np.minimum(middle + zz * off + zv * v[0], most), -most)
-            d_t = friction(slip, mu * dp, K_tt)
-            v = kicked + K_tt * d_t
-            path.step(dp, d_t)
+    n, durations = len(mu), (_STEP, _STEP * ratio)
+    stuck = np.array([[np.broadcast_to(part, n) for part in _propagator(w, zeta, h)] for h in durations])  # (2, 4, n)
+    dp = _MEAN[:, None] * np.repeat([p_c * h for h in durations], STEPS, axis=0)
+    numbers = K_tt, K_tn, v_t, mu, K_tn / (w * w) * p_c, mu * p_c / spring
+    d_t = _slide(np.array([np.broadcast_to(values, n) for values in numbers]), stuck, dp)
+    path = NormalPath(space)
+    for pair in zip(dp, d_t):
+        path.step(*pair)
     return path.end(epsilon)
+
+
+@njit(cache=True, error_model="numpy")
+def _slide(numbers, stuck, dp):
+    """Friction impulses (s, 2, n) of the s steps of both paths, of the normal impulses dp (s, n).
+
+    `numbers` (6, n) are K_tt, K_tn, v_t, μ, and over f_n / p_c the equilibrium of z and what the spring bears.  NaN
+    stays NaN: what is compared is the limit.
+    """
+    d_t = np.empty((len(dp), 2, dp.shape[1]))
+    K_tt, K_tn, v_t, mu, rest, bears = numbers
+    z, v, rigid = np.zeros(len(v_t)), v_t.copy(), v_t.copy()
+    for i in range(len(dp)):
+        zz, zv, vz, vv = stuck[i // STEPS]
+        for k in range(len(v_t)):
+            limit, kick = mu[k] * dp[i, k], K_tn[k] * dp[i, k]
+            middle, most = rest[k] * _MEAN[i], bears[k] * _END[i]
+            off = z[k] - middle
+            # what friction has to end: what the oscillator loses, or all of the slip
+            lost = v[k] + kick - (vz[k] * off + vv[k] * v[k])
+            z[k] = _within(middle + zz[k] * off + zv[k] * v[k], most)
+            d_t[i, 0, k] = _within(lost / -K_tt[k], limit)
+            d_t[i, 1, k] = _within((rigid[k] + kick) / -K_tt[k], limit)
+            v[k] += kick + K_tt[k] * d_t[i, 0, k]
+            rigid[k] += kick + K_tt[k] * d_t[i, 1, k]
+    return d_t
+
+
+@njit(cache=True, error_model="numpy")
+def _within(value, limit):
+    below = limit if value > limit else value
+    return -limit if below < -limit else below
 
 
 EFFECT = TangentialCompliance()
