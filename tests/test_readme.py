@@ -350,19 +350,23 @@ def test_sentences_on_switches_of_the_set_up_are_those_of_the_stored_games():
     assert set(effects["n"]) == {6} and effects["mean"].max() < 21.0
     changed = effects.set_index(["policy", "switch"])[["difference", "difference_low", "difference_high"]]
 
-    def told(switch: str, sign: float) -> str:
-        ends = (sign * changed.loc[("hma", switch)]).to_numpy()
+    def told(switch: str, sign: float, policy: str = "hma") -> str:
+        ends = (sign * changed.loc[(policy, switch)]).to_numpy()
         value, low, high = ends[0], *sorted(ends[1:])
         return f"{value:.1f} ({low:.1f} to {high:.1f})".replace("-", "−")
 
-    assert f"States without noise add {told('exact_states', 1.0)} to HMA's" in said
-    assert f"a push of 56 mm instead of 33 mm costs HMA {told('three_quarters', -1.0)}" in said
+    added = f"{told('exact_states', 1.0)} to HMA's and {told('exact_states', 1.0, 'mor')} to MOR's"
+    assert f"States without noise add {added}" in said
+    costs = f"costs HMA {told('three_quarters', -1.0)} and MOR {told('three_quarters', -1.0, 'mor')}."
+    assert f"a push of 56 mm instead of 33 mm {costs}" in said
     fewer, ends = told("exploration", -1.0).split(" (")
     assert f"brings out {fewer} fewer ({ends}" in said
-    learners = changed.loc[["hma", "network"]].dropna()
+    learners = changed.loc[["hma", "mor", "network"]].dropna()
     assert (learners.drop("exact_states", level="switch")["difference"] < 0.0).all()
     sure = learners[(learners["difference_low"] > 0.0) | (learners["difference_high"] < 0.0)]
-    assert list(sure.index) == [("hma", "three_quarters")]
+    assert list(sure.index) == [("hma", "three_quarters"), ("mor", "three_quarters")]
+    means = effects.set_index(["policy", "switch"])["mean"]
+    assert list((means["hma"] < means["mor"]).loc[lambda below: below].index) == ["exploration"]
     success = pd.read_csv(STUDY / "switch_success.csv").query("position == 'all' and phase == 'exploration'")
     shares = (100.0 * success.set_index(["switch", "action"])[["share", "published"]]).round().astype(int)
     pushed, pulled = (shares.loc[("exploration", action)] for action in ("push", "extract"))
