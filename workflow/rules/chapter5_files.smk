@@ -32,7 +32,7 @@ def ch5_learned_from(wildcards):
         return [f"{CH5}/ppo/policy_{wildcards.size}.pt"]
     if wildcards.policy in CONFIG.chapter5.games.fixed:
         return []
-    return [CH5_SETS[int(wildcards.tower) % len(CH5_SETS)]]
+    return [CH5_SETS[CONFIG.chapter5.samples.of_game(int(wildcards.tower))]]
 
 
 def ch5_scans(first, count):

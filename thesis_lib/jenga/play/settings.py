@@ -48,8 +48,13 @@ class SampleChoice(Section):
     """Samples of the base exploration policy."""
 
     sets: int = Field(3, ge=1, description="training sets; game i uses set i modulo this, so that luck averages out")
+    shift: int = Field(0, ge=0, description="game i uses the set that many later: crosses training sets with towers")
     per_tower: int = Field(50, ge=20, description="samples of one tower: a set of 100 has seen two (own choice)")
     held_out: int = Field(500, ge=100, description="samples of other towers, for abstractions and their agreement")
+
+    def of_game(self, tower: int) -> int:
+        """Number of the training set of the games on a tower."""
+        return (tower + self.shift) % self.sets
 
 
 class ShowcaseChoice(Section):

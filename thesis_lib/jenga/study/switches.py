@@ -151,16 +151,28 @@ class Study:
             write_samples(found, path)
         return read_samples(path)
 
+    def games_of(self, tasks: Sequence[Task]) -> list[tuple[str, int, Game]]:
+        """(switch, size, game) of the games that have been played."""
+        return [(task.switch, task.size, read_game(self.path(task))) for task in tasks if self.path(task).is_file()]
+
     def tables(self, tasks: Sequence[Task]) -> dict[str, pd.DataFrame]:
         """`effects` and `success` of the games that have been played."""
-        games = [(task.switch, task.size, read_game(self.path(task))) for task in tasks if self.path(task).is_file()]
+        games = self.games_of(tasks)
         return {"effects": effects(games), "success": successes(games)}
 
     def _set(self, task: Task) -> int:
-        return task.tower % self.settings[task.switch].samples.sets
+        return self.settings[task.switch].samples.of_game(task.tower)
 
     def _samples_path(self, switch: str, number: int, size: int) -> Path:
         return self.folder / switch / "samples" / f"set_{number}_{size}.csv"
+
+
+def configured(path: str | Path) -> tuple[Chapter5, int]:
+    """Settings of chapter 5 and the seed of a configuration; UserError without a seed."""
+    document = read_yaml(path).content or {}
+    if "seed" not in document:
+        raise UserError(f"{path} has no seed.")
+    return overlaid(Chapter5(), document.get("chapter5") or {}, str(path)), int(document["seed"])
 
 
 def read_switches(path: str | Path, base: Chapter5) -> dict[str, Chapter5]:
@@ -247,14 +259,11 @@ def _interval(row: Mapping[Any, Any], value: str, low: str, high: str) -> str:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit code."""
     options = _options(argv)
-    document = read_yaml(options.config).content or {}
-    base = overlaid(Chapter5(), document.get("chapter5") or {}, str(options.config))
+    base, seed = configured(options.config)
     known = read_switches(options.overlays, base)
     if unknown := [name for name in options.switches or () if name not in known]:
         raise UserError(f"there is no switch {unknown[0]} in {options.overlays}; known are {', '.join(known)}.")
-    if "seed" not in document:
-        raise UserError(f"{options.config} has no seed.")
-    study = Study(options.folder, known, int(document["seed"]), options.blocks)
+    study = Study(options.folder, known, seed, options.blocks)
     tasks = study.tasks(options.policies, options.size, options.towers, options.first)
     mine = [task for task in tasks if task.switch in (options.switches or known)]
     missing = study.missing(mine)
