@@ -5,7 +5,18 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
-from thesis_lib.resources import MEASURED, Use, main, read_measured, read_uses, recorded, request, write_measured
+from thesis_lib.resources import (
+    MEASURED,
+    Use,
+    main,
+    read_machines,
+    read_measured,
+    read_uses,
+    recorded,
+    request,
+    slower,
+    write_measured,
+)
 
 HEADER = "s\th:m:s\tmax_rss\tmax_vms\tmax_uss\tmax_pss\tio_in\tio_out\tmean_load\tcpu_time\n"
 SMALL = {"quick": {"peak_mb": 150.0, "cpu_s": 2.0}}
@@ -85,8 +96,9 @@ def test_recording_replaces_one_scale_of_the_rules_that_ran(results, tmp_path):
     assert found["large"] == {"quick": quick, "default": LARGE["default"]}
     assert found["small"]["quick"] == {"peak_mb": 0.0, "cpu_s": 1.0}
     path = tmp_path / "resources.yaml"
-    write_measured(found, path)
-    assert read_measured(path) == found
+    machines = {"quick": {"pace_s": 0.25, "total_cpu_s": 38.0}}
+    write_measured(found, machines, path)
+    assert read_measured(path) == found and read_machines(path) == machines
 
 
 class TestCommand:
@@ -100,6 +112,10 @@ class TestCommand:
         path = tmp_path / "resources.yaml"
         assert main(["record", "--scale", "full", "--results", str(results), "--measured", str(path)]) == 0
         assert set(read_measured(path)["large"]) == {"full"}
+        machines = read_machines(path)
+        assert set(machines) == {"full"} and machines["full"]["total_cpu_s"] == 38.0
+        # measured on this very machine, busy or not
+        assert 0.2 < slower(machines, "full") < 5.0 and slower(machines, "quick") == 1.0
 
     def test_a_mistake_is_told_without_a_traceback(self, tmp_path, capsys):
         assert main(["--results", str(tmp_path)]) == 2

@@ -1,10 +1,10 @@
 """Print how long the pipeline will take, and a line for each job that ends, for logs, where Snakemake shows neither.
 
-    81 jobs, about 9 min of CPU where they were measured: about 5 min on 2 cores
+    81 jobs, about 9 min of CPU on this machine: about 5 min on 2 cores
     [12/81] ch2_programs: Chapter 2: equations 2.12 to 2.14, wheel; 72 s of CPU in 48 s, about 3 min left
 
 All is read from Snakemake's log below .snakemake/log.  The time left is the measured time of the unfinished jobs
-(config/resources.yaml), scaled by the pace of this run so far.
+(config/resources.yaml), scaled by the pace of this machine and then of this run so far.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ TRUST = 30.0  # CPU s of finished jobs from which on their pace counts more than
 class JobLines:
     """Reads Snakemake's log piece by piece and reports the jobs that have ended.
 
-    `cpu_s` maps a rule to the measured CPU time of one job in s.
+    `cpu_s` maps a rule to the CPU time expected of one job in s.
     """
 
     def __init__(self, cpu_s: Mapping[str, float]):
@@ -35,7 +35,7 @@ class JobLines:
         self._left: Counter[str] = Counter()  # jobs of each rule that have not ended
         self._names: dict[str, str] = {}  # job number -> its message, or its wildcards
         self._job, self._total, self._ended, self._cores = "", 0, 0, 1
-        self._measured = 0.0  # CPU time that the ended jobs took when they were measured, s
+        self._measured = 0.0  # CPU time that was expected of the ended jobs, s
 
     def read(self, text: str, cpu: float, wall: float) -> list[str]:
         """What to print of the jobs that ended in `text`, further whole lines of the log.
@@ -72,7 +72,7 @@ class JobLines:
         measured = sum(n * self._cpu_s.get(rule, UNMEASURED) for rule, n in self._left.items())
         jobs, cores = (f"{n} {noun}{'s' * (n > 1)}" for n, noun in ((self._total, "job"), (self._cores, "core")))
         alone = duration(measured / self._cores)
-        return f"{jobs}, about {duration(measured)} of CPU where they were measured: about {alone} on {cores}"
+        return f"{jobs}, about {duration(measured)} of CPU on this machine: about {alone} on {cores}"
 
     def _end(self, job: str, rule: str, cpu: float, wall: float) -> str:
         self._ended += 1

@@ -25,11 +25,13 @@ from pathlib import Path
 
 from thesis_lib.foundation.command_line import WRONG, not_installed
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import duration
 from thesis_lib.job_lines import printed_jobs
 
 STATE = Path(".snakemake")
 WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into
 SCALES = {"quick": 100, "default": 250, "full": 600}  # MB of free disk required: twice what a run writes
+CORES = 2  # of profiles/default
 SHOWN = 5  # failed jobs listed
 TAIL = 20_000  # bytes of a log that are searched for the cause
 PATIENCE = 5.0  # s granted to dying processes
@@ -65,6 +67,8 @@ def run(
         command += ["--cores", str(cores)] if cores else []
         command += ["--configfile", *overlays] if overlays else []
         recover([*command, "--unlock", "--", *targets])
+        if sys.stdout.isatty() and not targets:  # elsewhere `printed_jobs` says it of the jobs that are left
+            _say_whole(scale, cores or CORES)
         return _snakemake([*command, "--", *targets], lock, scale)
     finally:
         os.close(lock)
@@ -219,12 +223,36 @@ def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int
 
 
 def _cpu_of_jobs(scale: str) -> dict[str, float]:
-    """Measured CPU time of a job of each rule, s; at the default scale if that is the only one."""
-    from thesis_lib.resources import MEAN, MEASURED, read_measured  # late: outside the environment there is no PyYAML
+    """CPU time of a job of each rule on this machine, s; at the default scale if only that was measured."""
+    # late: outside the environment there is no PyYAML
+    from thesis_lib.resources import MEAN, MEASURED, read_machines, read_measured, slower
 
-    measured = read_measured() if MEASURED.is_file() else {}
-    uses = {rule: scales.get(scale) or scales.get("default", {}) for rule, scales in measured.items()}
-    return {rule: use.get(MEAN, use["cpu_s"]) for rule, use in uses.items() if "cpu_s" in use}
+    if not MEASURED.is_file():
+        return {}
+    measured, machines = read_measured(), read_machines()
+    factors = {known: slower(machines, known) for known in {scale, "default"}}
+    times = {}
+    for rule, scales in measured.items():
+        known = scale if scales.get(scale) else "default"
+        use = scales.get(known, {})
+        if "cpu_s" in use:
+            times[rule] = use.get(MEAN, use["cpu_s"]) * factors[known]
+    return times
+
+
+def _say_whole(scale: str, cores: int) -> None:
+    """Say how long all jobs of a scale take on this machine, if it was ever measured."""
+    from thesis_lib.resources import MEASURED, TOTAL, read_machines, slower
+
+    machines = read_machines() if MEASURED.is_file() else {}
+    if scale in machines:
+        cpu_s = machines[scale][TOTAL] * slower(machines, scale)
+        noun = f"{cores} core{'s' * (cores > 1)}"
+        print(
+            f"All jobs of the {scale} scale take about {duration(cpu_s)} of CPU on this machine, about "
+            f"{duration(cpu_s / cores)} on {noun}; what is finished is not run again.",
+            flush=True,
+        )
 
 
 def latest_log(since: float) -> str:

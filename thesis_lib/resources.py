@@ -5,7 +5,8 @@
 
 Snakemake records the use of each job in results/logs/benchmarks/ (peak memory is sampled, every half second at first
 and every 30 s later).  config/resources.yaml holds the largest job of each rule and scale; a job requests the largest
-of all scales times a margin, and more after each failure.  How long a run takes is told from the mean job.
+of all scales times a margin, and more after each failure.  How long a run takes is told from the mean job, or all
+jobs together, and from the pace of this machine against that of the one where the scale was measured (`machine` there).
 """
 
 import argparse
@@ -20,11 +21,14 @@ import yaml
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import write_text
+from thesis_lib.pace import pace_s
 
 MEASURED = Path("config/resources.yaml")
 BENCHMARKS = Path("logs/benchmarks")  # below the results
 KEYS = ("peak_mb", "cpu_s")  # of the largest job of a rule at a scale
 MEAN = "mean_cpu_s"  # of the jobs of a rule at a scale, where these are several
+MACHINE = "machine"  # what was measured of each scale as a whole: `PACE` of the machine and CPU time of all jobs
+PACE, TOTAL = "pace_s", "total_cpu_s"
 
 MEMORY_MARGIN = 1.5  # peaks are sampled, and other data and library builds need other amounts
 NESTED_MB = 400  # on a cluster each job is two more Snakemake processes of about 190 MB
@@ -35,6 +39,7 @@ START_MINUTES = 10  # reading libraries from a busy file system, and the nested 
 
 HEADER = """\
 # The largest job of each rule: peak memory (MB) and CPU time (s), by scale; of several jobs also the mean CPU time.
+# machine: CPU time of a fixed piece of work where a scale was measured (thesis_lib/pace.py), and of all of its jobs.
 # thesis_lib/resources.py turns the worst of the scales into what a job asks of a cluster.
 # Written by `python -m thesis_lib.resources record --scale SCALE`.
 """
@@ -67,6 +72,11 @@ def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: i
     return Request(attempt * steps * MEMORY_STEP_MB, attempt * math.ceil(START_MINUTES + TIME_MARGIN * cpu_s / 60.0))
 
 
+def slower(machines: Mapping[str, Mapping[str, float]], scale: str) -> float:
+    """How many times as long work takes here as where a scale was measured; 1 if that is not known."""
+    return pace_s() / machines[scale][PACE] if scale in machines else 1.0
+
+
 def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str) -> float:
     """The largest number of a rule over the scales; of all rules if it has none."""
     of_rule = [use[key] for use in measured.get(rule, {}).values() if key in use]
@@ -79,11 +89,26 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
 
     UserError if the file is missing or of another form.
     """
+    return _read(path)[0]
+
+
+def read_machines(path: str | Path = MEASURED) -> dict[str, dict[str, float]]:
+    """Scale -> {pace_s, total_cpu_s}: CPU time of the work of `thesis_lib.pace` where it was measured, and of all jobs.
+
+    UserError as in `read_measured`.
+    """
+    return _read(path)[1]
+
+
+def _read(path: str | Path) -> tuple[dict[str, dict[str, dict]], dict[str, dict[str, float]]]:
     path = Path(path)
     if not path.is_file():
         raise UserError(f"{path} does not exist; get it back with git checkout {path}.")
     try:
         measured = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        machines = {
+            scale: {PACE: float(of[PACE]), TOTAL: float(of[TOTAL])} for scale, of in measured.pop(MACHINE, {}).items()
+        }
         numbers = {
             rule: {scale: {key: float(value) for key, value in use.items()} for scale, use in scales.items()}
             for rule, scales in measured.items()
@@ -91,7 +116,7 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
         keys = {key for scales in numbers.values() for use in scales.values() for key in use}
         if unknown := keys - {*KEYS, MEAN}:
             raise ValueError(f"unknown: {', '.join(sorted(unknown))}")
-        return numbers
+        return numbers, machines
     except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
         raise UserError(
             f"{path} must hold `rule: {{scale: {{peak_mb: …, cpu_s: …, mean_cpu_s: …}}}}` ({error}); "
@@ -154,9 +179,14 @@ def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str
     return updated
 
 
-def write_measured(measured: Mapping[str, Mapping[str, Mapping]], path: str | Path = MEASURED) -> None:
-    """Write the measured numbers, a line per rule."""
-    text = HEADER
+def write_measured(
+    measured: Mapping[str, Mapping[str, Mapping]],
+    machines: Mapping[str, Mapping[str, float]],
+    path: str | Path = MEASURED,
+) -> None:
+    """Write the measured numbers, a line per rule, and of each scale what `read_machines` reads."""
+    whole = [f"{scale}: {{{PACE}: {of[PACE]:.3f}, {TOTAL}: {of[TOTAL]:.0f}}}" for scale, of in sorted(machines.items())]
+    text = f"{HEADER}{MACHINE}: {{{', '.join(whole)}}}\n"
     for rule in sorted(measured):
         scales = []
         for scale, use in sorted(measured[rule].items()):
@@ -181,8 +211,10 @@ def main(arguments: Iterable[str] | None = None) -> int:
         uses = read_uses(options.results)
         measured = read_measured(options.measured) if options.measured.exists() else {}
         if options.command == "record":
+            machines = read_machines(options.measured) if options.measured.exists() else {}
+            machines[options.scale] = {PACE: pace_s(), TOTAL: sum(use.cpu_s for use in uses.values())}
             measured = recorded(measured, uses, options.scale)
-            write_measured(measured, options.measured)
+            write_measured(measured, machines, options.measured)
         print(table(uses, measured))
     except UserError as error:
         print(error, file=sys.stderr)

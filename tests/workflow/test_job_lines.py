@@ -29,8 +29,8 @@ rule draw:
 def test_each_job_that_ends_has_a_line_with_what_is_done_and_what_is_left():
     lines = JobLines({"fit": 100.0})
     (begin,) = lines.read(HEAD, cpu=0.0, wall=1.0)
-    assert begin == "3 jobs, about 3 min of CPU where they were measured: about 2 min on 2 cores"
-    # took half as long as when it was measured; what is left shares two cores
+    assert begin == "3 jobs, about 3 min of CPU on this machine: about 2 min on 2 cores"
+    # took half as long as expected; what is left shares two cores
     pace = (50.0 + TRUST) / (100.0 + TRUST)
     left = pace * (100.0 + UNMEASURED) / 2
     (said,) = lines.read("Finished jobid: 1 (Rule: fit)\n1 of 3 steps (33%) done\n", cpu=50.0, wall=60.0)
