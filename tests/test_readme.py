@@ -344,6 +344,25 @@ def test_sentences_on_the_games_are_those_of_the_stored_study():
     assert [int(x) for x in numbers.groups()] == [round(100 * x) for x in found]
 
 
+def test_sentences_on_crossed_training_sets_are_those_of_the_stored_games():
+    said = " ".join(FINDINGS.split())
+    leads = pd.read_csv(STUDY / "crossed_leads.csv").set_index("rival")
+    assert leads.loc["mor", "low"] > 0.0 > leads.loc["network", "low"] and "HMA's lead over MOR stands, and" in said
+    games = pd.read_csv(STUDY / "crossed_games.csv").query("refused == 0")
+    assert (games.groupby(["policy", "set"])["tower"].nunique() == leads["towers"].max()).all()
+    by_set = games.groupby(["policy", "set"])["extractions"].mean().groupby("policy").agg(["min", "max"])
+    ends = {name: f"{low:.1f} to {high:.1f}" for name, low, high in by_set.itertuples()}
+    assert f"it brings out {ends['mor']} blocks (HMA {ends['hma']}, the network {ends['network']})" in said
+    assert (by_set["max"] - by_set["min"]).idxmax() == "mor" and leads["sets"].eq(games["set"].nunique()).all()
+    # the games of the study, played again
+    study = pd.read_csv(STUDY / "study_games.csv").query("size == 100 and refused == 0")
+    both = games.merge(study, on=["policy", "tower"], suffixes=("", "_study"))
+    own = both[both["set"] == both["tower"] % games["set"].nunique()]
+    same = (own["extractions"] == own["extractions_study"]).sum()
+    readme = (STUDY / "README.md").read_text(encoding="utf-8")
+    assert f"Of the {len(own)} games that the study has, too, {same} brought out" in " ".join(readme.split())
+
+
 def test_sentences_on_switches_of_the_set_up_are_those_of_the_stored_games():
     said = " ".join(FINDINGS.split())
     effects = pd.read_csv(STUDY / "switch_effects.csv")
@@ -401,20 +420,40 @@ def test_sentences_on_beliefs_and_experts_are_those_of_the_stored_tables():
     assert f"“easy move” ends at {told(settles, 2)}" in said
     assert (belief.loc[["stuck_no_block_first", "easy_no_block_first"], "value"] == 0.0).all()
     early, later = belief.loc["force_leads_early"], belief.loc["poses_gain_later"]
-    assert f"forces give {told(early, 1)} nats more evidence" in said and early["low"] < 0.0
-    assert f"displacements gain {told(later, 1)} nats a step" in said and later["low"] > 0.0
+    assert f"forces give {told(early, 1)} nats more evidence" in said and early["low"] > 0.0
+    assert f"displacements gain {told(later, 1)} nats a step: first forces" in said and later["low"] > 0.0
 
     curves = pd.read_csv(stored / "model_experts.csv")
-    chosen = curves[curves["chosen"] == 1].groupby("size")["experts"].apply(sorted)
+    chosen = curves[curves["chosen"] == 1]
+    few, many = (chosen[chosen["size"] == size] for size in (100, 1000))
+    numbers = [sorted(part["experts"]) for part in (few, many)]
     assert f"Of {curves['experts'].min()} to {curves['experts'].max()} cross-validation takes" in said
-    assert f"takes {chosen[100][0]} and {chosen[100][1]} experts with 100 samples of two training sets," in said
-    assert f"{chosen[1000][0]} and {chosen[1000][1]} with 1,000" in said
+    assert "takes {}, {} and {} with 100 samples of three training sets,".format(*numbers[0]) in said
+    assert "{}, {} and {} with 1,000 (`model_experts.csv`)".format(*numbers[1]) in said
     gain = pd.read_csv(stored / "model_experts_summary.csv").set_index(["quantity", "size"]).loc["chosen_gain"]
     assert f"{told(gain.loc[1000], 1)} nats a sample better" in said and gain.loc[1000, "low"] > 0.0
-    assert f"With 100 it is {told(gain.loc[100], 1, -1.0)} worse, too noisy" in said and gain.loc[100, "high"] > 0.0
+    assert (many["cv"] > 2.0 * many["cv_std"]).all() and "each is better by two standard errors" in said
+    assert f"With 100 they are {told(gain.loc[100], 1, -1.0)} worse, too noisy" in said and gain.loc[100, "high"] > 0.0
     assert "in cross-validation no mixture is better by two standard errors" in said
     few = curves[curves["size"] == 100]
     assert (few["cv"] <= 2.0 * few["cv_std"]).all()
+
+
+def test_sentences_on_abstractions_and_unseen_effects_are_those_of_the_stored_tables():
+    stored, said = ROOT / "config/reference/chapter5", " ".join(FINDINGS.split())
+    sets = pd.read_csv(stored / "model_agreement.csv").query("set >= 0")
+    assert (sets["n_stuck_abstractions"] >= 1).all() and set(sets["n_abstractions"]) == {2, 3}
+    found = pd.read_csv(stored / "model_abstractions.csv").query("size >= 100")
+    kinds = found.assign(kind=found["abstraction"].str.rstrip(" 12")).groupby(["size", "set"])["kind"].agg(set)
+    assert all({"drags tower", "easy move"} <= kind <= {"drags tower", "easy move", "hard move"} for kind in kinds)
+    assert "From 100 samples on every training set gives an abstraction of blocks that drag the tower" in said
+    unseen = pd.read_csv(stored / "unseen_summary.csv").set_index("effect")
+    assert list(unseen.index) == ["glued", "slippery", "heavy_tool"] and (unseen["new_abstraction"] == 0).all()
+    p = unseen["p_value"]
+    assert f"none is noticed (p = {p['glued']:.3f}, {p['slippery']:.2f} and {p['heavy_tool']:.2f})" in said
+    failing, all_of = (unseen[f"{name}_affected"].sum() for name in ("failing", "pushes"))
+    others, all_others = (unseen[f"{name}_others"].sum() for name in ("failing", "pushes"))
+    assert f"Of {all_of} pushes with an effect {failing} fail the check, and of {all_others} without {others}." in said
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,18 @@ def even_matches() -> str:
     return table((*head, *(f"HMA − {title(name)}" for name in LEARNERS[1:])), rows)
 
 
+def crossed() -> str:
+    """Extractions where each learner plays each tower from each training set, and HMA's lead over the others there."""
+    played: Any = _read("crossed_games").query("refused == 0").groupby("policy")["extractions"].mean()
+    rows = [(title("hma"), f"{played['hma']:.1f}", "", "", "")]
+    for row in _read("crossed_leads").to_dict("records"):
+        name, spread = row["rival"], (row["std_tower"], row["std_set"])
+        luck = [f"{value:.1f}" for value in spread]
+        rows.append((title(name), f"{played[name]:.1f}", _interval(row, "difference", "low", "high"), *luck))
+    head = ("who plays", "extractions", f"HMA ({SHOWN}) brings out more", "its spread by tower", "by training set")
+    return table(head, rows)
+
+
 def switches() -> str:
     """Extractions with each switch of the set-up, and what it changes on the same towers."""
     stored = _read("switch_effects")

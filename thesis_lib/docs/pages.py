@@ -52,6 +52,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "games": games.who_plays,
     "games by samples": games.by_samples,
     "even matches": games.even_matches,
+    "crossed": games.crossed,
     "switches": games.switches,
 }
 _BLOCK = re.compile(
