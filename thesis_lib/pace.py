@@ -1,7 +1,7 @@
 """Pace of this machine: CPU time of a fixed piece of work, against that of the machine where the jobs were measured.
 
 The work is of the kinds that most jobs consist of: steps of Python, operations on short arrays and on long ones.  It
-takes about a second, and tells machines apart that differ by a factor of two, not by a tenth.
+takes a second or two, and tells machines apart that differ by a factor of two, not by a tenth.
 """
 
 import time

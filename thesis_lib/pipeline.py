@@ -229,14 +229,12 @@ def _cpu_of_jobs(scale: str) -> dict[str, float]:
 
     if not MEASURED.is_file():
         return {}
-    measured, machines = read_measured(), read_machines()
-    factors = {known: slower(machines, known) for known in {scale, "default"}}
-    times = {}
-    for rule, scales in measured.items():
+    factors, times = slower(read_machines()), {}
+    for rule, scales in read_measured().items():
         known = scale if scales.get(scale) else "default"
         use = scales.get(known, {})
         if "cpu_s" in use:
-            times[rule] = use.get(MEAN, use["cpu_s"]) * factors[known]
+            times[rule] = use.get(MEAN, use["cpu_s"]) * factors.get(known, 1.0)
     return times
 
 
@@ -246,7 +244,7 @@ def _say_whole(scale: str, cores: int) -> None:
 
     machines = read_machines() if MEASURED.is_file() else {}
     if scale in machines:
-        cpu_s = machines[scale][TOTAL] * slower(machines, scale)
+        cpu_s = machines[scale][TOTAL] * slower(machines)[scale]
         noun = f"{cores} core{'s' * (cores > 1)}"
         print(
             f"All jobs of the {scale} scale take about {duration(cpu_s)} of CPU on this machine, about "

@@ -72,9 +72,10 @@ def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: i
     return Request(attempt * steps * MEMORY_STEP_MB, attempt * math.ceil(START_MINUTES + TIME_MARGIN * cpu_s / 60.0))
 
 
-def slower(machines: Mapping[str, Mapping[str, float]], scale: str) -> float:
-    """How many times as long work takes here as where a scale was measured; 1 if that is not known."""
-    return pace_s() / machines[scale][PACE] if scale in machines else 1.0
+def slower(machines: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """How many times as long work takes here as where each scale was measured."""
+    here = pace_s()
+    return {scale: here / of[PACE] for scale, of in machines.items()}
 
 
 def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str) -> float:
@@ -185,7 +186,7 @@ def write_measured(
     path: str | Path = MEASURED,
 ) -> None:
     """Write the measured numbers, a line per rule, and of each scale what `read_machines` reads."""
-    whole = [f"{scale}: {{{PACE}: {of[PACE]:.3f}, {TOTAL}: {of[TOTAL]:.0f}}}" for scale, of in sorted(machines.items())]
+    whole = [f"{scale}: {{{PACE}: {of[PACE]:.4f}, {TOTAL}: {of[TOTAL]:.0f}}}" for scale, of in sorted(machines.items())]
     text = f"{HEADER}{MACHINE}: {{{', '.join(whole)}}}\n"
     for rule in sorted(measured):
         scales = []

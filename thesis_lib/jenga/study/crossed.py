@@ -26,7 +26,6 @@ import pandas as pd
 
 from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.files import write_result
-from thesis_lib.foundation.progress import Progress, duration
 from thesis_lib.jenga.play.game import Game
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.study.study import games_table
@@ -113,13 +112,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     base, seed = configured(options.config)
     study = Study(options.folder, shifted(base), seed, options.blocks)
     tasks = study.tasks(POLICIES, options.size, options.towers)
-    missing = study.missing(tasks)
-    about = duration(study.seconds(missing))
-    print(f"{len(tasks) - len(missing)} of {len(tasks)} games are there; the others take about {about} of CPU time")
-    if options.plan:
+    if not study.catch_up(tasks, "crossed", options.plan):
         return 0
-    with Progress("crossed") as say:
-        study.run(tasks, say)
     games = crossed_games(study.games_of(tasks), study.settings)
     leads = crossed_leads(games)
     for name, table in (("games", games), ("leads", leads)):

@@ -106,6 +106,20 @@ class Study:
                 learned[key] = self.policy(task)
             self.play(task, learned[key])
 
+    def catch_up(self, tasks: Sequence[Task], name: str, plan: bool) -> bool:
+        """Say how many games are missing and about how long they take, and play them unless that is all that is asked.
+
+        False if they were not played.
+        """
+        missing = self.missing(tasks)
+        about = duration(self.seconds(missing))
+        there = f"{len(tasks) - len(missing)} of {len(tasks)} games are there"
+        print(f"{there}; the others take about {about} of CPU time", flush=True)
+        if not plan:
+            with Progress(name) as say:
+                self.run(tasks, say)
+        return not plan
+
     def _check(self, tasks: Sequence[Task]) -> None:
         for switch in dict.fromkeys(task.switch for task in tasks):
             names = ("setup", "learner", "play", "towers", "samples")
@@ -266,13 +280,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     study = Study(options.folder, known, seed, options.blocks)
     tasks = study.tasks(options.policies, options.size, options.towers, options.first)
     mine = [task for task in tasks if task.switch in (options.switches or known)]
-    missing = study.missing(mine)
-    about = duration(study.seconds(missing))
-    print(f"{len(mine) - len(missing)} of {len(mine)} games are there; the others take about {about} of CPU time")
-    if options.plan:
+    if not study.catch_up(mine, "switches", options.plan):
         return 0
-    with Progress("switches") as say:
-        study.run(mine, say)
     tables = study.tables(tasks)
     for name, table in tables.items():
         write_result(table, options.folder / f"switch_{name}.csv")
