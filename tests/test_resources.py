@@ -118,6 +118,18 @@ class TestCommand:
         # measured on this very machine, busy or not
         assert 0.2 < slower(machines)["full"] < 5.0
 
+    def test_the_cpu_time_of_a_run_in_one_piece_takes_the_place_of_the_sum(self, results, tmp_path, capsys):
+        path = tmp_path / "resources.yaml"
+        record = ["record", "--scale", "full", "--results", str(results), "--measured", str(path), "--cpu-min"]
+        assert main([*record, "2"]) == 0 and read_machines(path)["full"]["total_cpu_s"] == 120.0
+        with pytest.raises(SystemExit):
+            main([*record, "0"])
+        assert "--cpu-min must be a number of minutes above 0, not 0" in capsys.readouterr().err
+
+    def test_a_mistake_is_told_without_a_traceback(self, tmp_path, capsys):
+        assert main(["--results", str(tmp_path)]) == 2
+        assert "holds no benchmarks" in capsys.readouterr().err
+
 
 def test_a_run_in_a_terminal_says_how_long_its_scale_takes_here(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -131,10 +143,6 @@ def test_a_run_in_a_terminal_says_how_long_its_scale_takes_here(tmp_path, monkey
     # of a scale without a machine the measured times are taken as they are
     assert pipeline._cpu_of_jobs("quick") == {"small": 6.0, "large": 270.0}
     assert pipeline._cpu_of_jobs("default") == {"large": 60.0}
-
-    def test_a_mistake_is_told_without_a_traceback(self, tmp_path, capsys):
-        assert main(["--results", str(tmp_path)]) == 2
-        assert "holds no benchmarks" in capsys.readouterr().err
 
 
 def test_every_rule_of_the_stored_plan_was_measured():

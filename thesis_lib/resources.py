@@ -3,10 +3,11 @@
     python -m thesis_lib.resources                       # a table of the last run
     python -m thesis_lib.resources record --scale quick  # keep its largest jobs in config/resources.yaml
 
-Snakemake records the use of each job in results/logs/benchmarks/ (peak memory is sampled, every half second at first
-and every 30 s later).  config/resources.yaml holds the largest job of each rule and scale; a job requests the largest
-of all scales times a margin, and more after each failure.  How long a run takes is told from the mean job, or all
-jobs together, and from the pace of this machine against that of the one where the scale was measured (`machine` there).
+Snakemake records the use of each job in results/logs/benchmarks/, sampled every half second at first and every 30 s
+later, so that the last seconds of a job are not counted; `--cpu-min` gives the CPU time of the whole run.
+config/resources.yaml holds the largest job of each rule and scale; a job requests the largest of all scales times a
+margin, and more after each failure.  How long a run takes is told from the mean job, or all jobs together, and from the
+pace of this machine against that of the one where the scale was measured (`machine` there).
 """
 
 import argparse
@@ -205,15 +206,20 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
     parser.add_argument("--scale", choices=["quick", "default", "full"], help="scale of the run (record)")
     parser.add_argument("--measured", type=Path, default=MEASURED, help=f"what is kept ({MEASURED})")
+    whole = "CPU time of a run in one piece, as its last line says (record); without: the sum of its jobs, a tenth less"
+    parser.add_argument("--cpu-min", type=float, metavar="MINUTES", help=whole)
     options = parser.parse_args(None if arguments is None else list(arguments))
     if options.command == "record" and options.scale is None:
         parser.error("record needs --scale")
+    if options.cpu_min is not None and not 0.0 < options.cpu_min < math.inf:
+        parser.error(f"--cpu-min must be a number of minutes above 0, not {options.cpu_min:g}")
     try:
         uses = read_uses(options.results)
         measured = read_measured(options.measured) if options.measured.exists() else {}
         if options.command == "record":
             machines = read_machines(options.measured) if options.measured.exists() else {}
-            machines[options.scale] = {PACE: pace_s(), TOTAL: sum(use.cpu_s for use in uses.values())}
+            jobs_s = sum(use.cpu_s for use in uses.values())
+            machines[options.scale] = {PACE: pace_s(), TOTAL: 60.0 * options.cpu_min if options.cpu_min else jobs_s}
             measured = recorded(measured, uses, options.scale)
             write_measured(measured, machines, options.measured)
         print(table(uses, measured))
