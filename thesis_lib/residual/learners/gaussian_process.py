@@ -78,7 +78,7 @@ class GaussianProcess:
         p = self.y.shape[1]
         mean, var = np.empty((len(X), p)), np.full((len(X), p), np.nan)
         with torch.no_grad(), _exact():
-            model, weights, root = self._trained
+            model, weights = self._trained
             for first in range(0, len(X), ROWS):
                 rows = slice(first, first + ROWS)
                 at = torch.as_tensor(z[rows], device=self.device).expand(p, -1, -1)
@@ -86,14 +86,15 @@ class GaussianProcess:
                 mean[rows] = (k @ weights)[:, :, 0].T.cpu().numpy()
                 if variance:
                     # k*ᵀ K_y⁻¹ k* as the square of k*ᵀ L⁻ᵀ
-                    explained = (k @ root).square_().sum(dim=2).cpu().numpy()
+                    explained = (k @ self._root).square_().sum(dim=2).cpu().numpy()
                     var[rows] = self.signal - explained.T
         var = np.maximum(var, 0.0) + (self.noise if noise else 0.0)
         return self.y_mean + mean * self.y_scale, var * self.y_scale**2
 
     @cached_property
-    def _trained(self) -> "tuple[Any, torch.Tensor, torch.Tensor]":
-        """GPyTorch's model with its cache for predictions: K_y⁻¹ y (p, n, 1) and L⁻ᵀ (p, n, n)."""
+    def _trained(self) -> "tuple[Any, torch.Tensor]":
+        """GPyTorch's model with its cache for means: K_y⁻¹ y (p, n, 1)."""
+        import gpytorch
         import torch
 
         x = torch.as_tensor(self.x, device=self.device).expand(self.y.shape[1], -1, -1).contiguous()
@@ -102,9 +103,14 @@ class GaussianProcess:
         model = _gpytorch_model(x, y, noise)
         model.set_hyperparameters(self.lengthscale, self.signal)
         model.eval()
-        model(x[:, :1])  # makes the caches
-        caches = model.prediction_strategy
-        return model, caches.mean_cache[..., None], caches.covar_cache
+        with gpytorch.settings.skip_posterior_variances():
+            model(x[:, :1])  # makes the cache
+        return model, model.prediction_strategy.mean_cache[..., None]
+
+    @cached_property
+    def _root(self) -> "torch.Tensor":
+        """L⁻ᵀ (p, n, n), GPyTorch's cache for variances, with the factor of the one for means."""
+        return self._trained[0].prediction_strategy.covar_cache
 
     def begins(self, X: np.ndarray, Y: np.ndarray) -> bool:
         """Whether these data (n, d) and (n, p) are, in their first rows, those it was trained on."""
