@@ -251,3 +251,17 @@ def test_a_gpu_gives_the_same(process):
             np.testing.assert_allclose(two, one, atol=SAME * Y.std())
             np.testing.assert_allclose(three, one, atol=SAME_TRAINED * Y.std())
             np.testing.assert_allclose(four, three, atol=SAME * Y.std())
+
+
+def test_means_alone_are_the_same_and_leave_out_what_variances_need():
+    rng = np.random.default_rng(7)
+    X = rng.normal(size=(40, 2))
+    Y = np.stack([np.sin(X[:, 0]), X[:, 1]], axis=1) + 0.1 * rng.normal(size=(40, 2))
+    alone, both = (fit_gaussian_process(X, Y, np.random.default_rng(1)) for _ in range(2))
+    mean, variance = alone.predict(X[:5] + 0.1, variance=False)
+    assert np.isnan(variance).all() and "_root" not in vars(alone)
+    expected, variance = both.predict(X[:5] + 0.1)
+    np.testing.assert_array_equal(mean, expected)
+    # and variances asked for later are those asked for at once
+    np.testing.assert_array_equal(alone.predict(X[:5] + 0.1)[1], variance)
+    assert (variance > 0.0).all()

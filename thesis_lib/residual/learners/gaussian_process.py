@@ -109,7 +109,7 @@ class GaussianProcess:
 
     @cached_property
     def _root(self) -> "torch.Tensor":
-        """L⁻ᵀ (p, n, n), GPyTorch's cache for variances, with the factor of the one for means."""
+        """L⁻ᵀ (p, n, n), GPyTorch's cache for variances: costs as much again, so it is made when they are asked for."""
         return self._trained[0].prediction_strategy.covar_cache
 
     def begins(self, X: np.ndarray, Y: np.ndarray) -> bool:
