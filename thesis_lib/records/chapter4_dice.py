@@ -23,7 +23,7 @@ PARTICLES = Tolerance("seeded particles; a contact that goes the other way moves
 @Figure.found_by(
     job=THROWING,
     title="Densities of the error in resting position, for each contact model",
-    caption="""Over the held-out throws of all splits, with mean and standard deviation. The error is measured minus
+    caption="""Over all throws, each held out once, with mean and standard deviation. The error is measured minus
 expected position, in sides of the die; the expected position is the mean of the belief. The thesis has 750 throws, of
 which 500 are public.
 
@@ -156,7 +156,7 @@ as good as the throws that start most alike, the start does not tell more.""",
     columns={
         "model": ("", "contact model thrown, or nearest, pairs: see thesis_lib/residual/dice/budget.py"),
         "contact": ("1", "before which the throw goes on; 0: the release"),
-        "throws": ("1", "held-out throws, mean over splits; pairs: pairs of throws"),
+        "throws": ("1", "held-out throws, mean over parts; pairs: pairs of throws"),
         "std": ("1", "standard deviation of the error in resting position, in sides"),
         "std_error": ("1", "its standard error, bootstrap over throws"),
         "median_abs": ("1", "median of the error's absolute value, in sides"),
@@ -192,9 +192,9 @@ def figure_budget(budget: DataFrame) -> str:
     caption="""Each model is simulated to rest from the measured starts of held-out throws. Given are the error in
 resting position in sides (mean, standard deviation, median of its size), share of throws on the right side, log score
 of the true end, and continuous ranked probability score; the same without uncertainty (certain); and the limit, what
-the noise of the start alone does to the end. Intervals are bootstraps over the throws of a split; std_splits is the
-spread over random splits. 500 of the thesis's 750 throws are public; dice_counts.csv says how many are used and why the
-others are not.
+the noise of the start alone does to the end. Each throw is held out once; intervals are bootstraps over throws, and
+std_splits is the spread over the held-out parts. 500 of the thesis's 750 throws are public; dice_counts.csv says how
+many are used and why the others are not.
 
 What to look for: how near a model comes to the limit, which no model can pass, and what it loses when its uncertainty
 is left out.""",

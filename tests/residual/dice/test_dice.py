@@ -16,11 +16,18 @@ from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.dice.budget import budget
 from thesis_lib.residual.dice.data import read_throws
-from thesis_lib.residual.dice.fit import DiceModel
-from thesis_lib.residual.dice.models import Thrower, critique_model, leave_one_out, noise_limit, scattered
-from thesis_lib.residual.dice.results import dice_tables, examples, over_splits, tables_of_a_split
+from thesis_lib.residual.dice.fit import DiceModel, touch_down
+from thesis_lib.residual.dice.models import (
+    Thrower,
+    contact_residuals,
+    critique_model,
+    leave_one_out,
+    noise_limit,
+    scattered,
+)
+from thesis_lib.residual.dice.results import dice_tables, examples, over_parts, tables_of_part
 from thesis_lib.residual.dice.settings import DiceDataSettings, DiceStudySettings
-from thesis_lib.residual.dice.study import dice_study, side_of
+from thesis_lib.residual.dice.study import dice_study, parts_of, side_of
 from thesis_lib.residual.dice.tables import contact_pits, difficulty, spread
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.throwing.flight import first_touch
@@ -30,6 +37,7 @@ from thesis_lib.residual.throwing.throw import simulate_throws, state_at
 MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.15, 0.45, 9.81, c_v=0.35, c_w=0.35)
 SIGMA = np.array([1e-4, 1e-4, 1e-3])
 N = 40
+SET_APART = [3, 12, 19, 25, 27]
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +156,21 @@ def test_the_law_that_made_contacts_is_calibrated_once_its_scatter_is_known(reco
     assert good < 0.5 * bad
 
 
+def test_no_flight_is_traced_back_through_a_later_hit(recorded):
+    dataset, hits, _, _ = recorded
+    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+    settings = DiceStudySettings(slowest=0.5)
+    t, *_ = touch_down(MODEL, contacts)
+    late = contacts.last_hit - t > settings.duration
+    assert late.sum() > 5
+    rows, *_, residual, _ = contact_residuals(MODEL, contacts, settings)
+    assert not late[rows].any()
+    unaware, *_, spoilt, _ = contact_residuals(MODEL, replace(contacts, last_hit=0.0 * t), settings)
+    # the model that made the contacts misses nothing of them, but of those that were traced back through a hit
+    of_late = np.linalg.norm(spoilt[late[unaware], 3:], axis=1)
+    assert np.median(np.linalg.norm(residual[:, 3:], axis=1)) < 0.1 * np.median(of_late)
+
+
 def saved(effects: dict[str, float]) -> SavedModel:
     parameters = {"mu": 0.15, "epsilon": 0.5} | effects
     return SavedModel.model_validate(
@@ -244,21 +267,22 @@ def test_difficulty_sees_a_spread_that_predicts_the_error_and_one_that_does_not(
     assert found.loc["spread_first", "low"] < 0.0 < found.loc["spread_first", "high"]
 
 
-def test_tables_over_splits_are_means_and_show_the_spread():
-    table = pd.DataFrame(
-        {
-            "split": [0, 0, 1, 1],
-            "model": ["law", "critique"] * 2,
-            "value": [1.0, 5.0, 3.0, 5.0],
-            "std": [0.1, 0.2, 0.3, 0.2],
-            "low": 0.0,
-            "high": [6.0, 6.0, 8.0, 6.0],
-        }
-    )
-    found = over_splits(table, ["model"], "value").set_index("model")
-    assert found.loc["law", ["value", "std", "high", "splits"]].tolist() == [2.0, pytest.approx(0.2), 7.0, 2]
+def test_tables_over_parts_are_of_all_throws_and_show_the_spread():
+    parts = [pd.DataFrame({"model": ["law", "critique"], "value": values}) for values in ([1.0, 5.0], [3.0, 5.0])]
+    whole = pd.DataFrame({"model": ["law", "critique"], "value": [2.2, 5.0], "std": [0.2, 0.3], "n": 7})
+    found = over_parts(whole, parts, ["model"], "value").set_index("model")
+    assert found.loc["law", ["value", "std", "splits"]].tolist() == [2.2, 0.2, 2]
     assert found.loc["law", "std_splits"] == pytest.approx(np.sqrt(2.0))
     assert found.loc["critique", "std_splits"] == 0.0
+
+
+def test_each_throw_is_held_out_once_and_part_0_stays_the_same():
+    settings = DiceStudySettings()
+    trials = np.arange(1, 486)
+    parts = parts_of(trials, settings)
+    assert len(parts) == 5 and np.array_equal(np.sort(np.concatenate(parts)), trials)
+    # set apart on 24 November 2026, before the models of that day were tried
+    assert parts[0][:5].tolist() == SET_APART
 
 
 def test_the_bootstraps_standard_error_is_that_of_a_mean():
@@ -281,21 +305,21 @@ def test_the_study_of_simulated_throws(recorded):
         trial=contacts.trial, impact=number, q=contacts.q, v_pre=contacts.v, v_post=contacts.v_after, r=r, k_g=RIG.k_g
     )
     settings = DiceStudySettings(
-        splits=2,
+        parts=2,
         particles=10,
         limit_copies=2,
         bootstrap=20,
         slide_grid=(0.15,),
-        fit={"evaluations": 50, "contacts": 60},
+        fit={"evaluations": 50, "choice_evaluations": 50, "contacts": 60},
         process={"iterations": 10, "restarts": 1, "robust_rounds": 0},
     )
     studies = dice_study(dataset, hits, impacts, None, settings, np.random.default_rng(0))
-    tables = dice_tables(studies, np.random.default_rng(0))
-    assert len(studies) == 2 and set(studies[0].train) != set(studies[1].train)
+    tables = dice_tables(studies, settings, np.random.default_rng(0))
+    assert len(studies) == 2 and not set(studies[0].train) & set(studies[1].train)
     for i, study in enumerate(studies):
         held = tables["dice_throws"].loc[tables["dice_throws"]["split"] == i, "trial"]
         assert not set(held) & set(study.train)
-    tables |= tables_of_a_split(studies[0], side_of(dataset), settings, np.random.default_rng(0))
+    tables |= tables_of_part(studies[0], side_of(dataset), settings, np.random.default_rng(0))
     for name, table in tables.items():
         explain(name, table.columns)
     assert set(tables["dice_widths"]["throws"]) <= set(range(1, N - len(studies[0].train) + 1))

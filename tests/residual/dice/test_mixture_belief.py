@@ -114,7 +114,8 @@ def measured(n, scatter):
         np.hstack(x) + rng.multivariate_normal(np.zeros(6), START, n) for x in ((q + turn, v), (q_end + turn, v_end))
     )
     index = np.arange(n)
-    contacts = MeasuredContacts(index, index >= 0, state[:, :3], state[:, 3:], end[:, :3], end[:, 3:], span)
+    states = state[:, :3], state[:, 3:], end[:, :3], end[:, 3:]
+    contacts = MeasuredContacts(index, index >= 0, *states, span, last_hit=np.zeros(len(index)))
     releases = Releases(index, state[:, :3], state[:, 3:], np.tile(START, (n, 1, 1)), end[:, :3], {}, np.ones(3))
     good = np.isfinite(end).all(1)
     return releases.select(rng.permutation(n)), contacts.select(good)

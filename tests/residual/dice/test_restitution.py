@@ -21,7 +21,8 @@ def contacts_of(model: DiceModel) -> MeasuredContacts:
     span = np.full(200, 0.01)
     after_q, after_v = contact_path(model, q, v, span, ThrowSettings())
     turn = [0.0, 0.0, model.d_theta]
-    return MeasuredContacts(np.arange(200), np.ones(200, bool), q + turn, v, after_q + turn, after_v, span)
+    states = q + turn, v, after_q + turn, after_v
+    return MeasuredContacts(np.arange(200), np.ones(200, bool), *states, span, last_hit=np.zeros(200))
 
 
 def test_newtons_restitution_is_read():

@@ -35,11 +35,13 @@ def test_every_speed_has_one_range():
     assert low.tolist() == [0, 1] and high.tolist() == [2, 3, 4]
 
 
-def test_features_are_the_same_on_all_four_sides_and_scale_with_the_speed():
+def test_features_tell_corners_apart_in_two_columns_and_scale_with_the_speed():
     q = np.array([[0.1, 0.0, 0.3]])
     v = np.array([[0.5, -2.0, 4.0]])
     one = contact_features(q, v, 0.02)
-    assert contact_features(q + [0.0, 0.0, np.pi / 2], v, 0.02) == pytest.approx(one)
+    next_corner = contact_features(q + [0.0, 0.0, np.pi / 2], v, 0.02)
+    assert next_corner[0, :7] == pytest.approx(one[0, :7])
+    assert np.linalg.norm(next_corner[0, 7:] - one[0, 7:]) == pytest.approx(np.sqrt(2.0))
     double = contact_features(q, 2.0 * v, 0.02)
     assert double[0, :5] == pytest.approx(one[0, :5]) and double[0, 5] == pytest.approx(one[0, 5] + np.log(2.0))
     assert residual_unit(2.0 * v, 0.02, 0.01) == pytest.approx(2.0 * residual_unit(v, 0.02, 0.01))

@@ -8,7 +8,7 @@ from throws_for_tests import BODY, HALF, RIG, throws
 
 from thesis_lib.contact import LAWS
 from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, flight_drag
-from thesis_lib.residual.dice.fit import DiceModel, cma_es, contact_path, fit_dice
+from thesis_lib.residual.dice.fit import DiceModel, choose_mechanisms, cma_es, contact_path, fit_dice
 from thesis_lib.residual.dice.models import contact_map, train_missed
 from thesis_lib.residual.dice.settings import DiceFitSettings, DiceStudySettings
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
@@ -45,7 +45,8 @@ def made_contacts(model: DiceModel, n: int, twist: float = 0.0) -> MeasuredConta
     extra = twist * speed * np.sin(4 * before_q[:, 2])
     after_v = after_v + extra[:, None] * [1.0, 0.0, 1.0 / model.k_g]
     turn = np.array([0.0, 0.0, model.d_theta])
-    return MeasuredContacts(np.arange(n), np.ones(n, bool), before_q + turn, before_v, after_q + turn, after_v, span)
+    states = before_q + turn, before_v, after_q + turn, after_v
+    return MeasuredContacts(np.arange(n), np.ones(n, bool), *states, span, last_hit=np.full(n, 0.003))
 
 
 def test_samples_neither_penetrate_nor_gain_energy_and_rejections_are_counted():
@@ -125,6 +126,15 @@ def test_the_fit_finds_a_planted_body_and_contact():
     assert fitted.k_g == pytest.approx(SOFT.k_g, abs=1.0e-3)
     assert fitted.contact.omega == pytest.approx(SOFT.contact.omega, rel=0.15)
     assert fitted.contact.mu == pytest.approx(SOFT.contact.mu, abs=0.03)
+
+
+@pytest.mark.slow
+def test_a_mechanism_is_chosen_where_contacts_have_it():
+    few = DiceFitSettings(evaluations=300, choice_evaluations=300)
+    contact = replace(SOFT.contact, flat=0.9, flat_dashpot=0.9)
+    for chosen, flat in ((True, replace(SOFT, contact=contact)), (False, SOFT)):
+        found = choose_mechanisms(SOFT, made_contacts(flat, 200), np.random.default_rng(0), few)
+        assert ("flat" in found) == chosen, found
 
 
 def test_samples_with_tails_have_the_covariance_that_is_said():

@@ -58,14 +58,15 @@ class Releases(ByTrial):
 
 @dataclass(frozen=True)
 class MeasuredContacts(ByTrial):
-    """Contacts: states before and after (n, 3), `span` (s) apart; `first` marks the first contact of a throw."""
+    """Contacts: states before and after (n, 3), `span` apart; `first` marks the first contact of a throw."""
 
     first: np.ndarray
     q: np.ndarray
     v: np.ndarray
     q_after: np.ndarray
     v_after: np.ndarray
-    span: np.ndarray
+    span: np.ndarray  # s
+    last_hit: np.ndarray  # s from the state before to the last hit that was detected before the flight after
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,8 @@ def read_throws(
                 long.append((trial, *(last - head).T.ravel()))
         for (begin, end, _, _, t_0, before, _), (begin_next, _, t_1, after, *_) in pairwise(fits):
             if begin_next - end <= settings.longest_contact:
-                contacts.append((trial, begin == -np.inf, *before.T.ravel(), *after.T.ravel(), t_1 - t_0))
+                states = (*before.T.ravel(), *after.T.ravel())
+                contacts.append((trial, begin == -np.inf, *states, t_1 - t_0, begin_next - t_0))
         tail = pose[-settings.last :]
         moved = np.ptp(tail * [1.0, 1.0, dataset.k_g], axis=0).max()
         if not fits or fits[0][0] != -np.inf:
@@ -138,7 +140,9 @@ def read_throws(
     a, c, f = np.array(releases), np.array(contacts), np.array(long).reshape(-1, 7)
     return (
         Releases(a[:, 0].astype(int), a[:, 1:4], a[:, 4:7], a[:, 7:43].reshape(-1, 6, 6), a[:, 43:46], left_out, sigma),
-        MeasuredContacts(c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14]),
+        MeasuredContacts(
+            c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14], c[:, 15]
+        ),
         LongFlights(f[:, 0].astype(int), f[:, 1:4], f[:, 4:7]),
     )
 

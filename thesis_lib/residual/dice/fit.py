@@ -10,11 +10,15 @@ influence of contacts that the camera lost.  Contacts are too short to show drag
 (`data.flight_drag`).  Unlike a fit to isolated impacts, this one uses double hits and weighs geometry by its effect on
 them.
 
+What a contact's damping may depend on, `MECHANISMS`, is chosen from the training throws, too: the combination with the
+least error on the contacts of throws that it was not fitted to, each half of the throws in turn.
+
 Source of CMA-ES: Hansen, arXiv 1604.00772 (constants of its table 1).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -23,7 +27,7 @@ from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.effects.effect import Effect, Parameters, Rig
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.settings import DiceFitSettings
-from thesis_lib.residual.throwing.compliant_contact import PARAMETERS, CompliantContact, compliant_path
+from thesis_lib.residual.throwing.compliant_contact import CompliantContact, compliant_path
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, state_at
@@ -32,7 +36,11 @@ CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # first step of each parameter: a few times a rig's error, enough to change a contact visibly
 BODY_STEPS = {"half": 2e-3, "rho": 2e-3, "height": 1e-3, "k_g": 2e-3, "d_theta": 0.02, "c_x": 5e-4, "c_y": 5e-4}
 CONTACT_STEPS = {"omega": 200.0, "damping": 0.1, "dashpot": 0.05, "mu": 0.03, "tau": 0.2, "dashpot_t": 0.05}
-CONTACT_STEPS |= {"place": 0.05, "width": 0.03, "far": 0.5, "far_dashpot": 0.3, "flat": 0.3, "flat_dashpot": 0.3}
+MECHANISMS = {
+    "place": {"place": 0.05, "width": 0.03, "far": 0.5, "far_dashpot": 0.3},  # p(x) of `compliant_contact`
+    "flat": {"flat": 0.3, "flat_dashpot": 0.3},  # o(θ)
+}
+ALL = tuple(MECHANISMS)
 TOUCHES = 1e-5  # m, clearance given to a body that already touches at the last sample of a flight
 
 
@@ -111,22 +119,60 @@ def contact_path(
     return end_q, end_v
 
 
-def fit_dice(
+def choose_mechanisms(
     start: DiceModel, contacts: MeasuredContacts, rng: np.random.Generator, settings: DiceFitSettings
-) -> tuple[DiceModel, float]:
-    """Body and compliant contact that best follow training contacts, and their mean capped error in m/s."""
+) -> tuple[str, ...]:
+    """Names of the `MECHANISMS` with which contacts of throws that a fit has not seen are followed best."""
+    trials = rng.permutation(np.unique(contacts.trial))
+    first = np.isin(contacts.trial, trials[: len(trials) // 2])
+    halves = contacts.select(first), contacts.select(~first)
+    few = settings.model_copy(update={"evaluations": settings.choice_evaluations, "contacts": settings.contacts // 2})
+    seed = int(rng.integers(2**63))
+    errors = {}
+    for chosen in (names for size in range(len(ALL) + 1) for names in combinations(ALL, size)):
+        errors[chosen] = 0.0
+        for known, unseen in (halves, halves[::-1]):
+            # all choices see the same contacts and the same draws
+            model, _ = fit_dice(start, known, np.random.default_rng(seed), few, chosen)
+            errors[chosen] += float(capped_errors(model, _fast(unseen, start, settings), start.k_g, settings).sum())
+    return min(errors, key=errors.__getitem__)
+
+
+def capped_errors(model: DiceModel, contacts: MeasuredContacts, k_g: float, settings: DiceFitSettings) -> np.ndarray:
+    """Errors (n,) of the velocity after contacts in the kinetic metric of `k_g` (m), m/s, at most `cap`."""
     quick = ThrowSettings(snapshots=0)
-    rows = np.flatnonzero(velocity_error(contacts.v, start.k_g) > settings.slowest)
-    if len(rows) > settings.contacts:
-        rows = np.sort(rng.choice(rows, settings.contacts, replace=False))
-    used = contacts.select(rows)
-    width = max(float(np.std(used.q[:, 0])), 2.0 * CONTACT_STEPS["width"])
+    _, v = contact_path(model, model.seen(contacts.q), contacts.v, contacts.span, quick)
+    return np.minimum(velocity_error(contacts.v_after - v, k_g), settings.cap)
+
+
+def _fast(contacts: MeasuredContacts, start: DiceModel, settings: DiceFitSettings) -> MeasuredContacts:
+    return contacts.select(velocity_error(contacts.v, start.k_g) > settings.slowest)
+
+
+def fit_dice(
+    start: DiceModel,
+    contacts: MeasuredContacts,
+    rng: np.random.Generator,
+    settings: DiceFitSettings,
+    mechanisms: Sequence[str] = ALL,
+) -> tuple[DiceModel, float]:
+    """Body and compliant contact that best follow training contacts, and their mean capped error in m/s.
+
+    Of a contact's place and angle its damping depends on those that `mechanisms` names.
+    """
+    used = _fast(contacts, start, settings)
+    if len(used) > settings.contacts:
+        used = used.select(np.sort(rng.choice(len(used), settings.contacts, replace=False)))
+    width = max(float(np.std(used.q[:, 0])), 2.0 * MECHANISMS["place"]["width"])
     even = CompliantContact(place=float(np.median(used.q[:, 0])), width=width)
-    names = [*BODY_STEPS, *CONTACT_STEPS]
+    contact_steps = dict(CONTACT_STEPS)
+    for mechanism in mechanisms:
+        contact_steps |= MECHANISMS[mechanism]
+    names = [*BODY_STEPS, *contact_steps]
 
     def with_values(values: np.ndarray) -> DiceModel:
         known = dict(zip(names, map(float, values)))
-        contact = CompliantContact(**{name: known.pop(name) for name in PARAMETERS})
+        contact = replace(even, **{name: known.pop(name) for name in contact_steps})
         return replace(start, contact=contact, **known)
 
     def misfit(values: np.ndarray) -> float:
@@ -134,12 +180,10 @@ def fit_dice(
         bad = min(model.half / start.half - 0.2, model.rho, model.k_g / start.k_g - 0.3, model.contact.margin)
         if bad < 0.0:
             return settings.cap - bad  # outside: worse the farther
-        _, v = contact_path(model, model.seen(used.q), used.v, used.span, quick)
-        error = velocity_error(used.v_after - v, start.k_g)
-        return float(np.minimum(error, settings.cap).mean())
+        return float(capped_errors(model, used, start.k_g, settings).mean())
 
-    first = np.array([getattr(start, k) for k in BODY_STEPS] + [getattr(even, k) for k in CONTACT_STEPS])
-    steps = np.array([*BODY_STEPS.values(), *CONTACT_STEPS.values()])
+    first = np.array([getattr(start, k) for k in BODY_STEPS] + [getattr(even, k) for k in contact_steps])
+    steps = np.array([*BODY_STEPS.values(), *contact_steps.values()])
     best, value = cma_es(misfit, first, steps, settings.evaluations, rng)
     return with_values(best), value
 

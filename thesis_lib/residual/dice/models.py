@@ -162,7 +162,8 @@ def contact_residuals(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What a model misses of measured contacts, at `duration` after the first touch.
 
-    Contacts slower than `slowest`, or followed by a flight later than twice the duration after the touch, are left out.
+    Left out are contacts slower than `slowest`, those whose flight after begins later than twice the duration after the
+    touch, and those with a hit later than the duration: the flight after would be traced back through that hit.
     Returns indices (m,) of the contacts used, pose and velocity (m, 3) at the touch, residual (m, 6) in the contact
     map's units, and the model's normal impulse (m,) per unit mass in m/s.
     """
@@ -171,6 +172,7 @@ def contact_residuals(
     # the flight after the contact, traced back to the end of the duration
     back = contacts.span - t - settings.duration
     soon = (np.abs(back) < 2.0 * settings.duration) & (t < contacts.span)
+    soon &= contacts.last_hit - t < settings.duration
     rows = np.flatnonzero((approach > settings.slowest) & soon)
     q_0, v_0, back = q_0[rows], v_0[rows], back[rows]
     path_q, path_v = contact_path(model, q_0, v_0, settings.duration, settings.throw)

@@ -1,11 +1,11 @@
-"""Results of the study of dice: tables over all splits, and the throws in figures.
+"""Results of the study of dice: tables over all held-out parts, and the throws in figures.
 
-    value = mean over splits;   std, low, high: means over splits of bootstrap values within one split
-    std_splits = standard deviation of the value over splits
+    value = over the held-out throws of all parts, each of which is held out once;   std, low, high: bootstrap over them
+    std_splits = standard deviation over parts of the value within one
 
-Splits share throws, so their mean is hardly more certain than one split: `std` is that of one split, and `std_splits`
-shows the effect of the choice of training throws.  Coverages count held-out throws of all splits, with intervals from
-the bootstrap over throws.  Figures of single throws and of one belief use the first split.
+The bootstrap draws held-out throws, and takes the models as trained.  Other training throws would change little if
+std_splits is not larger than √parts times `std`.  The budget is a mean over parts.  Figures of single throws and of one
+belief use part 0.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,10 +17,11 @@ import pandas as pd
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.fit import DiceModel, contact_path, touch_down
+from thesis_lib.residual.dice.mixture_belief import first_contact_summary
 from thesis_lib.residual.dice.readings import readings
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.study import DiceStudy, first_contacts
-from thesis_lib.residual.dice.tables import easy_and_hard
+from thesis_lib.residual.dice.tables import difficulty, easy_and_hard, summary
 from thesis_lib.residual.dice.widths import belief_widths
 from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
 from thesis_lib.residual.throwing.flight import fly
@@ -36,7 +37,7 @@ FAST = 0.5  # m/s; slower contacts give poor estimates of restitution
 
 @dataclass(frozen=True)
 class Examples:
-    """An easy and a hard held-out throw of the first split, chosen by the belief alone; distances in sides."""
+    """An easy and a hard held-out throw of the first part, chosen by the belief alone; distances in sides."""
 
     easy: int
     hard: int
@@ -46,10 +47,12 @@ class Examples:
     marks: pd.DataFrame  # case, law and measured end
 
 
-def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[str, pd.DataFrame]:
-    """Tables of all splits by file name; `dice` is the summary.  `rng` is for the bootstrap of the coverages."""
-    throws = stacked(studies, lambda s: s.throws)
-    pits = stacked(studies, lambda s: s.contact_pits)
+def dice_tables(
+    studies: Sequence[DiceStudy], settings: DiceStudySettings, rng: np.random.Generator
+) -> dict[str, pd.DataFrame]:
+    """Tables of all parts by file name; `dice` is the summary.  `rng` is for the bootstraps."""
+    throws, limit = stacked(studies, lambda s: s.throws), stacked(studies, lambda s: s.limit)
+    pits, first_throws = stacked(studies, lambda s: s.contact_pits), stacked(studies, lambda s: s.first)
     stream = streams(rng)
     coverages = [
         coverage_table(
@@ -60,25 +63,30 @@ def dice_tables(studies: Sequence[DiceStudy], rng: np.random.Generator) -> dict[
     ]
     first = ["model", "kind"]
     coverage = pd.concat(coverages, ignore_index=True)
-    difficulty, first_contact = stacked(studies, lambda s: s.difficulty), stacked(studies, lambda s: s.first_table)
     counts = [pd.DataFrame({"counted": list(s.counts), "count": list(s.counts.values())}) for s in studies]
+
+    def in_all(summarise: Callable, tables: Sequence[pd.DataFrame], keys: list[str], value: str) -> pd.DataFrame:
+        each = [[table[table["split"] == i] for table in tables] for i in range(len(studies))]
+        whole = summarise(*tables, settings.bootstrap, stream("bootstrap", value, *keys))
+        return over_parts(whole, [summarise(*part, 0, np.random.default_rng(0)) for part in each], keys, value)
+
     return {
-        "dice": over_splits(stacked(studies, lambda s: s.table), ["model", "quantity"], "value"),
+        "dice": in_all(summary, (throws, limit), ["model", "quantity"], "value"),
         "dice_throws": throws,
-        "dice_limit": stacked(studies, lambda s: s.limit),
-        "dice_difficulty": over_splits(difficulty, ["model", "spread"], "rank_correlation"),
+        "dice_limit": limit,
+        "dice_difficulty": in_all(difficulty, (throws,), ["model", "spread"], "rank_correlation"),
         "dice_rates": stacked(studies, lambda s: s.rates),
         "dice_parameters": stacked(studies, lambda s: s.parameters),
         "dice_laws": stacked(studies, lambda s: s.laws),
         "dice_calibration": coverage[first + [name for name in coverage.columns if name not in first]],
-        "dice_first_contact": over_splits(first_contact, ["model", "belief", "quantity"], "value"),
-        "dice_first_contact_throws": stacked(studies, lambda s: s.first),
+        "dice_first_contact": in_all(first_contact_summary, (first_throws,), ["model", "belief", "quantity"], "value"),
+        "dice_first_contact_throws": first_throws,
         "dice_budget": _budget(stacked(studies, lambda s: s.budget)),
         "dice_counts": stacked(counts, lambda table: table),
     }
 
 
-def tables_of_a_split(
+def tables_of_part(
     study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> dict[str, pd.DataFrame]:
     """How the beliefs of model `BELIEVED` widen, and the law with other parameters, by file name; `side` in m."""
@@ -91,31 +99,27 @@ def tables_of_a_split(
 
 
 def _budget(table: pd.DataFrame) -> pd.DataFrame:
-    """Means over splits of a table of the budget, the order of models kept."""
+    """Means over parts of a table of the budget, the order of models kept."""
     return table.drop(columns="split").groupby(["model", "contact"], sort=False).mean().reset_index()
 
 
 def stacked(studies: Sequence, table: Callable[..., pd.DataFrame]) -> pd.DataFrame:
-    """A table of all splits, with `split` as first column."""
+    """A table of all parts, with `split`, the number of the part, as first column."""
     parts = [table(study).assign(split=i) for i, study in enumerate(studies)]
     return pd.concat([part[["split", *part.columns[:-1]]] for part in parts], ignore_index=True)
 
 
-def over_splits(table: pd.DataFrame, keys: list[str], value: str) -> pd.DataFrame:
-    """Means over splits of `value`, its standard error and interval; spread over splits and their number."""
-    groups = table.groupby(keys, sort=False)
-    mean = groups[[value, "std", "low", "high"]].mean()
-    mean["std_splits"] = groups[value].std(ddof=1)
-    mean["splits"] = groups[value].count()
-    return mean.reset_index()
+def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame], keys: list[str], value: str) -> pd.DataFrame:
+    """The summary of all throws; the standard deviation of `value` over the summaries of parts, and their number."""
+    groups = pd.concat(parts, ignore_index=True).groupby(keys, sort=False)[value]
+    spread = pd.DataFrame({"std_splits": groups.std(ddof=1), "splits": groups.count()}).reset_index()
+    return whole.drop(columns="n", errors="ignore").merge(spread, on=keys, how="left", validate="one_to_one")
 
 
 def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """PIT histograms of resting positions in the first split, whose throws are all different, and coverages."""
-    first_split = throws[throws["split"] == 0]
+    """PIT histograms of resting positions, and coverages."""
     histograms = [
-        pit_histogram(part["pit"].to_numpy()).assign(model=model)
-        for model, part in first_split.groupby("model", sort=False)
+        pit_histogram(part["pit"].to_numpy()).assign(model=model) for model, part in throws.groupby("model", sort=False)
     ]
     return pd.concat(histograms, ignore_index=True), coverage[coverage["kind"] == "roll"]
 

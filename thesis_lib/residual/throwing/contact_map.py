@@ -5,11 +5,12 @@ train a law with a correction at each.  So the model simulates all that happens 
 a process learns its error at the end: in velocity (Δv_x, Δv_y, k Δω: a wrench per unit mass) and pose.  This extends
 the thesis's residual.  With the speed s before contact
 
-    (Δx, Δy, k Δθ) = s T f_q(X),   (Δv_x, Δv_y, k Δω) = s f_v(X),   X = (sin 4θ, cos 4θ, v_x/s, v_y/s, k ω/s, log s, x)
+    (Δx, Δy, k Δθ) = s T f_q(X),   (Δv_x, Δv_y, k Δω) = s f_v(X)
+    X = (sin 4θ, cos 4θ, v_x/s, v_y/s, k ω/s, log s, x, sin θ, cos θ)
 
-since impacts are homogeneous of degree 1 in the velocity, the four sides of a square are equal (4θ), and surfaces vary
-with x.  Noise is proportional to s, too, but fast contacts repeat better than slow ones, so each range of speeds has
-its own process.
+since impacts are homogeneous of degree 1 in the velocity, the four sides of a square are nearly equal (4θ), the corners
+of a real one are not quite (θ), and surfaces vary with x.  Noise is proportional to s, too, but fast contacts repeat
+better than slow ones, so each range of speeds has its own process.
 
 The remaining errors have heavier tails than a Gaussian.  Their standardised leave-one-out residuals z are assumed to
 follow Student's t in d = 6 dimensions with a common number of degrees of freedom ν,
@@ -101,11 +102,12 @@ def split(speed: np.ndarray, edges: list[float]) -> list[np.ndarray]:
 
 
 def contact_features(q: np.ndarray, v: np.ndarray, k_g: float) -> np.ndarray:
-    """(sin 4θ, cos 4θ, v_x/s, v_y/s, k ω/s, log s, x), (n, 7), with the speed s = √(v_x² + v_y² + k² ω²)."""
+    """X (n, 9) of the module's text, with the speed s = √(v_x² + v_y² + k² ω²)."""
     speed = velocity_error(v, k_g)
     direction = v * [1.0, 1.0, k_g] / speed[:, None]
     angle = 4.0 * q[:, 2]
-    return np.column_stack([np.sin(angle), np.cos(angle), direction, np.log(speed), q[:, 0]])
+    corner = np.sin(q[:, 2]), np.cos(q[:, 2])
+    return np.column_stack([np.sin(angle), np.cos(angle), direction, np.log(speed), q[:, 0], *corner])
 
 
 def residual_unit(v: np.ndarray, k_g: float, duration: float) -> np.ndarray:

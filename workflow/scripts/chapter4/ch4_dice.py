@@ -37,8 +37,8 @@ except UserError as error:
     model = None
 studies = dice_study(dataset, hits, impacts, model, settings, stream("study"), say=print)
 side, poses, shape = side_of(dataset), dataset.trajectories, dataset.shape
-tables = results.dice_tables(studies, stream("coverage"))
-of_first = results.tables_of_a_split(studies[0], side, settings, stream("widths"))
+tables = results.dice_tables(studies, settings, stream("tables"))
+of_first = results.tables_of_part(studies[0], side, settings, stream("widths"))
 for stem, table in (*tables.items(), *of_first.items()):
     write_result(table, Path(snakemake.output.dice).with_name(f"{stem}.csv"))
 
