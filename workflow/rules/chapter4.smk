@@ -12,7 +12,7 @@ CH4_CLAIMED = [  # what the ledger reads
     ),
 ]
 CH4_DICE_TABLES = (
-    *("throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts"),
+    *("parts", "throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts"),
     *("budget", "widths", "readings", "first_contact", "first_contact_throws"),
 )
 CH4_LEARNED = ("curves", "errors", "summary", "convergence", "ratios")

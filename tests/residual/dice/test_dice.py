@@ -269,8 +269,9 @@ def test_difficulty_sees_a_spread_that_predicts_the_error_and_one_that_does_not(
 
 def test_tables_over_parts_are_of_all_throws_and_show_the_spread():
     parts = [pd.DataFrame({"model": ["law", "critique"], "value": values}) for values in ([1.0, 5.0], [3.0, 5.0])]
-    whole = pd.DataFrame({"model": ["law", "critique"], "value": [2.2, 5.0], "std": [0.2, 0.3], "n": 7})
-    found = over_parts(whole, parts, ["model"], "value").set_index("model")
+    whole = pd.DataFrame({"model": ["law", "critique"], "value": [2.2, 5.0], "std": [0.2, 0.3]})
+    found = over_parts(whole.assign(low=0.0, high=6.0, n=7), parts).set_index("model")
+    assert list(found.columns) == ["value", "std", "low", "high", "std_splits", "splits"]
     assert found.loc["law", ["value", "std", "splits"]].tolist() == [2.2, 0.2, 2]
     assert found.loc["law", "std_splits"] == pytest.approx(np.sqrt(2.0))
     assert found.loc["critique", "std_splits"] == 0.0
@@ -322,6 +323,10 @@ def test_the_study_of_simulated_throws(recorded):
     tables |= tables_of_part(studies[0], side_of(dataset), settings, np.random.default_rng(0))
     for name, table in tables.items():
         explain(name, table.columns)
+    for i in range(len(studies)):
+        of_part = tables["dice_throws"].query(f"split == {i} and model == 'law'")["face_right"].mean()
+        found = tables["dice_parts"].query(f"split == {i} and model == 'law' and quantity == 'face_right'")["value"]
+        assert found.item() == pytest.approx(of_part)
     assert set(tables["dice_widths"]["throws"]) <= set(range(1, N - len(studies[0].train) + 1))
     assert set(tables["dice_calibration"]["kind"]) == {"roll", "contact"}
     shown = examples(studies[0], side_of(dataset), settings, np.random.default_rng(0))

@@ -65,21 +65,34 @@ def dice_tables(
     coverage = pd.concat(coverages, ignore_index=True)
     counts = [pd.DataFrame({"counted": list(s.counts), "count": list(s.counts.values())}) for s in studies]
 
-    def in_all(summarise: Callable, tables: Sequence[pd.DataFrame], keys: list[str], value: str) -> pd.DataFrame:
-        each = [[table[table["split"] == i] for table in tables] for i in range(len(studies))]
-        whole = summarise(*tables, settings.bootstrap, stream("bootstrap", value, *keys))
-        return over_parts(whole, [summarise(*part, 0, np.random.default_rng(0)) for part in each], keys, value)
+    def in_parts(summarise: Callable, *tables: pd.DataFrame) -> list[pd.DataFrame]:
+        return [
+            summarise(
+                *(table[table["split"] == i] for table in tables),
+                settings.bootstrap,
+                stream("part", summarise.__name__, i),
+            )
+            for i in range(len(studies))
+        ]
 
+    def in_all(parts: Sequence[pd.DataFrame], summarise: Callable, *tables: pd.DataFrame) -> pd.DataFrame:
+        whole = summarise(*tables, settings.bootstrap, stream("all", summarise.__name__))
+        return over_parts(whole, parts)
+
+    parts = in_parts(summary, throws, limit)
     return {
-        "dice": in_all(summary, (throws, limit), ["model", "quantity"], "value"),
+        "dice": in_all(parts, summary, throws, limit),
+        "dice_parts": stacked(parts, lambda part: part),
         "dice_throws": throws,
         "dice_limit": limit,
-        "dice_difficulty": in_all(difficulty, (throws,), ["model", "spread"], "rank_correlation"),
+        "dice_difficulty": in_all(in_parts(difficulty, throws), difficulty, throws),
         "dice_rates": stacked(studies, lambda s: s.rates),
         "dice_parameters": stacked(studies, lambda s: s.parameters),
         "dice_laws": stacked(studies, lambda s: s.laws),
         "dice_calibration": coverage[first + [name for name in coverage.columns if name not in first]],
-        "dice_first_contact": in_all(first_contact_summary, (first_throws,), ["model", "belief", "quantity"], "value"),
+        "dice_first_contact": in_all(
+            in_parts(first_contact_summary, first_throws), first_contact_summary, first_throws
+        ),
         "dice_first_contact_throws": first_throws,
         "dice_budget": _budget(stacked(studies, lambda s: s.budget)),
         "dice_counts": stacked(counts, lambda table: table),
@@ -109,11 +122,16 @@ def stacked(studies: Sequence, table: Callable[..., pd.DataFrame]) -> pd.DataFra
     return pd.concat([part[["split", *part.columns[:-1]]] for part in parts], ignore_index=True)
 
 
-def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame], keys: list[str], value: str) -> pd.DataFrame:
-    """The summary of all throws; the standard deviation of `value` over the summaries of parts, and their number."""
+def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The summary of all throws; the standard deviation of its value over the summaries of parts, and their number.
+
+    Columns before the value name a row; the value is followed by std, low and high.
+    """
+    columns = list(whole.columns[: whole.columns.get_loc("high") + 1])
+    *keys, value = columns[: columns.index("std")]
     groups = pd.concat(parts, ignore_index=True).groupby(keys, sort=False)[value]
     spread = pd.DataFrame({"std_splits": groups.std(ddof=1), "splits": groups.count()}).reset_index()
-    return whole.drop(columns="n", errors="ignore").merge(spread, on=keys, how="left", validate="one_to_one")
+    return whole[columns].merge(spread, on=keys, how="left", validate="one_to_one")
 
 
 def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
