@@ -25,6 +25,14 @@ import numpy as np
 from pydantic import Field
 
 from thesis_lib.foundation.settings import Section
+from thesis_lib.residual.learners.covariance import (
+    covariance,
+    factor,
+    inverse,
+    inverse_diagonal,
+    solve,
+    symmetric_product,
+)
 
 if TYPE_CHECKING:
     import torch
@@ -89,7 +97,7 @@ def search(
         )
         if best is None or optimum.fun < best.fun - EQUAL:
             best = optimum
-    return best.x, -objective(best.x, *data)[0]
+    return best.x, -best.fun - (log_prior(best.x)[0] if settings.prior else 0.0)
 
 
 def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, device: "torch.device") -> np.ndarray:
@@ -97,24 +105,24 @@ def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray,
     import torch
 
     X, Y, W = (torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
-    t = torch.as_tensor(np.exp(theta), device=device)
-    K_y = covariance(t, X)[0]
-    K_y.diagonal().add_(t[-1] / W)
-    inverse = torch.cholesky_inverse(torch.linalg.cholesky(K_y))
-    kappa = inverse.diagonal()
-    residual = (inverse @ Y) / kappa
-    square = residual**2 / (1.0 / kappa - t[-1] / W + t[-1])
-    return torch.clamp(WILD**2 / square, max=1.0).cpu().numpy()
+    L = factor(noisy(theta, X, W)[0])
+    alpha = solve(L, Y).cpu().numpy()
+    kappa, noise = inverse_diagonal(L).cpu().numpy(), np.exp(theta[-1])
+    square = (alpha / kappa) ** 2 / (1.0 / kappa - noise / weight + noise)
+    return np.minimum(WILD**2 / np.maximum(square, 1e-300), 1.0)
 
 
-def covariance(t: "torch.Tensor", x: "torch.Tensor") -> "tuple[torch.Tensor, torch.Tensor]":
-    """K (n, n) for hyperparameters t (d + 2,), and x divided by the lengths."""
+def noisy(
+    theta: np.ndarray, x: "torch.Tensor", weight: "torch.Tensor"
+) -> "tuple[torch.Tensor, torch.Tensor, torch.Tensor]":
+    """K_y (n, n), x divided by the lengths (n, d), and the variances of the noise, σ² W⁻¹ (n,)."""
     import torch
 
-    z = x / t[: x.shape[1]]
-    square = (z * z).sum(1)
-    K = torch.addmm(square[None, :] + square[:, None], z, z.T, alpha=-2.0).clamp_(min=0.0)
-    return K.mul_(-0.5).exp_().mul_(t[x.shape[1]]), z
+    t = np.exp(theta)
+    z, noise = x / torch.as_tensor(t[:-2], device=x.device), t[-1] / weight
+    K_y = covariance(z, z, t[-2])
+    K_y.diagonal().add_(noise)
+    return K_y, z, noise
 
 
 def objective(
@@ -123,10 +131,16 @@ def objective(
     """Negative log marginal likelihood (and log prior) and its gradient by the logarithms of (l, s, σ²)."""
     value, gradient = likelihood(theta, x, y, weight)
     if prior:
-        median, spread = np.array([PRIOR[0]] * x.shape[1] + [*PRIOR[1:]]).T
-        off = (theta - np.log(median)) / spread
-        value, gradient = value + 0.5 * float(off @ off), gradient + off / spread
+        of_prior, slope = log_prior(theta)
+        value, gradient = value - of_prior, gradient - slope
     return value, gradient
+
+
+def log_prior(theta: np.ndarray) -> tuple[float, np.ndarray]:
+    """Logarithm of the prior at theta (d + 2,), less its constant, and its gradient."""
+    median, spread = np.array([PRIOR[0]] * (len(theta) - 2) + [*PRIOR[1:]]).T
+    off = (theta - np.log(median)) / spread
+    return -0.5 * float(off @ off), -off / spread
 
 
 def likelihood(
@@ -135,21 +149,19 @@ def likelihood(
     """Negative log marginal likelihood and its gradient; see the module's equations."""
     import torch
 
-    t = torch.as_tensor(np.exp(theta), device=x.device)
-    n, d = x.shape
-    K, z = covariance(t, x)
-    K_y, noise = K.clone(), t[d + 1] / weight
-    K_y.diagonal().add_(noise)
-    L, failed = torch.linalg.cholesky_ex(K_y)
-    if int(failed):
-        return 1e25, np.zeros(d + 2)
-    inverse = torch.cholesky_inverse(L)
-    alpha = inverse @ y
-    value = 0.5 * (y @ alpha) + L.diagonal().log().sum() + 0.5 * n * np.log(2.0 * np.pi)
-    G = inverse.addr_(alpha, alpha, alpha=-1.0)  # negative of G in the equations
+    K_y, z, noise = noisy(theta, x, weight)
+    try:
+        L = factor(K_y.clone())
+    except np.linalg.LinAlgError:
+        return 1e25, np.zeros(len(theta))
+    alpha = solve(L, y)
+    value = 0.5 * (y @ alpha) + L.diagonal().log().sum() + 0.5 * len(x) * np.log(2.0 * np.pi)
+    G = inverse(L).addr_(alpha, alpha, alpha=-1.0)  # negative of G in the equations
     by_noise = 0.5 * (G.diagonal() @ noise)
-    G.mul_(K)
-    rows = G.sum(1)
-    by_length = (z * z).T @ rows - (z * (G @ z)).sum(0)
+    K_y.diagonal().sub_(noise)
+    G.mul_(K_y)
+    sums = symmetric_product(G, torch.cat([z, z.new_ones((len(z), 1))], 1))
+    rows = sums[:, -1]
+    by_length = (z * z * rows[:, None] - z * sums[:, :-1]).sum(0)
     gradient = torch.cat([by_length, 0.5 * rows.sum()[None], by_noise[None]])
     return float(value), gradient.cpu().numpy()
