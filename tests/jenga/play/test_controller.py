@@ -46,6 +46,10 @@ class MadeLearner:
         mean = self._next(state, action)
         return Prediction(mean, np.full_like(mean, 0.1), belief)
 
+    def means(self, state, action, context, belief):
+        out = self.predict(state, action, context, belief)
+        return out.mean, out.weight
+
     def initial_belief(self, context):
         return np.tile(self.first, (len(context), 1))
 
@@ -86,6 +90,26 @@ def test_a_rollout_is_the_learner_applied_again_and_again():
             for h in range(4):
                 now = learner._next(now[None], sequences[j, h][None])[0, k]
             np.testing.assert_allclose(states[-1, j, k], now)
+
+
+def test_what_is_alike_is_predicted_once_and_all_sequences_get_it():
+    class Counting(MadeLearner):
+        asked = 0
+
+        def means(self, state, action, context, belief):
+            self.asked += len(state)
+            return super().means(state, action, context, belief)
+
+    learner, state, belief = Counting(), np.arange(7.0), np.array([0.3, 0.7])
+    sequences = controller().sequences()
+    n, horizon, _ = sequences.shape
+    states, weights = rollout(learner, state, CONTEXT, belief, sequences)
+    asked = learner.asked
+    assert asked < 0.8 * n * (2 * horizon + 1)  # two branches, and their weights
+    for j in range(n):
+        alone, weight = rollout(learner, state, CONTEXT, belief, sequences[[j]])
+        np.testing.assert_array_equal(states[:, [j]], alone)
+        np.testing.assert_array_equal(weights[[j]], weight)
 
 
 def test_costs_of_a_perfect_push_and_of_none():

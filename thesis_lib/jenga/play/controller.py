@@ -44,14 +44,31 @@ def rollout(
     k = len(belief)
     states = np.empty((horizon + 1, n, k, len(STATE)))
     states[0] = state
-    certain = np.tile(np.eye(k), (n, 1))
-    place = np.tile(context, (n * k, 1))
+    alike = _alike(sequences)
+    for h, (one, of) in enumerate(alike):
+        rows = len(one) * k
+        actions, certain = np.repeat(sequences[one, h], k, axis=0), np.tile(np.eye(k), (len(one), 1))
+        place = np.tile(context, (rows, 1))
+        mean, weight = learner.means(states[h, one].reshape(rows, -1), actions, place, certain)
+        states[h + 1] = np.einsum("nk,nkd->nd", weight, mean).reshape(len(one), k, -1)[of]
+    one, of = alike[0]
+    start, place, known = (np.tile(row, (len(one), 1)) for row in (state, context, belief))
+    _, first = learner.means(start, sequences[one, 0], place, known)
+    return states, first[of]
+
+
+def _alike(sequences: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Which sequences (n, H, 2) are alike so far, at each step: one (m,) of each kind, and the kind (n,) of each.
+
+    What is alike so far leads to the same state, so that one is predicted for all.
+    """
+    n, horizon, _ = sequences.shape
+    _, action = np.unique(sequences[..., 0] + 1j * sequences[..., 1], return_inverse=True)
+    action, kind, found = action.reshape(n, horizon), np.zeros(n, dtype=int), []
     for h in range(horizon):
-        actions = np.repeat(sequences[:, h], k, axis=0)
-        out = learner.predict(states[h].reshape(n * k, -1), actions, place, certain)
-        states[h + 1] = np.einsum("nk,nkd->nd", out.weight, out.mean).reshape(n, k, -1)
-    first = learner.predict(np.tile(state, (n, 1)), sequences[:, 0], np.tile(context, (n, 1)), np.tile(belief, (n, 1)))
-    return states, first.weight
+        _, one, kind = np.unique(kind * action.size + action[:, h], return_index=True, return_inverse=True)
+        found.append((one, kind))
+    return found
 
 
 def branch_costs(states: np.ndarray, settings: ControllerSettings) -> np.ndarray:
