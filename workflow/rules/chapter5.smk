@@ -66,6 +66,7 @@ rule ch5_towers:
         **needs("ch5_towers"),
     params:
         setup=settings(CONFIG.chapter5.setup),
+        compared=CONFIG.chapter5.towers.compared,
         lib=code_of("ch5_towers"),
     message:
         "Chapter 5: how many blocks can be moved"

@@ -63,13 +63,13 @@ def test_the_tower_of_the_scan_is_not_pushed_again(monkeypatch):
     monkeypatch.setattr(tower_study, "reduce", lambda full, block: f"reduced {block}")
     monkeypatch.setattr(tower_study, "scan", made)
     monkeypatch.setattr(tower_study, "comes_out", lambda *_: True)
-    table = fidelity(made_scan_of([3, 7], 1.0), Setup()).set_index(["comparison", "quantity"])["value"]
+    table = fidelity(made_scan_of([3, 5, 7], 1.0), Setup(), compared=2).set_index(["comparison", "quantity"])["value"]
     assert scanned == ["finer", "reduced 3", "reduced 7"]
     assert table[("reduced_tower", "force_rmse")] == pytest.approx(1.0)
 
 
 def made_scan_of(blocks: list[int], force: float) -> pd.DataFrame:
-    values = {"force": force + np.array(blocks), "others": np.arange(len(blocks)), "movable": 1}
+    values = {"force": force + np.array(blocks), "others": 0.1 * np.array(blocks), "movable": 1}
     return pd.DataFrame({"tower": 0, "block": blocks} | values)
 
 
@@ -82,7 +82,7 @@ def test_simulators_agree_on_a_few_blocks():
     setup = Setup(robot=RobotSettings(step_time=0.05))
     scan = scan_tower(0, 2, setup)
     assert len(scan) == 2 and scan["layer"].nunique() == 2
-    table = fidelity(scan, setup).set_index(["comparison", "quantity"])["value"]
+    table = fidelity(scan, setup, compared=45).set_index(["comparison", "quantity"])["value"]
     assert table[("half_the_time_step", "force_rmse")] < 0.3
     assert table[("reduced_tower", "force_rmse")] < 0.3
     assert set(table.index.get_level_values(0)) == {"half_the_time_step", "reduced_tower", "real_extraction"}

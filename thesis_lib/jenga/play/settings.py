@@ -15,6 +15,7 @@ class TowerChoice(Section):
     development: int = Field(5, ge=1, le=5, description="towers 0, 1, ... on which settings were fixed, scanned")
     test: int = Field(3, ge=1, description="towers of the study that are scanned, too")
     scanned: int = Field(45, ge=3, le=45, description="blocks of each tower that are scanned, evenly spread")
+    compared: int = Field(15, ge=2, le=45, description="of them on tower 0 also finer, reduced and pulled out")
     first_test: int = Field(100, ge=100, description="seed of the first test tower")
     first_training: int = Field(1000, ge=1000, description="seed of the first tower of training samples")
     first_held_out: int = Field(50_000, ge=50_000, description="seed of the first tower of held-out pushes")
@@ -30,7 +31,7 @@ class GameChoice(Section):
     learners: tuple[str, ...] = Field(("hma", "mor", "network"), description="policies that learn, at every size")
     sizes: tuple[int, ...] = Field((100, 1000), min_length=1, description="training samples")
     shown: int = Field(100, ge=20, description="of `sizes`: of the ablations and of figure 5-6 (100 in the thesis)")
-    ppo_sizes: tuple[int, ...] = Field((1000, 5000), description="samples of PPO: checkpoints of one training")
+    ppo_sizes: tuple[int, ...] = Field((1000, 2500), description="samples of PPO: checkpoints of one training")
     fixed: tuple[str, ...] = Field(("rule", "always_push", "exploration", "oracle"), description="without training")
     ablations: tuple[str, ...] = Field(("hma_without_cost",), description="policies that learn, at `shown` only")
 
@@ -50,7 +51,7 @@ class SampleChoice(Section):
     sets: int = Field(3, ge=1, description="training sets; game i uses set i modulo this, so that luck averages out")
     shift: int = Field(0, ge=0, description="game i uses the set that many later: crosses training sets with towers")
     per_tower: int = Field(50, ge=20, description="samples of one tower: a set of 100 has seen two (own choice)")
-    held_out: int = Field(500, ge=100, description="samples of other towers, for abstractions and their agreement")
+    held_out: int = Field(300, ge=100, description="samples of other towers, for abstractions and their agreement")
 
     def of_game(self, tower: int) -> int:
         """Number of the training set of the games on a tower."""
@@ -62,9 +63,9 @@ class ShowcaseChoice(Section):
 
     samples: int = Field(1000, ge=50, description="that train the model which is shown")
     steps: int = Field(30, ge=1, description="steps of 1 mm of figure 5-8's pushes")
-    every: int = Field(5, ge=1, description="steps between two runs of NUTS")
+    every: int = Field(10, ge=1, description="steps between two runs of NUTS")
     nuts: NutsSettings = NutsSettings()
-    steered_blocks: int = Field(4, ge=1, description="free blocks of the tower of figure 5-9")
+    steered_blocks: int = Field(3, ge=1, description="free blocks of the tower of figure 5-9")
     edge: float = Field(8.0, gt=0, le=12.5, description="mm off the centre, contact of the disturbing pushes")
     disturbed: int = Field(8, ge=1, description="steps pushed there before the controller takes over")
     # figure 5-9's controller: as in the games, but straying costs 16 times as much, and it never gives up

@@ -26,14 +26,18 @@ THRESHOLDS = (0.5, 0.75, 1.0, 1.5, 2.0)  # mm
 
 def scan_tower(seed: int, scanned: int, setup: Setup, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
     """`movable.scan` of `scanned` evenly spread blocks of a tower; no rows if the tower is refused."""
-    # a step that is no multiple of three takes middle and side blocks in turn
-    blocks = np.unique(np.linspace(0, len(REACHABLE) - 1, scanned).round().astype(int))
+    blocks = spread(len(REACHABLE), scanned)
     try:
         tower = settled_tower(seed, setup)
     except TowerError as error:
         say(f"refused: {error}")
         return pd.DataFrame(columns=SCAN)
     return scan(tower, setup.movable, REACHABLE[blocks])
+
+
+def spread(n: int, most: int) -> np.ndarray:
+    """At most `most` of the numbers 0 to n − 1, evenly spread.  Of blocks: middle and side blocks in turn."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int))
 
 
 def movable_shares(scans: Mapping[str, Sequence[pd.DataFrame]], settings: MovableSettings) -> pd.DataFrame:
@@ -58,8 +62,11 @@ def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFr
     return pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n", "refused"])
 
 
-def fidelity(scan_of: pd.DataFrame, setup: Setup, say: Callable[[str], None] = lambda _: None) -> pd.DataFrame:
-    """Agreement on the blocks of one scan: comparison, quantity, value, n (blocks)."""
+def fidelity(
+    scan_of: pd.DataFrame, setup: Setup, compared: int, say: Callable[[str], None] = lambda _: None
+) -> pd.DataFrame:
+    """Agreement on `compared` evenly spread blocks of one scan: comparison, quantity, value, n (blocks)."""
+    scan_of = scan_of.iloc[spread(len(scan_of), compared)].reset_index(drop=True)
     seed, rows = int(scan_of["tower"].iloc[0]), []
     half = setup.tower.model_copy(update={"timestep": setup.tower.timestep / 2.0})
     finer = settled_tower(seed, setup.model_copy(update={"tower": half}))
