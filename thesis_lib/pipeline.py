@@ -23,6 +23,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from thesis_lib.foundation.byte_code import keep_byte_code
 from thesis_lib.foundation.command_line import WRONG, not_installed
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import duration
@@ -60,6 +61,7 @@ def run(
     UserError if another run is at work here, the disk is nearly full, or a folder cannot be written.
     """
     check_folder(SCALES[scale])
+    keep_byte_code()
     lock = hold_lock()
     try:
         overlays = [*([] if scale == "default" else [f"config/{scale}.yaml"]), *configfiles]

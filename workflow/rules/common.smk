@@ -7,6 +7,7 @@ sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every scr
 from thesis_lib.config import parse_config
 from thesis_lib.datasets.sources.locate import SIMULATED, locate
 from thesis_lib.datasets.sources.published import SOURCES
+from thesis_lib.foundation.byte_code import keep_byte_code
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.kernels import use_common_kernels
 from thesis_lib.foundation.provenance import Sources, value_sha256
@@ -14,6 +15,7 @@ from thesis_lib.records.catalogue import figures, records, tables_read
 from thesis_lib.resources import read_measured, request
 
 use_common_kernels()  # jobs inherit them
+keep_byte_code()  # so do they this
 
 try:
     CONFIG = parse_config(config)
