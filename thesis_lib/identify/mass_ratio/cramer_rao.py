@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.mass_ratio.likelihood import STICK, ArcModel, BodyShape, fit_arcs
+from thesis_lib.identify.mass_ratio.arc_fit import fit_arcs
+from thesis_lib.identify.mass_ratio.likelihood import STICK, ArcModel, BodyShape
 from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
 from thesis_lib.identify.segmentation import check_states, without_gravity
 from thesis_lib.simulate.stepping.stepping import Record

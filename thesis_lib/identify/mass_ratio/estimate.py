@@ -20,6 +20,7 @@ discrete hypotheses).
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -91,28 +92,54 @@ def estimate_ratio(
     Raises:
         UserError: states of wrong shape, with NaN or infinity, or too few.
     """
-    check_states(h, q, v)
-    q, v = without_gravity(h, np.asarray(q), np.asarray(v), gravity)
-    noise = noise_from_differences(q, v)
-    steps = impact_steps(h, q, v, noise)
-    if not 0 < len(steps) <= MAX_IMPACTS:
-        status = EstimateStatus.TOO_MANY_IMPACTS if len(steps) else EstimateStatus.NO_IMPACT
-        nan = np.nan
-        return Estimate(nan, nan, status, nan, 0, nan, impacts=tuple(steps.tolist()), vertices=(), sigma=noise)
-    sums = ArcSums(h, q, v)
-    drop = DropHypotheses(sums, h, shape, gravity, use_gap, floored(noise, q, v))
-    drop.estimate_noise(steps)
-    best = drop.fit_best(steps)
-    estimate = _estimate(best, noise, drop.sigma, len(q))
-    if law and best.any:
-        lawful = drop.fit_law(best)
-        if lawful.any and lawful.p_value >= P_MISFIT:
-            best, estimate = lawful, _estimate(lawful, noise, drop.sigma, len(q))
-    if estimate.status == EstimateStatus.OK:
-        bias = drop.bias(best)
-        if abs(bias) < estimate.std:
-            estimate = replace(estimate, value=estimate.value - bias)
-    return estimate
+    return DropEstimates(h, q, v, shape, gravity).estimate(law=law, use_gap=use_gap)
+
+
+class DropEstimates:
+    """Estimates of m/I from one drop under several assumptions; what they share is computed once.
+
+    Arguments and errors as of `estimate_ratio`.
+    """
+
+    def __init__(self, h: float, q: np.ndarray, v: np.ndarray, shape: BodyShape, gravity: float = 9.81) -> None:
+        check_states(h, q, v)
+        self._h, self._shape, self._gravity = h, shape, gravity
+        self._q, self._v = without_gravity(h, np.asarray(q), np.asarray(v), gravity)
+        self._noise = noise_from_differences(self._q, self._v)
+        self._steps = impact_steps(h, self._q, self._v, self._noise)
+        self._found: dict[bool, tuple[DropHypotheses, FittedHypotheses]] = {}  # by `use_gap`
+
+    def estimate(self, *, law: bool = False, use_gap: bool = True) -> Estimate:
+        """The estimate with or without contact law and gap, as `estimate_ratio`."""
+        steps, noise, n = self._steps, self._noise, len(self._q)
+        if not 0 < len(steps) <= MAX_IMPACTS:
+            status = EstimateStatus.TOO_MANY_IMPACTS if len(steps) else EstimateStatus.NO_IMPACT
+            nan = np.nan
+            return Estimate(nan, nan, status, nan, 0, nan, impacts=tuple(steps.tolist()), vertices=(), sigma=noise)
+        drop, best = self._free(use_gap)
+        estimate = _estimate(best, noise, drop.sigma, n)
+        if law and best.any:
+            lawful = drop.fit_law(best)
+            if lawful.any and lawful.p_value >= P_MISFIT:
+                best, estimate = lawful, _estimate(lawful, noise, drop.sigma, n)
+        if estimate.status == EstimateStatus.OK:
+            bias = drop.bias(best)
+            if abs(bias) < estimate.std:
+                estimate = replace(estimate, value=estimate.value - bias)
+        return estimate
+
+    def _free(self, use_gap: bool) -> tuple[DropHypotheses, FittedHypotheses]:
+        """The hypotheses with free impulses."""
+        if use_gap not in self._found:
+            q, v, noise = self._q, self._v, self._noise
+            drop = DropHypotheses(self._sums, self._h, self._shape, self._gravity, use_gap, floored(noise, q, v))
+            drop.estimate_noise(self._steps)
+            self._found[use_gap] = drop, drop.fit_best(self._steps)
+        return self._found[use_gap]
+
+    @cached_property
+    def _sums(self) -> ArcSums:
+        return ArcSums(self._h, self._q, self._v)
 
 
 def _estimate(best: FittedHypotheses, noise: np.ndarray, sigma: np.ndarray, n: int) -> Estimate:

@@ -12,18 +12,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thesis_lib.identify.mass_ratio.arc_fit import ArcFit, fit_arcs
 from thesis_lib.identify.mass_ratio.likelihood import (
     SLIDE_BACK,
     SLIDE_FORWARD,
     STICK,
-    ArcFit,
     ArcModel,
     BodyShape,
     corner_points,
-    fit_arcs,
 )
 from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcStatistics, ArcSums
 from thesis_lib.identify.segmentation import floored
+from thesis_lib.statistics.tails import chi_square_tail
 
 STEP_WINDOW = 2  # steps tried on each side of the segmentation's
 # with more impacts, one step on each side is tried: the number of hypotheses is 5 to the number of impacts
@@ -54,8 +54,6 @@ class FittedHypotheses:
     tried: int  # number of hypotheses fitted so far
 
     def __post_init__(self):
-        from scipy.stats import chi2
-
         usable = self.fit.converged & np.isfinite(self.fit.chi2)
         score = self.fit.chi2.copy()
         if self.modes is not None:
@@ -72,7 +70,7 @@ class FittedHypotheses:
         self.weight = np.exp(-0.5 * (score - self.chi2_min)) if self.any else np.zeros(len(score))
         self.dof = int(self.fit.dof[self.row])
         # a drop with as many unknowns as rows fits exactly: nothing to test
-        self.p_value = float(chi2.sf(self.fit.misfit[self.row], self.dof)) if self.dof > 0 else 1.0
+        self.p_value = chi_square_tail(self.fit.misfit[self.row], self.dof) if self.dof > 0 else 1.0
 
 
 class DropHypotheses:

@@ -8,7 +8,7 @@ drops with fewer than `min_after` samples after the last one.  Each ratio adds f
 - softened, complementary, projected: the three treatments of noise of section 2.3.2, noise level and μ known
   (`treatments.treated_ratio`)
 - least_squares: Δω against lever at the true impact steps (`plain_program.impact_least_squares`)
-- arcs: maximum likelihood over arcs and impulses, noise estimated (`estimate.estimate_ratio`), impulses free, no gap
+- arcs: maximum likelihood over arcs and impulses, noise estimated (`estimate.DropEstimates`), impulses free, no gap
 - arcs_gap: the same, with the gap at the impacts
 - arcs_law: the same, with the contact law, μ and ε unknown
 
@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound, true_impacts
-from thesis_lib.identify.mass_ratio.estimate import EstimateStatus, estimate_ratio
+from thesis_lib.identify.mass_ratio.estimate import DropEstimates, EstimateStatus
 from thesis_lib.identify.mass_ratio.plain_program import impact_least_squares, plain_ratio
 from thesis_lib.identify.mass_ratio.treatments import Treatment, treated_ratio
 from thesis_lib.identify.settings import Table21
@@ -139,15 +139,16 @@ def study(
             noisy = add_noise(record, snr, rng)
             exact = (record.h, record.q, record.v, noisy.sigma, impacts, body.shape, bodies.gravity)
             bounds = [100.0 * ratio_bound(*exact, law=law) / truth for law in (False, True)]
+            estimates = DropEstimates(record.h, noisy.q, noisy.v, body.shape, bodies.gravity)
             for method in METHODS:
-                value, std, status = _apply(method, body, record.h, noisy, impacts, mu, bodies.gravity)
+                value, std, status = _apply(method, body, record.h, noisy, impacts, mu, estimates)
                 error = 100.0 * (value / truth - 1.0)
                 rows.append((kind, snr, i, method, value, error, 100.0 * std / truth, *bounds, status))
     columns = ["shape", "snr", "drop", "method", "ratio", "error", "std", "bound", "law_bound", "status"]
     return pd.DataFrame(rows, columns=columns)
 
 
-def _apply(method, body, h, noisy, impacts, mu, gravity) -> tuple[float, float, str]:
+def _apply(method, body, h, noisy, impacts, mu, estimates) -> tuple[float, float, str]:
     q, v = noisy.q, noisy.v
     if method == "plain":
         value = plain_ratio(body, h, q, v, mu, noisy.sigma)
@@ -156,7 +157,7 @@ def _apply(method, body, h, noisy, impacts, mu, gravity) -> tuple[float, float, 
     elif method == "least_squares":
         value = impact_least_squares(body, h, q, v, impacts.steps)
     else:
-        estimate = estimate_ratio(h, q, v, body.shape, gravity, law=method == "arcs_law", use_gap=method != "arcs")
+        estimate = estimates.estimate(law=method == "arcs_law", use_gap=method != "arcs")
         return estimate.value, estimate.std, estimate.status.name.lower()
     return value, np.nan, "ok" if np.isfinite(value) else "no_contact"
 

@@ -42,6 +42,7 @@ from thesis_lib.identify.segmentation import check_states, floored
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import Record, simulate
 from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.tails import chi_square_tail
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
 # starting values of I / (m l²): the whole range for a wheel with its mass inside the tips
@@ -202,8 +203,6 @@ def _believed(chi2_n: float, p_white: float, n: int) -> bool:
 
 def white(residuals: np.ndarray) -> float:
     """Probability of a larger Q of Ljung and Box, pooled over the channels of residuals (2, n, 3)."""
-    from scipy.stats import chi2
-
     channels = np.moveaxis(residuals, 1, 0).reshape(residuals.shape[1], -1)
     n, count = channels.shape
     power = np.sum(channels**2, axis=0)
@@ -211,7 +210,7 @@ def white(residuals: np.ndarray) -> float:
     for j in range(1, LAGS + 1):
         rho = np.sum(channels[j:] * channels[:-j], axis=0) / power
         q += n * (n + 2.0) * float(np.sum(rho**2)) / (n - j)
-    return float(chi2.sf(q, LAGS * count))
+    return chi_square_tail(q, LAGS * count)
 
 
 class _Fit:
