@@ -101,11 +101,11 @@ def hidden_effect_study(
             for truth in TRUTHS[kind]:
                 say(f"{kind} {truth} {seed}")
                 records = run_with(kind, truth, plans, bodies, settings.sizes)
+                exact = exact_form(records, model, settings)
                 for db in ratios:
                     noise, choices = (stream(truth, db, what) for what in ("noise", "choices"))
                     trials = measured(records, db, noise, settings.critique.windows)
                     critique = criticise_mechanism(trials, model, CANDIDATES[kind], choices, settings.critique)
-                    exact = exact_form(records, model, settings)
                     key = {"mechanism": kind, "truth": truth, "snr_db": db, "seed": seed}
                     true = true_sizes(kind, truth, settings.sizes)
                     row, table_of_forces = _effects_row(critique, exact, records, truth, true)

@@ -182,10 +182,10 @@ class WeakForm:
         basis = np.zeros((len(q), nv, nv))
         for (active, dependent), at in self._groups.items():
             free = [c for c in range(nv) if c not in dependent]
-            J = _jacobians(self.model.mechanism.contacts_of(q[at]), active)
             N = np.zeros((len(at), len(free), nv))
             N[:, np.arange(len(free)), free] = 1.0
             if dependent:
+                J = _jacobians(self.model.mechanism.contacts_of(q[at]), active)
                 solved = np.linalg.solve(J[:, :, list(dependent)], J[:, :, free])
                 N[:, :, list(dependent)] = -np.swapaxes(solved, 1, 2)
             basis[at, : len(free)] = N
@@ -242,7 +242,8 @@ class WeakForm:
 
         def balance(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
             rest = self.model.inverse_dynamics(q, v, a) - self.f
-            return np.einsum("krv,kv->kr", self._basis(q), self.h * rest)
+            basis = self.basis if (q == self.motion.q).all() else self._basis(q)  # it depends on poses alone
+            return np.einsum("krv,kv->kr", basis, self.h * rest)
 
         slopes = np.zeros((3, n, nv, nv))  # of q, v, v̇; row, channel
         for which, channel in product(range(3), range(nv)):

@@ -157,7 +157,8 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
         return ForceJudgement(z, self.weak, spread)
 
     def slopes(self, fitted: ForceFit, candidates: Sequence[MechanismEffect]) -> Slopes:
-        columns = {e.name: _columns(self.weak, e, fitted.forces, fitted.values) for e in candidates}
+        found = _columns(self.weak, candidates, fitted.forces, fitted.values)
+        columns = dict(zip([e.name for e in candidates], found))
         own, units = fitted.prior
         columns = {name: np.concatenate([U, np.zeros((len(own), U.shape[1]))]) for name, U in columns.items()}
         z, U = np.concatenate([fitted.z, own]), np.concatenate([fitted.columns, units])
@@ -179,7 +180,7 @@ def fit_effects(
     ends = np.cumsum([len(e.parameters) for e in forces])[:-1]
     z, U = residual(weak, forces, values), np.zeros((len(weak.trial), 0))
     for _ in range(ROUNDS if forces else 0):
-        U = np.concatenate([_columns(weak, e, forces, values) for e in forces], axis=1)
+        U = np.concatenate(_columns(weak, forces, forces, values), axis=1)
         own, units = _prior(forces, values)
         both = np.concatenate([U, units])
         change, spread = _solve(both, np.concatenate([z, own])), np.sqrt(np.diag(np.linalg.pinv(both.T @ both)))
@@ -207,7 +208,7 @@ def predict(weak: WeakForm, fitted: ForceFit) -> ForceJudgement:
     _, units = fitted.prior
     if not len(units):
         return ForceJudgement(z, weak, np.ones(len(z)))
-    U = np.concatenate([_columns(weak, e, (), {}) for e in fitted.sensors], axis=1)
+    U = np.concatenate(_columns(weak, fitted.sensors, (), {}), axis=1)
     cov = _covariance(np.concatenate([fitted.columns, units]))[: len(units), : len(units)]
     z, spread = _widened(z, U, cov)
     return ForceJudgement(z, weak, spread)
@@ -250,24 +251,33 @@ def residual(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping
 
 def total_force(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Force (n, nv) in N or N m of `effects` at `values`, with the contact forces that they cause."""
-    force = np.zeros_like(weak.f)
-    for _ in range(2 if any(e.needs_normal for e in effects) else 1):
-        motion = weak.with_normals(force)
-        force = sum((e.force(weak.model, motion, values[e.name]) for e in effects), np.zeros_like(weak.f))
-    return force
+
+    def of(motion: Motion) -> np.ndarray:
+        return sum((e.force(weak.model, motion, values[e.name]) for e in effects), np.zeros_like(weak.f))
+
+    force = of(weak.motion)
+    return of(weak.with_normals(force)) if any(e.needs_normal for e in effects) else force
 
 
 def _columns(
-    weak: WeakForm, effect: MechanismEffect, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]
-) -> np.ndarray:
-    """U (N, n_p): change of -z per unit of each parameter, with `effects` at `values` already acting."""
-    if effect.prior:  # linear and independent of contact forces: the same with any other force
-        if effect.name not in weak.columns:
-            weak.columns[effect.name] = _slopes(weak, effect, weak.motion, np.zeros(len(effect.parameters)))
-        return weak.columns[effect.name]
-    motion = weak.with_normals(total_force(weak, effects, values))
-    here = values.get(effect.name, np.zeros(len(effect.parameters)))
-    return _slopes(weak, effect, motion, here)
+    weak: WeakForm,
+    asked: Sequence[MechanismEffect],
+    effects: Sequence[MechanismEffect],
+    values: Mapping[str, np.ndarray],
+) -> list[np.ndarray]:
+    """U (N, n_p) of each effect `asked`: change of -z per unit of its parameters, with `effects` at `values` acting."""
+    found, with_contact = [], weak.motion
+    if any(e.needs_normal for e in asked):  # others do not see the contact forces, and cost less
+        with_contact = weak.with_normals(total_force(weak, effects, values))
+    for e in asked:
+        none = np.zeros(len(e.parameters))
+        if e.prior:  # linear and independent of contact forces: the same with any other force
+            if e.name not in weak.columns:
+                weak.columns[e.name] = _slopes(weak, e, weak.motion, none)
+            found.append(weak.columns[e.name])
+        else:
+            found.append(_slopes(weak, e, with_contact, values.get(e.name, none)))
+    return found
 
 
 def _slopes(weak: WeakForm, effect: MechanismEffect, motion: Motion, here: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping.stepping import Force, Record, simulate, step_lcp
+from thesis_lib.simulate.stepping.stepping import Force, Record, StateTerms, simulate, step_lcp
 
 MechanismKind = Literal["arm", "wheel"]
 TRUTHS: dict[MechanismKind, tuple[str, ...]] = {
@@ -167,9 +167,9 @@ def rolling_resistance(
 
     def force(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         k = min(round(t / h), len(f_ext) - 1)
-        Q = np.zeros(mechanism.nv)
+        Q, terms = np.zeros(mechanism.nv), StateTerms.of(mechanism, q, v)
         for _ in range(N_SOLVES):
-            normal = step_lcp(mechanism, q, v, f_ext[k] + Q, h, mu, epsilon)[2].c_n[ground].sum() / h
+            normal = step_lcp(mechanism, q, v, f_ext[k] + Q, h, mu, epsilon, terms)[2].c_n[ground].sum() / h
             Q[-1] = -c_rr * radius * normal * np.tanh(v[-1] / speed)
         return Q
 

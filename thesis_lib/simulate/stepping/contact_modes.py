@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from thesis_lib.simulate.stepping.lcp import MAX_UNKNOWNS, LcpStatus, solve_lcp_enumeration
-from thesis_lib.simulate.stepping.multibody import Mechanism
+from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 
 MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
 # m: another contact's impulse may close a pair this near in the same step, though free motion would open it
@@ -52,13 +52,15 @@ def solve_contacts(
     epsilon: np.ndarray,
     v_rebound: float,
     v_recover: float,
+    contacts: ContactGeometry | None = None,
 ) -> StepSolution:
     """Impulses of one step and the velocity after it; the conditions are those of `stepping`.
 
     `q` (nq,) and `M_inv` (nv, nv) are at the start of the step, `v` and `v_free` (nv,) before it and after it without
-    contact; `h` in s; `mu`, `epsilon` (p,); `v_rebound`, `v_recover` in m/s.
+    contact; `h` in s; `mu`, `epsilon` (p,); `v_rebound`, `v_recover` in m/s.  `contacts` are those at q, if known.
     """
-    contacts, phi_free = mechanism.contacts(q), mechanism.contacts(q + h * v_free).phi
+    phi_free = mechanism.contacts(q + h * v_free).phi
+    contacts = contacts or mechanism.contacts(q)
     phi, J_n, J_t = contacts.phi, contacts.J_n, contacts.J_t
     c_n, c_t = np.zeros((2, len(phi)))
     active = np.flatnonzero((phi_free <= 0.0) | (phi <= TOUCH))
@@ -173,15 +175,17 @@ def several_lcp_matrices(
     k = len(b)
     K_tt, K_tn, K_nn = K[:k, :k], K[:k, k:], K[k:, k:]
     zero, identity = np.zeros((k, k)), np.eye(k)
-    M = np.block(
-        [
-            [K_nn, -K_tn.T, K_tn.T, zero],
-            [-K_tn, K_tt, -K_tt, identity],
-            [K_tn, -K_tt, K_tt, identity],
-            [np.diag(mu), -identity, -identity, zero],
-        ]
+    blocks = (
+        (K_nn, -K_tn.T, K_tn.T, zero),
+        (-K_tn, K_tt, -K_tt, identity),
+        (K_tn, -K_tt, K_tt, identity),
+        (np.diag(mu), -identity, -identity, zero),
     )
-    return M, np.concatenate([v_c[k:] - b, -v_c[:k], v_c[:k], np.zeros(k)])
+    M = np.empty((4, k, 4, k))  # np.block takes several times as long
+    for i, row in enumerate(blocks):
+        for j, block in enumerate(row):
+            M[i, :, j] = block
+    return M.reshape(4 * k, 4 * k), np.concatenate([v_c[k:] - b, -v_c[:k], v_c[:k], np.zeros(k)])
 
 
 def _polished(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float]:

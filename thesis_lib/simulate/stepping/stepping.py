@@ -31,7 +31,7 @@ import numpy as np
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.contact_modes import StepSolution, solve_contacts
 from thesis_lib.simulate.stepping.lcp import LcpStatus
-from thesis_lib.simulate.stepping.multibody import Mechanism
+from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 
 # v_reb, m/s; velocity from gravity in a step of 5 ms: a slower rebound would end within the step in which it begins
 V_REBOUND = 0.05
@@ -84,6 +84,21 @@ class Record:
         return Record(h=self.h, **states, **{name: getattr(self, name)[start:stop] for name in names})
 
 
+@dataclass(frozen=True)
+class StateTerms:
+    """What a state alone gives of equation 2.2: M⁻¹ (nv, nv), g and C v (nv,), and the contact pairs."""
+
+    M_inv: np.ndarray
+    gravity: np.ndarray
+    bias: np.ndarray
+    contacts: ContactGeometry
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, q: np.ndarray, v: np.ndarray) -> "StateTerms":
+        M_inv = np.linalg.inv(mechanism.mass_matrix(q))
+        return cls(M_inv, mechanism.gravity(q), mechanism.bias(q, v), mechanism.contacts(q))
+
+
 def step_lcp(
     mechanism: Mechanism,
     q: np.ndarray,
@@ -92,17 +107,18 @@ def step_lcp(
     h: float,
     mu: np.ndarray | float,
     epsilon: np.ndarray | float,
+    terms: StateTerms | None = None,
 ) -> tuple[np.ndarray, np.ndarray, StepSolution]:
     """One step from state (q, v) (nv,) under f_ext (nv,) in N, N m.
 
-    `h` is in s; `mu`, `epsilon` are scalars or (p,).  Returns q and v (nv,) after the step, NaN where it has no
-    solution, and the contact impulses.
+    `h` is in s; `mu`, `epsilon` are scalars or (p,); `terms` are those of the state, if several steps start from it.
+    Returns q and v (nv,) after the step, NaN where it has no solution, and the contact impulses.
     """
     p = len(mechanism.pairs)
-    M_inv = np.linalg.inv(mechanism.mass_matrix(q))
-    v_free = v + h * (M_inv @ (mechanism.gravity(q) + f_ext - mechanism.bias(q, v)))
+    at = terms or StateTerms.of(mechanism, q, v)
+    v_free = v + h * (at.M_inv @ (at.gravity + f_ext - at.bias))
     mu, epsilon = np.broadcast_to(mu, p), np.broadcast_to(epsilon, p)
-    out = solve_contacts(mechanism, q, M_inv, v, v_free, h, mu, epsilon, V_REBOUND, V_RECOVER)
+    out = solve_contacts(mechanism, q, at.M_inv, v, v_free, h, mu, epsilon, V_REBOUND, V_RECOVER, at.contacts)
     return q + h * out.v, out.v, out
 
 
