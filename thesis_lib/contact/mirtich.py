@@ -54,46 +54,46 @@ def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarra
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: viscous tangential rate; μ in s/m."""
     kappa = mu * space.K_tt
 
-    def integrals(p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        # φ₀ = e^{−κp} and its repeated integrals over p; by their series where κp is small
+    def integrals(p: np.ndarray, count: int) -> list[np.ndarray]:
+        # φ₀ = e^{−κp} and its first `count` repeated integrals over p; by their series where κp is small
         x = kappa * p
         lost = np.expm1(-x)
+        phi = [1.0 + lost]
         with np.errstate(divide="ignore", invalid="ignore"):
-            phi1 = -lost / kappa
-            phi2 = (p - phi1) / kappa
-            phi3 = (0.5 * p * p - phi2) / kappa
-        small = x < SERIES_BELOW
-        if np.any(small):
+            for part in (-lost, p, 0.5 * p * p)[:count]:
+                phi.append((part - phi[-1] if len(phi) > 1 else part) / kappa)
+        if np.any(small := x < SERIES_BELOW):
+            x, p = x[small], np.broadcast_to(p, small.shape)[small]
             x2 = x * x
             x3 = x2 * x
-            phi1 = np.where(small, p * (1 - x / 2 + x2 / 6 - x3 / 24), phi1)
-            phi2 = np.where(small, p * p * (1 / 2 - x / 6 + x2 / 24 - x3 / 120), phi2)
-            phi3 = np.where(small, p * p * p * (1 / 6 - x / 24 + x2 / 120 - x3 / 720), phi3)
-        return 1.0 + lost, phi1, phi2, phi3
+            phi[1][small] = p * (1 - x / 2 + x2 / 6 - x3 / 24)
+            phi[2][small] = p * p * (1 / 2 - x / 6 + x2 / 24 - x3 / 120)
+            if count > 2:
+                phi[3][small] = p * p * p * (1 / 6 - x / 24 + x2 / 120 - x3 / 720)
+        return phi
 
-    def slip(v_t: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        # from v_t on: v_t(p) = v_t φ₀ + K_tn φ₁, its integral and its double integral
-        phi0, phi1, phi2, phi3 = integrals(p)
-        tn = space.K_tn
-        return v_t * phi0 + tn * phi1, v_t * phi1 + tn * phi2, v_t * phi2 + tn * phi3
+    def slip(v_t: np.ndarray, p: np.ndarray, orders: tuple[int, ...]) -> list[np.ndarray]:
+        # from v_t on: v_t(p) = v_t φ₀ + K_tn φ₁ (order 0), its integral (1) and its double integral (2)
+        phi = integrals(p, orders[-1] + 1)
+        return [v_t * phi[i] + space.K_tn * phi[i + 1] for i in orders]
 
     def v_n(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        v_t, slid, _ = slip(space.v_t, p)
+        v_t, slid = slip(space.v_t, p, (0, 1))
         return space.v_n + space.K_nn * p - mu * space.K_tn * slid, space.K_nn - mu * space.K_tn * v_t
 
     frictionless = -space.v_n / space.K_nn
     p_c = _increasing_root(v_n, 0.0 * (frictionless + kappa), frictionless + 0.0 * kappa)
-    v_c, slid, slid_twice = slip(space.v_t, p_c)
+    v_c, slid, slid_twice = slip(space.v_t, p_c, (0, 1, 2))
     W_c = p_c * (space.v_n + 0.5 * space.K_nn * p_c) - mu * space.K_tn * slid_twice
 
     # restitution is counted from p_c, where v_n = 0: from p = 0 small ε would be lost in rounding
     def missing_work(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        _, slid, slid_twice = slip(v_c, d)
+        slid, slid_twice = slip(v_c, d, (1, 2))
         work = 0.5 * space.K_nn * d * d - mu * space.K_tn * slid_twice + epsilon * epsilon * W_c
         return work, space.K_nn * d - mu * space.K_tn * slid
 
     d = _increasing_root(missing_work, 0.0 * (p_c + epsilon), epsilon * p_c, EPS * p_c)
-    return -mu * (slid + slip(v_c, d)[1]), p_c + d
+    return -mu * (slid + slip(v_c, d, (1,))[0]), p_c + d
 
 
 def _increasing_root(function, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0) -> np.ndarray:
