@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.identify.mass_ratio.arc_fit import fit_arcs
 from thesis_lib.identify.mass_ratio.cramer_rao import ratio_bound, true_impacts
-from thesis_lib.identify.mass_ratio.estimate import EstimateStatus, estimate_ratio
+from thesis_lib.identify.mass_ratio.estimate import DropEstimates, EstimateStatus, estimate_ratio
 from thesis_lib.identify.mass_ratio.likelihood import ArcModel, contact_offset
 from thesis_lib.identify.mass_ratio.plain_program import impact_least_squares, plain_ratio
 from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
@@ -65,6 +66,36 @@ def test_contact_offset_is_that_of_the_mechanism(make, rng):
     ahead, back = (contact_offset(body.shape, theta + d, pair)[0] for d in (1e-6, -1e-6))
     np.testing.assert_allclose((ahead - back)[:, 0] / 2e-6, dr_x, atol=1e-8)
     np.testing.assert_allclose((ahead - back)[:, 1] / 2e-6, r[:, 0], atol=1e-8)
+
+
+@KINDS
+def test_a_hypothesis_is_fitted_alone_as_among_others(kind, rng):
+    drops = make_drops(kind, 1, rng, Table21(max_impacts=2))
+    record, impacts = drops.records[0], drops.impacts[0]
+    noisy = add_noise(record, 20.0, rng)
+    steps = impacts.steps + np.array([[0, 0], [1, 0], [0, -1], [2, 2], [-2, 1]])
+    sums = ArcSums(H, *without_gravity(H, noisy.q, noisy.v, G))
+    vertices = np.tile(impacts.vertices, (len(steps), 1))
+    model = ArcModel(sums.statistics(steps, noisy.sigma), vertices, H, drops.body.shape, G, use_gap=True)
+    together = fit_arcs(model)
+    for i in range(len(steps)):
+        alone = fit_arcs(model.take(np.array([i])))
+        assert alone.converged[0] == together.converged[i]
+        for name in ("u", "eta", "chi2", "std"):
+            np.testing.assert_allclose(getattr(alone, name)[0], getattr(together, name)[i], rtol=1e-9, atol=1e-12)
+
+
+def test_estimates_of_one_drop_are_those_made_alone(rng):
+    drops = make_drops("block", 1, rng, Table21())
+    noisy = add_noise(drops.records[0], 30.0, rng)
+    shared = DropEstimates(H, noisy.q, noisy.v, drops.body.shape, G)
+    values = set()
+    for law, use_gap in ((False, False), (False, True), (True, True)):
+        alone = estimate_ratio(H, noisy.q, noisy.v, drops.body.shape, G, law=law, use_gap=use_gap)
+        found = shared.estimate(law=law, use_gap=use_gap)
+        assert (found.value, found.std, found.chi2) == (alone.value, alone.std, alone.chi2)
+        values.add(found.value)
+    assert len(values) == 3
 
 
 @KINDS

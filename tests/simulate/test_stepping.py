@@ -9,7 +9,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.contact_modes import several_lcp_matrices, solve_one, solve_several
 from thesis_lib.simulate.stepping.lcp import LcpStatus, complementarity_residual, contact_lcp, solve_lcp_enumeration
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism, PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import V_REBOUND, simulate, step_lcp
+from thesis_lib.simulate.stepping.stepping import V_REBOUND, StateTerms, simulate, step_lcp
 
 EXACT = 1e-12  # rounding over some hundred steps
 AGREE = 1e-9  # relative, between two direct solvers of one LCP
@@ -90,6 +90,19 @@ def test_central_impacts_with_friction_add_no_energy_and_the_eccentric_can():
     assert max(disk) < 1e-6
     block = [gain(BODIES["block"], 0.35, v, 0.5) for v in velocities if v[1] + 0.6 * abs(v[2]) < 0]
     assert max(block) > 1e-3
+
+
+def test_terms_of_a_state_serve_all_steps_from_it():
+    q, v = drops("block", 1)
+    record = checked(BODIES["block"], q[0], v[0], 300)
+    k = int(np.flatnonzero(record.c_n.any(axis=1))[0])
+    state = BODIES["block"], record.q[k], record.v[k]
+    terms = StateTerms.of(*state)
+    for push in (0.0, 1.0):
+        f_ext = np.array([push, 0.0, 0.0])
+        given, made = (step_lcp(*state, f_ext, H, MU, EPSILON, at) for at in (terms, None))
+        assert (given[0] == made[0]).all() and (given[1] == made[1]).all()
+        assert given[2].impulse and (given[2].c_n == made[2].c_n).all()
 
 
 def test_newtons_restitution_holds_at_each_fast_impact():

@@ -11,7 +11,7 @@ The body origin is the believed centre of mass.  Shapes are sections of dataset.
 once.
 """
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -146,20 +146,30 @@ class Polygon(_Shape):
 
 
 class Corner:
-    """One corner of a polygon for each of n bodies, as a shape of its own: `index` (n,) into `polygon.corners`."""
+    """One corner of a polygon for each of n bodies, as a shape of its own: `index` (n,) into `polygon.corners`.
 
-    def __init__(self, polygon: Polygon, index: np.ndarray) -> None:
-        self.polygon, self.index, self.kind = polygon, index, polygon.kind
-        self._corners, self._bodies = polygon.corners[index].T, len(index)  # x and y (n,), or (k, 1) for k of each body
+    A number of bodies in its place stands for all corners, as `each` says.
+    """
+
+    def __init__(self, polygon: Polygon, index: np.ndarray | int) -> None:
+        self.polygon, self.kind = polygon, polygon.kind
+        # x and y (n,), or (k, 1) for k of each body
+        if isinstance(index, int):
+            self._corners, self._bodies = polygon.corners.T[:, :, None], index
+        else:
+            self._corners, self._bodies, self.index = polygon.corners[index].T, len(index), index
         self._theta: np.ndarray | None = None
         self._cos = self._sin = self._turned = np.empty(0)
 
     @classmethod
     def each(cls, polygon: Polygon, bodies: int) -> "Corner":
         """The first corner of all `bodies`, then the second of all, and so on; their angles repeat with the corner."""
-        corners = cls(polygon, np.repeat(np.arange(len(polygon.corners)), bodies))
-        corners._corners, corners._bodies = polygon.corners.T[:, :, None], bodies
-        return corners
+        return cls(polygon, bodies)
+
+    @cached_property
+    def index(self) -> np.ndarray:
+        """Corner (n,) of each body."""
+        return np.repeat(np.arange(len(self.polygon.corners)), self._bodies)
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
         """That corner of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""

@@ -10,6 +10,7 @@ from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 
 from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops import episodes
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.covariance import residual_covariance
@@ -82,6 +83,33 @@ def test_episodes_end_as_those_of_a_simulator_without_impact_laws(contact_time, 
     for kind in (several, ~several):
         assert np.median(error[kind]) < median
         assert np.quantile(error[kind], 0.9) < most
+
+
+@pytest.mark.parametrize("effects", [(), ("quadratic_drag", "rounded_corners")])
+def test_in_how_many_pieces_a_flight_is_looked_at_changes_nothing(monkeypatch, rng, effects):
+    model = Model(LAWS["mirtich"], tuple(EFFECTS[name] for name in effects), takes_time=True)
+    n = 60
+    values = {name: p.null + p.scale for name, p in model.parameters.items()} | truth(2e-4)
+    q = np.stack([np.zeros(n), np.full(n, 0.045), rng.uniform(-3.0, 3.0, n)], axis=1)
+    v = rng.normal([0.0, -1.5, 0.0], [0.5, 0.3, 10.0], (n, 3))
+    start = State.of(q, v, np.arange(n), np.zeros(n))
+    found = []
+    for ahead, in_cache in ((1000, 10**9), (3, 500), (1, 1)):
+        monkeypatch.setattr(episodes, "AHEAD", ahead)
+        monkeypatch.setattr(episodes, "IN_CACHE", in_cache)
+        found.append(play(model, values, RIG, start, np.linspace(0.001, 0.06, n)))
+    assert len(np.unique(found[0].hits)) > 2
+    for other in found[1:]:
+        assert (other.hits == found[0].hits).all()
+        assert (other.after.q == found[0].after.q).all() and (other.after.v == found[0].after.v).all()
+
+
+def test_corners_of_all_bodies_are_those_of_each(rng):
+    theta = rng.uniform(-3.0, 3.0, 5)
+    every = Corner.each(SQUARE.shape, 5)
+    alone = Corner(SQUARE.shape, np.repeat(np.arange(4), 5))
+    assert (every.index == alone.index).all()
+    assert (every.contact_point(np.tile(theta, 4)) == alone.contact_point(np.tile(theta, 4))).all()
 
 
 def flat(turn: float, omega: float = 0.0) -> State:

@@ -8,7 +8,7 @@ import pytest
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, criticise_mechanism, smallest_sizes
 from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis
-from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, Motion
+from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, PAYLOAD, Motion
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import HiddenStudy, MechanismSettings, WindowSettings
@@ -66,6 +66,23 @@ def critiques(models, plans):
 
 def states(n, nv, seed):
     return np.random.default_rng(seed).standard_normal((3, n, nv))
+
+
+@pytest.mark.parametrize("kind", TRUTHS)
+def test_effects_without_normal_forces_do_not_see_them(kind, models, rng):
+    model, n = models[kind], 7
+    q, v, a = rng.normal(size=(3, n, len(model.coordinates)))
+    pairs = len(model.mechanism.pairs)
+    motion = Motion(q, v, a, rng.uniform(1.0, 2.0, (n, pairs)))
+    for effect in CANDIDATES[kind]:
+        p = np.full(len(effect.parameters), 0.3)
+        force = effect.force(model, motion, p)
+        other = effect.force(model, replace(motion, c_n=motion.c_n + 1.0), p)
+        assert (force == other).all() != effect.needs_normal
+        # what is kept of one motion is not taken for another
+        anew = effect.force(model, Motion(q, v, a, motion.c_n), p)
+        moved = effect.force(model, Motion(q + 0.5, v + 0.5, a, motion.c_n), p)
+        assert (force == anew).all() and ((force != moved).any() or effect.name != PAYLOAD.name)
 
 
 def test_inverse_dynamics_of_the_arm_are_those_of_drake():
