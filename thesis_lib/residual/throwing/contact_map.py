@@ -27,7 +27,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.contact.space import velocity_error
+from thesis_lib.residual.learners.covariance import factor, inverse_diagonal, solve
 from thesis_lib.residual.learners.gaussian_process import GaussianProcess
+from thesis_lib.residual.learners.marginal_likelihood import noisy
 from thesis_lib.residual.throwing.propagation import Distribution, Sampled
 
 FREEDOMS = (2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, np.inf)
@@ -118,13 +120,15 @@ def residual_unit(v: np.ndarray, k_g: float, duration: float) -> np.ndarray:
 
 def leave_one_out(process: GaussianProcess) -> np.ndarray:
     """Leave-one-out residuals (n, p) over their standard deviations: α_i/√(K_y⁻¹)_ii (R. & W., eq. 5.12)."""
-    z = np.empty_like(process.y)
+    import torch
+
+    z, x = np.empty_like(process.y), torch.as_tensor(process.x)
+    theta = np.log(np.column_stack([process.lengthscale, process.signal, process.noise]))
     for i in range(z.shape[1]):
-        x = process.x / process.lengthscale[i]
-        square = (x * x).sum(1)
-        K = process.signal[i] * np.exp(-0.5 * np.maximum(square[:, None] + square - 2.0 * x @ x.T, 0.0))
-        inverse = np.linalg.inv(K + process.noise[i] * np.eye(len(x)))
-        z[:, i] = inverse @ process.y[:, i] / np.sqrt(np.diag(inverse))
+        # the residuals of wild measurements count like all others
+        L = factor(noisy(theta[i], x, torch.ones(len(x), dtype=x.dtype))[0])
+        alpha = solve(L, torch.as_tensor(np.ascontiguousarray(process.y[:, i])))
+        z[:, i] = (alpha / inverse_diagonal(L).sqrt()).numpy()
     return z
 
 
