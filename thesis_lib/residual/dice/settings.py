@@ -40,7 +40,9 @@ class DiceStudySettings(Section):
     parts: int = Field(5, ge=2, description="disjoint parts of the throws: each is held out once, the others train")
     judged: int | None = Field(None, ge=1, description="first parts that are held out; null: all")
     parts_seed: int = Field(20261124, ge=0, description="deals the throws into parts, so that part 0 stays set apart")
-    particles: int = Field(40, ge=10, description="of each held-out throw's belief (own choice)")
+    particles: int = Field(
+        160, ge=10, description="of each held-out throw's belief; with 40 two draws differed by 2 % of the named faces"
+    )
     limit_copies: int = Field(10, ge=2, description="perturbed starts of each held-out throw for the limit")
     bootstrap: int = Field(1000, ge=0, description="replicates over throws for intervals")
     training_contacts: int = Field(2000, ge=20, description="most contacts a process learns: all of the public throws")
