@@ -153,7 +153,11 @@ def test_what_is_said_of_faces_and_beliefs_is_so_in_the_stored_run():
     stored = pd.read_csv(DICE / "dice.csv").set_index(["quantity", "model"])
     assert "Six faces of ten are not reached" in FINDINGS
     assert stored.loc["face_right", "high"].max() < 0.6
-    assert "more than eight of ten throws" in FINDINGS and stored.loc["limit_face", "value"].min() > 0.8
+    said = " ".join(FINDINGS.split())
+    assert "more than eight of ten throws" in said and stored.loc["limit_face", "value"].min() > 0.8
+    of_draws = pd.read_csv(ROOT / "config/reference/chapter4/dice_40_particles.csv")
+    first, second = (100 * of_draws[["part_0", "all"]]).round().astype(int).to_numpy()
+    assert f"two draws named {first[0]} and {second[0]} % of its faces, and {first[1]} and {second[1]} % of all" in said
     # "scatter less than any law does"
     start = pd.read_csv(DICE / "dice_budget.csv").query("contact == 0").set_index("model")["std"]
     assert start["nearest"] < start[["law", "residual", "residual_wrench", "critique"]].min()
