@@ -128,13 +128,17 @@ def choose_mechanisms(
     halves = contacts.select(first), contacts.select(~first)
     few = settings.model_copy(update={"evaluations": settings.choice_evaluations, "contacts": settings.contacts // 2})
     seed = int(rng.integers(2**63))
-    errors = {}
-    for chosen in (names for size in range(len(ALL) + 1) for names in combinations(ALL, size)):
-        errors[chosen] = 0.0
-        for known, unseen in (halves, halves[::-1]):
-            # all choices see the same contacts and the same draws
-            model, _ = fit_dice(start, known, np.random.default_rng(seed), few, chosen)
-            errors[chosen] += float(capped_errors(model, _fast(unseen, start, settings), start.k_g, settings).sum())
+    combined = [names for size in range(len(ALL) + 1) for names in combinations(ALL, size)]
+    errors = dict.fromkeys(combined, 0.0)
+    for known, unseen in (halves, halves[::-1]):
+        fits: dict[tuple[str, ...], tuple[DiceModel, float]] = {}
+        for chosen in combined:
+            # from the best fit with less: a search that is short never ends behind it.  All see the same contacts
+            simpler = [fit for names, fit in fits.items() if set(names) < set(chosen)]
+            begin = min(simpler, key=lambda fit: fit[1])[0] if simpler else None
+            fits[chosen] = fit_dice(start, known, np.random.default_rng(seed), few, chosen, begin)
+            unseen_errors = capped_errors(fits[chosen][0], _fast(unseen, start, settings), start.k_g, settings)
+            errors[chosen] += float(unseen_errors.sum())
     return min(errors, key=errors.__getitem__)
 
 
@@ -155,16 +159,19 @@ def fit_dice(
     rng: np.random.Generator,
     settings: DiceFitSettings,
     mechanisms: Sequence[str] = ALL,
+    begin: DiceModel | None = None,
 ) -> tuple[DiceModel, float]:
     """Body and compliant contact that best follow training contacts, and their mean capped error in m/s.
 
-    Of a contact's place and angle its damping depends on those that `mechanisms` names.
+    Of a contact's place and angle its damping depends on those that `mechanisms` names.  The search begins at the
+    body of `start` with a contact that is the same everywhere, or at `begin`.
     """
     used = _fast(contacts, start, settings)
     if len(used) > settings.contacts:
         used = used.select(np.sort(rng.choice(len(used), settings.contacts, replace=False)))
     width = max(float(np.std(used.q[:, 0])), 2.0 * MECHANISMS["place"]["width"])
     even = CompliantContact(place=float(np.median(used.q[:, 0])), width=width)
+    begin = begin or replace(start, contact=even)
     contact_steps = dict(CONTACT_STEPS)
     for mechanism in mechanisms:
         contact_steps |= MECHANISMS[mechanism]
@@ -182,7 +189,7 @@ def fit_dice(
             return settings.cap - bad  # outside: worse the farther
         return float(capped_errors(model, used, start.k_g, settings).mean())
 
-    first = np.array([getattr(start, k) for k in BODY_STEPS] + [getattr(even, k) for k in contact_steps])
+    first = np.array([getattr(begin, k) for k in BODY_STEPS] + [getattr(begin.contact, k) for k in contact_steps])
     steps = np.array([*BODY_STEPS.values(), *contact_steps.values()])
     best, value = cma_es(misfit, first, steps, settings.evaluations, rng)
     return with_values(best), value
