@@ -155,9 +155,10 @@ def test_what_is_said_of_faces_and_beliefs_is_so_in_the_stored_run():
     assert stored.loc["face_right", "high"].max() < 0.6
     said = " ".join(FINDINGS.split())
     assert "more than eight of ten throws" in said and stored.loc["limit_face", "value"].min() > 0.8
-    of_draws = pd.read_csv(ROOT / "config/reference/chapter4/dice_40_particles.csv")
-    first, second = (100 * of_draws[["part_0", "all"]]).round().astype(int).to_numpy()
-    assert f"two draws named {first[0]} and {second[0]} % of its faces, and {first[1]} and {second[1]} % of all" in said
+    before = pd.read_csv(ROOT / "config/reference/chapter4/dice_before.csv")
+    one, two, three = (100 * before[["part_0", "all"]]).round().astype(int).to_numpy()
+    assert f"two draws named {one[0]} and {two[0]} % of its faces, and {one[1]} and {two[1]} % of all" in said
+    assert f"With these it was {three[0]} and {three[1]} %, until" in said
     # "scatter less than any law does"
     start = pd.read_csv(DICE / "dice_budget.csv").query("contact == 0").set_index("model")["std"]
     assert start["nearest"] < start[["law", "residual", "residual_wrench", "critique"]].min()

@@ -128,6 +128,13 @@ def test_the_fit_finds_a_planted_body_and_contact():
     assert fitted.contact.mu == pytest.approx(SOFT.contact.mu, abs=0.03)
 
 
+def test_a_fit_that_begins_at_a_model_does_not_end_behind_it():
+    contacts, few = made_contacts(SOFT, 60), DiceFitSettings(evaluations=50)
+    _, blind = fit_dice(BELIEVED, contacts, np.random.default_rng(0), few, ())
+    _, misfit = fit_dice(BELIEVED, contacts, np.random.default_rng(0), few, (), begin=SOFT)
+    assert misfit < 1e-6 < blind
+
+
 @pytest.mark.slow
 def test_a_mechanism_is_chosen_where_contacts_have_it():
     few = DiceFitSettings(evaluations=300, choice_evaluations=300)

@@ -127,18 +127,19 @@ def choose_mechanisms(
     first = np.isin(contacts.trial, trials[: len(trials) // 2])
     halves = contacts.select(first), contacts.select(~first)
     few = settings.model_copy(update={"evaluations": settings.choice_evaluations, "contacts": settings.contacts // 2})
+    twice = few.model_copy(update={"evaluations": 2 * settings.choice_evaluations})
     seed = int(rng.integers(2**63))
     combined = [names for size in range(len(ALL) + 1) for names in combinations(ALL, size)]
     errors = dict.fromkeys(combined, 0.0)
     for known, unseen in (halves, halves[::-1]):
-        fits: dict[tuple[str, ...], tuple[DiceModel, float]] = {}
+        fast = _fast(unseen, start, settings)
+        # a search is short: those with less go on from a longer one with all, so that none is behind for want of steps
+        full, _ = fit_dice(start, known, np.random.default_rng(seed), twice, ALL)
         for chosen in combined:
-            # from the best fit with less: a search that is short never ends behind it.  All see the same contacts
-            simpler = [fit for names, fit in fits.items() if set(names) < set(chosen)]
-            begin = min(simpler, key=lambda fit: fit[1])[0] if simpler else None
-            fits[chosen] = fit_dice(start, known, np.random.default_rng(seed), few, chosen, begin)
-            unseen_errors = capped_errors(fits[chosen][0], _fast(unseen, start, settings), start.k_g, settings)
-            errors[chosen] += float(unseen_errors.sum())
+            model = full
+            if chosen != ALL:
+                model, _ = fit_dice(start, known, np.random.default_rng(seed), few, chosen, full)
+            errors[chosen] += float(capped_errors(model, fast, start.k_g, settings).sum())
     return min(errors, key=errors.__getitem__)
 
 

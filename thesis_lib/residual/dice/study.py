@@ -20,8 +20,8 @@ Published: 750 throws, of which 500 are public.  For compliant models, the frict
 contacts is the value on a grid with the least mean |error| of training throws; the others slide with their law's μ.
 
 Which mechanisms there are to choose from was read from the residuals of all throws, when the study was first written.
-Since then part 0 was set apart: it is drawn by a seed of its own (`parts_seed`), what is new was tried on the throws of
-the other parts alone, and part 0 was opened once, with the study as it stands.
+Later part 0 was set apart: a seed of its own (`parts_seed`) draws it, what was new then was tried on the throws of
+the other parts alone, and part 0 was opened after that.  docs/findings.md says what has been changed since.
 """
 
 from collections.abc import Callable
