@@ -137,11 +137,14 @@ def test_a_fit_that_begins_at_a_model_does_not_end_behind_it():
 
 @pytest.mark.slow
 def test_a_mechanism_is_chosen_where_contacts_have_it():
-    few = DiceFitSettings(evaluations=300, choice_evaluations=300)
+    few = DiceFitSettings(choice_evaluations=500, contacts=200)
     contact = replace(SOFT.contact, flat=0.9, flat_dashpot=0.9)
     for chosen, flat in ((True, replace(SOFT, contact=contact)), (False, SOFT)):
-        found = choose_mechanisms(SOFT, made_contacts(flat, 200), np.random.default_rng(0), few)
-        assert ("flat" in found) == chosen, found
+        contacts = made_contacts(flat, 200)
+        noise = 0.1 * np.random.default_rng(1).standard_normal(contacts.v.shape) / [1.0, 1.0, flat.k_g]
+        contacts = replace(contacts, v_after=contacts.v_after + noise)
+        found = choose_mechanisms(BELIEVED, contacts, np.random.default_rng(0), few)
+        assert found == (("flat",) if chosen else ()), found
 
 
 def test_samples_with_tails_have_the_covariance_that_is_said():
