@@ -121,6 +121,7 @@ def figure_restitution(table: pd.DataFrame) -> Drawn:
         ax.plot(100.0 * part["x"], part["measured"], "o", color=BLUE, markersize=2.2, alpha=0.6, label="measured")
         ax.plot(100.0 * part["x"], part["model"], "x", color=RED, markersize=2.8, label="compliant contact")
         ax.set(title=title, xlabel="place of the contact $x$ (cm)")
+        ax.locator_params(axis="x", nbins=5)
     axes[0].set(ylabel="restitution $e_n$", ylim=(0.1, 0.8))
     axes[0].legend(loc="lower left")
     return figure, table[["first", "trial", "x", "measured", "model"]]
