@@ -323,10 +323,10 @@ def test_the_study_of_simulated_throws(recorded):
     tables |= tables_of_part(studies[0], side_of(dataset), settings, np.random.default_rng(0))
     for name, table in tables.items():
         explain(name, table.columns)
+    throws, of_parts = tables["dice_throws"], tables["dice_parts"].set_index(["split", "model", "quantity"])["value"]
     for i in range(len(studies)):
-        of_part = tables["dice_throws"].query(f"split == {i} and model == 'law'")["face_right"].mean()
-        found = tables["dice_parts"].query(f"split == {i} and model == 'law' and quantity == 'face_right'")["value"]
-        assert found.item() == pytest.approx(of_part)
+        right = throws.loc[(throws["split"] == i) & (throws["model"] == "law"), "face_right"]
+        assert of_parts[i, "law", "face_right"] == pytest.approx(right.mean())
     assert set(tables["dice_widths"]["throws"]) <= set(range(1, N - len(studies[0].train) + 1))
     assert set(tables["dice_calibration"]["kind"]) == {"roll", "contact"}
     shown = examples(studies[0], side_of(dataset), settings, np.random.default_rng(0))
