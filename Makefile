@@ -20,6 +20,9 @@ PIP_OPTIONS ?=
 export MPLBACKEND := Agg
 export MPLCONFIGDIR := $(CURDIR)/.venv/.matplotlib
 export XDG_CACHE_HOME := $(CURDIR)/.venv/.cache
+# most of the modules that jobs import
+IMPORTED := fontTools.subset, jax, matplotlib.backends.backend_pdf, numba, numpyro.infer, pandas, pydantic, scipy.signal, \
+    scipy.stats, sklearn.mixture, snakemake.cli, stable_baselines3, torch._dynamo
 # hundreds of short processes: each would compile the package anew
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -39,8 +42,9 @@ $(STAMP): environment.txt
 	@sh .ci/system-packages check "$(PYTHON)"
 	@echo "Creating .venv with $$($(PYTHON) --version) and installing environment.txt (about 2 GB, some minutes)"
 	$(PYTHON) -m venv .venv
-	@# each module is compiled when it is first imported: most of torch never is
+	@# most of torch is never imported, so only what the pipeline imports is compiled
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-compile $(PIP_OPTIONS) --requirement environment.txt
+	$(BIN)/python -c "import $(IMPORTED)"
 	@touch $@
 
 reproduce: setup  ## run the main job: every table, figure and claim; an interrupted run goes on where it was

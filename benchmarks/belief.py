@@ -59,7 +59,8 @@ def measure(particles: int, trained_on: int = TRAINED, singly: int = ALONE) -> d
     trained = ImpulseLearner("X1", True, LawBase("mirtich"), True, FAST).fit(impacts, rng)
     features = contact_features(q, v, body.k_g)
     # smooth, with noise: hyperparameters as a real residual has them
-    residual = 0.05 * np.sin(features @ rng.normal(size=(features.shape[1], 6))) + 0.02 * rng.normal(size=(trained_on, 6))
+    smooth = np.sin(features @ rng.normal(size=(features.shape[1], 6)))
+    residual = 0.05 * smooth + 0.02 * rng.normal(size=(trained_on, 6))
     process = fit_gaussian_process(features, residual, rng, FAST, centred=False)
 
     def path(q: np.ndarray, v: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:

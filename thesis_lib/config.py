@@ -76,6 +76,9 @@ class Config(Section):
     )
     drops: SimulatedDrops = SimulatedDrops()
     arcs: ArcSettings = Field(ArcSettings(), description="detection of impacts and arc fits")
+    first_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
+        {}, description="dataset -> first trials in which chapters 2 to 4 look for impacts; others: all"
+    )
     chapter2: Chapter2 = Chapter2()
     chapter3: Chapter3 = Chapter3()
     chapter4: Chapter4 = Chapter4()

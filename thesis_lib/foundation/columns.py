@@ -10,7 +10,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import pandas as pd
-import yaml
+
+from thesis_lib.foundation.yaml_file import read_yaml
 
 MEANINGS = Path(__file__).with_suffix(".yaml")
 _COVARIANCE = ("product of both", "covariance of the two quantities in the column's name")
@@ -19,7 +20,7 @@ _COVARIANCE = ("product of both", "covariance of the two quantities in the colum
 @functools.cache
 def meanings() -> tuple[dict[str, list[str]], dict[str, dict[str, list[str]]]]:
     """(unit, meaning) by column, and by table and column; unit '' marks text, "1" pure numbers."""
-    content = yaml.safe_load(MEANINGS.read_text(encoding="utf-8"))
+    content = read_yaml(MEANINGS).content
     return content["columns"], content["tables"]
 
 

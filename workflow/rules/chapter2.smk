@@ -249,7 +249,9 @@ rule ch2_impact_forces:
 
 rule ch2_measured_ratio:
     input:
-        dataset_files,
+        header="results/impacts/{dataset}/dataset.yaml",
+        impacts="results/impacts/{dataset}/impacts.csv",
+        left_out="results/impacts/{dataset}/left_out.csv",
     output:
         f"{CH2}/{{dataset}}/measured_ratio.csv",
     log:
@@ -261,7 +263,6 @@ rule ch2_measured_ratio:
     resources:
         **needs("ch2_measured_ratio"),
     params:
-        folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
         settings=settings(CONFIG.chapter2.measured_ratio),
         seed=CONFIG.seed,
         lib=code_of("ch2_measured_ratio"),

@@ -100,6 +100,7 @@ rule find_impacts:
         **needs("find_impacts"),
     params:
         folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
+        first_trials=lambda wildcards: CONFIG.first_trials.get(wildcards.dataset),
         arcs=settings(CONFIG.arcs),
         lib=code_of("find_impacts"),
     message:

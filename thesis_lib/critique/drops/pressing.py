@@ -121,7 +121,7 @@ def press(
         *integrate(
             (force.kind, force.exponent, of_friction, _central_pressure(rig.shape) if is_field else 1.0),
             points,
-            (np.full(corners * n, k_g**-2.0)[:n], falling, true.theta),
+            (np.full(corners * n, k_g**-2.0)[:n], falling, np.ascontiguousarray(true.theta)),
             _outline(rig.shape, corners),
             (eta, zeta),
             (share, slopes.reshape(corners, n)),

@@ -32,7 +32,7 @@ from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.foundation.randomness import streams
 
 ENERGETIC = "mirtich"  # the law to which contacts that take time come as these get shorter
-MOST_TERMS, MOST_STEPS = 2, 4
+MOST_STEPS = 4
 FITTED = 12  # terms fitted at each start, the best by the regression, beside the single factors
 SIMPLER = 1.0  # nats that a product must gain over a single factor
 FINALISTS = 4  # of all terms are tried with every law
@@ -119,7 +119,8 @@ class _Proposer:
         for number in range(1, MOST_STEPS + 1):
             starts = self.starts() if not accepted else [self.quick(rival)]
             self.say(f"proposal {number}: trying {len(self.terms)} terms")
-            tries = [one for start in starts for one in self.tries(start, len(accepted) < MOST_TERMS, named)]
+            more = len(accepted) < self.settings.max_terms
+            tries = [one for start in starts for one in self.tries(start, more, named)]
             if not tries:
                 break
             finalists = self.with_every_law(tries)

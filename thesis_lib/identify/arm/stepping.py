@@ -10,7 +10,8 @@ The step is that of `simulate.stepping.stepping` for contact pairs ("arm", "grou
 so that four linear equations give the impulse.  The previous step's modes are tried first, then all sixteen pairs.
 
 numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
-stand here, and numbers of other files come in as arguments, since numba does not see changes of other files.
+stand here, and numbers of other files come in as arguments, since numba does not see changes of other files.  Rows are
+copied number by number: where shapes could differ numba compiles a message for it, too, which takes as long again.
 """
 
 from collections.abc import Callable
@@ -66,7 +67,7 @@ def simulate_copies(
     `extra` is evaluated at the start of each step.
     """
     f_ext = np.asarray(f_ext, dtype=float)
-    f_ext = np.array(np.broadcast_to(f_ext, (len(theta), *f_ext.shape[-2:])))  # as numba compiled for
+    f_ext = np.array(np.broadcast_to(f_ext, (len(theta), *f_ext.shape[-2:])), order="C")  # as numba compiled for
     n, m = f_ext.shape[:2]
     out = Copies(
         q=np.full((n, m + 1, 5), np.nan),
@@ -104,7 +105,8 @@ def _steps(theta, q, v, c_n, c_t, mode, f_ext, constants, start, stop):
         for k in range(start, stop):
             v_before = v[i, k]
             _free_step(theta[i], q[i, k], v_before, f_ext[i, k], constants, v_free, J, MJ, phi)
-            q_free[:] = q[i, k] + h * v_free
+            for a in range(5):
+                q_free[a] = q[i, k, a] + h * v_free[a]
             _gaps(q_free, constants, phi_free)
             if phi_free[0] <= 0.0 or phi_free[1] <= 0.0:
                 for r in range(4):
@@ -132,8 +134,9 @@ def _steps(theta, q, v, c_n, c_t, mode, f_ext, constants, start, stop):
                 for j in range(2):
                     mode[i, k, j] = guess[j]
                     c_t[i, k, j], c_n[i, k, j] = c[j] / h, c[2 + j] / h
-            v[i, k + 1] = v_free
-            q[i, k + 1] = q[i, k] + h * v_free
+            for a in range(5):
+                v[i, k + 1, a] = v_free[a]
+                q[i, k + 1, a] = q[i, k, a] + h * v_free[a]
 
 
 @compiled
@@ -204,21 +207,23 @@ def _impulses(K, A, v_c, b, mu, active, mode, c):
             mode[j] = trial[j] if active[j] else OFF
         if _modes_hold(K, A, v_c, b, mu, active, mode, c):
             return
-    c[:] = np.nan
+    for r in range(4):
+        c[r] = np.nan
 
 
 @compiled
 def _modes_hold(K, A, v_c, b, mu, active, mode, c):
     """Impulses c (4,) in N s of the modes (2,), and whether the modes' conditions hold."""
     for shift in (0.0, SHIFT):
-        A[:] = K
+        for r in range(4):
+            replaced = mode[r % 2] != STICK if r < 2 else mode[r % 2] == OFF
+            for s in range(4):
+                A[r, s] = 0.0 if replaced else K[r, s]
         for j in range(2):
             c[j], c[2 + j] = -v_c[j], b[j] - v_c[2 + j]
             if mode[j] != STICK:  # c_t + s μ c_n = 0 where slipping, c_t = 0 where off
-                A[j] = 0.0
                 A[j, j], A[j, 2 + j], c[j] = 1.0, _SIGN[mode[j]] * mu, 0.0
             if mode[j] == OFF:
-                A[2 + j] = 0.0
                 A[2 + j, 2 + j], c[2 + j] = 1.0, 0.0
         for j in range(4):
             A[j, j] += shift

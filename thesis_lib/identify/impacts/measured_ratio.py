@@ -44,6 +44,7 @@ from thesis_lib.foundation.randomness import streams
 from thesis_lib.identify.impacts.drop_spread import spreads
 from thesis_lib.identify.impacts.settings import MeasuredRatio
 from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.tails import chi_square_tail
 
 EARLIER = "earlier_vy_post"  # planar_impact only, see `thesis_lib.datasets.sources.published`
 EARLIER_VY_POST = -3.0 * 9.81 / 250.0  # m/s, its first publication less its second
@@ -242,10 +243,13 @@ def regressions(lever: np.ndarray, spin: np.ndarray, weight: np.ndarray) -> tupl
     return float(cross / (weight @ lever**2)), float((weight @ spin**2) / cross)
 
 
-def measured_ratio(dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio | None = None) -> pd.DataFrame:
+def measured_ratio(
+    dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio | None = None, left_out: int = 0
+) -> pd.DataFrame:
     """m/I of a measured body, a row with `COLUMNS` per hypothesis about the measurement.
 
-    `dataset` holds trajectories or impacts; `rng` is for the bootstrap.
+    `dataset` holds trajectories or impacts; `rng` is for the bootstrap; `left_out` impacts were left out when those of
+    `dataset` were found.
 
     Raises:
         UserError: too few impacts can be measured.
@@ -253,7 +257,8 @@ def measured_ratio(dataset: Dataset, rng: np.random.Generator, settings: Measure
     settings = settings or MeasuredRatio()
     detected = find_impacts(dataset)
     bent = has_flag(detected.impacts, BENT)
-    impacts, left_out = detected.impacts.select(~bent), int(bent.sum()) + len(detected.left_out)
+    impacts = detected.impacts.select(~bent)
+    left_out += int(bent.sum()) + len(detected.left_out)
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     variants = CORNERED if EFFECTS["rounded_corners"].applies_to(rig) else SMOOTH
     stream = streams(rng)
@@ -280,8 +285,6 @@ def _row(
     rng: np.random.Generator,
     settings: MeasuredRatio,
 ) -> dict[str, object]:
-    from scipy.stats import chi2 as chi_square
-
     link = ImpactLink(impacts, rig, variant)
     fit = fit_ratio(link)
     spread = bootstrap(link, fit, settings.bootstrap, rng)
@@ -309,7 +312,7 @@ def _row(
     if not link.has_cov:  # noise is known up to a factor, and (1) cannot be tested
         row["velocity_noise"] = fit.scale
     else:
-        row |= {"scale": fit.scale, "chi2": chi2, "dof": dof, "p_value": float(chi_square.sf(chi2, dof))}
+        row |= {"scale": fit.scale, "chi2": chi2, "dof": dof, "p_value": chi_square_tail(chi2, dof)}
     for i, (_, parameter) in enumerate(link.free, start=1):
         row |= {parameter.name: fit.p[i], f"{parameter.name}_std": spread[:, i].std(ddof=1)}
     return row

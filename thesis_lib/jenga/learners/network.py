@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from thesis_lib.jenga.learners.bayesian_network import N_OUT, Layers, forward, layer_shapes, outputs_of
+from thesis_lib.jenga.learners.bayesian_network import N_OUT, Descent, Layers, forward, layer_shapes, outputs_of
 from thesis_lib.jenga.learners.learner import Learner, Prediction
 from thesis_lib.jenga.learners.settings import NetworkSettings
 from thesis_lib.jenga.robot.samples import Samples
@@ -29,19 +29,15 @@ def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettin
     layers[-2] *= 0.1
     layers[-1] *= 0.0
     layers = [w.requires_grad_(True) for w in layers]
-    optimiser = torch.optim.Adam(layers, lr=settings.rate, betas=(0.9, 0.99))
+    descent = Descent(layers, settings.rate)
     n = len(x)
     batch = min(settings.batch, n)
     for step in range(settings.iterations):
-        for group in optimiser.param_groups:
-            group["lr"] = settings.rate * (0.1 + 0.45 * (1 + np.cos(np.pi * step / settings.iterations)))
         rows = slice(None) if batch == n else torch.randint(n, (batch,), generator=gen)
         mean, log_var = forward(x[rows], layers)
         fit = 0.5 * ((y[rows] - mean) ** 2 * torch.exp(-log_var) + log_var).sum(dim=1).mean()
         decay = 0.5 * settings.weight_decay * sum(s[0] * (w**2).sum() for w, s in zip(layers, shapes)) / n
-        optimiser.zero_grad(set_to_none=True)
-        (fit + decay).backward()
-        optimiser.step()
+        descent.step(fit + decay, step / settings.iterations)
     return [w.detach() for w in layers]
 
 

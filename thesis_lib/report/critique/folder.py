@@ -101,7 +101,8 @@ def critique_folder(
 
         compared = compare_models(critique, models, say)
     found, file = None, Path(proposal) if proposal else proposal_path(folder)
-    asked = critique.verdict == "unexplained" and critique.is_structured and (proposal or effects is None)
+    unexplained = critique.verdict == "unexplained" and critique.is_structured
+    asked = unexplained and critique.settings.max_terms and (proposal or effects is None)
     if asked:
         from thesis_lib.critique.proposal.propose import propose
 

@@ -13,8 +13,9 @@ from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import write_json, write_table
 
-dataset = read_dataset(snakemake.params.folder)
-found = find_impacts(dataset, ArcSettings(**snakemake.params.arcs))
+params = snakemake.params
+dataset = read_dataset(params.folder).first_trials(params.first_trials)
+found = find_impacts(dataset, ArcSettings(**params.arcs))
 for warning in found.warnings:
     print(warning)
 write_table(found.left_out, snakemake.output.left_out)
