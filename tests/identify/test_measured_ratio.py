@@ -11,6 +11,7 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
@@ -137,6 +138,16 @@ def test_interval_covers_the_truth_of_simulated_drops(rng):
     assert row["scale"] == pytest.approx(1.0, abs=0.25) and row["status"] == "ok"
     mirrored = table.set_index("variant").loc["mirrored_rotation"]
     assert mirrored["scale"] > 5.0
+
+
+def test_impacts_that_were_found_before_give_the_same(rng):
+    drops = dataset(Body(shape=SHAPE, mass=0.0364, radius_of_gyration=0.0215), HiddenCauses(), rng, 20)
+    found = find_impacts(drops)
+    again = Dataset(drops.name, drops.header, None, found.impacts.to_table())
+    assert len(found.left_out) > 0
+    one = measured_ratio(drops, np.random.default_rng(0), QUICK)
+    other = measured_ratio(again, np.random.default_rng(0), QUICK, left_out=len(found.left_out))
+    pd.testing.assert_frame_equal(one, other, rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """Figure 4-8 and its tables: errors of each contact model in the resting position of dice."""
 
-import math
-
 from thesis_lib.records.record import THROWN, Figure, Job, Table, Tolerance
 from thesis_lib.records.rows import DataFrame, compared, counted, lies, row_of, share, value
 from thesis_lib.statistics.wording import listed, number, percent
@@ -136,14 +134,11 @@ def figure_restitution(contacts: DataFrame) -> str:
 
 def _slope(contacts: DataFrame, column: str) -> dict[str, float]:
     """Least-squares slope of a column over x, per 10 cm, with its 95 % interval."""
-    from scipy.special import stdtrit
+    from scipy.stats import linregress, t
 
-    x, y = contacts["x"].to_numpy(), contacts[column].to_numpy()
-    x, dof = x - x.mean(), len(x) - 2
-    slope = float(x @ y / (x @ x))
-    off = y - y.mean() - slope * x
-    half = float(stdtrit(dof, 0.975)) * math.sqrt(off @ off / dof / (x @ x))
-    return {"value": 0.1 * slope, "low": 0.1 * (slope - half), "high": 0.1 * (slope + half)}
+    line = linregress(contacts["x"], contacts[column])
+    half = float(t.ppf(0.975, len(contacts) - 2)) * line.stderr
+    return {"value": 0.1 * line.slope, "low": 0.1 * (line.slope - half), "high": 0.1 * (line.slope + half)}
 
 
 @Figure.found_by(

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, divergence, forward, layer_shapes, train
+from thesis_lib.jenga.learners.bayesian_network import (
+    BayesianNetworks,
+    Descent,
+    divergence,
+    forward,
+    layer_shapes,
+    train,
+)
 from thesis_lib.jenga.learners.network import train_plain
 from thesis_lib.jenga.learners.settings import NetworkSettings
 
@@ -26,6 +33,23 @@ def _law(n: int, rng: np.random.Generator):
 def trained():
     x, _, y, _ = _law(600, np.random.default_rng(0))
     return train(x, y, np.ones((600, 1)), SETTINGS, seed=1)
+
+
+def test_steps_are_those_of_torchs_adam() -> None:
+    x = torch.randn(20, 3, generator=torch.Generator().manual_seed(0))
+    ours, theirs = ([torch.ones(3, 2, requires_grad=True), torch.ones(2, requires_grad=True)] for _ in range(2))
+    descent, adam = Descent(ours, 0.05), torch.optim.Adam(theirs, betas=(0.9, 0.99))
+    for share in np.arange(0.0, 1.0, 0.05):
+        # a tenth of the rate is left at the end
+        adam.param_groups[0]["lr"] = 0.05 * (0.1 + 0.9 * np.cos(0.5 * np.pi * share) ** 2)
+        losses = [((torch.tanh(x @ w + b) - x[:, :2]) ** 2).mean() for w, b in (ours, theirs)]
+        descent.step(losses[0], share)
+        adam.zero_grad()
+        losses[1].backward()
+        adam.step()
+    for one, other in zip(ours, theirs):
+        assert (other - 1.0).abs().max() > 0.1
+        torch.testing.assert_close(one, other)
 
 
 def test_law_and_its_noise_are_recovered(trained: BayesianNetworks) -> None:
