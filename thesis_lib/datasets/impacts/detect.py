@@ -13,12 +13,14 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.checks.known_body import contradictions
+from thesis_lib.datasets.checks.lasting_contacts import lasting_contacts
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.impacts.at_walls import on_floors
+from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
 from thesis_lib.datasets.impacts.noise import (
@@ -30,7 +32,7 @@ from thesis_lib.datasets.impacts.noise import (
     stated_sigma,
     with_colour,
 )
-from thesis_lib.datasets.impacts.quality import assess_arcs, flag_physics, has_flag_text
+from thesis_lib.datasets.impacts.quality import approach_speed, assess_arcs, flag_physics, has_flag_text
 from thesis_lib.datasets.impacts.rounding import (
     contact_guard,
     guard_of,
@@ -41,6 +43,7 @@ from thesis_lib.datasets.impacts.rounding import (
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stamps import exposure_times
+from thesis_lib.datasets.impacts.stays_down import StaysDown, stays_down
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
@@ -75,7 +78,11 @@ class FoundImpacts:
     samples: Samples | None = None
     guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
     low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
-    warnings: tuple[str, ...] = ()  # sentences for the user
+    remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
+    down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
+    step: float = 0.0  # s; contacts seem to be looked for once in it
+    gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
+    warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
 
     @property
     def used_arcs(self) -> pd.DataFrame:
@@ -139,10 +146,14 @@ def find_in_arrays(
         if len(_instants(samples, header, coloured, settings)) < _STANDING_OUT * len(at):
             least = coloured
             samples, at, fits, noise, glitch, sigma = search(settings, least)
+    falls = header.surfaces is None and header.gravity > 0.0
+    if step := contact_step(fits, header, settings) if falls else 0.0:
+        # a body that turns round off the surface does not say when by touching it
+        settings = settings.model_copy(update={"touch_sigma": float(np.abs(fits.gap).max())})
+        samples, at, fits, noise, glitch, sigma = search(settings, least)
     usual, rounded = settings.guard, 0.0
-    if (
-        header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity
-    ):  # samples that leave arcs of a body out of its plane are not rounded
+    # samples that leave arcs of a body out of its plane are not rounded, nor are those of a simulation
+    if not step and (header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity):
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
@@ -185,10 +196,19 @@ def find_in_arrays(
         flags=flags[used],
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
+    soft, down = None, None
+    if falls:
+        gap = header.body.shape.gap(samples.q[:, 1], samples.q[:, 2], header.surface.height)
+        soft = lasting_contacts(samples, gap, noise.used[1], header.gravity)
+        down = _that_stay_down(fits, reasons, header, noise.used[1], sampling_interval(samples))
+    gain = energy_gain(impacts)
+    said = (soft and soft.sentence(), gain and gain_sentence(impacts, gain, step), down and down.sentence())
+    remarks = tuple(str(text) for text in said if text)
     warnings = (
         *([stamped] if stamped else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
-        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
+        *remarks,
+        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, bool(remarks)),
     )
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
@@ -199,6 +219,10 @@ def find_in_arrays(
         samples=samples,
         guard=settings.guard,
         low_pass=low_pass,
+        remarks=remarks,
+        down=down,
+        step=step,
+        gain=gain,
         warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings, header.gravity > 0.0)),
     )
 
@@ -234,20 +258,41 @@ def _search(
     return samples, at, fits, noise, glitch, sigma  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
+def _that_stay_down(
+    fits: ArcFits, reasons: np.ndarray, header: Header, sigma: float, interval: float
+) -> StaysDown | None:
+    r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
+    before, after = (v[:, 1] + r_x * v[:, 2] for v in (fits.v_pre, fits.v_post))
+    used = reasons == ""
+    return stays_down(before[reasons == "stays_down"], before[used], after[used], sigma, interval, header.gravity)
+
+
 def _detection_warnings(
-    fits: ArcFits, used: np.ndarray, reasons: np.ndarray, flags: np.ndarray, header: Header, trials: np.ndarray
+    fits: ArcFits,
+    used: np.ndarray,
+    reasons: np.ndarray,
+    flags: np.ndarray,
+    header: Header,
+    trials: np.ndarray,
+    step: float,
+    known: bool,
 ) -> tuple[str, ...]:
-    """Sentences for the user if nothing was found, or if most impacts happen off the surface."""
+    """Sentences for the user if nothing was found, or if most impacts happen off the surface.
+
+    `known`: a remark says already why no impact can be used.
+    """
     advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
     if not len(fits):
         return (f"No impact was found in {len(trials)} trials. {advice}",)
     if not used.any():
         names, counts = np.unique(reasons.astype(str), return_counts=True)
         why = ", ".join(f"{name} {count}" for name, count in zip(names, counts))
-        return (f"None of the {len(fits)} impacts found can be used ({why}). {advice}",)
+        return (f"None of the {len(fits)} impacts found can be used ({why}).{'' if known else f' {advice}'}",)
     off = has_flag_text(flags[used], "no_touch")
     if off.mean() <= _MOST:
         return ()
+    if step:
+        return (step_sentence(step, approach_speed(fits, header)[used]),)
     gap = float(np.median(fits.gap[used][off]))
     return (
         f"In {off.sum()} of {used.sum()} impacts the body is off the surface (no_touch; median gap {gap:+.3g} m). "

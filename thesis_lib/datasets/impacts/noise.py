@@ -188,10 +188,11 @@ def noise_warnings(
                 "Correct it, or delete it to use the estimate."
             )
     if (noise.colour > 1.0).any():
-        correlations = ", ".join(f"{value:.2f}" for value in noise.lag1)
+        known = {name: f"{value:.2f}" for name, value in zip(units, noise.lag1) if np.isfinite(value)}
+        correlations = f" (lag-one correlation of {', '.join(known)}: {', '.join(known.values())})" if known else ""
         sentences.append(
-            f"The noise of neighbouring samples is correlated (lag-one correlation of x, y, theta: {correlations}); "
-            "the covariances of the impacts are widened accordingly."
+            f"The noise of neighbouring samples is correlated{correlations}; the covariances of the impacts are "
+            "widened accordingly."
         )
     if noise.stray.any():
         sizes = ", ".join(f"{value:.2g}" for value in noise.stray)
