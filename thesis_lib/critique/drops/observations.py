@@ -22,6 +22,7 @@ from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import Rig
 
 UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
+OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
 LATE = 8e-3  # s by which noise may make the last hit of an episode late
 FOR_MODELS, OF_SAMPLES = ("trial", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
@@ -161,6 +162,9 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         variance[:2] = variance[:2].mean()  # whichever way a wall stands
     cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
     rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
+    flights = measured_flights(samples, hits, variance, found.guard, found.air)
+    if found.step:
+        flights = replace(flights, variance=flights.variance + (OF_STEPS * rig.gravity) ** 2)
     return Observations(
         rig=rig,
         trial=impacts.trial[rows],
@@ -173,7 +177,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         t_std=found.used_arcs["t_std"].to_numpy()[rows],
         offset=np.zeros((len(rows), 2)),
         arcs=True,
-        flights=measured_flights(samples, hits, variance, found.guard),
+        flights=flights,
         noise_known=True,
         found=replace(found, impacts=impacts.select(rows)),
         touch_std=UNKNOWN * found.step * float(np.abs(impacts.v_pre[:, 1]).max()) if found.step else 0.0,

@@ -81,10 +81,12 @@ def state_beside(model: Model, values: Mapping[str, float], observations: Observ
     if not o.arcs:
         return state
     a = model.acceleration(state, values, o.rig)
+    bent = 0.0
     if model.has_varying_flight:
         v = slope - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
         a = model.acceleration(state.with_velocity(v), values, o.rig)
-    q = value - o.bow[:, side, :1] * a
+        bent = _bent(model, values, o, side, state.with_velocity(slope - o.bow[:, side, 1:] * a), a)
+    q = value - o.bow[:, side, :1] * a - bent
     v = slope - o.bow[:, side, 1:] * a
     state = State.of(q, v, o.trial, t)
     beyond = model.arc(o.nodes[:, side], state, values, o.rig) if model.has_arc else None
@@ -94,10 +96,26 @@ def state_beside(model: Model, values: Mapping[str, float], observations: Observ
     return State.of(q - line[:, 0], v - line[:, 1], o.trial, t)
 
 
+def _bent(
+    model: Model, values: Mapping[str, float], o: Observations, side: int, at: State, a: np.ndarray
+) -> np.ndarray | float:
+    """How much further (n, 3) in m, rad the line lies at the impact because the acceleration varies: 0 unless arcs see it.
+
+    `at` is the state at impact, `a` the acceleration that gives the slope, that at 0.3 W for a line from 0 to W = 2 b_1.
+    A line through τ³/6 is −W³/30 at 0, that through 0.3 W τ²/2 only −W³/40.
+    """
+    if o.found.arcs_air is None:
+        return 0.0
+    per_jerk = (1.0 / 40.0 - 1.0 / 30.0) * (2.0 * o.bow[:, side, 1:]) ** 3
+    jerk = (a - model.acceleration(at, values, o.rig)) / (0.5 * ARC_MEAN * 2.0 * o.bow[:, side, 1:])
+    return per_jerk * jerk
+
+
 def later_instants(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
     """By how much (n,) in s the arcs before and after meet later in the model's flights than in those of the detection.
 
     The detection takes the instant of an impact from arcs under gravity.  Drag of 2 m/s² makes that late by 0.2 ms.
+    Where its arcs have forces of the air, the model's are compared with these.
     Where it saw stray accelerations, of one sigma s_a, its arcs allowed for the share s_a²/(s_a² + var a) of them.
     Over an arc of length L, var a is 60/L² times the variance of a line's slope, and the line is off by L²/12 a at
     its end.
@@ -105,14 +123,15 @@ def later_instants(model: Model, values: Mapping[str, float], observations: Obse
     o = observations
     if not (o.arcs and model.acting("acceleration", "arc")):
         return np.zeros(len(o))
-    gravity, stray = o.rig.fall(o.value[:, 0, 0]), o.found.noise.stray
+    gravity, stray, air = o.rig.fall(o.value[:, 0, 0]), o.found.noise.stray, o.found.arcs_air
     free = []
     for side in (0, 1):
         value, slope, bow = o.value[:, side], o.slope[:, side], o.bow[:, side]
         allowed = stray**2 * np.abs(bow[:, :1])
         allowed /= allowed + 5.0 * np.maximum(o.cov[:, side, :, 1, 1], 1e-18)
         a = model.acceleration(State.of(value, slope, o.trial, o.t), values, o.rig)
-        a = gravity + allowed * (a - gravity)
+        flown = gravity if air is None else gravity + air.acceleration(slope)
+        a = flown + allowed * (a - flown)
         free.append(np.stack([value - bow[:, :1] * a, slope - bow[:, 1:] * a]))
     flown = [np.stack([state.q, state.v]) for state in states_at_impact(model, values, o)]
     weight = 1.0 / np.maximum(o.cov[:, :, :, 0, 0].sum(axis=1), 1e-18)
@@ -313,6 +332,7 @@ def synthesise(
             if model.has_varying_flight:
                 v = speed + ARC_MEAN * o.bow[:, side, 1:] * a
                 a = model.acceleration(state.with_velocity(v), values, rig)
+                pose = pose + _bent(model, values, o, side, state, a)
             beyond = model.arc(o.nodes[:, side], state, values, rig)
             if beyond is not None:
                 line = o.weights[:, side] @ beyond

@@ -14,12 +14,14 @@ import pandas as pd
 
 from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.checks.lasting_contacts import lasting_contacts
+from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.impacts.at_walls import on_floors
+from thesis_lib.datasets.impacts.drag import air_in, air_sentence, breaks_lines
 from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
@@ -81,6 +83,7 @@ class FoundImpacts:
     remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
     down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
     step: float = 0.0  # s; contacts seem to be looked for once in it
+    air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
     gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
     warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
 
@@ -88,6 +91,11 @@ class FoundImpacts:
     def used_arcs(self) -> pd.DataFrame:
         """The rows of `arcs` of the usable impacts."""
         return self.arcs[self.arcs["used"].astype(bool)].reset_index(drop=True)
+
+    @property
+    def arcs_air(self) -> Air | None:
+        """The forces of the air that the arcs have; None if they have none but gravity."""
+        return None if self.samples is None else self.samples.air
 
     def summary(self) -> dict:
         """Counts, reasons, flags, noise and warnings, ready for JSON (NaN as null)."""
@@ -134,6 +142,10 @@ def find_in_arrays(
     settings = settings or ArcSettings()
     everything, stamped = exposure_times(make_samples(trial, t, q, header, settings), header, settings)
     stated = stated_sigma(header)
+    rough = np.fmax(noise_from_differences(everything), SIGMA_FLOOR)
+    air = air_in(everything, rough, header)
+    if bends := air is not None and breaks_lines(air, everything, rough, settings):
+        everything = replace(everything, air=air)
 
     def search(settings: ArcSettings, least: np.ndarray) -> _Found:
         return _search(everything, header, stated, settings, least)
@@ -206,6 +218,7 @@ def find_in_arrays(
     remarks = tuple(str(text) for text in said if text)
     warnings = (
         *([stamped] if stamped else []),
+        *([air_sentence(air)] if air is not None and bends else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *remarks,
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, bool(remarks)),
@@ -223,6 +236,7 @@ def find_in_arrays(
         down=down,
         step=step,
         gain=gain,
+        air=air,
         warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings, header.gravity > 0.0)),
     )
 

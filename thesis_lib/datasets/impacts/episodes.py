@@ -127,7 +127,7 @@ def _flight(
     nearest = np.where(inside, np.abs(t), np.inf).argmin(1)
     rows = np.arange(len(edge))
     inside &= samples.run[index] == samples.run[index[rows, nearest]][:, None]
-    q = samples.q[index]
+    q = samples.without_air()[index]
     q[..., 1] += 0.5 * gravity * t * t
     used = inside * 1.0
     used *= _ranked(used, way) <= settings.max_window + MOST_SKIPPED
