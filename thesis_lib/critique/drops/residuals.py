@@ -99,16 +99,15 @@ def state_beside(model: Model, values: Mapping[str, float], observations: Observ
 def _bent(
     model: Model, values: Mapping[str, float], o: Observations, side: int, at: State, a: np.ndarray
 ) -> np.ndarray | float:
-    """How much further (n, 3) in m, rad the line lies at the impact because the acceleration varies: 0 unless arcs see it.
+    """How much further (n, 3) in m, rad the line lies at the impact as the acceleration varies; 0 unless arcs see it.
 
-    `at` is the state at impact, `a` the acceleration that gives the slope, that at 0.3 W for a line from 0 to W = 2 b_1.
-    A line through τ³/6 is −W³/30 at 0, that through 0.3 W τ²/2 only −W³/40.
+    `at` is the state at impact, `a` the acceleration that gives the slope, at 0.3 W of a line from 0 to W = 2 b_1.
+    A line through τ³/6 is −W³/30 at 0, one through 0.3 W τ²/2 only −W³/40: the rest is −W³/120 times the jerk.
     """
     if o.found.arcs_air is None:
         return 0.0
-    per_jerk = (1.0 / 40.0 - 1.0 / 30.0) * (2.0 * o.bow[:, side, 1:]) ** 3
-    jerk = (a - model.acceleration(at, values, o.rig)) / (0.5 * ARC_MEAN * 2.0 * o.bow[:, side, 1:])
-    return per_jerk * jerk
+    W = 2.0 * o.bow[:, side, 1:]
+    return -(W**2) / 120.0 * (a - model.acceleration(at, values, o.rig)) / (0.5 * ARC_MEAN)
 
 
 def later_instants(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:

@@ -39,9 +39,9 @@ class LastingContacts:
         return (
             f"Contacts last about {lasts}: {self.count} times the body sinks into the surface, up to "
             f"{1e3 * self.depth:.3g} mm deep, and comes out again ({self.share:.0%} of all samples lie inside). The "
-            "contact is soft, as that of foam or of a simulator with a weak spring. Impact laws take contacts as "
-            "instants between free flights, so none fits these. Make the contact stiffer, until it lasts a few "
-            "milliseconds, or model its force over time instead."
+            "contact is soft, as that of foam or of a simulator with a weak spring. An impact law takes a contact as "
+            "an impulse at an instant between free flights, which these are not. Make the contact stiffer, until it "
+            "lasts a few milliseconds, or model its force over time instead."
         )
 
 

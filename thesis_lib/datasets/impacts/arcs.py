@@ -59,6 +59,7 @@ _PARAMETERS = 19
 _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
 _SETTLE = 4  # iterations after which samples keep their sides, so that the fit converges
 _ITERATIONS = 12
+_OFTEN = 0.3  # share of the impacts; dice, which rattle to rest, have 0.24
 _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
 
 
@@ -106,6 +107,18 @@ class ArcFits:
             columns[item.name] = getattr(self, item.name).copy()
             columns[item.name][rows] = getattr(other, item.name)
         return ArcFits(**columns)
+
+    @property
+    def resting(self) -> np.ndarray:
+        """Mask (n,) of impacts on one side of which the body rests, by 3 sigmas."""
+        return (self.fall < -9.0).any(1)
+
+    @property
+    def flying(self) -> "ArcFits":
+        """Those on both sides of which the body flies, if it rests so often that medians would not ignore it."""
+        if not len(self) or self.resting.mean() <= _OFTEN:
+            return self
+        return ArcFits(**{item.name: getattr(self, item.name)[~self.resting] for item in fields(self)})
 
     @property
     def reduced(self) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.checks.known_body import contradictions
-from thesis_lib.datasets.checks.lasting_contacts import lasting_contacts
+from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
@@ -34,7 +34,13 @@ from thesis_lib.datasets.impacts.noise import (
     stated_sigma,
     with_colour,
 )
-from thesis_lib.datasets.impacts.quality import approach_speed, assess_arcs, flag_physics, has_flag_text
+from thesis_lib.datasets.impacts.quality import (
+    approach_speed,
+    assess_arcs,
+    contact_measures,
+    flag_physics,
+    has_flag_text,
+)
 from thesis_lib.datasets.impacts.rounding import (
     contact_guard,
     guard_of,
@@ -81,6 +87,7 @@ class FoundImpacts:
     guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
     low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
     remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
+    soft: LastingContacts | None = None  # contacts too long for impulses
     down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
     step: float = 0.0  # s; contacts seem to be looked for once in it
     air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
@@ -130,7 +137,9 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
     detected = find_in_arrays(trial, t, q, header, settings)
     if not dataset.has_angle:
         detected = replace(detected, warnings=(*detected.warnings, spin_sentence(detected.impacts, header)))
-    if wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q):
+    if detected.soft is None and (
+        wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q)
+    ):
         raise DatasetError(dataset.name, wrong)
     return detected
 
@@ -165,7 +174,11 @@ def find_in_arrays(
         samples, at, fits, noise, glitch, sigma = search(settings, least)
     usual, rounded = settings.guard, 0.0
     # samples that leave arcs of a body out of its plane are not rounded, nor are those of a simulation
-    if not step and (header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity):
+    if (
+        not step
+        and fits.resting.mean() <= _MOST
+        and (header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity)
+    ):
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
@@ -192,7 +205,7 @@ def find_in_arrays(
     trial_of = samples.trial[at]
     fits = on_floors(fits, header)
     ordinal = _ordinal(trial_of)
-    reasons, details, flags = assess_arcs(fits, samples, noise.used, header, settings)
+    reasons, details, flags, landed = assess_arcs(fits, samples, at, noise.used, header, settings)
     used = reasons == ""
     impacts = Impacts(
         trial=trial_of[used],
@@ -212,7 +225,10 @@ def find_in_arrays(
     if falls:
         gap = header.body.shape.gap(samples.q[:, 1], samples.q[:, 2], header.surface.height)
         soft = lasting_contacts(samples, gap, noise.used[1], header.gravity)
-        down = _that_stay_down(fits, reasons, header, noise.used[1], sampling_interval(samples))
+        bounced = contact_measures(impacts)
+        v_n = bounced.v_c_pre[:, 1], bounced.v_c_post[:, 1]
+        landed = landed[np.isfinite(landed)]
+        down = stays_down(landed, *v_n, noise.used[1], sampling_interval(samples), header.gravity)
     gain = energy_gain(impacts)
     said = (soft and soft.sentence(), gain and gain_sentence(impacts, gain, step), down and down.sentence())
     remarks = tuple(str(text) for text in said if text)
@@ -221,7 +237,7 @@ def find_in_arrays(
         *([air_sentence(air)] if air is not None and bends else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *remarks,
-        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, bool(remarks)),
+        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks)),
     )
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
@@ -233,6 +249,7 @@ def find_in_arrays(
         guard=settings.guard,
         low_pass=low_pass,
         remarks=remarks,
+        soft=soft,
         down=down,
         step=step,
         gain=gain,
@@ -272,15 +289,6 @@ def _search(
     return samples, at, fits, noise, glitch, sigma  # pyright: ignore[reportPossiblyUnboundVariable]
 
 
-def _that_stay_down(
-    fits: ArcFits, reasons: np.ndarray, header: Header, sigma: float, interval: float
-) -> StaysDown | None:
-    r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
-    before, after = (v[:, 1] + r_x * v[:, 2] for v in (fits.v_pre, fits.v_post))
-    used = reasons == ""
-    return stays_down(before[reasons == "stays_down"], before[used], after[used], sigma, interval, header.gravity)
-
-
 def _detection_warnings(
     fits: ArcFits,
     used: np.ndarray,
@@ -289,6 +297,7 @@ def _detection_warnings(
     header: Header,
     trials: np.ndarray,
     step: float,
+    soft: LastingContacts | None,
     known: bool,
 ) -> tuple[str, ...]:
     """Sentences for the user if nothing was found, or if most impacts happen off the surface.
@@ -303,7 +312,7 @@ def _detection_warnings(
         why = ", ".join(f"{name} {count}" for name, count in zip(names, counts))
         return (f"None of the {len(fits)} impacts found can be used ({why}).{'' if known else f' {advice}'}",)
     off = has_flag_text(flags[used], "no_touch")
-    if off.mean() <= _MOST:
+    if off.mean() <= _MOST or soft:
         return ()
     if step:
         return (step_sentence(step, approach_speed(fits, header)[used]),)

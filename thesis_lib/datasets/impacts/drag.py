@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.format.air import TERMS, Air
+from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.statistics.spread import robust_std

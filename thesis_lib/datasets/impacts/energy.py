@@ -30,7 +30,7 @@ EDGE = 0.95  # quantile that stands for the largest
 
 
 def energy_gain(impacts: Impacts) -> float:
-    """Median of α − 1, the relative gain of contact-space energy, if most `impacts` gain by more than chance; else 0."""
+    """Median of α − 1, the relative energy gain, if most `impacts` gain by more than chance; else 0."""
     gain = contact_measures(impacts).alpha - 1.0
     gain = gain[np.isfinite(gain)]
     if len(gain) < FEWEST or np.mean(gain > 0.0) < MOSTLY:

@@ -66,6 +66,7 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
 
     `rough` (3,) in m, m, rad is used if there are too few arcs; `stated` (3,) is the header's, NaN if it states none.
     """
+    fits = fits.flying
     n = np.maximum(fits.n_side, 4)
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
@@ -137,6 +138,7 @@ def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> 
 
 def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) -> np.ndarray:
     """One sigma (3,) of accelerations beyond gravity, from the curvature of long arcs beyond noise; else 0."""
+    fits = fits.flying
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
         return np.zeros(3)

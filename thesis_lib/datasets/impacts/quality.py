@@ -39,7 +39,7 @@ from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
 from thesis_lib.datasets.impacts.at_walls import gravity_towards, time_to_another_wall
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.rounding import touch_time
-from thesis_lib.datasets.impacts.windows import sides_of, windows_around
+from thesis_lib.datasets.impacts.stays_down import landing_speeds
 
 REASONS = ("lost_frames", "second_hit", "window_too_short", "stays_down", "not_ballistic", "no_approach")
 FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
@@ -105,9 +105,11 @@ def thesis_filter(impacts: Impacts) -> np.ndarray:
 
 
 def assess_arcs(
-    fits: ArcFits, samples: Samples, sigma: np.ndarray, header: Header, settings: ArcSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Reason ('' = usable), detail and flags, each (n,) text, of n fitted impacts; `sigma` (3,) is the noise."""
+    fits: ArcFits, samples: Samples, at: np.ndarray, sigma: np.ndarray, header: Header, settings: ArcSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Reason ('' = usable), detail and flags, each (n,) text, of n fitted impacts, and the speeds (n,) in m/s of those
+    after which the body stays down, else NaN; `at` (n,) are the samples before, as detected, `sigma` (3,) is the noise.
+    """
     n = len(fits)
     reason, detail = np.full(n, "", object), np.full(n, "", object)
 
@@ -123,11 +125,6 @@ def assess_arcs(
     leave_out(short & _hit_near(fits, samples, settings), "second_hit", sides)
     leave_out(short, "window_too_short", sides)  # pyright: ignore[reportArgumentType]
 
-    r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
-    v_n = approach_speed(fits, header)
-    row = np.zeros((n, 9))
-    row[:, 4], row[:, 5] = 1.0, r_x
-    v_n_std = np.sqrt(np.einsum("ni,nij,nj->n", row, fits.cov, row))
     worst, beyond = np.nan_to_num(fits.reduced).max(1), np.nan_to_num(fits.chi2_rest).max(1)
     k_g = header.body.radius_of_gyration
     dv = norm((fits.v_post - fits.v_pre) * [1.0, 1.0, k_g])
@@ -136,8 +133,6 @@ def assess_arcs(
     stray = (fits.chi2_near > settings.meet_sigma**2) & (fits.near > allowed)
     missing = (fits.chi2_meet > settings.meet_sigma**2) & (fits.miss > allowed)
     bad_arc = "reduced chi² of an arc is "
-    down = _lies_after(fits, samples, sigma, header, settings) & (v_n < -_APPROACH_SIGMA * v_n_std)
-    leave_out(down, "stays_down", "hits with " + _text(-v_n) + " m/s and does not rebound")
     leave_out(beyond > settings.not_ballistic, "not_ballistic", bad_arc + _text(beyond))
     leave_out((fits.fall < -_REST).any(1), "not_ballistic", "the body does not fall on one side")  # pyright: ignore[reportArgumentType]
     leave_out(stray, "second_hit", "samples beside the impact are off by " + _text(1e3 * fits.near) + " mm")
@@ -149,6 +144,11 @@ def assess_arcs(
     wait = time_to_another_wall(fits, header)
     leave_out(wait < settings.double_hit, "second_hit", "another wall is " + _text(1e3 * wait) + " ms away")
 
+    r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
+    v_n = approach_speed(fits, header)
+    row = np.zeros((n, 9))
+    row[:, 4], row[:, 5] = 1.0, r_x
+    v_n_std = np.sqrt(np.einsum("ni,nij,nj->n", row, fits.cov, row))
     leave_out(v_n > -_APPROACH_SIGMA * v_n_std, "no_approach", "v_n is " + _text(v_n) + " m/s before")
 
     far = np.maximum(_TOUCH_SIGMA * fits.gap_std, settings.touch_limit)
@@ -156,31 +156,16 @@ def assess_arcs(
         "arc_deviation": is_bent(fits, sigma, settings.arc_deviation).any(1),
         "no_touch": (np.abs(fits.gap) > far) & (np.abs(fits.gap + _sunk_in(fits, v_n, r_x, header)) > far),
     }
-    return reason, detail, _add_flags(np.full(n, "", object), failed)
+    # the fit of two arcs makes no sense of a body that rests after the hit: it says `not_ballistic` as it finds it
+    speed = landing_speeds(samples, at, sigma, header, settings)
+    rests = (reason == "not_ballistic") & np.isfinite(speed)
+    reason[rests], detail[rests] = "stays_down", ("hits with " + _text(speed) + " m/s and does not rebound")[rests]
+    return reason, detail, _add_flags(np.full(n, "", object), failed), np.where(rests, speed, np.nan)
 
 
 def approach_speed(fits: ArcFits, header: Header) -> np.ndarray:
     """Velocity v_n (n,) in m/s of the contact points across the surface before impact; below 0 where they approach."""
     return fits.v_pre[:, 1] + header.body.shape.contact_point(fits.q[:, 2])[:, 0] * fits.v_pre[:, 2]
-
-
-def _lies_after(
-    fits: ArcFits, samples: Samples, sigma: np.ndarray, header: Header, settings: ArcSettings
-) -> np.ndarray:
-    """Mask (n,) of hits with free fall before, after which the body is supported and its samples are at the surface."""
-    down = (fits.fall[:, 1] < -_REST) & (fits.fall[:, 0] > _REST)
-    down &= np.nan_to_num(fits.chi2_rest[:, 0]) <= settings.not_ballistic
-    if header.surfaces is not None or not down.any():
-        return np.zeros(len(fits), bool)
-    rows = np.flatnonzero(down)
-    windows = windows_around(samples, fits.at, settings.max_window)
-    after = sides_of(windows, fits.t - windows.t_0, settings, None)[rows, 1] > 0
-    q = windows.q[rows] + windows.q_0[rows, None]
-    r = header.body.shape.contact_point(q[..., 2])
-    gap = q[..., 1] + r[..., 1] - header.surface.height
-    noise = np.hypot(sigma[1], r[..., 0] * sigma[2])
-    down[rows] = (~after | (np.abs(gap) < settings.touch_limit + _TOUCH_SIGMA * noise)).all(1)
-    return down
 
 
 def _sunk_in(fits: ArcFits, v_n: np.ndarray, r_x: np.ndarray, header: Header) -> np.ndarray:
