@@ -17,19 +17,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-TERMS = ("c_v", "c_q", "c_l", "k_m")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS  # on [0, 1]
 
 
 @dataclass(frozen=True)
 class Air:
-    """Coefficients as in the module's table."""
+    """Coefficients as in the table, and one sigma in m/s² of accelerations beside these, as unseen spin makes them."""
 
     c_v: float = 0.0
     c_q: float = 0.0
     c_l: float = 0.0
     k_m: float = 0.0
+    scatter: float = 0.0
 
     def acceleration(self, v: np.ndarray) -> np.ndarray:
         """a (..., 3) in m/s², m/s², rad/s² of velocities `v` (..., 3)."""

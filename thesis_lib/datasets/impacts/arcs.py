@@ -200,7 +200,7 @@ def fit_arcs(
         gap=gap / share,
         gap_std=np.sqrt(gap_variance / share),
         converged=(np.abs(step * scale) < 1e-2).all(1) & (t > windows.low) & (t < windows.high),
-        **misfits(side, tau, q, white, weight, metric, g, stray),
+        **misfits(side, tau, q, white, weight, metric, g, stray, samples.air is not None),
     )
 
 

@@ -230,11 +230,17 @@ def find_in_arrays(
         landed = landed[np.isfinite(landed)]
         down = stays_down(landed, *v_n, noise.used[1], sampling_interval(samples), header.gravity)
     gain = energy_gain(impacts)
-    said = (soft and soft.sentence(), gain and gain_sentence(impacts, gain, step), down and down.sentence())
+    lifted = air is not None and bends and air.c_l
+    said = (
+        lifted and air_sentence(air),
+        soft and soft.sentence(),
+        gain and gain_sentence(impacts, gain, step),
+        down and down.sentence(),
+    )
     remarks = tuple(str(text) for text in said if text)
     warnings = (
         *([stamped] if stamped else []),
-        *([air_sentence(air)] if air is not None and bends else []),
+        *([air_sentence(air)] if air is not None and bends and not air.c_l else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *remarks,
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks)),

@@ -48,18 +48,15 @@ def air_in(samples: Samples, sigma: np.ndarray, header: Header) -> Air | None:
     if not found:
         return None
     pieces = max(found, key=lambda one: len(one.v) / float(np.mean(one.noise**2)))
-    turns = bool(samples.q[:, 2].any())
-    fits = {name: _fit(pieces, (name,)) for name in ("c_v", "c_q")}
-    best = min(fits, key=lambda name: fits[name][2])
-    value, std, _ = fits[best]
-    if value[0] < CLEAR * std[0]:
-        return None
-    terms, chosen = (best,), value
-    for lift in ("k_m",) if turns else ("c_l",):
-        value, std, _ = _fit(pieces, (best, lift))
-        if np.all(np.abs(value) > CLEAR * std) and value[0] > 0.0:
-            terms, chosen = (best, lift), value
-    return Air(**dict(zip(terms, map(float, chosen))))
+    lift = "k_m" if samples.q[:, 2].any() else "c_l"
+    fits = {terms: _fit(pieces, terms) for drag in ("c_v", "c_q") for terms in ((drag,), (drag, lift))}
+    with_lift = min((terms for terms in fits if len(terms) == 2), key=lambda terms: fits[terms].left)
+    without = min((terms for terms in fits if len(terms) == 1), key=lambda terms: fits[terms].left)
+    for terms in (with_lift, without):
+        found = fits[terms]
+        if np.all(np.abs(found.value) > CLEAR * found.std) and found.value[0] > 0.0:
+            return Air(**dict(zip(terms, map(float, found.value))), scatter=found.scatter)
+    return None
 
 
 def breaks_lines(air: Air, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> bool:
@@ -79,7 +76,13 @@ def air_sentence(air: Air) -> str:
     drag = f"air drag (quadratic, c_q = {air.c_q:.3g} 1/m)" if air.c_q else f"linear drag (c_v = {air.c_v:.3g} 1/s)"
     lift = f" and lift across the velocity (c_l = {air.c_l:.3g} 1/m)" if air.c_l else ""
     lift = f" and the Magnus effect (k_m = {air.k_m:.3g})" if air.k_m else lift
-    return f"In flight the body is slowed by {drag}{lift}, as estimated from its free flights; the arcs allow for it."
+    unseen = (
+        " Lift goes with the spin, which is not measured: no effect of the library stands for it, and what is named for "
+        "the flights may stand in for it."
+        if air.c_l
+        else ""
+    )
+    return f"In flight the body is slowed by {drag}{lift}, as estimated from its free flights; the arcs allow for it.{unseen}"
 
 
 def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int) -> _Pieces:
@@ -105,8 +108,18 @@ def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int) -> _
     return _Pieces(v[good], r[good], scale * sigma[:2])
 
 
-def _fit(pieces: _Pieces, terms: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, float]:
-    """Coefficients of `terms` with standard errors, and the robust sum of squares that is left."""
+@dataclass(frozen=True)
+class _Fitted:
+    """Coefficients with standard errors, robust sum of squares left, and one sigma beyond noise of it in m/s²."""
+
+    value: np.ndarray
+    std: np.ndarray
+    left: float
+    scatter: float
+
+
+def _fit(pieces: _Pieces, terms: tuple[str, ...]) -> _Fitted:
+    """The regression of `pieces` on `terms` and a constant."""
     m = len(pieces.v)
     unit = [Air(**{name: 1.0}).acceleration(pieces.v)[:, :2] for name in terms]
     constant = [np.tile(row, (m, 1)) for row in np.eye(2)]
@@ -122,5 +135,7 @@ def _fit(pieces: _Pieces, terms: tuple[str, ...]) -> tuple[np.ndarray, np.ndarra
     information = columns.T @ (columns * weight[:, None])
     # neighbouring pieces share half of their samples
     std = scale * np.sqrt(2.0 * np.diag(np.linalg.pinv(information)))
-    left = np.minimum(np.abs(r - columns @ value), _BISQUARE * scale)
-    return value[: len(terms)], std[: len(terms)], float((left**2).sum())
+    left = r - columns @ value
+    beyond = np.maximum(robust_std(left.reshape(m, 2)) ** 2 - 1.0, 0.0)
+    total = float((np.minimum(np.abs(left), _BISQUARE * scale) ** 2).sum())
+    return _Fitted(value[: len(terms)], std[: len(terms)], total, float((np.sqrt(beyond) * pieces.noise).max()))
