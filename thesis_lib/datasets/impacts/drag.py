@@ -76,13 +76,13 @@ def air_sentence(air: Air) -> str:
     drag = f"air drag (quadratic, c_q = {air.c_q:.3g} 1/m)" if air.c_q else f"linear drag (c_v = {air.c_v:.3g} 1/s)"
     lift = f" and lift across the velocity (c_l = {air.c_l:.3g} 1/m)" if air.c_l else ""
     lift = f" and the Magnus effect (k_m = {air.k_m:.3g})" if air.k_m else lift
-    unseen = (
-        " Lift goes with the spin, which is not measured: no effect of the library stands for it, and what is named for "
-        "the flights may stand in for it."
-        if air.c_l
-        else ""
+    said = f"In flight the body is slowed by {drag}{lift}, as estimated from its free flights; the arcs allow for it."
+    if not air.c_l:
+        return said
+    return (
+        f"{said} Lift goes with the spin, which is not measured: no effect of the library stands for it, and what is "
+        "named for the flights may stand in for it."
     )
-    return f"In flight the body is slowed by {drag}{lift}, as estimated from its free flights; the arcs allow for it.{unseen}"
 
 
 def _pieces(samples: Samples, sigma: np.ndarray, gravity: float, size: int) -> _Pieces:
