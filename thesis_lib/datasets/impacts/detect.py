@@ -21,7 +21,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_sample
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.impacts.at_walls import on_floors
-from thesis_lib.datasets.impacts.drag import air_in, air_sentence, breaks_lines
+from thesis_lib.datasets.impacts.drag import air_in, air_sentence, breaks_lines, window_in
 from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
@@ -155,6 +155,7 @@ def find_in_arrays(
     air = air_in(everything, rough, header)
     if bends := air is not None and breaks_lines(air, everything, rough, settings):
         everything = replace(everything, air=air)
+        settings = settings.model_copy(update={"max_window": window_in(air, everything, settings)})
 
     def search(settings: ArcSettings, least: np.ndarray) -> _Found:
         return _search(everything, header, stated, settings, least)

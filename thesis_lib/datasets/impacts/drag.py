@@ -25,6 +25,8 @@ PARABOLA = 2.0  # reduced chi² of a piece
 CLEAR = 8.0  # standard errors of a coefficient; pieces that hold weak hits widen them, but not enough
 REST = 0.5  # share of gravity by which a piece must fall to fly
 FAST = 0.9  # quantile of the accelerations that must not bend the lines of the detector
+SLOWED = 0.15  # share of the velocity; second order in it is then 0.4 %
+SHORTEST = 8  # samples
 _BISQUARE, _ROUNDS = 4.685, 20
 
 
@@ -61,14 +63,29 @@ def air_in(samples: Samples, sigma: np.ndarray, header: Header) -> Air | None:
 
 def breaks_lines(air: Air, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> bool:
     """Whether the air bends free flights so that the detector takes the bend for a hit."""
-    w, step = max(settings.scales), np.diff(samples.t)
-    inside = (samples.run[1:] == samples.run[:-1]) & (step > 0.0)
-    v = np.diff(samples.q, axis=0)[inside] / step[inside, None]
-    interval = float(np.median(step[inside])) if inside.any() else 1.0
+    v, interval = _steps(samples)
+    w = max(settings.scales)
     size = np.quantile(np.hypot(*air.acceleration(v)[:, :2].T), FAST) if len(v) else 0.0
     jump = float(size) * w * interval
     noise = float(np.mean(sigma[:2])) / interval * np.sqrt(24.0 / (w * (w**2 - 1.0)))
     return jump > settings.min_jump and jump > settings.threshold * noise
+
+
+def window_in(air: Air, samples: Samples, settings: ArcSettings) -> int:
+    """Samples on a side in which the air takes at most the share `SLOWED` of the velocity: the arcs expand in it."""
+    v, interval = _steps(samples)
+    speed = np.maximum(np.hypot(*v[:, :2].T), 1e-9)
+    rate = float(np.quantile(np.hypot(*air.acceleration(v)[:, :2].T) / speed, FAST)) if len(v) else 0.0
+    most = int(SLOWED / max(rate * interval, 1e-9))
+    return int(np.clip(most, min(SHORTEST, settings.max_window), settings.max_window))
+
+
+def _steps(samples: Samples) -> tuple[np.ndarray, float]:
+    """Velocities (m, 3) from sample to sample of a run, and the interval in s."""
+    step = np.diff(samples.t)
+    inside = (samples.run[1:] == samples.run[:-1]) & (step > 0.0)
+    v = np.diff(samples.q, axis=0)[inside] / step[inside, None]
+    return v, float(np.median(step[inside])) if inside.any() else 1.0
 
 
 def air_sentence(air: Air) -> str:
