@@ -130,8 +130,8 @@ def criticise(
         say: receives a line for each step.
 
     Raises:
-        UserError: too few trials or impacts, a channel that is constant, more than one planar rigid body, or an effect
-            that is unknown or cannot be tested.
+        UserError: too few trials or impacts, a channel that is constant, contacts too long for an impact, more than one
+            planar rigid body, or an effect that is unknown or cannot be tested.
     """
     settings = settings or CritiqueSettings()
     require_known(effects or ())
@@ -202,6 +202,8 @@ def _refuse_constant(dataset: Dataset) -> None:
 def _split(
     dataset: Dataset, observations: Observations, settings: CritiqueSettings, rng: np.random.Generator
 ) -> tuple[Observations, Observations]:
+    if observations.found.soft is not None:
+        raise UserError(f"{dataset.name} cannot be compared with impact laws. {observations.found.soft.sentence()}")
     refuse_what_is_not_one_body(dataset.name, observations)
     trials = np.unique(observations.trial)
     if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
