@@ -17,6 +17,7 @@ from thesis_lib.effects.effect import State
 
 MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
 MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds an undetected hit
+MOST = 0.5  # share of the flights that are parabolas unless something bends them all
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def measured_flights(
 ) -> Flights:
     """Accelerations of the flights with at least `MIN_FLIGHT` samples, whose noise has `variance` (3,) in m², rad².
 
-    Where the `air` acts, a flight is no parabola, but what the air has made of it is taken off before that is tested.
+    Where the `air` bends most of them, what it has made of a flight is taken off before it is tested for a parabola.
 
     A flight must end at a hit that is used: after the last hit of a trial the body may rest, and a poorly known instant
     mixes samples of two flights.  Samples within `guard` (s) of a hit belong to no flight.
@@ -82,14 +83,17 @@ def measured_flights(
     number[rows] = np.arange(len(rows))
     inside = number[flight] >= 0
     i = number[flight[inside]]
-    if air is None:
-        residual = q[inside] - np.einsum("nk,nkc->nc", B[inside], fitted[i])
-    else:
+
+    def are_straight(path: np.ndarray, parabolas: np.ndarray) -> np.ndarray:
+        residual = path[inside] - np.einsum("nk,nkc->nc", B[inside], parabolas[i])
+        squares = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], axis=1) / variance
+        return squares.sum(axis=1) / (3.0 * (count[rows] - 3.0)) < MAX_CHI2
+
+    straight = are_straight(q, fitted)
+    if air is not None and len(rows) and straight.mean() < MOST:
         free = replace(samples, air=air).without_air()
         right = np.array([[totals(B[:, k] * free[:, c])[rows] for c in range(3)] for k in range(3)])
-        residual = free[inside] - np.einsum("nk,nkc->nc", B[inside], (inverse @ np.moveaxis(right, -1, 0))[i])
-    squares = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], axis=1) / variance
-    straight = squares.sum(axis=1) / (3.0 * (count[rows] - 3.0)) < MAX_CHI2
+        straight = are_straight(free, inverse @ np.moveaxis(right, -1, 0))
     rows, fitted, inverse = rows[straight], fitted[straight], inverse[straight]
     state = State.of(fitted[:, 0], fitted[:, 1], trial[first[rows]], middle[rows])
     span = t[first[rows] + count[rows] - 1] - t[first[rows]]
