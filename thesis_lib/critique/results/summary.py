@@ -130,7 +130,7 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
         besides = listed(physics) or ("that fault" if faults else "")
         taken = f"with {listed(replaced)} as a stand-in" if len(replaced) == len(found) else _with(content, found)
         beyond = f"{besides and f' beyond {besides}'}; {taken} {_fall(content, found)}"
-    if remaining["stays_down"] and not remaining["structured"]:
+    if remaining.get("stays_down") and not remaining["structured"]:
         speed = _speed(remaining["stays_down"]["speed"])
         besides = f", with {listed([_named(e) for e in found])}," if found else ""
         return [
@@ -146,7 +146,7 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
     if replaced and not remaining["structured"]:
         again = listed(sorted({e["stand_in"]["denies"] for e in found if e["stand_in"]}))
         return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
-    if remaining["energy_gain"]:
+    if remaining.get("energy_gain"):
         return [*sentences, "What is left may be nothing else than the energy that impacts add: mend that first."]
     on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
     sentences.append(

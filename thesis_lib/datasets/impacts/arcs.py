@@ -116,10 +116,11 @@ class ArcFits:
 
     @property
     def flying(self) -> "ArcFits":
-        """Those on both sides of which the body flies, if it rests so often that medians would not ignore it."""
-        if not len(self) or self.resting.mean() <= _OFTEN:
+        """Those after which the body does not rest, if it lands to rest so often that medians would not ignore it."""
+        lands = (self.fall[:, 0] > _REST) & (self.fall[:, 1] < -_REST)
+        if lands.sum() <= _OFTEN * len(self):
             return self
-        return ArcFits(**{item.name: getattr(self, item.name)[~self.resting] for item in fields(self)})
+        return ArcFits(**{item.name: getattr(self, item.name)[~lands] for item in fields(self)})
 
     @property
     def reduced(self) -> np.ndarray:

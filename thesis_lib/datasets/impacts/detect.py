@@ -51,7 +51,7 @@ from thesis_lib.datasets.impacts.rounding import (
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stamps import exposure_times
-from thesis_lib.datasets.impacts.stays_down import StaysDown, stays_down
+from thesis_lib.datasets.impacts.stays_down import StaysDown, landing_speeds, stays_down
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
@@ -175,12 +175,9 @@ def find_in_arrays(
         settings = settings.model_copy(update={"touch_sigma": float(np.abs(fits.gap).max())})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
     usual, rounded = settings.guard, 0.0
-    # samples that leave arcs of a body out of its plane are not rounded, nor are those of a simulation
-    if (
-        not step
-        and fits.resting.mean() <= _MOST
-        and (header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity)
-    ):
+    # samples of a body that leaves its plane, of a simulation, or of one that lands and stays are not rounded
+    lands = np.isfinite(landing_speeds(samples, at, noise.used, header, settings)).sum() > _MOST * len(at)
+    if not (step or lands) and (header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity):
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
