@@ -18,7 +18,7 @@ use_common_kernels()  # jobs inherit them
 keep_byte_code()  # so do they this
 
 try:
-    CONFIG = parse_config(config)
+    CONFIG = parse_config(config, workflow.configfiles)
 except UserError as error:
     raise WorkflowError(str(error))
 
