@@ -24,10 +24,13 @@ from thesis_lib.contact.space import ContactSpace, contact_space, measured_impul
 RAW = Path(os.environ.get("PUBLISHED_DATA", ""), "fazeli_planar_impact")
 FILES = ("data_ellipse_2017-11-08_measured_y.mat", "p_models.mat")
 
-pytestmark = pytest.mark.skipif(
-    not all((RAW / name).is_file() for name in FILES),
-    reason="the authors' files are not in the folder that the variable PUBLISHED_DATA names",
-)
+MISSING = not all((RAW / name).is_file() for name in FILES)
+pytestmark = [
+    pytest.mark.measured,
+    pytest.mark.skipif(
+        MISSING, reason="the authors' files are not in the folder that the variable PUBLISHED_DATA names"
+    ),
+]
 
 MASS, K_G = 0.0364, np.sqrt(3.7e-4)
 GRAVITY_STEP = np.array([0.0, -9.81 / 250.0, 0.0])
