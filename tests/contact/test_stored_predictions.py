@@ -28,7 +28,7 @@ MISSING = not all((RAW / name).is_file() for name in FILES)
 pytestmark = [
     pytest.mark.measured,
     pytest.mark.skipif(
-        MISSING, reason="the authors' files are not in the folder that the variable PUBLISHED_DATA names"
+        MISSING, reason="the authors' files are not in the folder PUBLISHED_DATA"
     ),
 ]
 
