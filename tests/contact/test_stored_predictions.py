@@ -27,9 +27,7 @@ FILES = ("data_ellipse_2017-11-08_measured_y.mat", "p_models.mat")
 MISSING = not all((RAW / name).is_file() for name in FILES)
 pytestmark = [
     pytest.mark.measured,
-    pytest.mark.skipif(
-        MISSING, reason="the authors' files are not in the folder PUBLISHED_DATA"
-    ),
+    pytest.mark.skipif(MISSING, reason="the authors' files are not in the folder PUBLISHED_DATA"),
 ]
 
 MASS, K_G = 0.0364, np.sqrt(3.7e-4)
