@@ -1,5 +1,5 @@
 # Checked configuration, and what every rule needs.
-import os
+import shlex
 import sys
 from pathlib import Path
 
@@ -15,8 +15,8 @@ from thesis_lib.foundation.provenance import Sources, value_sha256
 from thesis_lib.records.catalogue import figures, records, tables_read
 from thesis_lib.resources import read_measured, request
 
-if " " in sys.executable:  # which Snakemake does not quote (its issue 2645); jobs start in this folder
-    sys.executable = os.path.relpath(sys.executable)
+if Path(sys.executable).is_file():  # Snakemake puts it into commands without quotes (its issue 2645)
+    sys.executable = shlex.quote(sys.executable)
 use_common_kernels()  # jobs inherit them
 keep_byte_code()  # so do they this
 
