@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.sources.conversion import GRAVITY, Conversion, Rig, as_dataset
-from thesis_lib.datasets.space.convention import Scene, check_reading
+from thesis_lib.datasets.space.convention import Scene, check_reading, fit
 from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest, whole_pieces
 from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, handed, join, turning
@@ -65,18 +65,20 @@ def _convert(
     flights = find_flights(track, falls)
     if not flights:
         raise UserError(_no_flight(motion, size, view.up))
-    found = check_reading(motion, Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2]))
-    if found.turned and not any(view.frame[:2]):
-        angle = np.degrees(view.frame[2] + found.turned)
-        notes.append(
-            f"the impacts fit better if the shape is turned by {angle:.0f}° in its tracked frame (--frame "
-            f"0,0,{angle:.0f}), as where a rigid body was defined while it lay askew"
-        )
+    scene = Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2])
+    check_reading(motion, scene)
     omega = smoothed_turning(turning(motion), motion.t, track.half)
     inner = np.concatenate([np.arange(first_window(f, track), last_window(f, track) + 1) for f in flights])
     inner = inner[np.isfinite(omega[inner]).all(axis=1) & np.isfinite(track.v[inner]).all(axis=1)]
     plane = find_plane(track.v[inner], omega[inner], rig.radius, view.up) if given is None else given
     q, axis = in_plane(motion, plane)
+    turned = fit(motion, replace(scene, plane=plane)).turned  # in the plane in which theta will be written
+    if turned and not any(view.frame[:2]):
+        angle = np.degrees(view.frame[2] + turned)
+        notes.append(
+            f"the impacts fit better if the shape is turned by {angle:.0f}° in its tracked frame (--frame "
+            f"0,0,{angle:.0f}), as where a rigid body was defined while it lay askew"
+        )
     if any(view.frame[:2]):
         # flights are those of the centre of mass: look again, with it in the place of the tracked point
         (x, y, _), cos, sin = view.frame, np.cos(q[:, 2]), np.sin(q[:, 2])
