@@ -9,6 +9,7 @@ import numpy as np
 from thesis_lib.datasets.sources import bags, motive, vicon
 from thesis_lib.datasets.sources.conversion import Conversion, Rig
 from thesis_lib.datasets.sources.export_cells import SEQUENCES
+from thesis_lib.datasets.sources.log_table import read_log
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
 from thesis_lib.datasets.sources.quaternion_table import ORDERS, read_quaternion_tables
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, parse_units, read_planar_motions
@@ -48,7 +49,7 @@ def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) 
     form = forms[paths[0]]
     if other := next((path for path in paths if forms[path] != form), None):
         raise UserError(f"{paths[0]} is {form}, but {other} is {forms[other]}; convert them one after the other.")
-    in_space = form != TABLE or reading.quaternion is not None
+    in_space = form != TABLE or reading.quaternion is not None or _holds_points(paths[0], reading)
     _check_options(paths[0], form, in_space, rig, reading)
     units = parse_units(reading.units)
     given: dict = {"rate": rig.rate, "delimiter": reading.delimiter}
@@ -62,7 +63,7 @@ def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) 
         view = View(FLAT.y, FLAT.normal)
     else:
         if form == TABLE:
-            order = reading.quaternion or "xyzw"
+            order = reading.quaternion
             motions = read_quaternion_tables(paths, units, reading.columns, order, **given, warnings=warnings)
         elif form == BAG:
             motions = [bags.read_bag(path, reading.body, warnings) for path in paths]
@@ -91,6 +92,26 @@ def form_of(path: Path) -> str:
     return MOTIVE if motive.is_motive(first) else VICON if vicon.is_vicon(first) else TABLE
 
 
+def _holds_points(path: Path, reading: Reading) -> bool:
+    """Whether a table has positions x, y, z, and neither an angle nor a quaternion: a ball that was tracked.
+
+    UserError if it has columns of a quaternion, which has to be asked for.
+    """
+    if "theta" in reading.columns:
+        return False
+    log = read_log(path, reading.delimiter, [])
+    named = {ours: theirs for ours, (theirs, _) in reading.columns.items()}
+    x, y, z = (named.get(axis, axis) for axis in "xyz")
+    if "theta" in log.columns or len({x, y, z}) < 3 or not {x, y, z} <= set(log.columns):
+        return False
+    if {"qx", "qy", "qz", "qw"} <= set(log.columns):
+        raise UserError(
+            f"{path} has columns qx, qy, qz, qw: say with --quaternion xyzw that they are a quaternion (or with --columns "
+            "theta=NAME which column is the angle of a motion in a plane)."
+        )
+    return True
+
+
 def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Reading) -> None:
     """UserError for an option that has no meaning for this form of a log."""
     given = {name for name in (*ONLY_TABLES, *ONLY_SPACE) if name != "rate" and getattr(reading, name)}
@@ -100,7 +121,7 @@ def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Rea
         raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
     if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
         option = useless[0].replace("_", "-")
-        forms = "an export of motion capture, a bag, or a table with --quaternion"
+        forms = "an export of motion capture, a bag, a table with --quaternion or with columns x, y, z and no angle"
         raise UserError(f"--{option} is for motions in space ({forms}); {path} is a planar table.")
     if reading.quaternion is not None and reading.quaternion not in ORDERS:
         raise UserError(f"--quaternion: '{reading.quaternion}' is unknown; give {' or '.join(ORDERS)}.")
