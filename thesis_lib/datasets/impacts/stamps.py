@@ -83,10 +83,14 @@ def times_of_pictures(
     ratio = float(np.median(stamped.squares[fast]) / max(np.median(taken.squares[fast]), 1e-300))
     if ratio < STRAIGHTER:
         return None
+    return clock.sure, t, _said(clock, ratio)
+
+
+def _said(clock: Clock, ratio: float) -> str:
     middle, most = 1e3 * np.quantile(clock.late, [0.5, 0.95])
     left_out = int((~clock.sure).sum())
     beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
-    return clock.sure, t, (
+    return (
         f"The time stamps are those of arrival, not of exposure: half of the rows are more than {middle:.2g} ms later "
         f"than the camera's clock of {1.0 / clock.period:.6g} Hz, one in twenty more than {most:.2g} ms. Over the "
         f"numbers of the pictures the flights have {_times(ratio)} smaller squares, so times are taken from these"

@@ -61,9 +61,7 @@ def convert_motions(
         raise error if str(files[0]) in text or text.startswith("--") else UserError(f"{files[0]}: {text}") from None
 
 
-def _at_exposure(
-    motion: Motion, piece: np.ndarray, rate: float | None, notes: list[str]
-) -> tuple[Motion, np.ndarray]:
+def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: list[str]) -> tuple[Motion, np.ndarray]:
     """The motion at the times of its pictures where stamps are those of arrival, as for the trials of a dataset.
 
     A long recording is looked at in parts, for the lateness that is the same in all rows wanders.
