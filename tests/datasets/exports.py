@@ -286,6 +286,8 @@ def write_bag(
             )
             moves = types["geometry_msgs/msg/TwistWithCovariance"](twist=still, covariance=np.zeros(36))
             return types[name](header=header(ns, number), child_frame_id="plate", pose=whole, twist=moves)
+        if message == "Twist":
+            return types[name](linear=point(p, "Vector3"), angular=point(p, "Vector3"))
         if message == "PointStamped":
             return types[name](header=header(ns, number), point=point(p))
         rod = types["geometry_msgs/msg/Pose"](position=point(np.ones(3)), orientation=turn([0.0, 0.0, 0.0, 1.0]))
@@ -319,11 +321,13 @@ def write_bag(
     rng = np.random.default_rng(1)
     with OldWriter(path) if old else Writer(folder, version=9, storage_plugin=kind) as writer:
         connection = writer.add_connection("/tf" if message == "TFMessage" else "/plate", name, typestore=store)
+        last = 0
         for number in np.flatnonzero(~gone):
             ns = start + round(1e9 * recorded.t[number])
             content = made(ns, int(number), recorded.position[number], recorded.quaternion[number])
             raw = store.serialize_ros1(content, name) if old else store.serialize_cdr(content, name)
-            writer.write(connection, ns + 2_000_000 + int(rng.integers(0, round(1e9 * late))), raw)
+            last = max(last + 1, ns + 2_000_000 + int(rng.integers(0, round(1e9 * late))))  # none overtakes another
+            writer.write(connection, last, raw)
     if old:
         return path
     return folder / f"{folder.name}.mcap" if path.suffix == ".mcap" else folder

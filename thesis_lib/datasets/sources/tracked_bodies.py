@@ -76,8 +76,8 @@ def motion_of_markers(
         ) from error
     if odd > len(markers) // 2:
         raise UserError(
-            f"{path}: the markers {', '.join(names[:SHOWN])} do not move as one rigid body ({odd} of {len(markers)} frames). "
-            "Give the markers of a body a common name before a colon, or name one of them, a ball, with --body."
+            f"{path}: the markers {', '.join(names[:SHOWN])} do not move as one rigid body (in {odd} of {len(markers)} "
+            "frames). Give the markers of a body a common name before a colon, or name one, a ball, with --body."
         )
     notes.append(
         f"the body is made of {markers.shape[1]} markers: its origin is their mean, its axes are those of the "
