@@ -112,7 +112,7 @@ def test_a_ball_is_a_point(tmp_path, recorded, capsys):
         assert not dataset.has_angle and len(dataset.trials) == DROPS
         tables.append(dataset.trajectories)
         assert main(["init", str(path), "-o", str(tmp_path / "square"), "--shape", "square:0.06", *options]) == 2
-        assert "has no angle of the body" in capsys.readouterr().err
+        assert "no angle of the body is read from it" in capsys.readouterr().err
     for other in tables[1:]:
         pd.testing.assert_frame_equal(tables[0], other, atol=1e-5, check_exact=False)
     during = recorded.drop == 0

@@ -108,8 +108,8 @@ def _holds_points(path: Path, reading: Reading) -> bool:
 
     UserError if it has columns of a quaternion, which has to be asked for.
     """
-    if "theta" in reading.columns:
-        return False
+    if "z" in reading.columns or "theta" in reading.columns:
+        return not {"theta", "q1", "q2", "q3", "q4"} & set(reading.columns)
     log = read_log(path, reading.delimiter, [])
     named = {ours: theirs for ours, (theirs, _) in reading.columns.items()}
     x, y, z = (named.get(axis, axis) for axis in "xyz")
