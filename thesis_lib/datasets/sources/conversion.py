@@ -100,7 +100,8 @@ def as_dataset(poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig:
     if rig.size_uncertainty is not None:
         body |= {"homogeneous": True, "uncertainty": {"size": rig.size_uncertainty}}
     elif rig.k_g is None:
-        notes.append(f"radius of gyration {lamina:.5g} m, that of a uniform lamina (--k-g to change)")
+        ball = "" if has_angle else f"; a solid ball has {0.4**0.5 * rig.shape.extent:.5g} m"
+        notes.append(f"radius of gyration {lamina:.5g} m, that of a uniform lamina (--k-g to change{ball})")
     others = f" and {len(files) - 1} more" if len(files) > 1 else ""
     content = {
         "schema": 1,
