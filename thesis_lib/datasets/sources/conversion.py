@@ -80,11 +80,18 @@ def parse_shape(text: str) -> Shape:
 
 
 def as_dataset(poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig: Rig, notes: list[str]) -> Dataset:
-    """The dataset of whole poses (`TRAJECTORY_COLUMNS`, SI) from `files`; adds to `notes`.
+    """The dataset of whole poses (`TRAJECTORY_COLUMNS`, SI) from `files`; adds to `notes`.  A disk may lack theta.
 
-    UserError if a value of the experiment is impossible.
+    UserError if a value of the experiment is impossible, or another shape has no theta.
     """
-    poses = poses[list(TRAJECTORY_COLUMNS)].copy()
+    has_angle = "theta" in poses
+    if not has_angle:
+        needs_no_angle(rig.shape, str(files[0]))
+        notes.append(
+            "theta is not measured: trajectories.csv has none, and the spin of the body stays unknown. The radius of "
+            f"gyration of a solid ball would be {0.4**0.5 * rig.shape.extent:.5g} m (--k-g)"
+        )
+    poses = poses.assign(**({} if has_angle else {"theta": 0.0}))[list(TRAJECTORY_COLUMNS)]
     poses["t"] -= poses.groupby("trial", sort=False)["t"].transform("first")
     before = poses["theta"].to_numpy(copy=True)
     poses["theta"] = unwrap(before, poses["trial"].to_numpy())
@@ -112,4 +119,13 @@ def as_dataset(poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig:
         mistake = error.errors()[0]
         option = _OPTIONS.get(str(mistake["loc"][-1]), str(mistake["loc"][-1]).replace("_", "-"))
         raise UserError(f"--{option}: {mistake['input']}: {mistake['msg']}.") from error
-    return Dataset(name, header, poses)
+    return Dataset(name, header, poses, has_angle=has_angle)
+
+
+def needs_no_angle(shape: Shape, where: str) -> None:
+    """UserError if a recording without an angle is one of a shape that needs it."""
+    if not isinstance(shape, Disk):
+        raise UserError(
+            f"{where}: no angle of the body is read from it (no theta, no orientation), and only a round body can do "
+            "without: give --shape disk:RADIUS, or say where the angle is (--columns theta=NAME, --quaternion)."
+        )

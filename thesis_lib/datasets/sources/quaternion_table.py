@@ -1,4 +1,4 @@
-"""Tables of positions and quaternions, as motion in space.
+"""Tables of positions in space, with quaternions or, of a ball, without.
 
 The four columns of the quaternion are q1, q2, q3, q4 in the order that `--quaternion` names; without --columns they are
 expected as qx, qy, qz, qw, wherever they stand.
@@ -22,20 +22,22 @@ def read_quaternion_tables(
     files: Sequence[str | Path],
     units: Mapping[str, float],
     columns: Mapping[str, tuple[str, float]],
-    order: str,
+    order: str | None,
     *,
     rate: float | None = None,
     delimiter: str = ",",
     warnings: list[str],
 ) -> list[Motion]:
-    """The motion in each log; arguments as in `convert_logs`, adds to `warnings`.
+    """The motion in each log, that of a point without an `order`; other arguments as in `convert_logs`.
+
+    Adds to `warnings`.
 
     UserError if a column is missing, a cell is no number, or the four columns are no unit quaternion.
     """
     if "theta" in columns:
         raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
     source = {name: columns.get(name, (name, 1.0)) for name in ("trial", "t", *AXES)}
-    source |= {f"q{i + 1}": columns.get(f"q{i + 1}", (f"q{letter}", 1.0)) for i, letter in enumerate(order)}
+    source |= {f"q{i + 1}": columns.get(f"q{i + 1}", (f"q{letter}", 1.0)) for i, letter in enumerate(order or "")}
     return [_read(Path(file), source, units, columns, order, rate, delimiter, warnings) for file in files]
 
 
@@ -44,13 +46,13 @@ def _read(
     source: Mapping[str, tuple[str, float]],
     units: Mapping[str, float],
     columns: Mapping[str, tuple[str, float]],
-    order: str,
+    order: str | None,
     rate: float | None,
     delimiter: str,
     warnings: list[str],
 ) -> Motion:
     log = read_log(path, delimiter, warnings)
-    four = [f"q{i}" for i in (1, 2, 3, 4)]
+    four = [name for name in source if name.startswith("q")]
     require(path, log, [source[name][0] for name in (*AXES, *four, *(set(columns) & {"t", "trial"}))], columns)
 
     def cells(name: str) -> np.ndarray:
@@ -65,6 +67,8 @@ def _read(
     else:
         t = np.arange(len(log)) / rate
     position = units["length"] * np.stack([cells(axis) for axis in AXES], axis=1)
+    if order is None:
+        return Motion.of_point("", str(path), t, position, trial)
     raw = unit(np.stack([cells(name) for name in four], axis=1), f"{path}, {', '.join(source[q][0] for q in four)}")
 
     quaternion = raw[:, ORDERS[order]]
