@@ -110,11 +110,13 @@ def _log_samples() -> list[Sample]:
 def _read_log(folder: Path, out: Path) -> None:
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.conversion import Rig, parse_shape
-    from thesis_lib.datasets.sources.rig_log import convert_logs, parse_columns, parse_units
+    from thesis_lib.datasets.sources.rig_log import convert_logs
+    from thesis_lib.datasets.sources.table_options import TableOptions, parse_columns, parse_units
 
     columns = parse_columns("trial=run,t=time,x=x,y=-y,theta=angle")
     log = folder / "log.csv"
-    done = convert_logs([log], "made", parse_units("mm,deg"), columns, Rig(parse_shape("disk:0.03")))
+    options = TableOptions(parse_units("mm,deg"), columns)
+    done = convert_logs([log], "made", options, Rig(parse_shape("disk:0.03")))
     write_dataset(done.dataset, out / "made")
 
 

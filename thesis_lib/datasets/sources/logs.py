@@ -11,16 +11,19 @@ from thesis_lib.datasets.sources.conversion import Conversion, Rig
 from thesis_lib.datasets.sources.export_cells import SEQUENCES
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
 from thesis_lib.datasets.sources.quaternion_table import ORDERS, read_quaternion_tables
-from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, parse_units, read_planar_motions
+from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
+from thesis_lib.datasets.sources.table_options import TableOptions, parse_origin, parse_units
 from thesis_lib.datasets.space.plane import parse_direction
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
 TABLE, MOTIVE, VICON, BAG = "a table", "an export of Motive", "an export of Vicon", "a bag of ROS"
 UP = {TABLE: "z", MOTIVE: motive.UP, VICON: vicon.UP, BAG: bags.UP}
-ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "units")  # options that other forms have no use for
+# options that other forms have no use for
+ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "decimal", "units", "scale", "origin")
 FARTHEST = 10.0  # m from a tracked frame to the centre of mass; more is in mm
-ONLY_SPACE = ("left_handed", "rotation", "up", "plane", "body", "frame")
+ONLY_SPACE = ("left_handed", "rotation", "up", "plane", "frame")
+ONLY_PLANE = ("scale", "origin", "wall")
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,10 @@ class Reading:
 
     units: str = ""
     columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-    delimiter: str = ","
+    delimiter: str | None = None
+    decimal: str | None = None
+    scale: str | None = None  # pixels a metre
+    origin: str | None = None  # U,V
     per_trial_files: bool = False
     quaternion: str | None = None  # xyzw or wxyz
     left_handed: bool = False
@@ -50,20 +56,26 @@ def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) 
         raise UserError(f"{paths[0]} is {form}, but {other} is {forms[other]}; convert them one after the other.")
     in_space = form != TABLE or reading.quaternion is not None
     _check_options(paths[0], form, in_space, rig, reading)
-    units = parse_units(reading.units)
-    given: dict = {"rate": rig.rate, "delimiter": reading.delimiter}
+    options = TableOptions(
+        parse_units(reading.units, reading.scale),
+        reading.columns,
+        reading.delimiter,
+        reading.decimal,
+        parse_origin(reading.origin) if reading.origin else None,
+        reading.body,
+        rig.rate,
+    )
     notes: list[str] = []
     warnings: list[str] = []
     if not in_space and not reading.cut:
-        given = {"delimiter": reading.delimiter, "per_trial_files": reading.per_trial_files}
-        return convert_logs(paths, name, units, reading.columns, rig, **given)
+        return convert_logs(paths, name, options, rig, per_trial_files=reading.per_trial_files)
     if not in_space:
-        motions = read_planar_motions(paths, units, reading.columns, **given, warnings=warnings)
+        motions = read_planar_motions(paths, options, rig, notes, warnings)
         view = View(FLAT.y, FLAT.normal)
     else:
         if form == TABLE:
             order = reading.quaternion or "xyzw"
-            motions = read_quaternion_tables(paths, units, reading.columns, order, **given, warnings=warnings)
+            motions = read_quaternion_tables(paths, options, order, notes, warnings)
         elif form == BAG:
             motions = [bags.read_bag(path, reading.body, warnings) for path in paths]
         else:
@@ -94,19 +106,22 @@ def form_of(path: Path) -> str:
 def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Reading) -> None:
     """UserError for an option that has no meaning for this form of a log."""
     given = {name for name in (*ONLY_TABLES, *ONLY_SPACE) if name != "rate" and getattr(reading, name)}
-    given -= {"delimiter"} if reading.delimiter == "," else set()
-    given |= {"rate"} if rig.rate is not None else set()
+    given |= ({"rate"} if rig.rate is not None else set()) | ({"wall"} if rig.walls else set())
     if form != TABLE and (useless := [name for name in ONLY_TABLES if name in given]):
         raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
     if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
         option = useless[0].replace("_", "-")
         forms = "an export of motion capture, a bag, or a table with --quaternion"
         raise UserError(f"--{option} is for motions in space ({forms}); {path} is a planar table.")
+    if in_space and (useless := [name for name in ONLY_PLANE if name in given]):
+        raise UserError(f"--{useless[0]} is for planar tables; {path} is a motion in space.")
+    if rig.walls and reading.cut:
+        raise UserError("--cut looks for free falls; leave it out where the body moves between walls (--wall).")
     if reading.quaternion is not None and reading.quaternion not in ORDERS:
         raise UserError(f"--quaternion: '{reading.quaternion}' is unknown; give {' or '.join(ORDERS)}.")
     if reading.rotation is not None and reading.rotation not in SEQUENCES:
         raise UserError(f"--rotation: '{reading.rotation}' is unknown; give one of {', '.join(SEQUENCES)}.")
-    if reading.body and form == TABLE:
+    if reading.body and form == TABLE and in_space:
         raise UserError("--body is for files that hold several bodies; of a table, name the columns with --columns.")
 
 

@@ -1,0 +1,154 @@
+"""Times and poses in the tables of a rig, in SI: from columns of its own, or from the points of a video tracker."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.shapes import Disk
+from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
+from thesis_lib.datasets.sources.conversion import Rig
+from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
+from thesis_lib.datasets.sources.table_options import SPATIAL, TableOptions
+from thesis_lib.datasets.sources.tracked_points import LIKELY, pose_of_points
+from thesis_lib.foundation.errors import UserError
+
+STRAY = 0.1  # of a body's size, by which tracked points may stray from a rigid body
+
+
+def read_poses(
+    files: Sequence[str | Path], options: TableOptions, rig: Rig, one_trial: bool, notes: list[str], warnings: list[str]
+) -> tuple[list[Log], list[pd.DataFrame]]:
+    """The logs, and of each the trial (text), t, x, y and, where it is measured, theta, in SI; NaN where lost.
+
+    A file is one trial if `one_trial` or without a trial column.  UserError: a file or column is missing, a row is too
+    long, a cell is not a number, units contradict each other, or the angle of a body that is no disk is missing.
+    """
+    if spatial := [column for column in options.columns if column in SPATIAL]:
+        raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; say how it turns with --quaternion.")
+    source = options.source(*TRAJECTORY_COLUMNS)
+    logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
+    say_of_logs(logs, notes)
+    tracked = bool(logs[0].points) and not {"x", "y", "theta"} & set(options.columns)
+    if options.body and not tracked:
+        raise UserError(
+            "--body is for files that hold several bodies, or points of a video tracker; of a table, name the columns "
+            "with --columns."
+        )
+    needed = [column for column in ("trial", "t") if column in options.columns]
+    tables = []
+    for number, log in enumerate(logs):
+        if not tracked:
+            log.require([source[column][0] for column in ("x", "y", *_angle(log, options, rig), *needed)])
+        said = (notes, warnings) if number == 0 else ([], [])
+        stamps = source["t"][0]
+        if tracked and "t" not in options.columns and log.has("frame"):
+            stamps = "frame"
+        trial = pd.Series(str(number), index=range(len(log)))
+        if not one_trial and log.has(source["trial"][0]):
+            trial = log.text(source["trial"][0]).reset_index(drop=True)
+        pose = _tracked(log, options, *said) if tracked else _columns(log, options, rig, warnings=said[1])
+        poses = pd.DataFrame({"trial": trial, "t": times(log, options, trial, stamps, said[0])} | pose)
+        _need_origin(log, options, rig, poses)
+        tables.append(poses)
+    if "theta" not in tables[0]:
+        if not isinstance(rig.shape, Disk):
+            raise UserError(
+                f"{files[0]} follows one point, which has no angle; only a disk (--shape disk:R) may lack it."
+            )
+        notes.append("no angle is measured: the dataset has no theta, and the spin before each impact is unknown")
+    used = {logs[0].find(name) for name, _ in source.values()} | ({"frame"} if tracked else set())
+    points = tuple(f"{point}." for point in logs[0].points) if tracked else ()
+    if ignored := [c for c in logs[0].cells.columns if c and c not in used and not c.startswith(points or ("\n",))]:
+        notes.append(f"columns left out: {', '.join(ignored)}")
+    return logs, tables
+
+
+def _angle(log: Log, options: TableOptions, rig: Rig) -> list[str]:
+    """Whether the angle is needed: `theta`, or nothing of a disk whose table has none."""
+    if "theta" in options.columns or log.has("theta") or not isinstance(rig.shape, Disk):
+        return ["theta"]
+    return []
+
+
+def _columns(log: Log, options: TableOptions, rig: Rig, warnings: list[str]) -> dict[str, np.ndarray]:
+    """x, y and theta from the columns of these names."""
+    source = options.source("x", "y", *_angle(log, options, rig))
+    pose, units = {}, {}
+    for ours, (name, sign) in source.items():
+        units[ours] = options.units.unit(ours, log.unit(name), log.where(name))
+        zero = dict(zip("xy", options.origin or ())).get(ours, 0.0)
+        pose[ours] = sign * options.units.factor(units[ours], log.where(name)) * (log.numbers(name) - zero)
+    if units["y"] == "px" and "theta" in source and source["x"][1] * source["y"][1] < 0.0 < source["theta"][1]:
+        warnings.append(
+            f"theta is read as counter-clockwise while an axis of the picture is flipped; an angle measured in the "
+            f"picture's own axes needs --columns theta=-{source['theta'][0]}"
+        )
+    return pose
+
+
+def _tracked(log: Log, options: TableOptions, notes: list[str], warnings: list[str]) -> dict[str, np.ndarray]:
+    """x, y and, of several points, theta from the points of a video tracker, in a picture with y down."""
+    wanted = [name.strip() for name in options.body.split(",")] if options.body else list(log.points)
+    points = [p for p in log.points if any(p == name or p.startswith(f"{name}.") for name in wanted)]
+    if not points or (options.body and any(not log.has(f"{p}.x") for p in points)):
+        raise UserError(f"{log.path} has no point {options.body}. It has: {', '.join(log.points)}.")
+    z = np.stack([log.numbers(f"{p}.x") + 1j * log.numbers(f"{p}.y") for p in points], axis=1)
+    try:
+        p, theta, stray = pose_of_points(z)
+    except ValueError as error:
+        raise UserError(f"{log.path}: {error} of {', '.join(points)}; leave some out with --body.") from error
+    unit = options.units.given.get("length", "px")
+    factor = options.units.factor(unit, f"{log.path}, point {points[0]}")
+    u, v = options.origin or (0.0, 0.0)
+    lost = int(np.sum(~np.isfinite(z)))
+    notes.append(f"points of a video tracker: {', '.join(points)}; y of the picture points down, and is flipped")
+    if lost:
+        notes.append(f"{lost} of {z.size} points taken as lost: their likelihood is below {LIKELY}, or they are empty")
+    if len(points) == 1:
+        return {"x": factor * (p.real - u), "y": -factor * (p.imag - v)}
+    notes.append(f"x and y are those of the mean of the points, theta the direction from {points[0]} to {points[1]}")
+    if stray > STRAY:
+        warnings.append(
+            f"{log.path.name}: the points {', '.join(points)} stray by {stray:.0%} of the body's size from a rigid "
+            "body; name those that are on it with --body"
+        )
+    return {"x": factor * (p.real - u), "y": -factor * (p.imag - v), "theta": -theta}
+
+
+def times(log: Log, options: TableOptions, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:
+    """t (n,) in s: of column `name` in a unit or counting frames, or without it of evenly spaced rows; adds to `notes`.
+
+    UserError if neither the log nor `options` says what the times are.
+    """
+    if not log.has(name):
+        if options.rate is None:
+            raise UserError(
+                f"{log.path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows."
+            )
+        return trial.groupby(trial, sort=False).cumcount().to_numpy() / options.rate
+    t, stated = log.times(name), log.unit(name)
+    if "time" not in options.units.given and stated is None and _counts(t, trial):
+        if options.rate is None:
+            raise UserError(f"{log.where(name)} counts rows: give the frames a second, --rate HZ, or the unit of time.")
+        notes.append(f"{name} counts frames; times follow from --rate {options.rate:g}")
+        return t / options.rate
+    return options.units.to_si("t", stated, log.where(name)) * t
+
+
+def _counts(t: np.ndarray, trial: pd.Series) -> bool:
+    """Whether the numbers t (n,) count: whole, and most often one more than the one before."""
+    whole = t[np.isfinite(t)]
+    step = np.diff(t)[(trial[1:].to_numpy() == trial[:-1].to_numpy()) & np.isfinite(np.diff(t))]
+    return len(step) > 0 and bool(np.all(whole == np.rint(whole))) and float(np.median(step)) == 1.0
+
+
+def _need_origin(log: Log, options: TableOptions, rig: Rig, poses: pd.DataFrame) -> None:
+    """UserError if pixels that count downwards from the upper corner have no origin."""
+    pixels = options.units.scale is not None and options.origin is None
+    if pixels and rig.surface_height == 0.0 and not rig.walls and np.nanmedian(poses["y"]) < 0.0:
+        raise UserError(
+            f"{log.path}: y is below 0, as pixels count from the upper corner. Say with --origin U,V which pixel is "
+            "x = 0, y = 0 (v of the surface), or with --surface-height where the surface is, in m."
+        )
