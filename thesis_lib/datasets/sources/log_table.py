@@ -6,6 +6,7 @@
 import difflib
 import io
 import re
+import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,8 +116,10 @@ class Log:
         return times
 
 
-def read_log(path: Path, options: TableOptions, wanted: Collection[str], warnings: list[str]) -> Log:
-    """The cells of a log as text; a last row that was cut off is left out.  `wanted` are columns it should have.
+def read_log(path: Path, options: TableOptions, wanted: Collection[str], doubts: list[str]) -> Log:
+    """The cells of a log as text; a last row that was cut off is left out, and `doubts` say so.
+
+    `wanted` are columns that it should have.
 
     UserError if the file is missing, too large, or no table.
     """
@@ -149,12 +152,14 @@ def read_log(path: Path, options: TableOptions, wanted: Collection[str], warning
         notes.append(f"{comments} comment line{'s' if comments > 1 else ''} below the header left out")
     cells.columns = names
     ends_cleanly = text.endswith(("\n", "\r"))
-    cells = _last_row(path, cells, body, layout.delimiter, ends_cleanly, warnings)
+    cells = _last_row(path, cells, body, layout.delimiter, ends_cleanly, doubts)
     units = {name: unit for name in names if (unit := unit_in(name))}
     below = {name: unit for name, cell in zip(names, layout.units) if (unit := unit_of(cell))}
-    if layout.units:
-        shown = ", ".join(f"{name} in {cell}" for name, cell in zip(names, layout.units) if cell)
-        notes.append(f"units read from the row below the header: {shown}")
+    if below:
+        shown = ", ".join(f"{name} in {unit}" for name, unit in below.items())
+        unknown = sorted({cell for name, cell in zip(names, layout.units) if cell and name not in below})
+        more = f" (not known: {', '.join(unknown)[:40]}; for these --units counts)" if unknown else ""
+        notes.append(f"units read from the row below the header: {shown}{more}")
     return Log(path, cells, layout.decimal, units | below, points_of(names), tuple(notes))
 
 
@@ -183,8 +188,8 @@ def _decode(content: bytes) -> tuple[str, list[str]]:
         text = content.decode(encoding)
     except UnicodeDecodeError:
         encoding = "cp1252"
-        text = content.decode(encoding)
-    if _BINARY.search(text):
+        text = content.decode(encoding, "replace")
+    if "\ufffd" in text or _BINARY.search(text):
         raise ValueError("it is not text")
     if encoding != "utf-8-sig":
         notes.append(f"not in UTF-8; read as {encoding}" + (" (Windows)" if encoding == "cp1252" else ""))
@@ -206,7 +211,8 @@ def _cells(path: Path, body: str, delimiter: str, width: int, start: int) -> pd.
     UserError for a row with more cells than `width`, ValueError if it cannot be read.
     """
 
-    def too_long(row: int, count: int) -> UserError:
+    def too_long(row: int) -> UserError:
+        count = len(split(_LINES.split(body)[row - start - 1], delimiter))
         return UserError(
             f"{path}, row {row}: {count} cells, but the header names {width} columns. Give each row one cell for each "
             "column; write decimal points, not commas, and check --delimiter."
@@ -215,24 +221,26 @@ def _cells(path: Path, body: str, delimiter: str, width: int, start: int) -> pd.
     if not body.strip():
         return pd.DataFrame(np.empty((0, width), dtype=str), dtype=str)
     try:
-        cells = pd.read_csv(
-            io.StringIO(body),
-            sep=delimiter,
-            header=None,
-            names=range(width + 1),  # a delimiter at the end of a row starts no further cell
-            index_col=False,
-            skip_blank_lines=False,  # so that the index counts lines
-            skipinitialspace=True,
-            dtype=str,
-            keep_default_na=False,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pd.errors.ParserWarning)  # of a first row that is too long
+            cells = pd.read_csv(
+                io.StringIO(body),
+                sep=delimiter,
+                header=None,
+                names=range(width + 1),  # a delimiter at the end of a row starts no further cell
+                index_col=False,
+                skip_blank_lines=False,  # so that the index counts lines
+                skipinitialspace=True,
+                dtype=str,
+                keep_default_na=False,
+            )
     except pd.errors.ParserError as error:
-        if found := re.search(r"in line (\d+), saw (\d+)", str(error)):
-            raise too_long(start + int(found[1]), int(found[2])) from error
+        if found := re.search(r"in line (\d+), saw", str(error)):
+            raise too_long(start + int(found[1])) from error
         raise
     cells.index = pd.RangeIndex(start + 1, start + 1 + len(cells))
     if (extra := cells[width].str.strip() != "").any():
-        raise too_long(int(cells.index[extra][0]), width + 1)
+        raise too_long(int(cells.index[extra][0]))
     empty = (cells == "").all(axis=1).to_numpy(copy=True)
     if empty.any():  # a row of delimiters is one of lost cells
         lines = _LINES.split(body)
@@ -241,22 +249,22 @@ def _cells(path: Path, body: str, delimiter: str, width: int, start: int) -> pd.
 
 
 def _last_row(
-    path: Path, cells: pd.DataFrame, body: str, delimiter: str, ends_cleanly: bool, warnings: list[str]
+    path: Path, cells: pd.DataFrame, body: str, delimiter: str, ends_cleanly: bool, doubts: list[str]
 ) -> pd.DataFrame:
-    """The cells without a last row that was cut off; adds to `warnings`."""
+    """The cells without a last row that was cut off; adds to `doubts`."""
     width = len(cells.columns)
     if not len(cells):
         return cells
     row = cells.index[-1]
     found = len(split(body.rstrip("\r\n").rpartition("\n")[2].rpartition("\r")[2], delimiter))
     if found < width:
-        warnings.append(
+        doubts.append(
             f"{path.name}, row {row}: the last row has {found} of {width} cells, so the file was cut off; the row is "
             "left out. Check that the log is whole."
         )
         return cells.iloc[:-1]
     if not ends_cleanly:
-        warnings.append(
+        doubts.append(
             f"{path.name}, row {row}: the last row does not end with a line break, so its last number may have been "
             "cut off; the row is kept. Check it, and that the log is whole."
         )

@@ -36,8 +36,7 @@ def convert_logs(
     warnings: list[str] = []
     logs, tables = read_poses(files, options, rig, per_trial_files, notes, warnings)
     poses = pd.concat(tables, ignore_index=True)
-    poses["trial"] = _number_trials(poses["trial"], notes)
-    lost = poses.isna().any(axis=1)
+    lost = poses.drop(columns="trial").isna().any(axis=1)
     if lost.any():
         notes.append(
             f"{int(lost.sum())} of {len(poses)} rows left out: a pose or time is empty, as where frames are lost "
@@ -46,6 +45,7 @@ def convert_logs(
         poses = poses[~lost].reset_index(drop=True)
     if len(poses) == 0:
         raise UserError(f"{files[0]} holds no row with a complete pose; nothing was converted.")
+    poses["trial"] = _number_trials(poses["trial"], notes)
     _refuse_degrees(files[0], poses, options, rig)
     return Conversion(as_dataset(poses, name, files, rig, notes), notes, warnings)
 

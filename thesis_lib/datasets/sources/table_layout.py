@@ -59,9 +59,10 @@ def find_layout(lines: Sequence[str], delimiter: str | None, decimal: str | None
         return Layout(delimiter, decimal, _names(rows[header : header + 1]), (), header, (), header + 1)
     block: list[int] = []
     for i in reversed([i for i in filled if i < first]):
-        if kinds[i] or (len(rows[i]) < 2 and len(rows[first]) > 1) or len(block) == ABOVE:
+        if kinds[i] or len(block) == ABOVE:
             break
-        block.insert(0, i)
+        if len(rows[i]) > 1 or len(rows[first]) == 1:
+            block.insert(0, i)
     if not block:
         names = tuple(str(i + 1) for i in range(len(rows[first])))
         above = tuple(i for i in filled if i < first and not kinds[i])

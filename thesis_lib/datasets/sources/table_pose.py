@@ -66,10 +66,15 @@ def read_poses(
 
 
 def _angle(log: Log, options: TableOptions, rig: Rig) -> list[str]:
-    """Whether the angle is needed: `theta`, or nothing of a disk whose table has none."""
-    if "theta" in options.columns or log.has("theta") or not isinstance(rig.shape, Disk):
+    """The column of the angle: `theta`, or none if there is none; UserError if the body is no disk then."""
+    if "theta" in options.columns or log.has("theta"):
         return ["theta"]
-    return []
+    if isinstance(rig.shape, Disk):
+        return []
+    raise UserError(
+        f"{log.path} has no column theta: name that of the angle with --columns theta=…. Only a disk (--shape disk:R) "
+        f"may lack one. It has: {', '.join(log.cells.columns)}."
+    )
 
 
 def _columns(log: Log, options: TableOptions, rig: Rig, warnings: list[str]) -> dict[str, np.ndarray]:
