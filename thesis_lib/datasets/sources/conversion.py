@@ -104,12 +104,15 @@ def parse_wall(text: str) -> Wall:
 
 
 def as_dataset(poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig: Rig, notes: list[str]) -> Dataset:
-    """The dataset of whole poses (`TRAJECTORY_COLUMNS`, SI) from `files`; adds to `notes`.  Of a disk, theta may lack.
+    """The dataset of whole poses (`TRAJECTORY_COLUMNS`, SI) from `files`; adds to `notes`.  A disk may lack theta.
 
-    UserError if a value of the experiment is impossible.
+    UserError if a value of the experiment is impossible, or another shape has no theta.
     """
     has_angle = "theta" in poses
-    poses = (poses if has_angle else poses.assign(theta=0.0))[list(TRAJECTORY_COLUMNS)].copy()
+    if not has_angle:
+        needs_no_angle(rig.shape, str(files[0]))
+        notes.append("theta is not measured: trajectories.csv has none, and the spin of the body stays unknown")
+    poses = poses.assign(**({} if has_angle else {"theta": 0.0}))[list(TRAJECTORY_COLUMNS)]
     poses["t"] -= poses.groupby("trial", sort=False)["t"].transform("first")
     before = poses["theta"].to_numpy(copy=True)
     poses["theta"] = unwrap(before, poses["trial"].to_numpy())
@@ -140,3 +143,12 @@ def as_dataset(poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig:
         option = _OPTIONS.get(str(mistake["loc"][-1]), str(mistake["loc"][-1]).replace("_", "-"))
         raise UserError(f"--{option}: {mistake['input']}: {mistake['msg']}.") from error
     return Dataset(name, header, poses, has_angle=has_angle)
+
+
+def needs_no_angle(shape: Shape, where: str) -> None:
+    """UserError if a recording without an angle is one of a shape that needs it."""
+    if not isinstance(shape, Disk):
+        raise UserError(
+            f"{where} has no angle of the body (no theta, no orientation), and only a round one can do without: name "
+            "the column of the angle with --columns theta=NAME, or give --shape disk:RADIUS."
+        )

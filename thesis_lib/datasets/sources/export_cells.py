@@ -67,6 +67,14 @@ def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.nda
     return result
 
 
+def lost_zeros(cells: np.ndarray, notes: list[str]) -> None:
+    """Rows (n, m) of nothing but zeros become NaN, as systems write them that have lost a body; adds to `notes`."""
+    zeros = ~np.any(np.nan_to_num(cells) != 0.0, axis=1) & np.isfinite(cells).all(axis=1)
+    if zeros.any():
+        notes.append(f"{int(zeros.sum())} frames of zeros taken for lost ones")
+        cells[zeros] = np.nan
+
+
 def length_unit(path: Path, text: str, where: str) -> float:
     """Factor from a unit of length, as exports name it, to m; UserError for an unknown one."""
     if text.lower() not in LENGTHS:

@@ -1,4 +1,4 @@
-"""Tables of positions and quaternions, as motion in space.
+"""Tables of positions in space, with quaternions or, of a ball, without.
 
 The four columns of the quaternion are q1, q2, q3, q4 in the order that `--quaternion` names; without --columns they are
 expected as qx, qy, qz, qw, wherever they stand.
@@ -22,26 +22,27 @@ AXES = ("x", "y", "z")
 
 
 def read_quaternion_tables(
-    files: Sequence[str | Path], options: TableOptions, order: str, notes: list[str], warnings: list[str]
+    files: Sequence[str | Path], options: TableOptions, order: str | None, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
-    """The motion in each log; adds to `notes` and `warnings`.
+    """The motion in each log, that of a point without an `order`; adds to `notes` and `warnings`.
 
     UserError if a column is missing, a cell is no number, or the four columns are no unit quaternion.
     """
     if "theta" in options.columns:
         raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
     source = options.source("trial", "t", *AXES)
-    source |= {f"q{i + 1}": options.columns.get(f"q{i + 1}", (f"q{letter}", 1.0)) for i, letter in enumerate(order)}
+    for i, letter in enumerate(order or ""):
+        source[f"q{i + 1}"] = options.columns.get(f"q{i + 1}", (f"q{letter}", 1.0))
     logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
     say_of_logs(logs, notes)
     return [_read(log, source, options, order, notes if log is logs[0] else []) for log in logs]
 
 
 def _read(
-    log: Log, source: Mapping[str, tuple[str, float]], options: TableOptions, order: str, notes: list[str]
+    log: Log, source: Mapping[str, tuple[str, float]], options: TableOptions, order: str | None, notes: list[str]
 ) -> Motion:
     path = log.path
-    four = [f"q{i}" for i in (1, 2, 3, 4)]
+    four = [name for name in source if name.startswith("q")]
     log.require([source[name][0] for name in (*AXES, *four, *(set(options.columns) & {"t", "trial"}))])
 
     def cells(name: str) -> np.ndarray:
@@ -54,6 +55,8 @@ def _read(
     t = times(log, options, one, source["t"][0], notes)
     scales = [options.units.to_si(axis, log.unit(source[axis][0]), log.where(source[axis][0])) for axis in AXES]
     position = np.array(scales) * np.stack([cells(axis) for axis in AXES], axis=1)
+    if order is None:
+        return Motion.of_point("", str(path), t, position, trial)
     raw = unit(np.stack([cells(name) for name in four], axis=1), f"{path}, {', '.join(source[q][0] for q in four)}")
 
     quaternion = raw[:, ORDERS[order]]

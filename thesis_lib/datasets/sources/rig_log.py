@@ -61,7 +61,10 @@ def read_planar_motions(
     for file, poses in zip(files, read_poses(files, options, rig, True, notes, warnings)[1]):
         _refuse_degrees(file, poses.dropna(), options, rig)
         position = np.outer(poses["x"], FLAT.x) + np.outer(poses["y"], FLAT.y)
-        theta = poses["theta"].to_numpy() if "theta" in poses else np.zeros(len(poses))
+        if "theta" not in poses:
+            motions.append(Motion.of_point("", str(file), poses["t"].to_numpy(), position))
+            continue
+        theta = poses["theta"].to_numpy()
         whole = np.isfinite(theta)
         quaternion = np.full((len(poses), 4), np.nan)
         if whole.any():

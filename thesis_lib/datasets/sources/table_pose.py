@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
-from thesis_lib.datasets.sources.conversion import Rig
+from thesis_lib.datasets.sources.conversion import Rig, needs_no_angle
 from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
 from thesis_lib.datasets.sources.table_options import SPATIAL, TableOptions
 from thesis_lib.datasets.sources.tracked_points import LIKELY, pose_of_points
@@ -52,12 +51,6 @@ def read_poses(
         poses = pd.DataFrame({"trial": trial, "t": times(log, options, trial, stamps, said[0])} | pose)
         _need_origin(log, options, rig, poses)
         tables.append(poses)
-    if "theta" not in tables[0]:
-        if not isinstance(rig.shape, Disk):
-            raise UserError(
-                f"{files[0]} follows one point, which has no angle; only a disk (--shape disk:R) may lack it."
-            )
-        notes.append("no angle is measured: the dataset has no theta, and the spin before each impact is unknown")
     used = {logs[0].find(name) for name, _ in source.values()} | ({"frame"} if tracked else set())
     points = tuple(f"{point}." for point in logs[0].points) if tracked else ()
     if ignored := [c for c in logs[0].cells.columns if c and c not in used and not c.startswith(points or ("\n",))]:
@@ -69,12 +62,8 @@ def _angle(log: Log, options: TableOptions, rig: Rig) -> list[str]:
     """The column of the angle: `theta`, or none if there is none; UserError if the body is no disk then."""
     if "theta" in options.columns or log.has("theta"):
         return ["theta"]
-    if isinstance(rig.shape, Disk):
-        return []
-    raise UserError(
-        f"{log.path} has no column theta: name that of the angle with --columns theta=…. Only a disk (--shape disk:R) "
-        f"may lack one. It has: {', '.join(log.cells.columns)}."
-    )
+    needs_no_angle(rig.shape, str(log.path))
+    return []
 
 
 def _columns(log: Log, options: TableOptions, rig: Rig, warnings: list[str]) -> dict[str, np.ndarray]:
