@@ -29,7 +29,7 @@ UP = {TABLE: "z", BAG: bags.UP, C3D: c3d.UP} | {form: up for form, (_, _, up) in
 # options that other forms have no use for
 ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "decimal", "units", "scale", "origin")
 FARTHEST = 10.0  # m from a tracked frame to the centre of mass; more is in mm
-ONLY_SPACE = ("left_handed", "rotation", "up", "plane", "frame")
+ONLY_SPACE = ("left_handed", "rotation", "up", "plane")
 ONLY_PLANE = ("scale", "origin", "wall")
 
 
@@ -72,13 +72,14 @@ def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) 
     )
     in_space = form != TABLE or reading.quaternion is not None or _holds_points(paths[0], options)
     _check_options(paths[0], form, in_space, rig, reading)
+    frame = _parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0)
     notes: list[str] = []
     warnings: list[str] = []
     if not in_space and not reading.cut:
-        return convert_logs(paths, name, options, rig, per_trial_files=reading.per_trial_files)
+        return convert_logs(paths, name, options, rig, frame, per_trial_files=reading.per_trial_files)
     if not in_space:
         motions = read_planar_motions(paths, options, rig, notes, warnings)
-        view = View(FLAT.y, FLAT.normal)
+        view = View(FLAT.y, FLAT.normal, frame)
     else:
         if form == TABLE:
             motions = read_quaternion_tables(paths, options, reading.quaternion, notes, warnings)
@@ -91,7 +92,7 @@ def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) 
             motions = [read(path, reading.body, reading.rotation, notes) for path in paths]
         if reading.per_trial_files:
             motions = [replace(motion, trial=None) for motion in motions]
-        view = _view(form, reading, all(motion.trial is not None for motion in motions))
+        view = _view(form, reading, frame, all(motion.trial is not None for motion in motions))
     conversion = convert_motions(motions, name, paths, rig, view, notes)
     conversion.warnings += warnings
     return conversion
@@ -155,12 +156,12 @@ def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Rea
         raise UserError("--body is for files that hold several bodies; of a table, name the columns with --columns.")
 
 
-def _view(form: str, reading: Reading, named: bool) -> View:
+def _view(form: str, reading: Reading, frame: tuple[float, float, float], named: bool) -> View:
     """How the motion is looked at; `named`: the recordings say which sample belongs to which trial."""
     return View(
         up=parse_direction(reading.up or UP[form], "--up"),
         normal=parse_direction(reading.plane, "--plane") if reading.plane else None,
-        frame=_parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0),
+        frame=frame,
         cut=not (named or reading.per_trial_files) if reading.cut is None else reading.cut,
         left_handed=reading.left_handed,
     )

@@ -22,15 +22,24 @@ from thesis_lib.foundation.errors import UserError
 
 FLAT = Plane.of(np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0]))  # the plane of a planar log, in space
 
+Frame = tuple[float, float, float]
+
 
 def convert_logs(
-    files: Sequence[str | Path], name: str, options: TableOptions, rig: Rig, *, per_trial_files: bool = False
+    files: Sequence[str | Path],
+    name: str,
+    options: TableOptions,
+    rig: Rig,
+    frame: Frame = (0.0, 0.0, 0.0),
+    *,
+    per_trial_files: bool = False,
 ) -> Conversion:
     """A dataset of trajectories from tables with the same columns.
 
-    A log without times needs `options.rate`.  With `per_trial_files` each file is one trial, whatever its trial
-    column.  Of a disk the angle may be missing.  UserError as in `read_poses`, or if angles are in degrees that are
-    read as radians, or a value of the experiment is impossible.
+    `frame`: x, y (m) of the centre of mass in the frame of the body that the tables follow, and by how much (rad) the
+    shape is turned against it.  A log without times needs `options.rate`.  With `per_trial_files` each file is one
+    trial, whatever its trial column.  Of a disk the angle may be missing.  UserError as in `read_poses`, or if angles
+    are in degrees that are read as radians, or a value of the experiment is impossible.
     """
     notes: list[str] = []
     warnings: list[str] = []
@@ -47,7 +56,18 @@ def convert_logs(
         raise UserError(f"{files[0]} holds no row with a complete pose; nothing was converted.")
     poses["trial"] = _number_trials(poses["trial"], notes)
     _refuse_degrees(files[0], poses, options, rig)
+    if any(frame):
+        poses = _of_the_body(poses, frame)
     return Conversion(as_dataset(poses, name, files, rig, notes), notes, warnings)
+
+
+def _of_the_body(poses: pd.DataFrame, frame: Frame) -> pd.DataFrame:
+    """Poses of the centre of mass and the shape from those of a `frame` of the body; UserError without an angle."""
+    if "theta" not in poses:
+        raise UserError("--frame: where the centre of mass is takes the angle of the body, which is not measured.")
+    x, y, turn = frame
+    cos, sin = np.cos(poses["theta"]), np.sin(poses["theta"])
+    return poses.assign(x=poses["x"] + cos * x - sin * y, y=poses["y"] + sin * x + cos * y, theta=poses["theta"] + turn)
 
 
 def read_planar_motions(

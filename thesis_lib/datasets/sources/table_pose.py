@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
 from thesis_lib.datasets.sources.conversion import Rig, needs_no_angle
 from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
@@ -35,11 +36,11 @@ def read_poses(
             "--body is for files that hold several bodies, or points of a video tracker; of a table, name the columns "
             "with --columns."
         )
-    needed = [column for column in ("trial", "t") if column in options.columns]
-    tables = []
+    pose = () if tracked else _pose_columns(logs[0], options, rig)
+    needed = [source[column][0] for column in (*pose, *(c for c in ("trial", "t") if c in options.columns))]
+    tables, lost = [], []
     for number, log in enumerate(logs):
-        if not tracked:
-            log.require([source[column][0] for column in ("x", "y", *_angle(log, options, rig), *needed)])
+        log.require(needed)
         said = (notes, warnings) if number == 0 else ([], [])
         stamps = source["t"][0]
         if tracked and "t" not in options.columns and log.has("frame"):
@@ -47,10 +48,13 @@ def read_poses(
         trial = pd.Series(str(number), index=range(len(log)))
         if not one_trial and log.has(source["trial"][0]):
             trial = log.text(source["trial"][0]).reset_index(drop=True)
-        pose = _tracked(log, options, *said) if tracked else _columns(log, options, rig, warnings=said[1])
-        poses = pd.DataFrame({"trial": trial, "t": times(log, options, trial, stamps, said[0])} | pose)
+        poses = {"trial": trial, "t": times(log, options, trial, stamps, said[0])}
+        poses |= _tracked(log, options, lost, *said) if tracked else _columns(log, options, pose, said[1])
+        poses = pd.DataFrame(poses)
         _need_origin(log, options, rig, poses)
         tables.append(poses)
+    if sum(lost):
+        notes.append(f"{sum(lost)} points taken as lost: their likelihood is below {LIKELY}, or they are empty")
     used = {logs[0].find(name) for name, _ in source.values()} | ({"frame"} if tracked else set())
     points = tuple(f"{point}." for point in logs[0].points) if tracked else ()
     if ignored := [c for c in logs[0].cells.columns if c and c not in used and not c.startswith(points or ("\n",))]:
@@ -58,17 +62,21 @@ def read_poses(
     return logs, tables
 
 
-def _angle(log: Log, options: TableOptions, rig: Rig) -> list[str]:
-    """The column of the angle: `theta`, or none if there is none; UserError if the body is no disk then."""
+def _pose_columns(log: Log, options: TableOptions, rig: Rig) -> tuple[str, ...]:
+    """x, y and theta, which may lack of a disk; UserError if it lacks of another shape."""
+    names = {ours: name for ours, (name, _) in options.source("x", "y", "theta").items()}
     if "theta" in options.columns or log.has("theta"):
-        return ["theta"]
-    needs_no_angle(rig.shape, str(log.path))
-    return []
+        return ("x", "y", "theta")
+    if log.has(names["x"]) and log.has(names["y"]):
+        needs_no_angle(rig.shape, str(log.path))
+    return ("x", "y") if isinstance(rig.shape, Disk) else ("x", "y", "theta")
 
 
-def _columns(log: Log, options: TableOptions, rig: Rig, warnings: list[str]) -> dict[str, np.ndarray]:
-    """x, y and theta from the columns of these names."""
-    source = options.source("x", "y", *_angle(log, options, rig))
+def _columns(
+    log: Log, options: TableOptions, pose_columns: Sequence[str], warnings: list[str]
+) -> dict[str, np.ndarray]:
+    """x, y and, if it is among the columns, theta."""
+    source = options.source(*pose_columns)
     pose, units = {}, {}
     for ours, (name, sign) in source.items():
         units[ours] = options.units.unit(ours, log.unit(name), log.where(name))
@@ -82,33 +90,37 @@ def _columns(log: Log, options: TableOptions, rig: Rig, warnings: list[str]) -> 
     return pose
 
 
-def _tracked(log: Log, options: TableOptions, notes: list[str], warnings: list[str]) -> dict[str, np.ndarray]:
-    """x, y and, of several points, theta from the points of a video tracker, in a picture with y down."""
+def _tracked(
+    log: Log, options: TableOptions, lost: list[int], notes: list[str], warnings: list[str]
+) -> dict[str, np.ndarray]:
+    """x, y and, of several points, theta from the points of a video tracker, in a picture with y down.
+
+    Adds the number of points that are lost to `lost`.
+    """
     wanted = [name.strip() for name in options.body.split(",")] if options.body else list(log.points)
-    points = [p for p in log.points if any(p == name or p.startswith(f"{name}.") for name in wanted)]
-    if not points or (options.body and any(not log.has(f"{p}.x") for p in points)):
-        raise UserError(f"{log.path} has no point {options.body}. It has: {', '.join(log.points)}.")
+    chosen = {name: [p for p in log.points if p == name or p.startswith(f"{name}.")] for name in wanted}
+    if strange := [name for name, points in chosen.items() if not points]:
+        raise UserError(f"{log.path} has no point {', '.join(strange)}. It has: {', '.join(log.points)}.")
+    points = [p for p in log.points if any(p in of_name for of_name in chosen.values())]
     z = np.stack([log.numbers(f"{p}.x") + 1j * log.numbers(f"{p}.y") for p in points], axis=1)
     try:
-        p, theta, stray = pose_of_points(z)
+        place, theta, stray = pose_of_points(z)
     except ValueError as error:
         raise UserError(f"{log.path}: {error} of {', '.join(points)}; leave some out with --body.") from error
     unit = options.units.given.get("length", "px")
     factor = options.units.factor(unit, f"{log.path}, point {points[0]}")
-    u, v = options.origin or (0.0, 0.0)
-    lost = int(np.sum(~np.isfinite(z)))
+    x, y = factor * (place - np.array(options.origin or (0.0, 0.0))).T
+    lost.append(int(np.sum(~np.isfinite(z))))
     notes.append(f"points of a video tracker: {', '.join(points)}; y of the picture points down, and is flipped")
-    if lost:
-        notes.append(f"{lost} of {z.size} points taken as lost: their likelihood is below {LIKELY}, or they are empty")
     if len(points) == 1:
-        return {"x": factor * (p.real - u), "y": -factor * (p.imag - v)}
+        return {"x": x, "y": -y}
     notes.append(f"x and y are those of the mean of the points, theta the direction from {points[0]} to {points[1]}")
     if stray > STRAY:
         warnings.append(
             f"{log.path.name}: the points {', '.join(points)} stray by {stray:.0%} of the body's size from a rigid "
             "body; name those that are on it with --body"
         )
-    return {"x": factor * (p.real - u), "y": -factor * (p.imag - v), "theta": -theta}
+    return {"x": x, "y": -y, "theta": -theta}
 
 
 def times(log: Log, options: TableOptions, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:

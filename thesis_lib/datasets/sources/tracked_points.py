@@ -28,13 +28,13 @@ def points_of(columns: Sequence[str]) -> tuple[str, ...]:
 
 
 def pose_of_points(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Place p (n,), complex, and angle θ (n,) of a body with points z (n, m), complex and NaN where not seen.
+    """Place p (n, 2) and angle θ (n,) of a body with points z (n, m), complex and NaN where not seen.
 
     Also how far the points stray from a rigid body, rms over its size.  A pose takes two points, and a single point
     has no angle (NaN).  ValueError if no frame shows all points.
     """
     if z.shape[1] == 1:
-        return z[:, 0], np.full(len(z), np.nan), 0.0
+        return np.column_stack([np.real(z[:, 0]), np.imag(z[:, 0])]), np.full(len(z), np.nan), 0.0
     whole = z[np.isfinite(z).all(axis=1)]
     if len(whole) == 0:
         raise ValueError("no frame shows all points")
@@ -53,4 +53,5 @@ def pose_of_points(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     p[few], theta[few] = np.nan, np.nan
     off = np.abs(z - p[:, None] - c * np.exp(1j * theta)[:, None])
     size = float(np.sqrt(np.mean(np.abs(c) ** 2)))
-    return p, theta, float(np.sqrt(np.nanmean(off**2))) / size if size > 0.0 else np.inf
+    place = np.column_stack([np.real(p), np.imag(p)])
+    return place, theta, float(np.sqrt(np.nanmean(off**2))) / size if size > 0.0 else np.inf
