@@ -5,7 +5,8 @@ radians are 57 times too large.  Each of these reveals them (k is the radius of 
 
 - steps of more than 1.5 turns between samples: a camera cannot see them, and a wrapped radian angle jumps by one turn
   at most.  A single sample that jumps out and back is a glitch of the tracker, whatever the units;
-- a median k|ω| above 10 times the median speed, which makes the rotational energy 100 times the translational energy;
+- a median k|ω| above 10 times the median speed, which makes the rotational energy 100 times the translational energy,
+  unless hits change the spin as friction would in radians;
 - k|ω| above the speed, and a body that is inside the surface at the angles in the file but not if they are degrees;
 - hits that change the spin far more than a contact at the rim can: without a couple k² |Δω| ≤ R |Δv|, R the extent.
 
@@ -16,7 +17,7 @@ speed, or if the angle noise at the rim far exceeds the position noise.
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.checks.known_body import BLIND_SHAPE, RADIANS, TO_RAD, KnownBody
+from thesis_lib.datasets.checks.known_body import BLIND_SHAPE, FEW_HITS, RADIANS, TO_RAD, KnownBody
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.format.validate import Table
 
@@ -29,8 +30,8 @@ SPIN_FAST = 1.0  # m/s of k|ω|; below it both medians may be tracker noise of a
 SPIN_LIKELY = 1.0  # k|ω| over speed; in degrees, dice throws have 14
 HIT = 0.5  # m/s between steps, beyond gravity, that only a hit makes ...
 CLEAR_HIT = 8.0  # ... if it is so many times the median
-HITS = 5  # fewest that are judged
 BEYOND = 2.5  # k² |Δω| over R |Δv|: at most 1; dice throws and simulated drops have 0.1 to 0.3, in degrees 6 to 17
+RUBS = 0.05  # of the same: friction that radians explain, so that the body spins as fast as it seems to
 RIM_NOISE = 5.0  # k σ_θ over σ of positions; markers at the rim give 1, degrees 57
 BURIED = 0.5  # smallest half-widths; a centre that stays below is inside the surface at any angle
 DEEP = 0.1  # penetration in extents that no tracker error explains ...
@@ -53,12 +54,13 @@ def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarra
     elif shape is not None and k_g is not None and not buried:
         spin = k_g * float(np.median(speeds["theta"]))
         inside, in_degrees = (_share_inside(shape, body.height, y, angle) for angle in (theta, theta * TO_RAD))
-        if spin > max(SPIN_FAST, SPIN_SURE * speed) and speed > 0.0:
+        beyond = _beyond_contact(samples, body)
+        if beyond > BEYOND:
+            why = f"as radians, hits would change the spin {beyond:.0f} times more than a contact at the rim can"
+        elif spin > max(SPIN_FAST, SPIN_SURE * speed) and speed > 0.0 and not RUBS < beyond < 1.0:
             why = f"as radians, the rim would move {spin / speed:.0f} times faster than the centre"
         elif spin > SPIN_LIKELY * speed > 0.0 and inside > DEEP_SHARE > in_degrees:
             why = f"as radians, the body would be inside the surface in {inside:.0%} of the rows, as degrees in none"
-        elif (beyond := _beyond_contact(samples, body)) > BEYOND:
-            why = f"as radians, hits would change the spin {beyond:.0f} times more than a contact at the rim can"
     if why:
         table.error("column theta", f"looks like degrees ({theta.min():.4g} to {theta.max():.4g}; {why})", RADIANS)
         return
@@ -121,7 +123,7 @@ def _beyond_contact(samples: Samples, body: KnownBody) -> float:
     change[:, 1] += body.gravity * (dt[1:] + dt[:-1])[same] / 2.0
     dv, domega = np.hypot(change[:, 0], change[:, 1]), np.abs(change[:, 2])
     hit = dv > max(HIT, CLEAR_HIT * float(np.median(dv)))
-    if hit.sum() < HITS or np.median(domega[hit]) < CLEAR_HIT * np.median(domega[~hit]):
+    if hit.sum() < FEW_HITS or np.median(domega[hit]) < CLEAR_HIT * np.median(domega[~hit]):
         return 0.0
     return float(np.median(body.k_g**2 * domega[hit] / (body.shape.extent * dv[hit])))
 

@@ -108,7 +108,8 @@ class Log:
         text = self.text(name).str.strip()
         there = ~text.str.lower().isin(NO_NUMBER).to_numpy()
         whole = text[there]
-        if not whole.str.fullmatch(rf"[+-]?\d{{1,{DIGITS}}}").all() or whole.str.len().max() < len(str(EXACT)):
+        integers = len(whole) > 0 and bool(whole.str.fullmatch(rf"[+-]?\d{{1,{DIGITS}}}").all())
+        if not integers or whole.str.len().max() < len(str(EXACT)):
             return self.numbers(name)
         stamps = np.array([int(cell) for cell in whole], dtype=object)
         times = np.full(len(text), np.nan)

@@ -83,7 +83,10 @@ def split(line: str, delimiter: str) -> list[str]:
     """The cells of one line."""
     if delimiter == SPACES:
         return line.split()
-    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a cell of many thousand characters
+        return line.split(delimiter)
 
 
 def is_number(cell: str, decimal: str) -> bool:
