@@ -109,7 +109,7 @@ REFUSED = {
     "scale": (text(), {"scale": "900", "units": "mm"}, "--scale is for pixels, but --units says mm"),
     "no angle": (text(FRAME.drop(columns="theta")), {}, "and only a round one can do without"),
     "binary": (bytes(range(256)) * 20, {}, "cannot be read as a table (it is not text)"),
-    "body": (text(), {"body": "plate"}, "--body is for files that hold several bodies"),
+    "body": (text(), {"body": "plate"}, "--body is for files of several"),
     "walls and cuts": (
         text(),
         {"cut": True, "rig": {"walls": (parse_wall("a:0,0,0,1"),)}},
