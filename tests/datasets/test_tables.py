@@ -107,7 +107,7 @@ REFUSED = {
     "pixels": (text(), {"units": "px"}, "say how many make a metre with --scale"),
     "origin": (text(FRAME.assign(y=-FRAME["y"])), {"scale": "900"}, "Say with --origin U,V which pixel"),
     "scale": (text(), {"scale": "900", "units": "mm"}, "--scale is for pixels, but --units says mm"),
-    "no angle": (text(FRAME.drop(columns="theta")), {}, "and only a round one can do without"),
+    "no angle": (text(FRAME.drop(columns="theta")), {}, "and only a round body can do without"),
     "binary": (bytes(range(256)) * 20, {}, "cannot be read as a table (it is not text)"),
     "body": (text(), {"body": "plate"}, "--body is for files of several"),
     "walls and cuts": (
@@ -200,7 +200,7 @@ def test_points_of_a_video_tracker_become_the_pose(tmp_path, individual):
     for options, message in (
         ({"columns": "x=tip,y=-tip.1"}, "leave x, y and theta out of --columns"),
         ({"body": f"{name},nose"}, "has no point nose"),
-        ({"body": name}, "and only a round one can do without"),
+        ({"body": name}, "and only a round body can do without"),
     ):
         with pytest.raises(UserError) as refusal:
             read(tmp_path, table, **how, **options)

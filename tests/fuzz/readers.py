@@ -26,7 +26,7 @@ from tests.fuzz.intermediates import (
     read_results,
     results_samples,
 )
-from tests.fuzz.motions import bag_samples, motion_samples, read_motion
+from tests.fuzz.motions import bag_samples, c3d_samples, motion_samples, read_motion
 from tests.fuzz.mutations import Sample
 
 
@@ -339,6 +339,7 @@ READERS: dict[str, Reader] = {
     "log": Reader(cache(_log_samples), _read_log),
     "motion": Reader(cache(motion_samples), read_motion),
     "bag": Reader(cache(bag_samples), read_motion),
+    "c3d": Reader(cache(c3d_samples), read_motion),
     "published": Reader(cache(_published_samples), _read_published),
     "archive": Reader(cache(_archive_samples), _read_archive),
     "config": Reader(cache(_config_samples), _read_config),

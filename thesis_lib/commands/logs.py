@@ -13,15 +13,20 @@ Convert a rig's logs into a dataset folder, then check it. Which form a file has
                              below it are found and named in a note (Excel, Tracker, LabVIEW, TUM, rostopic echo -p)
   tables of a video tracker  the points of DeepLabCut and its like (POINT.x, POINT.y, likelihood) become the pose
   tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz
-  OptiTrack Motive           CSV export of rigid bodies, or of the markers of one
+  tables of points           x, y, z and no angle: a ball, whose spin stays unknown
+  OptiTrack Motive           CSV export of rigid bodies, or of the markers of one; also the older form (version 1.1)
   Vicon Nexus, Tracker       CSV export of segments, or of trajectories of the markers of one body
-  ROS bags                   .bag, .mcap, .db3 or a folder of these: PoseStamped, Odometry, TransformStamped, TFMessage
+  Qualisys Track Manager     TSV export of bodies (6D), or of markers (3D)
+  C3D                        markers named body:marker, rotations, or one marker, a ball (pip install ezc3d)
+  ROS bags                   .bag, .mcap, .db3 or a folder of these: PoseStamped, PoseArray, PointStamped, Odometry,
+                             TransformStamped, TFMessage, NamedPoseArray, RigidBodies, AlvarMarkers and more
                              (needs no ROS, but: pip install rosbags)
 
 All but the first two are motions in space. The plane of the motion is found from the free flights, or given; the
 energy out of it is told for each impact, and trials with more than 5 % are left out. Rotations that would fit if they
-were read otherwise (another order, a left-handed frame) are refused with the option that mends it. One long recording
-is cut into drops: look at cuts.png in DIR.
+were read otherwise (another order, a left-handed frame) are refused with the option that mends it. Stamps of arrival
+give way to the numbers of the pictures where the flights show that. One long recording is cut into drops: look at
+cuts.png in DIR.
 """
 EXAMPLES = """\
 examples:
@@ -47,6 +52,8 @@ examples:
         --columns "t=time,q1=q0,q2=q1,q3=q2,q4=q3" --shape square:0.06
   a take of motion capture with several bodies, whose plate moves across the room's x axis:
     python -m thesis_lib datasets init take.csv -o data/my_drops --body plate --plane x --shape square:0.06
+  a ball tracked in space in centimetres, z up:
+    python -m thesis_lib datasets init ball.csv -o data/my_drops --units cm --up z --shape disk:0.02
   a bag of ROS, the frame "plate" of /tf:
     python -m thesis_lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
 """
@@ -79,11 +86,11 @@ def add_init(commands: argparse._SubParsersAction) -> None:
         "of Euler angles in an export: XYZ about the body's own axes in this order, xyz about fixed ones, or helical"
     )
     init.add_argument("--rotation", metavar="SEQ", help=f"{sequence}; default: as the export says, else XYZ")
-    init.add_argument("--up", metavar="AXIS", help="of a motion in space: z, -y, …; default: y of Motive, else z")
+    init.add_argument("--up", metavar="AXIS", help="of a motion in space: z, -y, …; default: y of OptiTrack, else z")
     normal = "normal of the plane of a motion in space: x, -y, … or X,Y,Z; default: found from the free flights"
     init.add_argument("--plane", metavar="AXIS", help=normal)
-    body = "which body of an export, topic of a bag, or topic:frame of transforms; of a video tracker the points of "
-    init.add_argument("--body", metavar="NAME", help=f"{body}the body, as P,Q,…; default: all")
+    body = "which body or marker of an export, topic of a bag, or topic:name within it; of a video tracker the points "
+    init.add_argument("--body", metavar="NAME", help=f"{body}of the body, as P,Q,…; default: all")
     frame = "in the tracked frame, seen in the plane: centre of mass in m, and by how many degrees the shape is turned"
     init.add_argument("--frame", metavar="X,Y,ANGLE", help=f"{frame}; default: 0,0,0")
     cut = "cut each file into drops, or take it as one trial; default: cut motions in space that name no trials"

@@ -149,6 +149,6 @@ def needs_no_angle(shape: Shape, where: str) -> None:
     """UserError if a recording without an angle is one of a shape that needs it."""
     if not isinstance(shape, Disk):
         raise UserError(
-            f"{where} has no angle of the body (no theta, no orientation), and only a round one can do without: name "
-            "the column of the angle with --columns theta=NAME, or give --shape disk:RADIUS."
+            f"{where}: no angle of the body is read from it (no theta, no orientation), and only a round body can do "
+            "without: give --shape disk:RADIUS, or say where the angle is (--columns theta=NAME, --quaternion)."
         )

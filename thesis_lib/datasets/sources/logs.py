@@ -120,8 +120,8 @@ def _holds_points(path: Path, options: TableOptions) -> bool:
 
     UserError if it has columns of a quaternion, which has to be asked for.
     """
-    if "theta" in options.columns:
-        return False
+    if "z" in options.columns or "theta" in options.columns:
+        return not {"theta", "q1", "q2", "q3", "q4"} & set(options.columns)
     places = {name for name, _ in options.source("x", "y", "z").values()}
     log = read_log(path, options, places, [])
     if log.has("theta") or len(places) < 3 or not all(map(log.has, places)):

@@ -71,21 +71,24 @@ def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: l
     part = np.cumsum(row % PART == 0)
     samples = Samples(part, motion.t, motion.position, part)
     found = times_of_pictures(samples, rate or 1.0 / _long_period(motion.t, piece), lengths=3)
-    if found is None or (np.diff(found[1]) <= 0.0).any():
+    if found is None:
         return motion, piece
     sure, t, said = found
     notes.append(said)
-    return replace(motion.part(sure), t=t), piece[sure]
+    rises = t > np.maximum.accumulate(np.r_[-np.inf, t[:-1]])  # a part that has counted one too many runs into the next
+    rows = np.flatnonzero(sure)[rises]
+    return replace(motion.part(rows), t=t[rises]), piece[rows]
 
 
 def _long_period(t: np.ndarray, piece: np.ndarray) -> float:
     """Median step in s over ever more rows: of a period that is nearly known, the steps between two rows are, too."""
-    period = float(np.median(np.diff(t)))
-    for span in 2 ** np.arange(1, 16):
+    period = 0.0
+    for span in 2 ** np.arange(2, 16):
         step = (t[span:] - t[:-span])[piece[span:] == piece[:-span]]
-        if len(step) < PART:
+        if period and len(step) < PART:
             break
-        period = float(np.median(step / np.maximum(np.round(step / period), 1.0)))
+        steps = np.maximum(np.round(step / period), 1.0) if period else float(span)
+        period = float(np.median(step / steps)) if len(step) else float(np.median(np.diff(t)))
     return period
 
 

@@ -33,8 +33,8 @@ def read_poses(
     tracked = bool(logs[0].points) and not {"x", "y", "theta"} & set(options.columns)
     if options.body and not tracked:
         raise UserError(
-            f"{logs[0].path} is a table of one body: --body is for files of several, or of a video tracker's points; name "
-            "the columns with --columns."
+            f"{logs[0].path} is a table of one body: --body is for files of several, or of a video tracker's points; "
+            "name the columns with --columns."
         )
     pose = () if tracked else _pose_columns(logs[0], options, rig)
     needed = [source[column][0] for column in (*pose, *(c for c in ("trial", "t") if c in options.columns))]

@@ -46,6 +46,8 @@ def choose_markers(path: Path, names: Sequence[str], body: str | None) -> tuple[
             bodies.setdefault(name.rpartition(":")[0], []).append(name)
     if not bodies:
         raise UserError(f"{path} has neither a rigid body nor markers with names; export the rigid bodies.")
+    if len(alone := bodies.get("", [])) == 1:
+        bodies = {name or alone[0]: markers for name, markers in bodies.items()}
     if body is not None and body in names and body not in bodies:
         return body, [body]
     chosen = choose_body(path, list(bodies), body)
@@ -72,6 +74,11 @@ def motion_of_markers(
         raise UserError(
             f"{path}, {named} ({', '.join(names[:SHOWN])}): {error}. One alone is a ball: name it with --body."
         ) from error
+    if odd > len(markers) // 2:
+        raise UserError(
+            f"{path}: the markers {', '.join(names[:SHOWN])} do not move as one rigid body (in {odd} of {len(markers)} "
+            "frames). Give the markers of a body a common name before a colon, or name one, a ball, with --body."
+        )
     notes.append(
         f"the body is made of {markers.shape[1]} markers: its origin is their mean, its axes are those of the "
         "recording in the first frame that shows all; say with --frame where its centre of mass is"

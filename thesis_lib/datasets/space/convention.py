@@ -30,7 +30,7 @@ SLOW = 0.05  # m/s: level speed and k|ω| below it (rms) tell nothing
 CONTACT = 0.05  # s between two flights with an impact between
 MIRRORED = 0.5  # typical couple of the stated sign over that of the other
 TURNS = np.radians(np.arange(0.0, 360.0, 3.0))  # of the shape against its frame, among which the best is taken
-FINER = np.radians(np.arange(-3.0, 3.5, 0.5))  # about the best of these
+FINER = np.radians(np.arange(-6.0, 6.5, 0.5))  # about the best of these
 SAME = 1.001  # ratio of couples that are the same, as those of a square turned by 90°
 OFF = np.radians(6.0)  # a turn of the shape that is worth telling ...
 CLEARLY = 0.5  # ... if it makes couples so much smaller
@@ -142,14 +142,15 @@ def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> t
         return float("nan"), 0.0
     dvx, dvy, dw, theta = rows.T
 
-    def couple(sign: float, turns: np.ndarray) -> np.ndarray:
+    def couples(sign: float, turns: np.ndarray) -> np.ndarray:
         r = scene.shape.contact_point((sign * theta + turns[:, None]).ravel()).reshape(len(turns), -1, 2)
-        return np.median(np.abs(sign * scene.k_g**2 * dw - r[..., 0] * dvy + r[..., 1] * dvx), axis=1)
+        return np.abs(sign * scene.k_g**2 * dw - r[..., 0] * dvy + r[..., 1] * dvx)
 
-    along, against = couple(1.0, TURNS), couple(-1.0, TURNS)
+    along, against = (np.median(couples(sign, TURNS), axis=1) for sign in (1.0, -1.0))
     least = np.flatnonzero(along <= SAME * np.min(along))  # several of a shape with symmetries
     finer = TURNS[least[np.argmin(np.abs(_wrapped(TURNS[least])))]] + FINER
-    turned = float(_wrapped(finer[np.argmin(couple(1.0, finer))]))
+    # of the hits nearly on two corners the couples say little, at any angle
+    turned = float(_wrapped(finer[np.argmin(np.minimum(couples(1.0, finer), 3.0 * np.min(along)).mean(axis=1))]))
     tells = np.min(along) < CLEARLY * along[0] and abs(turned) > OFF
     return float(np.min(against) / max(np.min(along), 1e-12)), turned if tells else 0.0
 
