@@ -324,6 +324,7 @@ def test_parsers():
     assert parse_columns("t=time_s, y=-Z") == {"t": ("time_s", 1.0), "y": ("Z", -1.0)}
     assert parse_shape("disk:0.03").radius == 0.03
     assert parse_shape("ellipse:0.035,0.025").semi_axes == (0.035, 0.025)
+    assert parse_shape("rect:0.08,0.05").vertices == ((0.04, 0.025), (-0.04, 0.025), (-0.04, -0.025), (0.04, -0.025))
     assert len(parse_shape("polygon:0,0;1,0;0,1").vertices) == 3
     for text in ("disk:-1", "disk:a", "blob:1", "ellipse:1", "polygon:0,0;1,1", "square:"):
         with pytest.raises(UserError, match="--shape"):

@@ -1,5 +1,7 @@
 """Tables as programs and people write them, read by `datasets init`: the same poses, whatever the form."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,7 +24,9 @@ def text(frame: pd.DataFrame = FRAME, **how) -> str:
     return frame.to_csv(index=False, float_format="%.5f", **how)
 
 
-def read(folder, content: str | bytes, shape: str = "square:0.06", rig: dict | None = None, **options) -> Conversion:
+def read(
+    folder, content: str | bytes, shape: str = "square:0.06", rig: dict | None = None, **options: Any
+) -> Conversion:
     path = folder / "log.txt"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     options["columns"] = parse_columns(options.get("columns", ""))
@@ -49,7 +53,7 @@ FORMS = {  # content, options, what is said of it
     "semicolons": (text(sep=";"), {}, "semicolons between cells"),
     "decimal commas": (text(sep=";", decimal=","), {}, "semicolons between cells and decimal commas"),
     "tabs and commas": (text(sep="\t", decimal=","), {}, "tabs between cells and decimal commas"),
-    "quoted decimals": (text(decimal=",").replace(",", ";") if False else text(decimal=",", quoting=1), {}, "decimal"),
+    "quoted decimals": (text(decimal=",", quoting=1), {}, "commas between cells and decimal commas"),
     "aligned by blanks": (FRAME.round(5).to_string(index=False) + "\n", {}, "spaces between cells"),
     "UTF-16": (text().encode("utf-16"), {}, "read as utf-16"),
     "UTF-8 with a mark": (text().encode("utf-8-sig"), {}, ""),
@@ -261,4 +265,3 @@ def test_units_have_many_names():
         "mm", "deg", "s", "us", "px", None, None
     ]  # fmt: skip
     assert (unit_in("theta (deg)"), unit_in("q_x []"), unit_in("mm")) == ("deg", None, None)
-    assert len(parse_shape("rect:0.08,0.05").corners) == 4
