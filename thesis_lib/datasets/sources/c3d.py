@@ -77,7 +77,7 @@ def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: fl
     from scipy.spatial.transform import Rotation
 
     turn, position = matrices[:3, :3].transpose(2, 0, 1), scale * matrices[:3, 3].T
-    whole: np.ndarray = np.isfinite(turn).all(axis=(1, 2)) & np.isfinite(position).all(axis=1)
+    whole = np.isfinite(np.sum(matrices[:3], axis=(0, 1)))
     whole &= np.linalg.det(np.where(whole[:, None, None], turn, 0.0)) > 0.5  # zeros where lost
     quaternion = np.full((len(turn), 4), np.nan)
     if whole.any():
