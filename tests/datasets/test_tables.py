@@ -33,10 +33,16 @@ def read(
     return convert([path], "made", Rig(parse_shape(shape), **(rig or {})), Reading(**options))
 
 
-def same(conversion: Conversion, expected: pd.DataFrame = FRAME, within: float = WRITTEN) -> None:
+def poses_of(conversion: Conversion) -> pd.DataFrame:
     poses = conversion.dataset.trajectories
+    assert poses is not None
+    return poses
+
+
+def same(conversion: Conversion, expected: pd.DataFrame = FRAME, within: float = WRITTEN) -> None:
+    poses = poses_of(conversion)
     columns = ["t", "x", "y", "theta"] if conversion.dataset.has_angle else ["t", "x", "y"]
-    assert poses is not None and conversion.dataset.has_angle == ("theta" in expected)
+    assert conversion.dataset.has_angle == ("theta" in expected)
     np.testing.assert_array_equal(poses["trial"], expected["trial"])
     np.testing.assert_allclose(poses[columns], expected[columns], atol=within)
 
@@ -96,7 +102,7 @@ def test_stamps_in_nanoseconds_keep_their_digits(tmp_path):
     stamps = STAMPS + np.arange(len(STAMPS))  # 1 ns a row later
     stamps[5:8] = [stamps[5], 0, stamps[7]]
     cells = [str(stamp) if stamp else "" for stamp in stamps]
-    poses = read(tmp_path, text(FRAME.assign(t=cells)), units="ns").dataset.trajectories
+    poses = poses_of(read(tmp_path, text(FRAME.assign(t=cells)), units="ns"))
     one = (stamps[:40] - stamps[0])[stamps[:40] > 0]
     np.testing.assert_array_equal(poses["t"][:39], 1e-9 * one.astype(float))
 
@@ -191,16 +197,16 @@ def points(frame: pd.DataFrame, lost: dict[str, int], individual: str = "") -> s
 @pytest.mark.parametrize("individual", ["", "plate"])
 def test_points_of_a_video_tracker_become_the_pose(tmp_path, individual):
     frame = FRAME[FRAME["trial"] == 0]
-    how = {"scale": "900", "origin": "300,800", "rig": {"rate": 250.0}}
+    how: dict[str, Any] = {"scale": "900", "origin": "300,800", "rig": {"rate": 250.0}}
     table = points(frame, {"tip": 7, "side": 7, "tail": 9}, individual)
     done = read(tmp_path, table, frame=f"0,0,{-np.degrees(DIRECTION):.9f}", **how)
     same(done, frame, SEEN / 0.02)  # an angle of marks 0.02 m from the middle
-    np.testing.assert_allclose(done.dataset.trajectories[["x", "y"]], frame[["x", "y"]], atol=SEEN)
+    np.testing.assert_allclose(poses_of(done)[["x", "y"]], frame[["x", "y"]], atol=SEEN)
     assert any("3 points taken as lost" in note for note in done.notes)
 
     name = f"{individual}.tip" if individual else "tip"
     alone = read(tmp_path, table, "disk:0.03", columns=f"x={name}.x,y=-{name}.y", **how)
-    assert len(alone.dataset.trajectories) == len(frame) - 1 and not alone.dataset.has_angle
+    assert len(poses_of(alone)) == len(frame) - 1 and not alone.dataset.has_angle
     for options, message in (
         ({"columns": "x=tip,y=-tip.1"}, "leave x, y and theta out of --columns"),
         ({"body": f"{name},nose"}, "has no point nose"),
