@@ -112,6 +112,7 @@ REFUSED = {
     "below": (below(",s,mm,mm,rad", text()), {"units": "deg"}, "column theta is in rad, but --units says deg"),
     "quantity": (text(NAMED), {"columns": "t=x (mm),x=t (s),y=y [mm],theta=angle (°)"}, "is in mm, but t is a time"),
     "frames": (text(FRAME.assign(t=np.arange(len(FRAME)))), {}, "t counts rows: give the frames a second, --rate"),
+    "stamps": (text(FRAME.assign(t=STAMPS)), {}, "counts ns since 1970 (1.567e+18): give --units ns"),
     "decimal": (text(sep=";"), {"decimal": ","}, "'0.00000' is not a number (120 such cells)"),
     "delimiter": (text(), {"delimiter": ";"}, "and check --delimiter"),
     "pixels": (text(), {"units": "px"}, "say how many make a metre with --scale"),

@@ -14,6 +14,7 @@ from thesis_lib.datasets.sources.table_options import SPATIAL, TableOptions
 from thesis_lib.datasets.sources.tracked_points import LIKELY, pose_of_points
 from thesis_lib.foundation.errors import UserError
 
+SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # stamps above it are in that unit; now it is 1.8e9 s
 STRAY = 0.1  # of a body's size, by which tracked points may stray from a rigid body
 
 
@@ -140,6 +141,10 @@ def times(log: Log, options: TableOptions, trial: pd.Series, name: str, notes: l
             raise UserError(f"{log.where(name)} counts rows: give the frames a second, --rate HZ, or the unit of time.")
         notes.append(f"{name} counts frames; times follow from --rate {options.rate:g}")
         return t / options.rate
+    if "time" not in options.units.given and stated is None:
+        first = np.nanmax(log.numbers(name), initial=0.0)
+        if unit := next((unit for unit, least in SINCE_1970.items() if first > least), None):
+            raise UserError(f"{log.where(name)} counts {unit} since 1970 ({first:.4g}): give --units {unit}.")
     return options.units.to_si("t", stated, log.where(name)) * t
 
 
