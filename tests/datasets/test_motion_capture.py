@@ -16,7 +16,7 @@ from thesis_lib.datasets.sources.logs import Reading, convert
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
 from thesis_lib.datasets.sources.optitrack import is_optitrack, read_optitrack
 from thesis_lib.datasets.sources.qualisys import read_qualisys
-from thesis_lib.datasets.sources.rig_log import parse_columns
+from thesis_lib.datasets.sources.table_options import parse_columns
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 

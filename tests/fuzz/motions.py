@@ -82,7 +82,7 @@ def read_motion(folder: Path, out: Path) -> None:
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.conversion import Rig, parse_shape
     from thesis_lib.datasets.sources.logs import Reading, convert
-    from thesis_lib.datasets.sources.rig_log import parse_columns
+    from thesis_lib.datasets.sources.table_options import parse_columns
     from thesis_lib.figures.cuts import draw_cuts
 
     # the file may be gone, or a trap: its name says how it is read

@@ -127,6 +127,7 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
         f"{name} {'unknown' if value is None else f'{value:.3g} {unit}'}"
         + (f" (stated {stated[name]:g})" if name in stated else "")
         for (name, value), unit in zip(part["noise"].items(), ("m", "rad"))
+        if value != 0.0  # that of an angle which is not measured
     ]
     lines.append(f"  noise     {', '.join(shares)}; from {source[part['noise_source']]}")
     return lines
