@@ -155,6 +155,12 @@ def read_log(path: Path, options: TableOptions, wanted: Collection[str], doubts:
     ends_cleanly = text.endswith(("\n", "\r"))
     cells = _last_row(path, cells, body, layout.delimiter, ends_cleanly, doubts)
     units = {name: unit for name in names if (unit := unit_in(name))}
+    if named := [
+        f"{name.partition('[')[0].partition('(')[0].strip()} in {units[name]}"
+        for name in names
+        if name in units and name in wanted
+    ]:
+        notes.append(f"units read from the names of the columns: {', '.join(named)}")
     below = {name: unit for name, cell in zip(names, layout.units) if (unit := unit_of(cell))}
     if below:
         shown = ", ".join(f"{name} in {unit}" for name, unit in below.items())
