@@ -18,11 +18,12 @@ from pathlib import Path
 
 from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
-from thesis_lib.critique.proposal.terms import all_terms
+from thesis_lib.critique.proposal.terms import TARGETS, testable_terms
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
 
+UNTESTABLE = "terms_in_v_t_omega_and_beta"  # as it stands under `not_testable` of diagnosis.json
 MOST_NAMES = 99  # files with other content beside each other
 MOST_SAID = 3  # terms that say the same
 
@@ -68,14 +69,19 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
     )
 
 
+def not_testable(has_angle: bool) -> list[dict]:
+    """What joins `not_testable` of diagnosis.json, where terms were looked for."""
+    why = "theta is not measured: the unknown spin takes up any error that depends on it"
+    return [] if has_angle else [{"name": UNTESTABLE, "why": why}]
+
+
 def sentences(d: Mapping) -> list[str]:
     """Sentences for the summary; `d` is the content of diagnosis.json with the key `proposal`."""
     found = d["proposal"]
     if found is None:
-        return [
-            f"Of {len(all_terms())} terms that could be added to restitution, friction, a sideways impulse or a couple "
-            "none passes the test of an effect, so none is proposed."
-        ]
+        terms = testable_terms(all(one["name"] != UNTESTABLE for one in d["not_testable"]))
+        targets = listed([TARGETS[name] for name in dict.fromkeys(term.target for term in terms)], "or")
+        return [f"Of {len(terms)} terms for {targets} none passes the test of an effect, so none is proposed."]
     error, terms = found["error"], found["terms"]
     named = [f"{one['equation']} with {sized(one)} ({one['title']})" for one in terms]
     worst = max(one["gain"]["p_value"] for one in terms)

@@ -201,7 +201,8 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
 @house_style
 def draw_parameters(critique: Critique) -> Drawn:
     """Each parameter with its 95 % interval at each step; one that moves had compensated for a missing effect."""
-    declared = critique.ladder[-1][1].model.parameters
+    # a law that was given up on the way may have parameters of its own
+    declared = {name: p for _, fitted, _ in critique.ladder for name, p in fitted.model.parameters.items()}
     table = parameter_table(critique)
     table = table[[declared[name].discrete is None for name in table["parameter"]]].reset_index(drop=True)
     names = list(dict.fromkeys(table["parameter"]))

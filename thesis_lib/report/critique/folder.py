@@ -111,10 +111,11 @@ def critique_folder(
     say("writing tables, pictures and report")
     if not asked:
         return write_critique(critique, folder, rng, compared)
-    from thesis_lib.critique.proposal.results import content_of, write_source
+    from thesis_lib.critique.proposal.results import content_of, not_testable, write_source
 
-    name = write_source(found, file).name if found else ""
-    return write_critique(critique, folder, rng, compared, {"proposal": content_of(found, name)})
+    more = {"proposal": content_of(found, write_source(found, file).name if found else "")}
+    more["not_testable"] = not_testable(critique.observations.rig.has_angle)
+    return write_critique(critique, folder, rng, compared, more)
 
 
 def recording_folder(
@@ -168,7 +169,7 @@ def write_critique(
     if more:
         from thesis_lib.critique.proposal.results import sentences
 
-        content |= more
+        content |= {**more, "not_testable": [*content["not_testable"], *more.get("not_testable", [])]}
         content["summary"] = [*content["summary"], *sentences(content)]
     if models is not None:
         made["models"] = models

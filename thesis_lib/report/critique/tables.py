@@ -147,7 +147,7 @@ def parameters_table(critique: Critique) -> Markup:
     """Each parameter without effects and with all of them."""
     fits = [critique.ladder[i][1] for i in ((0, -1) if len(critique.ladder) > 1 else (0,))]
     rows = []
-    for full, p in fits[-1].model.parameters.items():
+    for full, p in {name: p for fit in fits for name, p in fit.model.parameters.items()}.items():
         effect, _, name = full.rpartition(".")
         ends = [estimate(fit.values[full], fit.std[full], p.unit) if full in fit.values else "–" for fit in fits]
         rows.append((symbol(name), effect_title(effect) if effect else "base law", *ends))
