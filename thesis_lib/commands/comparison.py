@@ -151,6 +151,9 @@ def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: 
     values = [fit["value"] if fit else None for fit in (p, q)]
     ends = [[fit["value"] + s * Z95 * fit["std"] for s in (-1, 1)] if fit and fit["std"] else None for fit in (p, q)]
     row = _measured(quantity, values[0], values[1], (p or q or {})["unit"], *ends)
+    if bounds := {word: run for run, fit in zip("ab", (p, q)) if fit and (word := fit.get("bound"))}:
+        row["quantity"] += f" ({' and '.join(f'{word} bound in {run}' for word, run in bounds.items())})"
+        comparable = False
     return row if comparable else row | {"difference": None, "sigmas": None}
 
 

@@ -64,7 +64,11 @@ def _mechanism_errors(content: Mapping) -> list[str]:
 
 def _value(p: Mapping) -> str:
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
-    return f"{p['value']:.4g} ± {p['std'] or 0.0:.2g}{unit}"
+    if p.get("bound"):
+        from thesis_lib.statistics.wording import bounded
+
+        return bounded(p, unit.strip())
+    return f"{p['value']:.4g} ± {p['std']:.2g}{unit}" if p["std"] else f"{p['value']:.4g}{unit}"
 
 
 def batch_text(batch: "Batch", out: Path) -> str:

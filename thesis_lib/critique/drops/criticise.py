@@ -5,7 +5,7 @@ reported errors come.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -146,6 +146,7 @@ def criticise(
     world = Drops(training, settings.rivals, settings.contact_time)
     say(f"fitting {len(world.bases)} laws")
     discovery = search(world, settings, rng, effects, say)
+    discovery = _with_bounds_of_all(discovery, observations)
     say("judging on held-out trials")
     unseen = Drops(held_out)
     ladder, without = judge_held_out(world, unseen, discovery)
@@ -160,6 +161,13 @@ def criticise(
     return Critique(
         dataset.name, settings, *parts, discovery, ladder, laws, without, structure, *errors, source=dataset
     )
+
+
+def _with_bounds_of_all(discovery: DropsDiscovery, observations: Observations) -> DropsDiscovery:
+    """What was chosen, with bounds of parameters from all impacts; estimates stay those of the training trials."""
+    bases = {name: replace(fitted, seen=observations) for name, fitted in discovery.bases.items()}
+    steps = tuple(replace(step, fitted=replace(step.fitted, seen=observations)) for step in discovery.steps)
+    return replace(discovery, bases=bases, steps=steps)
 
 
 def _irb(fitted: Fit, observations: Observations) -> float:

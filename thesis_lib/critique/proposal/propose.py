@@ -109,7 +109,9 @@ class _Proposer:
         self.screen = Drops(self.world.quick, timed=critique.settings.contact_time)
         self.evidence = Evidence(self.world, self.settings, self.stream("folds"))
         # one that was added from a file is an effect like any other
-        self.terms = [term for term in testable_terms(self.world.observations.rig.has_angle) if term.name not in EFFECTS]
+        self.terms = [
+            term for term in testable_terms(self.world.observations.rig.has_angle) if term.name not in EFFECTS
+        ]
 
     def run(self) -> Proposal | None:
         final, steps = self.critique.discovery.fitted, self.critique.discovery.steps

@@ -21,7 +21,7 @@ from thesis_lib.critique.proposal.propose import Proposal
 from thesis_lib.critique.proposal.terms import TARGETS, testable_terms
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.rounding import six_digits
-from thesis_lib.statistics.wording import listed, number
+from thesis_lib.statistics.wording import bounded, listed, number
 
 UNTESTABLE = "terms_in_v_t_omega_and_beta"  # as it stands under `not_testable` of diagnosis.json
 MOST_NAMES = 99  # files with other content beside each other
@@ -33,10 +33,7 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
     if proposal is None:
         return None
     fitted = proposal.fitted
-    parameters = {
-        name: {"value": fitted.values[name], "std": fitted.std[name], "unit": p.unit}
-        for name, p in fitted.model.parameters.items()
-    }
+    parameters = {name: fitted.content(name) for name in fitted.model.parameters}
     terms = [
         {
             "name": one.term.name,
@@ -101,16 +98,16 @@ def sentences(d: Mapping) -> list[str]:
 
 
 def sized(term: Mapping) -> str:
-    """a = value ± standard error."""
+    """a = value ± standard error, or its bound."""
     a = term["parameters"]["a"]
-    return f"a = {number(a['value'])} ± {number(a['std'], 1)}"
+    return f"a = {number(a['value'])} ± {number(a['std'], 1)}" if a["std"] is not None else f"a {bounded(a)}"
 
 
 def text_of(proposal: Proposal) -> str:
     """The text of the effect file, with what was measured."""
     found = [
-        f"Found: {one.term.name}: a = {proposal.fitted.values[f'{one.term.name}.a']:.4g} ± "
-        f"{proposal.fitted.std[f'{one.term.name}.a']:.1g}, p = {one.p_value:.2g} among {proposal.tried} terms."
+        f"Found: {one.term.name}: {sized({'parameters': {'a': proposal.fitted.content(f'{one.term.name}.a')}})}, "
+        f"p = {one.p_value:.2g} among {proposal.tried} terms."
         for one in proposal.terms
     ]
     before, after = proposal.before.error.mean(), proposal.after.error.mean()

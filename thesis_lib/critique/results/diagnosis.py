@@ -5,6 +5,7 @@
 | where           | key                 | meaning                                                                     |
 |-----------------|---------------------|-----------------------------------------------------------------------------|
 |                 | augmented_model     | law and (μ, ε) with effects; the law may differ from that of base_model     |
+|                 | parameters          | a bound: std null, `bound` lower or upper, `used` in predictions, `range`   |
 |                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
@@ -87,8 +88,8 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
 def _parameters(fitted: Fit, of: str = "") -> dict:
     """Parameters of an effect (`of`: its name and a dot) by short name; without one, those of the law."""
     return {
-        name.removeprefix(of): {"value": fitted.values[name], "std": fitted.std[name], "unit": p.unit}
-        for name, p in fitted.model.parameters.items()
+        name.removeprefix(of): fitted.content(name)
+        for name in fitted.model.parameters
         if (name.startswith(of) if of else "." not in name)
     }
 

@@ -12,7 +12,7 @@ from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
 from thesis_lib.effects import EFFECTS
-from thesis_lib.statistics.wording import listed
+from thesis_lib.statistics.wording import bounded, listed
 
 SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
 MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
@@ -27,7 +27,7 @@ def summary(content: Mapping) -> list[str]:
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
-    more += [*_contact_time(content["augmented_model"]), *_by_hand(content, clearing, by_hand)]
+    more += [*_friction(content), *_contact_time(content["augmented_model"]), *_by_hand(content, clearing, by_hand)]
     return [*sentences, first, *more, *_origins(content), *_worst(content["error"]), *rest]
 
 
@@ -147,13 +147,24 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
 
 def _contact_time(model: Mapping) -> list[str]:
     tau, epsilon = (model["parameters"].get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
-    if tau["value"] <= SEEN * tau["std"]:
+    if tau["std"] is None or tau["value"] <= SEEN * tau["std"]:
         return []
     force = BASES[model["name"]].force or NormalForce()
     loss = force.loss(np.asarray(epsilon["value"]))
     per_tau = float(force.duration(loss) / force.centroid(loss))
     value, std = per_tau * 1e3 * tau["value"], per_tau * 1e3 * tau["std"]
     return [f"Contacts last about {value:.2g} ms (standard error {std:.1g} ms), which the model takes into account."]
+
+
+def _friction(content: Mapping) -> list[str]:
+    """What no slip says of friction."""
+    mu = content["augmented_model"]["parameters"]["mu"]
+    if mu.get("bound") != "lower" or mu["value"] <= mu["range"][0]:
+        return []
+    return [
+        f"No impact goes on slipping, so the data give only a bound of friction: mu {bounded(mu)}, the largest ratio "
+        "of impulses; predictions stick beyond it."
+    ]
 
 
 def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mapping]) -> list[str]:

@@ -220,7 +220,7 @@ def _row(model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, ju
         row |= {"mean": solved.mean(), "median": np.median(solved), "quantile_90": np.quantile(solved, 0.9)}
     if fitted is not None:
         for name in ("mu", "epsilon"):
-            row |= {name: fitted.values[name], f"{name}_std": fitted.std[name]}
+            row |= {name: fitted.content(name)["value"], f"{name}_std": fitted.std[name]}  # NaN of a bound
     if judged is not None:
         row |= {"floor": judged.floor, "score": judged.total / len(judged.score)}
     return row
@@ -262,7 +262,7 @@ def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> floa
     """Mean of trace(J Cov Jᵀ) in the kinetic metric, (m/s)², with secants J over a standard error."""
     columns = []
     for name in (name for name, p in fitted.model.parameters.items() if p.discrete is None):
-        value, step = fitted.values[name], max(fitted.std[name], 1e-6)
+        value, step = fitted.values[name], max(np.nan_to_num(fitted.std[name]), 1e-6)
         high, low = (
             impact_residuals(fitted.model, {**fitted.values, name: value + offset}, o)[:, :3]
             for offset in (0.5 * step, -0.5 * step)

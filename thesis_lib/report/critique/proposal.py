@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from markupsafe import Markup
 
-from thesis_lib.critique.proposal.results import UNTESTABLE
+from thesis_lib.critique.proposal.results import UNTESTABLE, sized
 from thesis_lib.critique.results.titles import law_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.elements import amount, interval, paragraph, percent, table
@@ -30,7 +30,7 @@ def proposed(d: Mapping) -> Markup:
         (
             one["equation"],
             one["title"],
-            f"{number(one['parameters']['a']['value'], 3)} ± {number(one['parameters']['a']['std'], 1)}",
+            sized(one).removeprefix("a ").removeprefix("= "),
             number(one["gain"]["p_value"], 2),
             percent(one["share_of_halves"]),
             listed(one["indistinguishable_from"]) if one["indistinguishable_from"] else "–",
