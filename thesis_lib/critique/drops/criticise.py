@@ -16,6 +16,7 @@ from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
+from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.residuals import states_at_impact, turned_until_impulse
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
@@ -103,6 +104,15 @@ class Critique:
         """Whether the structure that a Gaussian process learns is significant and material."""
         floor = self.ladder[-1][2].floor
         return self.remaining.is_structured(self.settings, floor if np.isfinite(floor) else 0.0)
+
+    @cached_property
+    def restitution_differs(self) -> tuple[str, float, float] | None:
+        """ "trial" or "impact", and the range of ε, where only restitution differs, and with nothing recorded."""
+        if not self.is_structured or self.remaining.p_value <= self.settings.alpha:
+            return None
+        own = own_restitution(self.ladder[-1][1], self.observations)
+        by = own.differs(self.settings.excess_scatter)
+        return None if by is None else (by, float(own.epsilon.min()), float(own.epsilon.max()))
 
     def gain_of(self, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
         """Held-out gain of the final model over the one without `effect`: nats per impact, with 95 % interval."""

@@ -17,6 +17,9 @@
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
 | remaining       | channels            | those with a misfit far above noise                                         |
+|                 | depends_on          | states from which a part of it can be learned; empty if none can            |
+|                 | restitution         | null, or range of ε where it alone differs by trial or impact, by nothing   |
+|                 |                     | that is recorded                                                            |
 """
 
 from dataclasses import asdict
@@ -46,6 +49,8 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     """
     discovery, remaining = critique.discovery, critique.remaining
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
+    is_learned = critique.is_structured and remaining.p_value <= critique.settings.alpha
+    differs = critique.restitution_differs
     content = {
         "schema": 1,
         "dataset": critique.dataset,
@@ -60,7 +65,10 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
             "structured": critique.is_structured,
             "channels": list(critique.misfit_channels),
             "p_value": remaining.p_value,
-            "depends_on": list(remaining.depends_on) if critique.is_structured else [],
+            "depends_on": list(remaining.depends_on) if is_learned else [],
+            "restitution": None
+            if differs is None
+            else dict(zip(("differs_by", "low", "high"), differs)) | {"unit": "1"},
             "error": remaining.error_before,
             "error_without_it": remaining.error_after,
             "stand_ins": list(critique.stand_ins),

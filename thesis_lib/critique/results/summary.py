@@ -15,6 +15,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed
 
 SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
+UNRECORDED = "Look for what changed between them (the spot that was hit, its material, dirt, wear), and record it."
 MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
 
 
@@ -137,12 +138,20 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
     if replaced and not remaining["structured"]:
         again = listed(sorted({e["stand_in"]["denies"] for e in found if e["stand_in"]}))
         return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
+    if remaining["restitution"]:
+        return [*sentences, restitution_differs(remaining["restitution"]), UNRECORDED]
     on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
     sentences.append(
         (f"What is left depends on {on}: look there" if on else "Look at what is left")
         + " for a cause that the library does not hold, or learn it as a residual."
     )
     return sentences
+
+
+def restitution_differs(differs: Mapping) -> str:
+    """What is known of restitution that is no number."""
+    low, high, by = f"{differs['low']:.2f}", f"{differs['high']:.2f}", differs["differs_by"]
+    return f"Restitution ({low} to {high}) differs from {by} to {by} and with nothing that is recorded."
 
 
 def _contact_time(model: Mapping) -> list[str]:
