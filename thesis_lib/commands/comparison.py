@@ -61,7 +61,7 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
     same_law = _law(a, "augmented_model") == _law(b, "augmented_model")
     same_models = same_law and _law(a) == _law(b) and _effects(a) == _effects(b)
     rows = [
-        _text("verdict", a["verdict"], b["verdict"]),
+        _text("verdict", *(content["verdict"] or "none (too few impacts)" for content in (a, b))),
         _text("base law", _law(a), _law(b)),
         _text("law with the effects", _law(a, "augmented_model"), _law(b, "augmented_model")),
         _text("effects", _effects(a) or "none", _effects(b) or "none"),

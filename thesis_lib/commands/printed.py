@@ -14,7 +14,10 @@ def diagnosis_text(content: Mapping) -> str:
     """The content of diagnosis.json for a terminal."""
     from thesis_lib.critique.results.summary import origin_text
 
-    lines = [f"{content['dataset']}: {content['verdict']}", *(f"  {s}" for s in content["summary"])]
+    lines = [f"{content['dataset']}: {content['verdict'] or 'no verdict'}", *(f"  {s}" for s in content["summary"])]
+    if content["verdict"] is None:
+        names = content["base_model"]["parameters"].items()
+        return "\n".join([*lines, "", *(f"    {key:<14}{_value(p)}" for key, p in names)])
     lines += ["", *(_mechanism_errors(content) if "mechanism" in content else _errors(content))]
     width = max((14, *(len(key) + 2 for key in content["augmented_model"]["parameters"])))
     for key, p in content["augmented_model"]["parameters"].items():

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.critique.drops.features import remaining
+from thesis_lib.critique.drops.few_impacts import FewImpacts, few_impacts
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
@@ -28,11 +29,10 @@ from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.enough import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
 
-MIN_TRIALS = 10
-MIN_IMPACTS = 30
 # relative standard error of a misfit from n values, times √n: of their median, and of that of norms of three components
 OF_MEDIAN, OF_NORM = 1.17, 0.56
 
@@ -119,8 +119,14 @@ class Critique:
         return paired_gain(self.ladder[-1][2], self.without[effect], rng)
 
 
-# for these small matrices BLAS threads are no faster, and their number changes last digits
-@threadpool_limits.wrap(limits=1)
+class TooFewImpacts(UserError):
+    """Too few usable impacts for a verdict; they are in `observations`."""
+
+    def __init__(self, text: str, observations: Observations) -> None:
+        super().__init__(text)
+        self.observations = observations
+
+
 def criticise(
     dataset: Dataset,
     *,
@@ -129,8 +135,11 @@ def criticise(
     arcs: ArcSettings | None = None,
     effects: Sequence[str] | None = None,
     say: Callable[[str], None] = lambda text: None,
-) -> Critique:
+) -> Critique | FewImpacts:
     """Criticise contact models against a dataset.
+
+    Fewer than 30 usable impacts in 10 trials give restitution and friction without a verdict: a `FewImpacts`, whose
+    `verdict` is None.
 
     Args:
         rng: for split, folds and resamples; seed it from the dataset's content for reproducible results.
@@ -139,9 +148,32 @@ def criticise(
         say: receives a line for each step.
 
     Raises:
-        UserError: too few trials or impacts, a channel that is constant, more than one planar rigid body, or an effect
-            that is unknown or cannot be tested.
+        UserError: no usable impact, or too few for the `effects` that were named; a channel that is constant, more than
+            one planar rigid body, or an effect that is unknown or cannot be tested.
     """
+    settings = settings or CritiqueSettings()
+    try:
+        return whole_critique(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+    except TooFewImpacts as few:
+        if effects or not len(few.observations):
+            raise
+        say("too few impacts for a verdict: fitting restitution and friction")
+        with threadpool_limits(limits=1):
+            return few_impacts(dataset, few.observations, settings.contact_time)
+
+
+# for these small matrices BLAS threads are no faster, and their number changes last digits
+@threadpool_limits.wrap(limits=1)
+def whole_critique(
+    dataset: Dataset,
+    *,
+    rng: np.random.Generator,
+    settings: CritiqueSettings | None = None,
+    arcs: ArcSettings | None = None,
+    effects: Sequence[str] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Critique:
+    """As `criticise`, with a verdict; `TooFewImpacts`, a UserError, where impacts are too few for one."""
     settings = settings or CritiqueSettings()
     require_known(effects or ())
     _refuse_constant(dataset)
@@ -221,16 +253,17 @@ def _split(
 ) -> tuple[Observations, Observations]:
     refuse_what_is_not_one_body(dataset.name, observations)
     trials = np.unique(observations.trial)
-    if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
+    if not are_enough(len(observations), len(trials)):
         reasons = observations.found.left_out["reason"].value_counts().to_dict()
         why = "; ".join(f"{count} {name}" for name, count in reasons.items())
         why = why or ("none" if len(observations) else "none, because not one was detected")
         noticed = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
         noticed = f"What was noticed: {noticed} " if noticed else ""
-        raise UserError(
+        raise TooFewImpacts(
             f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
             f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {noticed}"
-            "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
+            "Measure more drops, or look at what detection says (python -m thesis_lib datasets check).",
+            observations,
         )
     training, held_out = split(trials, settings.held_out_share, rng)
     return observations.select(training), observations.select(held_out)

@@ -5,6 +5,7 @@
 
 import csv
 import io
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, Self
 
@@ -113,9 +114,9 @@ class SavedModel(Section):
         return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle)
 
 
-def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
-    """Content of model.json for a fitted model."""
-    parameters = {
+def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping] | None = None) -> SavedModel:
+    """Content of model.json for a fitted model; `parameters`: as in diagnosis.json, None: as fitted."""
+    parameters = parameters or {
         name: fitted.content(name) | ({} if p.discrete is None else {"std": None})
         for name, p in fitted.model.parameters.items()
     }

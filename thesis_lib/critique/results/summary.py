@@ -15,7 +15,9 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed
 
 SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
-UNRECORDED = "Look for what changed between them (the spot that was hit, its material, dirt, wear), and record it."
+UNRECORDED = (
+    "Look for what changed from one to the next (the spot that was hit, its material, dirt, wear), and record it."
+)
 MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
 
 
@@ -24,7 +26,7 @@ def summary(content: Mapping) -> list[str]:
     clearing = [e for e in content["effects"] if e["clears"]]
     by_hand = [e for e in content["effects"] if not e["clears"]]
     faults = [e for e in clearing if e["family"] == "measurement"]
-    sentences = [*_low_pass(content), *_faults(clearing, faults), *_left_out(content)]
+    sentences = [*_low_pass(content), *_faults(clearing, faults), *much_left_out(content)]
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
@@ -78,14 +80,16 @@ def _low_pass(content: Mapping) -> list[str]:
     ]
 
 
-def _left_out(content: Mapping) -> list[str]:
+def much_left_out(content: Mapping) -> list[str]:
+    """How many impacts were left out, if these are many."""
     share = content["left_out"]["share"]
     if share <= MUCH_LEFT_OUT:
         return []
-    why = reasons_listed(content["left_out"]["reasons"])
-    return [
-        f"{100 * share:.0f} % of the detected impacts were left out ({why}), so the verdict holds for the others only."
-    ]
+    why, said = (
+        reasons_listed(content["left_out"]["reasons"]),
+        "the verdict holds" if content["verdict"] else "all holds",
+    )
+    return [f"{100 * share:.0f} % of the detected impacts were left out ({why}), so {said} for the others only."]
 
 
 def _adequate(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
