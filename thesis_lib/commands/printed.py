@@ -91,13 +91,13 @@ def _models(rows: Sequence[Mapping]) -> list[str]:
     """Laws and engines side by side."""
     import pandas as pd
 
-    from thesis_lib.critique.engines.words import model_sentences, row_title
+    from thesis_lib.critique.engines.words import bounded_text, model_sentences, row_title
 
     lines = [f"  {sentence}" for sentence in model_sentences(pd.DataFrame(rows))]
     titles = [row_title(row) for row in rows]
     width = max(map(len, titles))
     lines.append(f"    {'model':<{width}}  effects  error (m/s)  mu      epsilon")
     for title, row in zip(titles, rows):
-        numbers = f"{row['error']:<11.4g}  {row['mu']:<6.3f}  {row['epsilon']:.3f}"
+        numbers = f"{row['error']:<11.4g}  {bounded_text(row, 'mu', 3):<7} {bounded_text(row, 'epsilon', 3)}"
         lines.append(f"    {title:<{width}}  {row['effects']:<7}  {numbers}")
     return lines

@@ -26,7 +26,7 @@ from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
 
 EDGE = 0.5 * Z95**2  # nats
-WIDE = 0.5  # of the range of a parameter: a 95 % interval as wide is compared with the profile
+WIDE = 0.25  # of the range of a parameter: a 95 % interval as wide is compared with the profile
 POINTS, STAGES = 16, 4  # of the search for an edge: it ends within 10⁻⁵ of the range
 SLOPE_STEP = 1e-3  # of a parameter's scale
 

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.few_impacts import FewImpacts, few_impacts
-from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.fit import Fit, fit
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.own_restitution import own_restitution
@@ -206,9 +206,22 @@ def whole_critique(
 
 
 def _with_bounds_of_all(discovery: DropsDiscovery, observations: Observations) -> DropsDiscovery:
-    """What was chosen, with bounds of parameters from all impacts; estimates stay those of the training trials."""
-    bases = {name: replace(fitted, seen=observations) for name, fitted in discovery.bases.items()}
-    steps = tuple(replace(step, fitted=replace(step.fitted, seen=observations)) for step in discovery.steps)
+    """What was chosen, with bounds of parameters from all impacts; estimates stay those of the training trials.
+
+    Where no impact of the training trials slips, but another one does, the model is fitted to all of them.
+    """
+
+    def with_all(fitted: Fit) -> Fit:
+        model = fitted.model
+        if fitted.values["mu"] == model.parameters["mu"].high:
+            start = {name: value for name, value in fitted.values.items() if name not in ("mu", "epsilon")}
+            again = fit(model, observations, start)
+            if again.values["mu"] < fitted.values["mu"]:
+                return again
+        return replace(fitted, seen=observations)
+
+    bases = {name: with_all(fitted) for name, fitted in discovery.bases.items()}
+    steps = tuple(replace(step, fitted=with_all(step.fitted)) for step in discovery.steps)
     return replace(discovery, bases=bases, steps=steps)
 
 

@@ -12,7 +12,6 @@ from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.world import CHANNELS
 from thesis_lib.critique.results.diagnosis import left_out, parameters
 from thesis_lib.critique.results.summary import much_left_out
-from thesis_lib.critique.results.titles import law_title
 from thesis_lib.datasets.impacts.enough import MIN_IMPACTS, MIN_TRIALS
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.rounding import six_digits
@@ -27,7 +26,7 @@ def few_diagnosis(few: FewImpacts) -> dict:
     o, (value, std) = few.observations, few.restitution
     n, m = len(o), len(np.unique(o.trial))
     model = {"name": few.fitted.base, "parameters": few_parameters(few)}
-    why = f"too few impacts ({n} in {m} trials; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
+    why = f"too few impacts ({n} in {m} {'trial' if m == 1 else 'trials'}; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
     nothing: dict = dict.fromkeys((*ERRORS, "explained_share", *CHANNELS[1:]))
     ends = {f"{name}_interval": [None, None] for name in ("base", "augmented")}
     unknown = {"error": None, "interval": [None, None], "unit": "m/s"}
@@ -71,16 +70,16 @@ def few_parameters(few: FewImpacts) -> dict[str, dict]:
 
 def _summary(content: Mapping, why: str) -> list[str]:
     of, found = content["restitution"], content["base_model"]["parameters"]
-    law, epsilon, mu = law_title(content["base_model"]["name"]), found["epsilon"], found["mu"]
+    epsilon, mu = found["epsilon"], found["mu"]
     scatter = "standard error, which counts how far trials differ"
     if epsilon.get("bound"):
         restitution = f"Restitution is {bounded(epsilon)}"
     elif np.isfinite(of["std"]):
         trials = content["n_trials"]
-        scatter = scatter if trials > 1 else "standard error; how far trials differ, one trial does not show"
-        restitution = f"Restitution {with_error(of['value'], of['std'])} ({scatter}; {law})"
+        scatter = scatter if trials > 1 else "standard error; one trial does not show how far trials differ"
+        restitution = f"Restitution {with_error(of['value'], of['std'])} ({scatter})"
     else:
-        restitution = f"Restitution {of['value']:.3g}, from one impact whose noise is not stated ({law})"
+        restitution = f"Restitution {of['value']:.3g}, from one impact whose noise is not stated"
     friction = (
         f"Friction: mu {with_error(mu['value'], mu['std'])}." if mu["std"] else "These impacts do not show friction."
     )
