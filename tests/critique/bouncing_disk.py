@@ -60,5 +60,6 @@ def _flown(q: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def _struck(v: np.ndarray, mu: float, epsilon: float) -> np.ndarray:
     space = contact_space(v[None], np.array([[0.0, -RADIUS]]), mass=1.0, k_g=K_G)
-    c_t, c_n = (c[0] for c in mirtich.impulse(space, np.array([mu]), np.array([epsilon])))
+    with np.errstate(all="ignore"):
+        c_t, c_n = (c[0] for c in mirtich.impulse(space, np.array([mu]), np.array([epsilon])))
     return v + [c_t, c_n, RADIUS * c_t / K_G**2]

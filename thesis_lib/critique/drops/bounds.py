@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.critique.drops.model import Model, inward
+from thesis_lib.critique.drops.model import Model, contact_space_of, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.whitening import Whitening, robust
@@ -86,6 +86,14 @@ def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bo
     if low is None:
         return Bound("upper", high)
     return (high - low) / (2.0 * Z95)
+
+
+def slip_is_known(model: Model, values: Mapping[str, float], observations: Observations) -> bool:
+    """Whether the direction of slip is known before any impact, whatever spin nobody measured: else friction is not."""
+    o = observations
+    before, _ = states_at_impact(model, values, o)
+    contact = model.contact(before, values, o.rig, o.offset)
+    return bool(np.any(np.abs(contact_space_of(*contact).v_t) > Z95 * o.spin * np.abs(contact[2])))
 
 
 def largest_ratio(model: Model, values: Mapping[str, float], observations: Observations) -> float:

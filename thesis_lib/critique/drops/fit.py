@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from thesis_lib.contact import mirtich
-from thesis_lib.critique.drops.bounds import Bound, doubtful, profiled
+from thesis_lib.critique.drops.bounds import Bound, doubtful, profiled, slip_is_known
 from thesis_lib.critique.drops.contact_time import DAMPING_RATIO, STICTION_TOLERANCE
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
@@ -92,7 +92,10 @@ class Fit:
         if names and self.seen is not None:
             S = residual_covariance(self.model, self.values, self.seen)
             whitening = Whitening(self.model, self.seen, S, self.sigma_m)
-        return {name: profiled(whitening, self.values, name) for name in names}
+        said = {name: profiled(whitening, self.values, name) for name in names}
+        o = whitening.observations
+        unseen = o.spin > 0.0 and not slip_is_known(self.model, self.values, o)
+        return said | ({"mu": Bound("lower", free["mu"].low)} if unseen else {})
 
     def content(self, name: str) -> dict:
         """A parameter for a file: value, std and unit.
