@@ -74,17 +74,15 @@ def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bo
             beyond = np.flatnonzero(~(loss <= EDGE))
             if not len(beyond):
                 return None if stage == 0 else far
-            near, far = points[beyond[0] - 1] if beyond[0] else near, points[beyond[0]]
-        return float(far)
+            near, far = float(points[beyond[0] - 1]) if beyond[0] else near, float(points[beyond[0]])
+        return far
 
     low, high = (edge(end) if value != end else None for end in (p.low, p.high))
-    if low is None and high is None:
-        return Bound("lower", p.low)
+    if low is None:
+        return Bound("lower", p.low) if high is None else Bound("upper", high)
     if high is None:
         most = largest_ratio(whitening.model, values, whitening.observations) if name == "mu" else low
         return Bound("lower", min(low, most))
-    if low is None:
-        return Bound("upper", high)
     return (high - low) / (2.0 * Z95)
 
 

@@ -77,7 +77,7 @@ def sentences(d: Mapping) -> list[str]:
     found = d["proposal"]
     if found is None:
         terms = testable_terms(all(one["name"] != UNTESTABLE for one in d["not_testable"]))
-        targets = listed([TARGETS[name] for name in dict.fromkeys(term.target for term in terms)], "or")
+        targets = listed(list(dict.fromkeys(TARGETS[term.target] for term in terms)), "or")
         return [f"Of {len(terms)} terms for {targets} none passes the test of an effect, so none is proposed."]
     error, terms = found["error"], found["terms"]
     named = [f"{one['equation']} with {sized(one)} ({one['title']})" for one in terms]

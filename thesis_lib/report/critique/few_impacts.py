@@ -76,7 +76,7 @@ def _each(few: FewImpacts) -> Markup:
         (
             f"{o.trial[i]}",
             f"{o.impact[i]}",
-            number(speed[i]),
+            number(float(speed[i])),
             number(epsilon) if np.isnan(std) else with_error(epsilon, std),
         )
         for i, epsilon, std in list(zip(each.rows, each.epsilon, each.std))[:MOST]

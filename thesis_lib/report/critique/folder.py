@@ -122,7 +122,7 @@ def critique_folder(
         return write_critique(critique, folder, rng, compared)
     from thesis_lib.critique.proposal.results import content_of, not_testable, write_source
 
-    more = {"proposal": content_of(found, write_source(found, file).name if found else "")}
+    more: dict[str, object] = {"proposal": content_of(found, write_source(found, file).name if found else "")}
     more["not_testable"] = not_testable(critique.observations.rig.has_angle)
     return write_critique(critique, folder, rng, compared, more)
 
