@@ -27,7 +27,8 @@ def diagnosis_text(content: Mapping) -> str:
     for effect in content["effects"]:
         if effect["name"] in origins:
             lines.append(f"    {effect['name']} is from {origins[effect['name']]}")
-        lines += [f"    {effect['name']}.{key} = {_value(p)}" for key, p in effect["parameters"].items()]
+        for key, p in effect["parameters"].items():
+            lines.append(f"    {effect['name']}.{key} {'' if p.get('bound') else '= '}{_value(p)}")
         gain, (low, high) = effect["gain"], effect["gain"]["interval"]
         lines.append(
             f"      gains {gain[f'held_out_log_score_per_{score}']:.3g} nats {case} (95 %: {low:.3g} to {high:.3g}), "

@@ -49,7 +49,7 @@ def bounded(p: Mapping[str, Any], unit: str = "") -> str:
     """at least 0.057: a parameter of diagnosis.json of which the data give only a bound, in `unit`."""
     if p["bound"] == "lower" and p.get("range") and p["value"] <= p["range"][0]:
         return "not shown by these data"
-    return f"at {'least' if p['bound'] == 'lower' else 'most'} {number(p['value'], 2, unit)}"
+    return f"at {'least' if p['bound'] == 'lower' else 'most'} {number(p['value'], 2)} {unit}".rstrip()
 
 
 def ends(value: Any, std: Any) -> tuple[Any, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 from thesis_lib.critique.export.solid import NO_MASS, NO_TIME, Solid
 from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter
 from thesis_lib.foundation.terminal import visible
-from thesis_lib.statistics.wording import NBSP, bounded
+from thesis_lib.statistics.wording import bounded
 
 WIDTH = 110  # characters of a comment's line
 
@@ -34,7 +34,7 @@ def story(solid: Solid, engine: Sequence[str]) -> list[str]:
 def only_bounds(model: SavedModel) -> list[str]:
     """What the drops give only a bound of, and what was written in its place."""
     return [
-        f"{name}: {bounded(p.model_dump()).replace(NBSP, ' ')}; {model.values[name]:g} is used"
+        f"{name}: {bounded(p.model_dump())}; {model.values[name]:g} is used"
         for name, p in model.parameters.items()
         if p.bound is not None
     ]
@@ -42,7 +42,7 @@ def only_bounds(model: SavedModel) -> list[str]:
 
 def _sized(p: SavedParameter) -> str:
     if p.bound is not None:
-        return bounded(p.model_dump(), "" if p.unit == "1" else p.unit).replace(NBSP, " ")
+        return bounded(p.model_dump(), "" if p.unit == "1" else p.unit)
     return f"= {p.value:g}" + ("" if p.std is None else f" +/- {p.std:g}") + ("" if p.unit == "1" else f" {p.unit}")
 
 
