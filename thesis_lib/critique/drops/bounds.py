@@ -27,6 +27,7 @@ from thesis_lib.statistics.intervals import Z95
 
 EDGE = 0.5 * Z95**2  # nats
 WIDE = 0.25  # of the range of a parameter: a 95 % interval as wide is compared with the profile
+NO_SLOPE = 1e-6  # of a parameter's scale: rounding gives such a standard error where nothing depends on it
 POINTS, STAGES = 16, 4  # of the search for an edge: it ends within 10⁻⁵ of the range
 SLOPE_STEP = 1e-3  # of a parameter's scale
 
@@ -44,7 +45,7 @@ def doubtful(p: Parameter, value: float, std: float) -> bool:
     if p.discrete is not None:
         return False
     at_end = value in (p.low, p.high) and value != p.null
-    return at_end or not 0.0 < std < WIDE * (p.high - p.low) / (2.0 * Z95)
+    return at_end or not NO_SLOPE * p.scale < std < WIDE * (p.high - p.low) / (2.0 * Z95)
 
 
 def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bound | float:
