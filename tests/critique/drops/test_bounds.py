@@ -18,12 +18,15 @@ from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.own_restitution import OwnRestitution
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.engines.compare import compare_models
 from thesis_lib.critique.export.export import exported
 from thesis_lib.critique.proposal import terms as proposed
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.saved_model import load_model, predict, save_model, saved
 from thesis_lib.critique.results.tables import comparison
 from thesis_lib.figures.critique.errors import draw_parameters
+from thesis_lib.figures.critique.models import draw_models
+from thesis_lib.report.critique.models import models
 
 MU, EPSILON = 0.3, 0.6
 NEAR = 0.05  # of the largest ratio of impulses: the bound lies two standard errors of one impact below it
@@ -74,6 +77,15 @@ def test_a_bound_is_drawn_as_an_arrow(sticking):
     assert table[table["parameter"] == "mu"]["std"].isna().all()
     of_mu = next(ax for ax in figure.axes if "μ" in ax.get_xlabel())
     assert any(text.arrow_patch is not None for text in of_mu.texts)
+
+
+def test_models_side_by_side_have_the_same_bound(sticking):
+    critique, ratio = sticking
+    table = compare_models(critique, ["laws"])
+    assert set(table["mu_bound"]) == {"lower"} and table["mu_std"].isna().all() and table["epsilon_bound"].isna().all()
+    assert table["mu"].to_numpy() == pytest.approx(ratio, rel=NEAR)
+    assert "≥" in models(table) and "nan" not in models(table)
+    assert draw_models(table)[1] is table
 
 
 @pytest.mark.parametrize("slip", [1.5, 0.6])
