@@ -18,7 +18,7 @@ from pathlib import Path
 
 from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
-from thesis_lib.critique.proposal.terms import TARGETS, testable_terms
+from thesis_lib.critique.proposal.terms import testable_terms
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import bounded, listed, number
@@ -76,9 +76,12 @@ def sentences(d: Mapping) -> list[str]:
     """Sentences for the summary; `d` is the content of diagnosis.json with the key `proposal`."""
     found = d["proposal"]
     if found is None:
-        terms = testable_terms(all(one["name"] != UNTESTABLE for one in d["not_testable"]))
-        targets = listed(list(dict.fromkeys(TARGETS[term.target] for term in terms)), "or")
-        return [f"Of {len(terms)} terms for {targets} none passes the test of an effect, so none is proposed."]
+        has_angle = all(one["name"] != UNTESTABLE for one in d.get("not_testable", ()))
+        targets = "restitution, friction, a sideways impulse or a couple" if has_angle else "restitution or friction"
+        return [
+            f"Of {len(testable_terms(has_angle))} terms that could be added to {targets} none passes the test of an "
+            "effect, so none is proposed."
+        ]
     error, terms = found["error"], found["terms"]
     named = [f"{one['equation']} with {sized(one)} ({one['title']})" for one in terms]
     worst = max(one["gain"]["p_value"] for one in terms)
