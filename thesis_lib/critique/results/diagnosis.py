@@ -21,6 +21,9 @@
 |                 | depends_on          | states from which a part of it can be learned; empty if none can            |
 |                 | restitution         | null, or range of ε where it alone differs by trial or impact, by nothing   |
 |                 |                     | that is recorded                                                            |
+|                 | energy_gain         | median relative gain of energy at impacts, 0 unless most gain               |
+|                 | stays_down          | null, or hits that stay down: `thesis_lib/datasets/impacts/stays_down.py`   |
+|                 | remarks             | what the body does that no impact law does, absent if nothing               |
 """
 
 from dataclasses import asdict
@@ -50,7 +53,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     `rng` draws intervals and trial states; `rungs` is the table of the ladder, None: made here.
     """
     discovery, remaining = critique.discovery, critique.remaining
-    base, final = critique.ladder[0][1], critique.ladder[-1][1]
+    base, final, found = critique.ladder[0][1], critique.ladder[-1][1], critique.observations.found
     is_learned = critique.is_structured and remaining.p_value <= critique.settings.alpha
     differs = critique.restitution_differs
     content = {
@@ -71,6 +74,8 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
             "restitution": None
             if differs is None
             else dict(zip(("differs_by", "low", "high"), differs)) | {"unit": "1"},
+            "energy_gain": found.gain,
+            "stays_down": None if found.down is None else asdict(found.down),
             "error": remaining.error_before,
             "error_without_it": remaining.error_after,
             "stand_ins": list(critique.stand_ins),
@@ -80,8 +85,10 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "detectable": detectable(critique),
         "next_experiment": next_experiment(critique, rng),
     }
-    if (low_pass := critique.observations.found.low_pass) is not None:
+    if (low_pass := found.low_pass) is not None:
         content["low_pass"] = low_pass.content()
+    if remarks := found.remarks:
+        content["remarks"] = list(remarks)
     rungs = ladder(critique, rng) if rungs is None else rungs
     for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
         content["error"][key] = [float(row["error_low"]), float(row["error_high"])]

@@ -62,7 +62,8 @@ def long_flights(samples: Samples, at: np.ndarray, t: np.ndarray, guard: float, 
     last, length = last[usable], length[usable]
     ranked = np.minimum(np.sort(length), longest)
     sizes = {int(ranked[-ENOUGH]), int(ranked[len(ranked) // 2])}
-    return [samples.q[last[length >= N][:, None] + np.arange(1 - N, 1)] for N in sorted(sizes)]
+    q = samples.without_air()
+    return [q[last[length >= N][:, None] + np.arange(1 - N, 1)] for N in sorted(sizes)]
 
 
 def slope_variance(flights: list[np.ndarray], n: int) -> np.ndarray:

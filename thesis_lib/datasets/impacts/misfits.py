@@ -42,12 +42,14 @@ def misfits(
     metric: np.ndarray,
     gravity: float,
     stray: np.ndarray,
+    in_air: bool = False,
 ) -> dict[str, np.ndarray]:
     """The statistics of `ArcFits` that come from free arcs, by their names there.
 
     `side` (n, 2, W) is 1 for the samples used before and after, else 0; `tau` (n, W) is the time after the impact in s,
     `z` (n, W, 3) are poses; `white` and `weight` (3,) are 1/σ² of a sample, and of fitted values (noise may be
     correlated); `metric` is (1, 1, k), `gravity` in m/s², `stray` (3,) one sigma of accelerations beyond gravity.
+    `in_air`: they are large, and move the two samples next to an impact as well.
     """
     flight = z.copy()
     flight[..., 1] += 0.5 * gravity * tau**2
@@ -80,7 +82,11 @@ def misfits(
     reach = reach + (tau[:, None] - others.mean[..., None]) ** 2 / spread[..., None]
     usable = close & (others.count >= 3)[..., None]
     near2 = ((others.residual * metric) ** 2).sum(-1) * usable
-    chi2_near = (others.residual**2 * white).sum(-1) / reach * usable
+    if in_air:
+        bends = lines_through(rest, tau, 0.5 * tau[..., None] ** 2).residual
+        chi2_near = (others.residual**2 / (reach[..., None] / white + (stray * bends) ** 2)).sum(-1) * usable
+    else:
+        chi2_near = (others.residual**2 * white).sum(-1) / reach * usable
     dof = 3.0 * (others.count - 2.0)
     _, rest_ss, _, rest_curvature, rest_norm2 = bow(rest, tau, others)
     chi2_rest = with_stray(rest_ss, rest_curvature, rest_norm2, white, stray)[0] @ white

@@ -66,6 +66,7 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
 
     `rough` (3,) in m, m, rad is used if there are too few arcs; `stated` (3,) is the header's, NaN if it states none.
     """
+    fits = fits.flying
     n = np.maximum(fits.n_side, 4)
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
@@ -137,6 +138,7 @@ def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> 
 
 def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) -> np.ndarray:
     """One sigma (3,) of accelerations beyond gravity, from the curvature of long arcs beyond noise; else 0."""
+    fits = fits.flying
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
         return np.zeros(3)
@@ -188,10 +190,11 @@ def noise_warnings(
                 "Correct it, or delete it to use the estimate."
             )
     if (noise.colour > 1.0).any():
-        correlations = ", ".join(f"{value:.2f}" for value in noise.lag1)
+        known = {name: f"{value:.2f}" for name, value in zip(units, noise.lag1) if np.isfinite(value)}
+        correlations = f" (lag-one correlation of {', '.join(known)}: {', '.join(known.values())})" if known else ""
         sentences.append(
-            f"The noise of neighbouring samples is correlated (lag-one correlation of x, y, theta: {correlations}); "
-            "the covariances of the impacts are widened accordingly."
+            f"The noise of neighbouring samples is correlated{correlations}; the covariances of the impacts are "
+            "widened accordingly."
         )
     if noise.stray.any():
         sizes = ", ".join(f"{value:.2g}" for value in noise.stray)

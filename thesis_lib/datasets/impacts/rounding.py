@@ -17,7 +17,7 @@ least the last R before: a parabola that starts further away tells less.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,7 +39,8 @@ ENOUGH = 30  # flights that have such samples
 # rounding of 0.7 sigma of a sample moves the velocity of a line through 25 by a fifth of its standard error
 MATERIAL = 1.5
 CLEAR = 3.0
-_SPREAD = 2.74  # relative standard error of F times √n, from the densities of chi² at its medians
+# relative standard error of F times √n, from the densities of chi² at its medians: with an angle, without one
+_SPREADS = 2.74, 3.30
 _CONTACT = 1.5  # τ; contacts end before
 LONGEST = 5e-3  # s; a guard for longer contacts must be seen in the samples
 LEAST_SUNK, MOST_SUNK = 20, 400  # impacts that say how fast contacts let arcs sink
@@ -54,12 +55,19 @@ class Rounding:
     edges: np.ndarray
     ratio: np.ndarray
     count: np.ndarray  # (g, 2) flights
+    spread: float  # relative standard error of F times √n
 
     @property
     def rounded(self) -> np.ndarray:
         """Mask (g,) of the pairs of edges between which samples of either side are rounded."""
-        excess = self.ratio - MATERIAL - CLEAR * _SPREAD / np.sqrt(np.maximum(self.count, 1))
+        excess = self.ratio - MATERIAL - CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1))
         return np.any(np.nan_to_num(excess, nan=-1.0) > 0.0, axis=1)
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether a pair is rounded by the logarithm of F, too: a ratio of medians of few values is far from normal."""
+        limit = MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
+        return bool((np.nan_to_num(self.ratio) > limit).any())
 
     @property
     def reach(self) -> float:
@@ -81,25 +89,25 @@ def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSe
     UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
     """
     interval = sampling_interval(samples)
-    widest, ends = 0.0, True
+    widest, ends, clear = 0.0, True, False
     for reach in REACHES:
         found = rounding_within(reach, fits, samples, sigma, settings, interval)
         if (found.count.max(axis=1) < ENOUGH).all():
             break
-        widest = max(widest, found.reach)
+        widest, clear = max(widest, found.reach), clear or found.is_clear
         ends = found.reach <= 0.5 * reach * interval
         if not ends:
             widest = max(widest, reach * interval)
         if ends and reach * interval > NARROWEST:
             break
+    if not clear:
+        return 0.0
     if not ends:
         raise UserError(
             f"Over {1e3 * widest:.2g} ms and more from an impact the samples leave the free flight: they are smoothed, "
             "or the body vibrates. Too few flights are long enough to see where that ends. Write the data without a "
             "filter, or with a higher cutoff frequency; fasten what is loose; or drop the body from higher up."
         )
-    if not widest:
-        return 0.0
     return interval * float(np.append(EDGES, _BEYOND)[(EDGES * interval < widest + 0.5 * interval).sum()])
 
 
@@ -107,7 +115,8 @@ def rounding_within(
     reach: int, fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings, interval: float
 ) -> Rounding:
     """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
-    windows = windows_around(samples, fits.at, reach + FAR + 1)
+    # less what the air has made of the path
+    windows = windows_around(replace(samples, q=samples.without_air()), fits.at, reach + FAR + 1)
     t = fits.t - windows.t_0
     tau = windows.t - t[:, None]
     beyond = sides_of(windows, t, settings.model_copy(update={"guard": reach * interval, "max_window": FAR}), None)
@@ -124,7 +133,8 @@ def rounding_within(
     u = (fits.v_post - fits.v_pre) / sigma
     u /= np.maximum(np.sqrt((u**2).sum(1)), 1e-300)[:, None]
 
-    median_across = _MEDIANS[1] if samples.q[:, 2].any() else _MEDIANS[0]  # an angle that is not measured has no noise
+    with_angle = samples.q[:, 2].any()  # an angle that is not measured has no noise
+    median_across, spread = (_MEDIANS[1], _SPREADS[0]) if with_angle else (_MEDIANS[0], _SPREADS[1])
     edges = EDGES[reach >= EDGES] * interval
     ratio, count = np.full((len(edges) - 1, 2), np.nan), np.zeros((len(edges) - 1, 2))
     for g, (low, high) in enumerate(itertools.pairwise(edges)):
@@ -139,7 +149,7 @@ def rounding_within(
             along = (mean * u[rows]).sum(1) ** 2
             across = np.median((mean**2).sum(1) - along) / median_across
             ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
-    return Rounding(edges, ratio, count)
+    return Rounding(edges, ratio, count, spread)
 
 
 def rounding_warning(
