@@ -31,6 +31,7 @@ from thesis_lib.datasets.impacts.noise import (
     with_colour,
 )
 from thesis_lib.datasets.impacts.quality import assess_arcs, flag_physics, has_flag_text
+from thesis_lib.datasets.impacts.rests import without_rests
 from thesis_lib.datasets.impacts.rounding import (
     contact_guard,
     guard_of,
@@ -57,6 +58,7 @@ _STANDING_OUT = 0.9  # share of the hits that are left with coloured noise; fewe
 _MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets stay below 0.1
 _FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
 _SIDEWAYS = 0.4  # of gravity, one sigma in flight: beyond it no motion in the plane of the camera
+_DISPLACED = 0.1  # sampling intervals; samples then change sides
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 _Found = tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]
 
@@ -126,7 +128,11 @@ def find_in_arrays(
     """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped."""
     settings = settings or ArcSettings()
     everything, stamped = exposure_times(make_samples(trial, t, q, header, settings), header, settings)
-    stated = stated_sigma(header)
+    stated, on_table = stated_sigma(header), header.gravity == 0.0
+    if on_table:
+        everything = without_rests(
+            everything, np.fmax(np.fmax(stated, noise_from_differences(everything)), SIGMA_FLOOR)
+        )
 
     def search(settings: ArcSettings, least: np.ndarray) -> _Found:
         return _search(everything, header, stated, settings, least)
@@ -155,7 +161,9 @@ def find_in_arrays(
             # the filter lowered all free fall alike
             everything = everything.raised(0.5 * header.gravity * low_pass.second_moment)
             samples, at, fits, noise, glitch, sigma = search(settings, least)
-    noise = with_colour(noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0)
+    noise = with_colour(
+        noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0, on_table=header.gravity == 0.0
+    )
     glitches = _reported_glitches(everything, glitch)
 
     if not settings.stray_acceleration:
@@ -223,7 +231,10 @@ def _search(
         samples = everything.select(~glitch)
         at = _instants(samples, header, np.fmax(sigma, least), settings)
         fits = fit_arcs(samples, at, sigma, header, settings)
-        noise = noise_from_arcs(fits, rough, stated)
+        noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
+        if _displaces(noise.stray, fits, samples):
+            fits = fit_arcs(samples, at, sigma, header, settings, stray=noise.stray)
+            noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         unchanged = np.array_equal(noise.stated, believed, equal_nan=True)
         quiet = (noise.sigma < _NOISIER * sigma).all() or not np.isfinite(noise.sigma).all()
         if quiet and unchanged:
@@ -232,6 +243,19 @@ def _search(
         if not quiet:
             rough = noise.sigma  # a long rest, or coloured noise, hid part of it: detect again
     return samples, at, fits, noise, glitch, sigma  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+def _displaces(stray: np.ndarray, fits: ArcFits, samples: Samples) -> bool:
+    """Whether accelerations `stray` (3,) move the instants of impacts by a good part of a sampling interval.
+
+    A line through an arc of duration T ends a T²/12 off its parabola.
+    """
+    if not stray.any() or not len(fits):
+        return False
+    interval = sampling_interval(samples)
+    lasting = interval * float(np.median(fits.n_side))
+    speed = float(np.median(norm((fits.v_post - fits.v_pre)[:, :2])))
+    return norm(stray[:2]) * lasting**2 / 12.0 > _DISPLACED * interval * speed
 
 
 def _detection_warnings(
@@ -290,8 +314,13 @@ def _fit_straightest(
         shorter = fit(at[rows], size)
         bent_still = is_bent(shorter, sigma, settings.arc_deviation)
         bent, count = bent & bent_still, shorter.n_side
-    # any short arc is nearly straight: to be a flight it must also fall rather than rest
-    cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue]
+    # any short arc is nearly straight: to be a flight it must also fall rather than rest, where there is gravity
+    cured = (
+        (size < whole)
+        & ~bent_still
+        & ((shorter.fall > 0) | (header.gravity == 0.0))
+        & (shorter.n_side >= settings.min_window)
+    )  # pyright: ignore[reportOperatorIssue]
     final = fit(at[rows], np.where(cured, size, whole))
     return fits.put(rows, final)
 

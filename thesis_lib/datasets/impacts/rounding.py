@@ -39,7 +39,7 @@ ENOUGH = 30  # flights that have such samples
 # rounding of 0.7 sigma of a sample moves the velocity of a line through 25 by a fifth of its standard error
 MATERIAL = 1.5
 CLEAR = 3.0
-_SPREAD = 2.74  # relative standard error of F times √n, from the densities of chi² at its medians
+_SPREADS = 3.30, 2.74  # standard errors of ln F times √n from the densities of chi² at its medians, m_2 of 1 and 2 dof
 _CONTACT = 1.5  # τ; contacts end before
 LONGEST = 5e-3  # s; a guard for longer contacts must be seen in the samples
 LEAST_SUNK, MOST_SUNK = 20, 400  # impacts that say how fast contacts let arcs sink
@@ -54,11 +54,13 @@ class Rounding:
     edges: np.ndarray
     ratio: np.ndarray
     count: np.ndarray  # (g, 2) flights
+    spread: float  # standard error of ln F times the root of the count
 
     @property
     def rounded(self) -> np.ndarray:
         """Mask (g,) of the pairs of edges between which samples of either side are rounded."""
-        excess = self.ratio - MATERIAL - CLEAR * _SPREAD / np.sqrt(np.maximum(self.count, 1))
+        # of the logarithm: with 30 flights F itself is far from normal
+        excess = self.ratio - MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
         return np.any(np.nan_to_num(excess, nan=-1.0) > 0.0, axis=1)
 
     @property
@@ -112,7 +114,7 @@ def rounding_within(
     tau = windows.t - t[:, None]
     beyond = sides_of(windows, t, settings.model_copy(update={"guard": reach * interval, "max_window": FAR}), None)
     near = sides_of(windows, t, settings.model_copy(update={"max_window": reach + FAR}), None) > 0
-    near &= (np.abs(tau) < reach * interval)[:, None] & (beyond.sum(2) >= LEAST)[..., None]
+    near &= (fits.at_wall[:, None] & (np.abs(tau) < reach * interval))[:, None] & (beyond.sum(2) >= LEAST)[..., None]
 
     # parabolas through the samples beyond R, in units of R
     basis = (tau / (reach * interval))[..., None] ** np.arange(3)
@@ -124,7 +126,8 @@ def rounding_within(
     u = (fits.v_post - fits.v_pre) / sigma
     u /= np.maximum(np.sqrt((u**2).sum(1)), 1e-300)[:, None]
 
-    median_across = _MEDIANS[1] if samples.q[:, 2].any() else _MEDIANS[0]  # an angle that is not measured has no noise
+    measured = int(samples.q[:, 2].any())  # an angle that is not measured has no noise
+    median_across = _MEDIANS[measured]
     edges = EDGES[reach >= EDGES] * interval
     ratio, count = np.full((len(edges) - 1, 2), np.nan), np.zeros((len(edges) - 1, 2))
     for g, (low, high) in enumerate(itertools.pairwise(edges)):
@@ -139,7 +142,7 @@ def rounding_within(
             along = (mean * u[rows]).sum(1) ** 2
             across = np.median((mean**2).sum(1) - along) / median_across
             ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
-    return Rounding(edges, ratio, count)
+    return Rounding(edges, ratio, count, _SPREADS[measured])
 
 
 def rounding_warning(
