@@ -95,6 +95,12 @@ def make_samples(trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header
     return Samples(trial, t, q, np.r_[0, np.cumsum(new_run)][: len(t)])
 
 
+def is_uneven(t: np.ndarray) -> np.ndarray:
+    """Mask (m,) of rows of times (m, N) whose steps differ by more than a clock's digits do."""
+    step = np.diff(t, axis=1)
+    return np.ptp(step, axis=1) > _UNEVEN * step.mean(axis=1) if len(step) else np.zeros(0, bool)
+
+
 def noise_from_differences(samples: Samples) -> np.ndarray:
     """Robust noise (3,) of x, y, θ (m, m, rad) from third differences of neighbouring samples; NaN without any.
 
@@ -105,8 +111,7 @@ def noise_from_differences(samples: Samples) -> np.ndarray:
     third = np.abs(np.diff(samples.q, n=3, axis=0))[same]
     first = np.flatnonzero(same)
     t = samples.t[first[:, None] + np.arange(4)]
-    step = np.diff(t, axis=1)
-    uneven = np.ptp(step, axis=1) > _UNEVEN * step.mean(axis=1) if len(step) else np.zeros(0, bool)
+    uneven = is_uneven(t)
     if uneven.any():
         # divided differences, with weights 1/Π_k (t_j − t_k) made as long as (1, −3, 3, −1)
         apart = t[uneven, :, None] - t[uneven, None, :] + np.eye(4)
