@@ -30,6 +30,7 @@ from thesis_lib.datasets.impacts.noise import (
     stated_sigma,
     with_colour,
 )
+from thesis_lib.datasets.impacts.pieces import cut_into_pieces
 from thesis_lib.datasets.impacts.quality import assess_arcs, flag_physics, has_flag_text
 from thesis_lib.datasets.impacts.rests import without_rests
 from thesis_lib.datasets.impacts.rounding import (
@@ -174,11 +175,16 @@ def find_in_arrays(
     noise = replace(noise, contact_spread=spread)
     fits = _fit_straightest(samples, at, noise, header, settings)
 
-    trial_of = samples.trial[at]
     fits = on_floors(fits, header)
-    ordinal = _ordinal(trial_of)
     reasons, details, flags = assess_arcs(fits, samples, noise.used, header, settings)
-    used = reasons == ""
+    used, cut = reasons == "", ""
+    trial_of = samples.trial[at]
+    if on_table:
+        pieces = cut_into_pieces(samples, at, used)
+        cut, trial_of = pieces.text(), pieces.of(trial_of, samples.t[at])
+        samples = replace(samples, trial=pieces.of(samples.trial, samples.t))
+        glitches["trial"] = pieces.of(glitches["trial"].to_numpy(), glitches["t"].to_numpy())
+    ordinal = _ordinal(trial_of)
     impacts = Impacts(
         trial=trial_of[used],
         impact=ordinal[used],
@@ -194,7 +200,7 @@ def find_in_arrays(
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
     warnings = (
-        *([stamped] if stamped else []),
+        *(text for text in (stamped, cut) if text),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
     )
