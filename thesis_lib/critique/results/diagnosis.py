@@ -27,6 +27,7 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
+from thesis_lib.critique.drops.words import OFF_WALL
 from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
@@ -156,5 +157,7 @@ def _worst(critique: Critique) -> list[dict]:
 def _left_out(critique: Critique) -> dict:
     table = left_out_impacts(critique.observations)
     reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
-    total = len(table) + len(critique.observations)
-    return {"share": len(table) / total if total else 0.0, "reasons": reasons}
+    # what hit no wall says nothing about the impacts that did
+    missing = len(table) - reasons.get(OFF_WALL, 0)
+    total = missing + len(critique.observations)
+    return {"share": missing / total if total else 0.0, "reasons": reasons}

@@ -10,7 +10,14 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
+from thesis_lib.critique.drops.words import (
+    CHANNEL_TEXT,
+    NAMED,
+    OFF_WALL,
+    alternatives_listed,
+    feature_text,
+    reasons_listed,
+)
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import listed
 
@@ -81,7 +88,7 @@ def _left_out(content: Mapping) -> list[str]:
     share = content["left_out"]["share"]
     if share <= MUCH_LEFT_OUT:
         return []
-    why = reasons_listed(content["left_out"]["reasons"])
+    why = reasons_listed({name: n for name, n in content["left_out"]["reasons"].items() if name != OFF_WALL})
     return [
         f"{100 * share:.0f} % of the detected impacts were left out ({why}), so the verdict holds for the others only."
     ]

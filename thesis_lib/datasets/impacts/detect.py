@@ -19,6 +19,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_sample
 from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.impacts.at_walls import on_floors
+from thesis_lib.datasets.impacts.copies import without_copies
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
 from thesis_lib.datasets.impacts.noise import (
@@ -128,7 +129,10 @@ def find_in_arrays(
 ) -> FoundImpacts:
     """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped."""
     settings = settings or ArcSettings()
-    everything, stamped = exposure_times(make_samples(trial, t, q, header, settings), header, settings)
+    everything, copied = without_copies(make_samples(trial, t, q, header, settings))
+    # pictures that were taken at a lower rate than stated may have been shown late
+    clock = header.model_copy(update={"rate": None}) if copied else header
+    everything, stamped = exposure_times(everything, clock, settings)
     stated, on_table = stated_sigma(header), header.gravity == 0.0
     if on_table:
         everything = without_rests(
@@ -200,7 +204,7 @@ def find_in_arrays(
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
     warnings = (
-        *(text for text in (stamped, cut) if text),
+        *(text for text in (copied, stamped, cut) if text),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
     )

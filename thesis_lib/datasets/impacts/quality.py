@@ -8,7 +8,7 @@ Left out, with a reason (the first that applies):
 | `lost_frames`      | a long gap in time leaves too few samples on a side, or holds the impact itself              |
 | `second_hit`       | another hit too close: few samples between them, or arcs and samples that fit only two hits, |
 |                    | or a second corner, or another wall, that touches at once                                    |
-| `window_too_short` | the trial starts or ends too close to the impact                                             |
+| `window_too_short` | the trial, or a rest on a table, starts or ends too close to the impact                      |
 | `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet      |
 | `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                  |
 
