@@ -60,6 +60,7 @@ _STANDING_OUT = 0.9  # share of the hits that are left with coloured noise; fewe
 _MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets stay below 0.1
 _FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
 _SIDEWAYS = 0.4  # of gravity, one sigma in flight: beyond it no motion in the plane of the camera
+_SLOWER = 2.0  # sigmas of friction with a table that no hit must be
 _DISPLACED = 0.1  # sampling intervals; samples then change sides
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 _Found = tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]
@@ -221,9 +222,12 @@ def find_in_arrays(
     )
 
 
-def _instants(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
-    """Samples (n,) before the hits that stand out of noise `sigma` (3,)."""
-    return add_weak_hits(samples, detect(samples, header, sigma, settings), header, sigma, settings)
+def _instants(
+    samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
+) -> np.ndarray:
+    """Samples (n,) before the hits that stand out of noise `sigma` (3,) and of friction that slows down, in m/s²."""
+    at = detect(samples, header, sigma, settings, slowing)
+    return add_weak_hits(samples, at, header, sigma, settings, slowing)
 
 
 def _search(
@@ -243,6 +247,8 @@ def _search(
         fits = fit_arcs(samples, at, sigma, header, settings)
         noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         if _displaces(noise.stray, fits, samples):
+            if header.gravity == 0.0:
+                at = _instants(samples, header, np.fmax(sigma, least), settings, _SLOWER * norm(noise.stray[:2]))
             fits = fit_arcs(samples, at, sigma, header, settings, stray=noise.stray)
             noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         unchanged = np.array_equal(noise.stated, believed, equal_nan=True)

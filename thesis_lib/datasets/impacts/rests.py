@@ -12,8 +12,7 @@ import numpy as np
 from thesis_lib.datasets.format.samples import Samples
 
 ROWS = 9
-_WITHIN = 4.0  # sigmas from the mean; one in 2,000 windows at rest has a sample beyond
-_CREEP = 0.01  # m/s; slower is rest, whatever the noise
+_WITHIN = 3.0  # sigmas from the mean; at rest most windows stay within, and each sample is in nine of them
 
 
 def without_rests(samples: Samples, sigma: np.ndarray) -> Samples:
@@ -22,11 +21,8 @@ def without_rests(samples: Samples, sigma: np.ndarray) -> Samples:
         return samples
     rows = np.arange(len(samples) - ROWS + 1)[:, None] + np.arange(ROWS)
     xy = samples.q[rows, :2]
-    slow = _CREEP * (samples.t[rows[:, -1]] - samples.t[rows[:, 0]]) / 2.0
     off = np.abs(xy - xy.mean(axis=1, keepdims=True)).max(axis=1)
-    still = (off < _WITHIN * sigma[:2] + slow[:, None]).all(axis=1) & (
-        samples.run[rows[:, 0]] == samples.run[rows[:, -1]]
-    )
+    still = (off < _WITHIN * sigma[:2]).all(axis=1) & (samples.run[rows[:, 0]] == samples.run[rows[:, -1]])
     resting = np.zeros(len(samples), bool)
     for lag in range(ROWS):
         resting[lag : lag + len(still)] |= still

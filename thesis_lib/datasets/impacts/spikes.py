@@ -63,8 +63,13 @@ def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings:
     return glitch
 
 
-def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
-    """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial."""
+def detect(
+    samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
+) -> np.ndarray:
+    """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial.
+
+    `slowing` in m/s² is what friction with a table may take from the speed, which is no impact.
+    """
     n = len(samples)
     q = samples.without_gravity(header.gravity)
     boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]  # a segment ends after sample i
@@ -72,7 +77,7 @@ def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSet
     is_hit = np.zeros(n, bool)
     for w in settings.scales:
         segment = np.r_[0, np.cumsum(boundary | is_hit)[:-1]][:n]
-        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings)
+        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing)
         # the allowance for support flattens the peak of a weak hit: it decides whether there is a hit, `free` where
         peak = _peaks(free, w, settings) & (score > settings.threshold**2)
         is_hit |= peak
@@ -82,11 +87,11 @@ def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSet
 
 
 def add_weak_hits(
-    samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings
+    samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
 ) -> np.ndarray:
     """The hits `at` (n,) and those weak hits, between two clean flights, that show only without the allowance for rest.
 
-    Hits are indices of the sample before; `sigma` (3,) is the noise of x, y, θ in m, m, rad.
+    Hits are indices of the sample before; `sigma` (3,) is the noise of x, y, θ in m, m, rad, `slowing` as in `detect`.
     """
     n = len(samples)
     q = samples.without_gravity(header.gravity)
@@ -96,7 +101,7 @@ def add_weak_hits(
     boundary[at] = True
     segment = np.r_[0, np.cumsum(boundary)[:-1]][:n]
     w = max(settings.scales)
-    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings)
+    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing)
     weak = np.flatnonzero(_peaks(free, w, settings))
     both = np.union1d(at, weak)
     both = both[np.isin(samples.trial[both], samples.trial[weak])]  # only trials with such a hit
@@ -122,6 +127,7 @@ def _jump_scores(
     header: Header,
     sigma: np.ndarray,
     settings: ArcSettings,
+    slowing: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines."""
     n = len(t)
@@ -137,6 +143,11 @@ def _jump_scores(
     variance = 1.0 / np.where(ok, spread_l, 1.0) + 1.0 / np.where(ok, spread_r, 1.0)
     jump = -slope_r - slope_l
     rise = header.gravity * (-centre_r - centre_l)  # of v_y + g t of a body at rest
+    if slowing > 0.0:
+        along = (slope_l - slope_r)[:, :2]
+        along /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+        lost = np.clip(-(jump[:, :2] * along).sum(1), 0.0, slowing * (-centre_r - centre_l))
+        jump[:, :2] += lost[:, None] * along
     for score, allowed in zip(scores, (rise, 0.0)):
         d = jump.copy()
         d[:, 1] = np.where(d[:, 1] > 0, np.maximum(d[:, 1] - allowed, 0.0), d[:, 1])
