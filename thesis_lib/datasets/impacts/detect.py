@@ -155,7 +155,7 @@ def find_in_arrays(
     if (
         header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity
     ):  # samples that leave arcs of a body out of its plane are not rounded
-        rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
+        rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, on_table)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
         settings = settings.model_copy(update={"guard": guard})
@@ -317,8 +317,13 @@ def _fit_straightest(
         parts = {"spread": noise.contact_spread, "colour": noise.colour, "stray": noise.stray}
         return fit_arcs(samples, hits, noise.used, header, settings, size=size, **parts)
 
+    def bends(fits: ArcFits) -> np.ndarray:
+        bent = is_bent(fits, sigma, settings.arc_deviation)
+        # a ball slides after a hit, and rolls later: the samples beside the hit tell
+        return bent | ((fits.chi2_near > settings.meet_sigma**2) & (header.gravity == 0.0))[:, None]
+
     fits = fit(at)
-    bent = is_bent(fits, sigma, settings.arc_deviation)
+    bent = bends(fits)
     if not bent.any():
         return fits
     # hits of a trial bound each other's windows and are fitted together
@@ -328,7 +333,7 @@ def _fit_straightest(
     for _ in range(2):
         size = np.where(bent & (count > _MIN_CUT), np.maximum(count // 2 + 1, _MIN_CUT), size)
         shorter = fit(at[rows], size)
-        bent_still = is_bent(shorter, sigma, settings.arc_deviation)
+        bent_still = bends(shorter)
         bent, count = bent & bent_still, shorter.n_side
     # any short arc is nearly straight: to be a flight it must also fall rather than rest, where there is gravity
     cured = (

@@ -55,13 +55,15 @@ class Rounding:
     ratio: np.ndarray
     count: np.ndarray  # (g, 2) flights
     spread: float  # standard error of ln F times the root of the count
+    both: bool  # whether both sides must be rounded: on a table a body slides after a hit before it rolls
 
     @property
     def rounded(self) -> np.ndarray:
-        """Mask (g,) of the pairs of edges between which samples of either side are rounded."""
+        """Mask (g,) of the pairs of edges between which samples of either side are rounded, or of both."""
         # of the logarithm: with 30 flights F itself is far from normal
         excess = self.ratio - MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
-        return np.any(np.nan_to_num(excess, nan=-1.0) > 0.0, axis=1)
+        side = np.nan_to_num(excess, nan=-1.0) > 0.0
+        return side.all(axis=1) if self.both else side.any(axis=1)
 
     @property
     def reach(self) -> float:
@@ -76,16 +78,18 @@ def sampling_interval(samples: Samples) -> float:
     return float(np.median(step)) if len(step) else 1.0
 
 
-def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> float:
+def guard_of(
+    fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings, on_table: bool = False
+) -> float:
     """Time from an impact in s within which samples are rounded, and to the next of `EDGES`; 0 if none are.
 
-    `sigma` (3,) is the noise of x, y, θ in m, m, rad.
+    `sigma` (3,) is the noise of x, y, θ in m, m, rad; `on_table`: friction may change what happens after an impact.
     UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
     """
     interval = sampling_interval(samples)
     widest, ends = 0.0, True
     for reach in REACHES:
-        found = rounding_within(reach, fits, samples, sigma, settings, interval)
+        found = rounding_within(reach, fits, samples, sigma, settings, interval, on_table)
         if (found.count.max(axis=1) < ENOUGH).all():
             break
         widest = max(widest, found.reach)
@@ -106,7 +110,13 @@ def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSe
 
 
 def rounding_within(
-    reach: int, fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings, interval: float
+    reach: int,
+    fits: ArcFits,
+    samples: Samples,
+    sigma: np.ndarray,
+    settings: ArcSettings,
+    interval: float,
+    on_table: bool = False,
 ) -> Rounding:
     """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
     windows = windows_around(samples, fits.at, reach + FAR + 1)
@@ -142,7 +152,7 @@ def rounding_within(
             along = (mean * u[rows]).sum(1) ** 2
             across = np.median((mean**2).sum(1) - along) / median_across
             ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
-    return Rounding(edges, ratio, count, _SPREADS[measured])
+    return Rounding(edges, ratio, count, _SPREADS[measured], on_table)
 
 
 def rounding_warning(
