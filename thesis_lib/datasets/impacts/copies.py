@@ -31,17 +31,17 @@ def without_copies(samples: Samples) -> tuple[Samples, str]:
     # groups of equal rows: first and last row of each
     first = np.flatnonzero(np.r_[True, ~equal])
     last = np.r_[first[1:], n] - 1
-    step = np.abs(q[first[1:]] - q[last[:-1]]) * (samples.trial[first[1:]] == samples.trial[last[:-1]])[:, None]
-    length = last - first
+    step, length = np.abs(q[first[1:]] - q[last[:-1]]), last - first
+    between_trials = samples.trial[first[1:]] != samples.trial[last[:-1]]
 
-    def amid(least: np.ndarray) -> np.ndarray:
-        """Mask of the groups before and after which the body moves by more than `least` (3,)."""
-        moves = (step > least).any(axis=1)
-        return np.r_[False, moves] & np.r_[moves, False] & (length <= LONGEST)
+    def amid(least: np.ndarray, end: bool) -> np.ndarray:
+        """Mask of the groups before and after which the body moves by more than `least` (3,); the trial may `end`."""
+        moves = np.where(between_trials, end, (step > least).any(axis=1))
+        return np.r_[end, moves] & np.r_[moves, end] & (length <= LONGEST)
 
     sigma = np.nan_to_num(noise_from_differences(samples.select(first)))
-    moving = amid(STEPS * digit)
-    clearly = amid(STEPS * digit + SIGMAS * sigma)
+    moving = amid(STEPS * digit, True)
+    clearly = amid(STEPS * digit + SIGMAS * sigma, False)
     copies, pictures = int(length[clearly].sum()), int((length + 1)[clearly].sum())
     if copies < max(FEWEST, SHARE * pictures):
         return samples, ""
