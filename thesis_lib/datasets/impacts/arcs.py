@@ -213,7 +213,7 @@ def _reaches_a_wall(p: np.ndarray, windows: Windows, header: Header) -> np.ndarr
     pose = p[:, _Q] + windows.q_0
     ahead = gaps(walls, shape, pose + p[:, _PRE] * windows.high[:, None])
     behind = gaps(walls, shape, pose + p[:, _POST] * windows.low[:, None])
-    return (np.maximum(ahead, behind) < _NEAR_A_WALL * shape.extent).any(axis=1)
+    return np.any(np.maximum(ahead, behind) < _NEAR_A_WALL * shape.extent, axis=1)
 
 
 def _touch(p: np.ndarray, windows: Windows, header: Header) -> tuple[np.ndarray, np.ndarray]:

@@ -248,7 +248,9 @@ def _search(
         noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         if _displaces(noise.stray, fits, samples):
             if header.gravity == 0.0:
-                at = _instants(samples, header, np.fmax(sigma, least), settings, _SLOWER * norm(noise.stray[:2]))
+                at = _instants(
+                    samples, header, np.fmax(sigma, least), settings, _SLOWER * float(np.hypot(*noise.stray[:2]))
+                )
             fits = fit_arcs(samples, at, sigma, header, settings, stray=noise.stray)
             noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         unchanged = np.array_equal(noise.stated, believed, equal_nan=True)
@@ -271,7 +273,7 @@ def _displaces(stray: np.ndarray, fits: ArcFits, samples: Samples) -> bool:
     interval = sampling_interval(samples)
     lasting = interval * float(np.median(fits.n_side))
     speed = float(np.median(norm((fits.v_post - fits.v_pre)[:, :2])))
-    return norm(stray[:2]) * lasting**2 / 12.0 > _DISPLACED * interval * speed
+    return float(np.hypot(*stray[:2])) * lasting**2 / 12.0 > _DISPLACED * interval * speed
 
 
 def _detection_warnings(
@@ -336,12 +338,8 @@ def _fit_straightest(
         bent_still = bends(shorter)
         bent, count = bent & bent_still, shorter.n_side
     # any short arc is nearly straight: to be a flight it must also fall rather than rest, where there is gravity
-    cured = (
-        (size < whole)
-        & ~bent_still
-        & ((shorter.fall > 0) | (header.gravity == 0.0))
-        & (shorter.n_side >= settings.min_window)
-    )  # pyright: ignore[reportOperatorIssue]
+    straight = ~bent_still & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue, reportPossiblyUnboundVariable]
+    cured = (size < whole) & straight & ((shorter.fall > 0) | (header.gravity == 0.0))  # pyright: ignore[reportPossiblyUnboundVariable]
     final = fit(at[rows], np.where(cured, size, whole))
     return fits.put(rows, final)
 

@@ -63,7 +63,7 @@ class Rounding:
         # of the logarithm: with 30 flights F itself is far from normal
         excess = self.ratio - MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
         side = np.nan_to_num(excess, nan=-1.0) > 0.0
-        return side.all(axis=1) if self.both else side.any(axis=1)
+        return np.all(side, axis=1) if self.both else np.any(side, axis=1)
 
     @property
     def reach(self) -> float:

@@ -99,6 +99,7 @@ def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     """One trial in the plane: samples, fitted arcs, outline of the body at each impact, surface."""
     source, o = critique.source, critique.observations
     searched = o.found.samples
+    assert source is not None and searched is not None
     rows_of_trial = searched.trial == trial
     walls = source.header.surfaces or ()
     hits = o.found.arcs[o.found.arcs["trial"] == trial].sort_values("t")
