@@ -51,15 +51,24 @@ def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings:
     mean = (weight * tau).sum(1) / 4.0
     centred = weight * (tau - mean[:, None])
     spread = (centred**2).sum(1)
-    level = np.einsum("nw,nwi->ni", weight, q[window]) / 4.0
-    slope = np.einsum("nw,nwi->ni", centred, q[window]) / spread[:, None]
-    value = level - slope * mean[:, None]
-    off = ((q[here] - value) / sigma) ** 2 / (1.25 + mean**2 / spread)[:, None]
-    residual = q[window] - value[:, None] - slope[:, None] * tau[..., None]
-    others = ((weight[..., None] * residual / sigma) ** 2).sum((1, 2))
+
+    def stands_out(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Squares (n, c) by which the sample is off the line through the others, and those of the others from it."""
+        level = np.einsum("nw,nwi->ni", weight, values) / 4.0
+        slope = np.einsum("nw,nwi->ni", centred, values) / spread[:, None]
+        value = level - slope * mean[:, None]
+        own = np.einsum("nw,nwi->ni", 1.0 - weight, values)
+        residual = values - value[:, None] - slope[:, None] * tau[..., None]
+        off = (own - value) ** 2 / (1.25 + mean**2 / spread)[:, None]
+        return off, ((weight[..., None] * residual) ** 2).sum(1)
+
+    off, others = (squares.sum(1) for squares in stands_out(q[window] / sigma))
+    # A kink of velocity nearby gives off ≤ 2 × others at the middle of even steps: five times keeps impacts.
+    kink, beside = stands_out(np.maximum(tau[:, :, None] - tau[:, None, 1:4], 0.0))
+    most = 2.0 * (kink / np.maximum(beside, 1e-9 * kink + 1e-300)).max(1, initial=0.0)
+    inside = (window[:, 0] < here) & (here < window[:, 4])
     glitch = np.zeros(n, bool)
-    # A kink of velocity nearby gives off ≤ 2 × others at the middle of the window: five times keeps impacts.
-    glitch[here] = off.sum(1) > np.maximum(settings.outlier_sigma**2, 5.0 * others)
+    glitch[here] = off > np.maximum(settings.outlier_sigma**2, np.where(inside, np.maximum(most, 5.0), 5.0) * others)
     return glitch
 
 
