@@ -46,8 +46,8 @@ class Pieces:
         named = [f"trial {whole[i]} into the pieces {first[i]} to {first[i] + count[i] - 1}" for i in long[:NAMED]]
         more = f" and {len(long) - NAMED} more" if len(long) > NAMED else ""
         return (
-            f"Long recordings were cut between hits into pieces of {HITS} usable hits or more, which stand for trials "
-            f"from here on: {', '.join(named)}{more}."
+            f"Long recordings were cut between hits into pieces of {HITS} usable hits or more. They stand for trials "
+            f"from here on, and all are numbered anew: {', '.join(named)}{more}."
         )
 
 
