@@ -151,7 +151,10 @@ def _of_single(model: Model, values: Mapping[str, float], o: Observations) -> No
     # where in `before` and `after` each copy has its state
     row = np.arange(14 * n)
     at, of = np.concatenate([np.tile(row[:n], 12), row]), np.concatenate([row, np.tile(row[12 * n : 13 * n], 12)])
-    return _noisy(o, compare(model, values, o.rig, before.select(at), after.select(of), prediction.select(at)))
+    found = _noisy(o, compare(model, values, o.rig, before.select(at), after.select(of), prediction.select(at)))
+    if o.touch_std:
+        found.noise[:, 6, 6] += o.touch_std**2
+    return found
 
 
 def _of_episodes(model: Model, values: Mapping[str, float], o: Observations) -> Noisy:

@@ -72,7 +72,8 @@ class Critique:
         """adequate, effects or unexplained; what a stand-in explains has no name."""
         nameless = {name for name, found in self.stand_ins.items() if not found.instead}
         clearing = {step.effect.name for step in self.discovery.steps if step.clears}
-        return self.discovery.verdict(self.is_structured or bool(nameless & clearing))
+        missing = self.observations.found.down is not None  # no law has a restitution that ends at a speed
+        return self.discovery.verdict(self.is_structured or bool(nameless & clearing) or missing)
 
     @cached_property
     def stand_ins(self) -> dict[str, StandIn]:
@@ -129,8 +130,8 @@ def criticise(
         say: receives a line for each step.
 
     Raises:
-        UserError: too few trials or impacts, a channel that is constant, more than one planar rigid body, or an effect
-            that is unknown or cannot be tested.
+        UserError: too few trials or impacts, a channel that is constant, contacts too long for an impact, more than one
+            planar rigid body, or an effect that is unknown or cannot be tested.
     """
     settings = settings or CritiqueSettings()
     require_known(effects or ())
@@ -201,6 +202,8 @@ def _refuse_constant(dataset: Dataset) -> None:
 def _split(
     dataset: Dataset, observations: Observations, settings: CritiqueSettings, rng: np.random.Generator
 ) -> tuple[Observations, Observations]:
+    if observations.found.soft is not None:
+        raise UserError(f"{dataset.name} cannot be compared with impact laws. {observations.found.soft.sentence()}")
     refuse_what_is_not_one_body(dataset.name, observations)
     trials = np.unique(observations.trial)
     if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
@@ -209,10 +212,11 @@ def _split(
         why = why or ("none" if len(observations) else "none, because not one was detected")
         noticed = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
         noticed = f"What was noticed: {noticed} " if noticed else ""
+        advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
         raise UserError(
             f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
             f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {noticed}"
-            "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
+            f"{'' if observations.found.remarks else advice}".rstrip()
         )
     training, held_out = split(trials, settings.held_out_share, rng)
     return observations.select(training), observations.select(held_out)

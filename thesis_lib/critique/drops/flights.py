@@ -6,16 +6,18 @@ with B = (1, τ, τ²/2).  The variance of a is σ² times the last diagonal ele
 noise of a sample in m² or rad², correlation included.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thesis_lib.critique.drops.lines import GUARD, Hits
+from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects.effect import State
 
 MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
 MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola: it holds an undetected hit
+MOST = 0.5  # share of the flights that are parabolas unless something bends them all
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,12 @@ class Flights:
 NO_FLIGHTS = Flights(State(*(np.zeros(0),) * 8), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
-def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray, guard: float = GUARD) -> Flights:
+def measured_flights(
+    samples: Samples, hits: Hits, variance: np.ndarray, guard: float = GUARD, air: Air | None = None
+) -> Flights:
     """Accelerations of the flights with at least `MIN_FLIGHT` samples, whose noise has `variance` (3,) in m², rad².
+
+    Where the `air` bends most of them, what it has made of a flight is taken off before it is tested for a parabola.
 
     A flight must end at a hit that is used: after the last hit of a trial the body may rest, and a poorly known instant
     mixes samples of two flights.  Samples within `guard` (s) of a hit belong to no flight.
@@ -77,9 +83,17 @@ def measured_flights(samples: Samples, hits: Hits, variance: np.ndarray, guard: 
     number[rows] = np.arange(len(rows))
     inside = number[flight] >= 0
     i = number[flight[inside]]
-    residual = q[inside] - np.einsum("nk,nkc->nc", B[inside], fitted[i])
-    squares = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], axis=1) / variance
-    straight = squares.sum(axis=1) / (3.0 * (count[rows] - 3.0)) < MAX_CHI2
+
+    def are_straight(path: np.ndarray, parabolas: np.ndarray) -> np.ndarray:
+        residual = path[inside] - np.einsum("nk,nkc->nc", B[inside], parabolas[i])
+        squares = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], axis=1) / variance
+        return squares.sum(axis=1) / (3.0 * (count[rows] - 3.0)) < MAX_CHI2
+
+    straight = are_straight(q, fitted)
+    if air is not None and len(rows) and straight.mean() < MOST:
+        free = replace(samples, air=air).without_air()
+        right = np.array([[totals(B[:, k] * free[:, c])[rows] for c in range(3)] for k in range(3)])
+        straight = are_straight(free, inverse @ np.moveaxis(right, -1, 0))
     rows, fitted, inverse = rows[straight], fitted[straight], inverse[straight]
     state = State.of(fitted[:, 0], fitted[:, 1], trial[first[rows]], middle[rows])
     span = t[first[rows] + count[rows] - 1] - t[first[rows]]

@@ -21,7 +21,8 @@ from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import Rig
 
-UNKNOWN = 100.0  # times what is known of a spin: so wide that it says nothing
+UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
+OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
 LATE = 8e-3  # s by which noise may make the last hit of an episode late
 FOR_MODELS, OF_SAMPLES = ("trial", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
@@ -47,6 +48,7 @@ class Observations:
         noise_known: whether `cov` is measured or stated; else only the scatter is known.
         found: result of the detection; its impacts are these n.
         spin: rad/s, one sigma of the spin before an impact where nobody measured it, and the states say 0; else 0.
+        touch_std: m, one sigma of a gap that says nothing, as a simulation looks for contacts once a step; else 0.
     """
 
     rig: Rig
@@ -68,6 +70,7 @@ class Observations:
     noise_known: bool
     found: FoundImpacts
     spin: float = 0.0
+    touch_std: float = 0.0
 
     def __len__(self) -> int:
         return len(self.trial)
@@ -159,6 +162,9 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         variance[:2] = variance[:2].mean()  # whichever way a wall stands
     cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
     rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
+    flights = measured_flights(samples, hits, variance, found.guard, found.air)
+    if found.step:
+        flights = replace(flights, variance=flights.variance + (OF_STEPS * rig.gravity) ** 2)
     return Observations(
         rig=rig,
         trial=impacts.trial[rows],
@@ -171,9 +177,10 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         t_std=found.used_arcs["t_std"].to_numpy()[rows],
         offset=np.zeros((len(rows), 2)),
         arcs=True,
-        flights=measured_flights(samples, hits, variance, found.guard),
+        flights=flights,
         noise_known=True,
         found=replace(found, impacts=impacts.select(rows)),
+        touch_std=UNKNOWN * found.step * float(np.abs(impacts.v_pre[:, 1]).max()) if found.step else 0.0,
     )
 
 

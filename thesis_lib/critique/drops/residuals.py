@@ -8,7 +8,7 @@ are apart where they should meet.
 The residual of a flight has three, acceleration measured minus predicted ("flight").
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,29 +75,53 @@ def turned_until_impulse(
 
 def state_beside(model: Model, values: Mapping[str, float], observations: Observations, side: int) -> State:
     """The state on one side of the impact: 0 before, 1 after."""
-    o, value, slope = observations, observations.value[:, side], observations.slope[:, side]
-    t = o.t if side == 0 else o.t + o.span
-    state = State.of(value, slope, o.trial, t)
+    o = observations
     if not o.arcs:
-        return state
-    a = model.acceleration(state, values, o.rig)
-    if model.has_varying_flight:
-        v = slope - (1.0 - ARC_MEAN) * o.bow[:, side, 1:] * a
-        a = model.acceleration(state.with_velocity(v), values, o.rig)
-    q = value - o.bow[:, side, :1] * a
-    v = slope - o.bow[:, side, 1:] * a
-    state = State.of(q, v, o.trial, t)
+        return State.of(o.value[:, side], o.slope[:, side], o.trial, o.t if side == 0 else o.t + o.span)
+
+    def acceleration(state: State) -> np.ndarray:
+        return model.acceleration(state, values, o.rig)
+
+    state = _flown_to_impact(o, side, acceleration, model.has_varying_flight)
     beyond = model.arc(o.nodes[:, side], state, values, o.rig) if model.has_arc else None
     if beyond is None:
         return state
     line = o.weights[:, side] @ beyond
-    return State.of(q - line[:, 0], v - line[:, 1], o.trial, t)
+    return State.of(state.q - line[:, 0], state.v - line[:, 1], o.trial, state.t)
+
+
+def _flown_to_impact(o: Observations, side: int, acceleration: Callable[[State], np.ndarray], varying: bool) -> State:
+    """The state on one side of the impact, from the line there and the acceleration (n, 3) of a state, if `varying`
+    with the velocity."""
+    value, slope, bow = o.value[:, side], o.slope[:, side], o.bow[:, side]
+    t = o.t if side == 0 else o.t + o.span
+    state, bent = State.of(value, slope, o.trial, t), 0.0
+    a = acceleration(state)
+    if varying:
+        a = acceleration(state.with_velocity(slope - (1.0 - ARC_MEAN) * bow[:, 1:] * a))
+        bent = _bent(o, side, acceleration, state.with_velocity(slope - bow[:, 1:] * a), a)
+    return State.of(value - bow[:, :1] * a - bent, slope - bow[:, 1:] * a, o.trial, t)
+
+
+def _bent(
+    o: Observations, side: int, acceleration: Callable[[State], np.ndarray], at: State, a: np.ndarray
+) -> np.ndarray | float:
+    """How much further (n, 3) in m, rad the line lies at the impact as the acceleration varies; 0 unless arcs see it.
+
+    `at` is the state at impact, `a` the acceleration that gives the slope, at 0.3 W of a line from 0 to W = 2 b_1.
+    A line through τ³/6 is −W³/30 at 0, one through 0.3 W τ²/2 only −W³/40: the rest is −W³/120 times the jerk.
+    """
+    if o.found.arcs_air is None:
+        return 0.0
+    W = 2.0 * o.bow[:, side, 1:]
+    return -(W**2) / 120.0 * (a - acceleration(at)) / (0.5 * ARC_MEAN)
 
 
 def later_instants(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
     """By how much (n,) in s the arcs before and after meet later in the model's flights than in those of the detection.
 
     The detection takes the instant of an impact from arcs under gravity.  Drag of 2 m/s² makes that late by 0.2 ms.
+    Where its arcs have forces of the air, the model's are compared with these.
     Where it saw stray accelerations, of one sigma s_a, its arcs allowed for the share s_a²/(s_a² + var a) of them.
     Over an arc of length L, var a is 60/L² times the variance of a line's slope, and the line is off by L²/12 a at
     its end.
@@ -105,9 +129,9 @@ def later_instants(model: Model, values: Mapping[str, float], observations: Obse
     o = observations
     if not (o.arcs and model.acting("acceleration", "arc")):
         return np.zeros(len(o))
-    gravity, stray = o.rig.fall(o.value[:, 0, 0]), o.found.noise.stray
+    gravity, stray, air = o.rig.fall(o.value[:, 0, 0]), o.found.noise.stray, o.found.arcs_air
     free = []
-    for side in (0, 1):
+    for side in (0, 1) if air is None else ():
         value, slope, bow = o.value[:, side], o.slope[:, side], o.bow[:, side]
         allowed = stray**2 * np.abs(bow[:, :1])
         allowed /= allowed + 5.0 * np.maximum(o.cov[:, side, :, 1, 1], 1e-18)
@@ -115,6 +139,9 @@ def later_instants(model: Model, values: Mapping[str, float], observations: Obse
         a = gravity + allowed * (a - gravity)
         free.append(np.stack([value - bow[:, :1] * a, slope - bow[:, 1:] * a]))
     flown = [np.stack([state.q, state.v]) for state in states_at_impact(model, values, o)]
+    if air is not None:
+        states = [_flown_to_impact(o, side, lambda at: gravity + air.acceleration(at.v), True) for side in (0, 1)]
+        free = [np.stack([state.q, state.v]) for state in states]
     weight = 1.0 / np.maximum(o.cov[:, :, :, 0, 0].sum(axis=1), 1e-18)
     own, detected = (_meeting(after - before, weight) for before, after in (flown, free))
     return np.where(o.span == 0.0, own - detected, 0.0)
@@ -313,6 +340,7 @@ def synthesise(
             if model.has_varying_flight:
                 v = speed + ARC_MEAN * o.bow[:, side, 1:] * a
                 a = model.acceleration(state.with_velocity(v), values, rig)
+                pose = pose + _bent(o, side, lambda at: model.acceleration(at, values, rig), state, a)
             beyond = model.arc(o.nodes[:, side], state, values, rig)
             if beyond is not None:
                 line = o.weights[:, side] @ beyond

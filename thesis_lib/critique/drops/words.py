@@ -12,6 +12,7 @@ REASONS = {
     "second_hit": "second hit too near to tell apart",
     "unpredictable": "hits whose outcome the noise before them leaves open",
     "window_too_short": "trial, or a rest, begins or ends too near",
+    "stays_down": "the body stays down after the hit",
     "not_ballistic": "no free flight on a side (held, rolling, bad track)",
     "no_approach": "contact point does not approach (rest, rolling)",
 }

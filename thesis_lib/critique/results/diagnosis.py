@@ -16,6 +16,9 @@
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
 | remaining       | channels            | those with a misfit far above noise                                         |
+|                 | energy_gain         | median relative gain of energy at impacts, 0 unless most gain               |
+|                 | stays_down          | null, or hits that stay down: `thesis_lib/datasets/impacts/stays_down.py`   |
+|                 | remarks             | what the body does that no impact law does, absent if nothing               |
 """
 
 from dataclasses import asdict
@@ -45,7 +48,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     `rng` draws intervals and trial states; `rungs` is the table of the ladder, None: made here.
     """
     discovery, remaining = critique.discovery, critique.remaining
-    base, final = critique.ladder[0][1], critique.ladder[-1][1]
+    base, final, found = critique.ladder[0][1], critique.ladder[-1][1], critique.observations.found
     content = {
         "schema": 1,
         "dataset": critique.dataset,
@@ -61,6 +64,8 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
             "channels": list(critique.misfit_channels),
             "p_value": remaining.p_value,
             "depends_on": list(remaining.depends_on) if critique.is_structured else [],
+            "energy_gain": found.gain,
+            "stays_down": None if found.down is None else asdict(found.down),
             "error": remaining.error_before,
             "error_without_it": remaining.error_after,
             "stand_ins": list(critique.stand_ins),
@@ -70,8 +75,10 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "detectable": detectable(critique),
         "next_experiment": next_experiment(critique, rng),
     }
-    if (low_pass := critique.observations.found.low_pass) is not None:
+    if (low_pass := found.low_pass) is not None:
         content["low_pass"] = low_pass.content()
+    if remarks := found.remarks:
+        content["remarks"] = list(remarks)
     rungs = ladder(critique, rng) if rungs is None else rungs
     for key, row in (("base_interval", rungs.iloc[0]), ("augmented_interval", rungs.iloc[-1])):
         content["error"][key] = [float(row["error_low"]), float(row["error_high"])]

@@ -1,7 +1,8 @@
 """The verdict and what to do, in a few sentences from the content of diagnosis.json.
 
-Their order: faults of the measurement and possible ones, impacts left out, the verdict, effects that only stand in for
-a cause, effects switched on by hand without support in the data, single impacts with large errors, and what to do next.
+Their order: what the body does that no impact law does, faults of the measurement and possible ones, impacts left out,
+the verdict, effects that only stand in for a cause, effects switched on by hand without support in the data, single
+impacts with large errors, and what to do next.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +31,7 @@ def summary(content: Mapping) -> list[str]:
     clearing = [e for e in content["effects"] if e["clears"]]
     by_hand = [e for e in content["effects"] if not e["clears"]]
     faults = [e for e in clearing if e["family"] == "measurement"]
-    sentences = [*_low_pass(content), *_faults(clearing, faults), *_left_out(content)]
+    sentences = [*content.get("remarks", ()), *_low_pass(content), *_faults(clearing, faults), *_left_out(content)]
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
@@ -136,6 +137,14 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
         besides = listed(physics) or ("that fault" if faults else "")
         taken = f"with {listed(replaced)} as a stand-in" if len(replaced) == len(found) else _with(content, found)
         beyond = f"{besides and f' beyond {besides}'}; {taken} {_fall(content, found)}"
+    if remaining["stays_down"] and not remaining["structured"]:
+        speed = _speed(remaining["stays_down"]["speed"])
+        besides = f", with {listed([_named(e) for e in found])}," if found else ""
+        return [
+            f"{_law(content, 'augmented_model')}{besides} holds for the impacts that rebound, with a held-out error of "
+            f"{_speed(error['augmented'])}{_floor(error)}, and for none below {speed}: no law or effect of the library "
+            "has a restitution that ends at a speed."
+        ]
     tried = "that your choice of effects does not explain" if by_hand else "that no effect in the library explains"
     sentences = [f"{_law(content, 'base_model')} misses something {tried}{beyond}."]
     channels = [CHANNEL_TEXT[name] for name in remaining["channels"] if name != "impact"]
@@ -144,6 +153,8 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
     if replaced and not remaining["structured"]:
         again = listed(sorted({e["stand_in"]["denies"] for e in found if e["stand_in"]}))
         return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
+    if remaining["energy_gain"]:
+        return [*sentences, "What is left may be nothing else than the energy that impacts add: mend that first."]
     on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
     sentences.append(
         (f"What is left depends on {on}: look there" if on else "Look at what is left")

@@ -16,6 +16,7 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.checks.known_body import BLIND_SHAPE, RADIANS, TO_RAD, KnownBody
+from thesis_lib.datasets.checks.lasting_contacts import lasting_contacts
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.format.validate import Table
 
@@ -60,7 +61,8 @@ def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarra
     if not buried and high - low <= BLIND_SHAPE * shape.extent:
         _doubt_degrees_of_a_disk(table, theta, speed, k_g * float(np.median(speeds["theta"])), noise, k_g)
     inside = _share_inside(shape, body.height, y, theta, 2.5 * DEEP)
-    if inside > DEEP_SHARE:
+    gap = shape.gap(y, theta, body.height)
+    if inside > DEEP_SHARE and not lasting_contacts(samples, gap, float(noise[1]), body.gravity):
         remedy = "check surface.height, the shape (in m), and that theta is counter-clockwise and 0 where the shape is "
         what = f"the body is deep inside the surface in {inside:.0%} of the rows"
         table.warn("columns y and theta", what, remedy + "as drawn")

@@ -6,6 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 
+from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.settings import Section
 from thesis_lib.statistics.spread import MAD_TO_STD
@@ -54,29 +55,42 @@ class Samples:
     """Poses q (N, 3) in m, m, rad at times t (N,) in s, sorted by trial and time.
 
     The integers `run` (N,) are constant over samples of one trial without a long gap in t, or a rest on a table.
+    `air`: forces on the body in flight that bend it visibly, None if gravity is enough.
     """
 
     trial: np.ndarray
     t: np.ndarray
     q: np.ndarray
     run: np.ndarray
+    air: Air | None = None
 
     def __len__(self) -> int:
         return len(self.t)
 
     def select(self, rows: np.ndarray) -> "Samples":
         """The samples at `rows` (mask or indices)."""
-        return Samples(self.trial[rows], self.t[rows], self.q[rows], self.run[rows])
+        return Samples(self.trial[rows], self.t[rows], self.q[rows], self.run[rows], self.air)
 
     def raised(self, height: float) -> "Samples":
         """The samples with `height` (m) added to y."""
         return replace(self, q=self.q + [0.0, height, 0.0])
 
+    def without_air(self) -> np.ndarray:
+        """q (N, 3) less what the air has made of it since the start of the trial: free flight becomes a parabola."""
+        if self.air is None:
+            return self.q
+        return self.q - self.air.made(self.t, self.q, self._first)
+
     def without_gravity(self, gravity: float) -> np.ndarray:
-        """q (N, 3) with g t²/2 added to y, t from the start of the trial: free flight becomes a straight line."""
-        first = np.flatnonzero(np.r_[True, self.trial[1:] != self.trial[:-1]][: len(self)])
+        """The same with g t²/2 added to y, t from the start of the trial: free flight becomes a straight line."""
+        first, q = self._first, self.without_air()
         t = self.t - np.repeat(self.t[first], np.diff(np.r_[first, len(self)]))
-        return np.column_stack([self.q[:, 0], self.q[:, 1] + 0.5 * gravity * t**2, self.q[:, 2]])
+        return np.column_stack([q[:, 0], q[:, 1] + 0.5 * gravity * t**2, q[:, 2]])
+
+    @property
+    def _first(self) -> np.ndarray:
+        """Index of the first sample of each trial."""
+        return np.flatnonzero(np.r_[True, self.trial[1:] != self.trial[:-1]][: len(self)])
 
 
 def long_gaps(trial: np.ndarray, t: np.ndarray, header: Header, settings: ArcSettings) -> np.ndarray:

@@ -29,6 +29,9 @@ where W = diag(1/σ²), J_n = ∂φ_n/∂q = (0, 1, r_x) and A_i = ∂q̂_i/∂p
 Each is a polynomial c_0 + c_1 τ + c_2 τ² on its side.  The sums in (4) therefore need only the moments Σ_i τ_i^k,
 k = 0 … 4, of the samples on each side, and n impacts are fitted at once without a Jacobian over samples.
 
+Where the air bends flights visibly (`samples.air`), what it makes of a path at v∓ is taken off the samples first, and
+its slope a'(v) τ²/2 added to ∂/∂v∓.
+
 Why d: impulses along different axes do not act at quite the same instant of a contact of 1 ms, and the arcs miss each
 other by a fraction of |Δv| × 1 ms, which is large beside the 0.03 mm of a good tracker.  Why a: air, guides and cables
 slow a body in flight.  `find_impacts` estimates s and s_a; each is 0 if noise explains everything.
@@ -41,6 +44,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.bodies.walls import gap_slopes, gaps, struck_wall
+from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.lines import lines_through, norm
@@ -56,6 +60,7 @@ _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e
 _SETTLE = 4  # iterations after which samples keep their sides, so that the fit converges
 _ITERATIONS = 12
 _NEAR_A_WALL = 0.5  # extents; walls may stand elsewhere than dataset.yaml says
+_OFTEN = 0.3  # share of the impacts; dice, which rattle to rest, have 0.24
 _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
 
 
@@ -106,6 +111,18 @@ class ArcFits:
         return ArcFits(**columns)
 
     @property
+    def resting(self) -> np.ndarray:
+        """Mask (n,) of impacts on one side of which the body rests, by 3 sigmas."""
+        return (self.fall < -9.0).any(1)
+
+    @property
+    def flying(self) -> "ArcFits":
+        """Those on both sides of which the body flies, if it rests so often that medians would not ignore it."""
+        if not len(self) or self.resting.mean() <= _OFTEN:
+            return self
+        return ArcFits(**{item.name: getattr(self, item.name)[~self.resting] for item in fields(self)})
+
+    @property
     def reduced(self) -> np.ndarray:
         """Reduced chi² of the arcs (n, 2); NaN where an arc has no degrees of freedom."""
         dof = 3.0 * (self.n_side - 2)
@@ -154,7 +171,8 @@ def fit_arcs(
             at_wall = _reaches_a_wall(p, windows, header)
         # d of equation 2, per unit of u
         offset = spread * norm((p[:, _POST] - p[:, _PRE]) * metric)[:, None] / metric
-        hessian, gradient = _normal_equations(p, side, tau, windows.q, weight, g, offset, stray)
+        q = _parabolas(p, tau, windows.q, samples.air, g)
+        hessian, gradient = _normal_equations(p, side, tau, q, weight, g, offset, stray, samples.air)
         gap, touch = _touch(p, windows, header)
         felt = touch * at_wall[:, None]
         hessian += felt[:, :, None] * felt[:, None, :] / settings.touch_sigma**2
@@ -173,6 +191,8 @@ def fit_arcs(
     share = np.where(at_wall, np.clip(1.0 - gap_variance / settings.touch_sigma**2, 1e-6, 1.0), 1.0)
     scale = 1.0 / np.sqrt(np.einsum("nii->ni", covariance))
     t = p[:, _T]
+    tau = windows.t - t[:, None]
+    q = _parabolas(p, tau, windows.q, samples.air, g)
     return ArcFits(
         at=np.minimum(at + windows.moved(t), len(samples) - 2),
         t=t + windows.t_0,
@@ -185,7 +205,7 @@ def fit_arcs(
         gap_std=np.sqrt(gap_variance / share),
         at_wall=at_wall,
         converged=(np.abs(step * scale) < 1e-2).all(1) & (t > windows.low) & (t < windows.high),
-        **misfits(side, windows.t - t[:, None], windows.q, white, weight, metric, g, stray),
+        **misfits(side, tau, q, white, weight, metric, g, stray, samples.air is not None),
     )
 
 
@@ -194,6 +214,11 @@ def is_bent(fits: ArcFits, sigma: np.ndarray, limit: float) -> np.ndarray:
     dof = 3.0 * np.maximum(fits.n_side - 2, 1)
     reduced = (fits.ss / np.asarray(sigma) ** 2).sum(2) / dof
     return (fits.n_side > 2) & (reduced > np.maximum(limit, 1.0 + _SIGNIFICANT * np.sqrt(2.0 / dof)))
+
+
+def _parabolas(p: np.ndarray, tau: np.ndarray, q: np.ndarray, air: Air | None, gravity: float) -> np.ndarray:
+    """Poses q (n, W, 3) less what the air has made of them since the impact, at the velocities in p."""
+    return q if air is None else q - air.beyond(tau, p[:, _PRE], p[:, _POST], gravity)
 
 
 def _start_from_lines(p: np.ndarray, side: np.ndarray, tau: np.ndarray, q: np.ndarray, gravity: float) -> None:
@@ -237,12 +262,14 @@ def _normal_equations(
     gravity: float,
     offset: np.ndarray,
     stray: np.ndarray,
+    air: Air | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """H (n, P, P) and b (n, P) of equation 4 from samples and priors, without the touch.
 
     `p` (n, P) are the unknowns, P = 19, or 13 without stray acceleration; `side` (n, 2, W) is 1 for the samples used
     before and after, else 0; `tau` (n, W) in s and `q` (n, W, 3) are relative to t_c and q_0; `weight` (3,) is 1/σ²,
-    `gravity` in m/s², `offset` (n, 3) is s |Δv| (1, 1, 1/k), one sigma of d, and `stray` (3,) s_a.
+    `gravity` in m/s², `offset` (n, 3) is s |Δv| (1, 1, 1/k), one sigma of d, and `stray` (3,) s_a.  What `air` makes of
+    the path is no longer in `q`.
     """
     n, size = p.shape
     with_stray = size > _T + 1
@@ -265,7 +292,9 @@ def _normal_equations(
     residual -= on_side(acceleration) * (0.5 * tau * tau)[..., None]
 
     # equation 5: coefficients of 1, τ, τ² in ∂(x, y, θ)/∂p, (n, side, channel, P, degree)
-    degrees = 3 if with_stray else 2
+    degrees = 3 if with_stray or air is not None else 2
+    if air is not None:
+        acceleration = acceleration + air.acceleration(velocity)
     c = np.zeros((n, 2, 3, size, degrees))
     for i in range(3):
         c[:, :, i, i, 0] = 1.0  # ∂/∂q_c
@@ -277,6 +306,9 @@ def _normal_equations(
         if with_stray:
             c[:, 0, i, 13 + i, 2] = 0.5 * stray[i]  # ∂/∂w−
             c[:, 1, i, 16 + i, 2] = 0.5 * stray[i]  # ∂/∂w+
+    if air is not None:
+        slope = 0.5 * air.slope(velocity)
+        c[:, 0, :, _PRE, 2], c[:, 1, :, _POST, 2] = slope[:, 0], slope[:, 1]
 
     # Σ_i A_iᵀ W A_i = c M cᵀ/σ² with the moments M_kl = Σ_i τ_i^(k+l) of each side
     powers = [np.ones_like(tau)]

@@ -69,7 +69,7 @@ def long_flights(samples: Samples, at: np.ndarray, t: np.ndarray, guard: float, 
 
 def _as_if_evenly_spaced(samples: Samples, rows: np.ndarray) -> np.ndarray:
     """Poses (m, N, 3) at `rows` (m, N); where the steps differ, what a parabola in time leaves of them."""
-    q, t = samples.q[rows], samples.t[rows]
+    q, t = samples.without_air()[rows], samples.t[rows]
     uneven = is_uneven(t)
     if uneven.any():
         tau = t[uneven] - t[uneven].mean(axis=1, keepdims=True)

@@ -13,6 +13,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.checks.known_body import contradictions
+from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
+from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
@@ -20,6 +22,8 @@ from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.impacts.at_walls import on_floors
 from thesis_lib.datasets.impacts.copies import without_copies
+from thesis_lib.datasets.impacts.drag import air_in, air_sentence, breaks_lines, window_in
+from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
 from thesis_lib.datasets.impacts.noise import (
@@ -32,7 +36,13 @@ from thesis_lib.datasets.impacts.noise import (
     with_colour,
 )
 from thesis_lib.datasets.impacts.pieces import cut_into_pieces
-from thesis_lib.datasets.impacts.quality import assess_arcs, flag_physics, has_flag_text
+from thesis_lib.datasets.impacts.quality import (
+    approach_speed,
+    assess_arcs,
+    contact_measures,
+    flag_physics,
+    has_flag_text,
+)
 from thesis_lib.datasets.impacts.rests import without_rests
 from thesis_lib.datasets.impacts.rounding import (
     contact_guard,
@@ -44,6 +54,7 @@ from thesis_lib.datasets.impacts.rounding import (
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stamps import exposure_times
+from thesis_lib.datasets.impacts.stays_down import StaysDown, stays_down
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
@@ -80,12 +91,23 @@ class FoundImpacts:
     samples: Samples | None = None
     guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
     low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
-    warnings: tuple[str, ...] = ()  # sentences for the user
+    remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
+    soft: LastingContacts | None = None  # contacts too long for impulses
+    down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
+    step: float = 0.0  # s; contacts seem to be looked for once in it
+    air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
+    gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
+    warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
 
     @property
     def used_arcs(self) -> pd.DataFrame:
         """The rows of `arcs` of the usable impacts."""
         return self.arcs[self.arcs["used"].astype(bool)].reset_index(drop=True)
+
+    @property
+    def arcs_air(self) -> Air | None:
+        """The forces of the air that the arcs have; None if they have none but gravity."""
+        return None if self.samples is None else self.samples.air
 
     def summary(self) -> dict:
         """Counts, reasons, flags, noise and warnings, ready for JSON (NaN as null)."""
@@ -120,7 +142,9 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
     detected = find_in_arrays(trial, t, q, header, settings)
     if not dataset.has_angle:
         detected = replace(detected, warnings=(*detected.warnings, spin_sentence(detected.impacts, header)))
-    if wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q):
+    if detected.soft is None and (
+        wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q)
+    ):
         raise DatasetError(dataset.name, wrong)
     return detected
 
@@ -135,10 +159,13 @@ def find_in_arrays(
     clock = header.model_copy(update={"rate": None}) if copied else header
     everything, stamped = exposure_times(everything, clock, settings)
     stated, on_table = stated_sigma(header), header.gravity == 0.0
+    rough = np.fmax(noise_from_differences(everything), SIGMA_FLOOR)
     if on_table:
-        everything = without_rests(
-            everything, np.fmax(np.fmax(stated, noise_from_differences(everything)), SIGMA_FLOOR)
-        )
+        everything = without_rests(everything, np.fmax(stated, rough))
+    air = air_in(everything, rough, header)
+    if bends := air is not None and breaks_lines(air, everything, rough, settings):
+        everything = replace(everything, air=air)
+        settings = settings.model_copy(update={"max_window": window_in(air, everything, settings)})
 
     def search(settings: ArcSettings, least: np.ndarray) -> _Found:
         return _search(everything, header, stated, settings, least)
@@ -151,10 +178,14 @@ def find_in_arrays(
         if len(_instants(samples, header, coloured, settings)) < _STANDING_OUT * len(at):
             least = coloured
             samples, at, fits, noise, glitch, sigma = search(settings, least)
+    falls = header.surfaces is None and header.gravity > 0.0
+    if step := contact_step(fits, header, settings) if falls else 0.0:
+        # a body that turns round off the surface does not say when by touching it
+        settings = settings.model_copy(update={"touch_sigma": float(np.abs(fits.gap).max())})
+        samples, at, fits, noise, glitch, sigma = search(settings, least)
     usual, rounded = settings.guard, 0.0
-    if (
-        header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity
-    ):  # samples that leave arcs of a body out of its plane are not rounded
+    # samples that leave arcs of a body out of its plane are not rounded, nor are those of a simulation
+    if not step and fits.resting.mean() <= _MOST and (on_table or noise.stray[0] < _SIDEWAYS * header.gravity):
         rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, on_table)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
@@ -181,7 +212,7 @@ def find_in_arrays(
     fits = _fit_straightest(samples, at, noise, header, settings)
 
     fits = on_floors(fits, header)
-    reasons, details, flags = assess_arcs(fits, samples, noise.used, header, settings)
+    reasons, details, flags, landed = assess_arcs(fits, samples, at, noise.used, header, settings)
     used, cut = reasons == "", ""
     trial_of = samples.trial[at]
     if on_table:
@@ -204,10 +235,29 @@ def find_in_arrays(
         flags=flags[used],
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
+    soft, down = None, None
+    if falls:
+        gap = header.body.shape.gap(samples.q[:, 1], samples.q[:, 2], header.surface.height)
+        soft = lasting_contacts(samples, gap, noise.used[1], header.gravity)
+        bounced = contact_measures(impacts)
+        v_n = bounced.v_c_pre[:, 1], bounced.v_c_post[:, 1]
+        landed = landed[np.isfinite(landed)]
+        down = stays_down(landed, *v_n, noise.used[1], sampling_interval(samples), header.gravity)
+    gain = energy_gain(impacts)
+    lifted = air is not None and bends and air.c_l
+    said = (
+        lifted and air_sentence(air),
+        soft and soft.sentence(),
+        gain and gain_sentence(impacts, gain, step),
+        down and down.sentence(),
+    )
+    remarks = tuple(str(text) for text in said if text)
     warnings = (
         *(text for text in (copied, stamped, cut) if text),
+        *([air_sentence(air)] if air is not None and bends and not air.c_l else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
-        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial)),
+        *remarks,
+        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks)),
     )
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
@@ -218,6 +268,12 @@ def find_in_arrays(
         samples=samples,
         guard=settings.guard,
         low_pass=low_pass,
+        remarks=remarks,
+        soft=soft,
+        down=down,
+        step=step,
+        gain=gain,
+        air=air,
         warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings, header.gravity > 0.0)),
     )
 
@@ -277,19 +333,32 @@ def _displaces(stray: np.ndarray, fits: ArcFits, samples: Samples) -> bool:
 
 
 def _detection_warnings(
-    fits: ArcFits, used: np.ndarray, reasons: np.ndarray, flags: np.ndarray, header: Header, trials: np.ndarray
+    fits: ArcFits,
+    used: np.ndarray,
+    reasons: np.ndarray,
+    flags: np.ndarray,
+    header: Header,
+    trials: np.ndarray,
+    step: float,
+    soft: LastingContacts | None,
+    known: bool,
 ) -> tuple[str, ...]:
-    """Sentences for the user if nothing was found, or if most impacts happen off the surface."""
+    """Sentences for the user if nothing was found, or if most impacts happen off the surface.
+
+    `known`: a remark says already why no impact can be used.
+    """
     advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
     if not len(fits):
         return (f"No impact was found in {len(trials)} trials. {advice}",)
     if not used.any():
         names, counts = np.unique(reasons.astype(str), return_counts=True)
         why = ", ".join(f"{name} {count}" for name, count in zip(names, counts))
-        return (f"None of the {len(fits)} impacts found can be used ({why}). {advice}",)
+        return (f"None of the {len(fits)} impacts found can be used ({why}).{'' if known else f' {advice}'}",)
     off = has_flag_text(flags[used], "no_touch")
-    if off.mean() <= _MOST:
+    if off.mean() <= _MOST or soft:
         return ()
+    if step:
+        return (step_sentence(step, approach_speed(fits, header)[used]),)
     gap = float(np.median(fits.gap[used][off]))
     return (
         f"In {off.sum()} of {used.sum()} impacts the body is off the surface (no_touch; median gap {gap:+.3g} m). "

@@ -21,7 +21,7 @@ from thesis_lib.datasets.impacts.misfits import bow, with_stray
 from thesis_lib.datasets.impacts.noise import NoiseEstimate
 
 EPISODE_COLUMNS = ("trial", "impact", "last", "t_first", "t_last", "start", "end", "n_pre", "n_post")
-DOUBTFUL = ("second_hit", "not_ballistic")
+DOUBTFUL = ("second_hit", "not_ballistic", "stays_down")
 MIN_FLIGHT = 4  # samples of a flight beside an episode
 MOST_SKIPPED = 3  # samples; more is 12 ms at 250 Hz
 _NEAR = 7.8  # chi² with 3 dof that one sample in 20 beside an episode exceeds by chance
@@ -127,7 +127,7 @@ def _flight(
     nearest = np.where(inside, np.abs(t), np.inf).argmin(1)
     rows = np.arange(len(edge))
     inside &= samples.run[index] == samples.run[index[rows, nearest]][:, None]
-    q = samples.q[index]
+    q = samples.without_air()[index]
     q[..., 1] += 0.5 * gravity * t * t
     used = inside * 1.0
     used *= _ranked(used, way) <= settings.max_window + MOST_SKIPPED

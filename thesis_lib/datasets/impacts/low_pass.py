@@ -106,7 +106,9 @@ def low_pass_of(
     constant = float(np.sqrt(max(both**2 - contact**2, 0.0)))
     if constant < max(CLEAR * constant_std, contact):
         return None
-    return LowPass(constant, float(constant_std), moment, moment_std)
+    found = LowPass(constant, float(constant_std), moment, moment_std)
+    # samples show no filter beyond half their rate
+    return found if found.cutoff[0] < 0.5 / interval else None
 
 
 def _median(values: np.ndarray) -> tuple[float, float]:

@@ -45,12 +45,14 @@ def misfits(
     metric: np.ndarray,
     gravity: float,
     stray: np.ndarray,
+    in_air: bool = False,
 ) -> dict[str, np.ndarray]:
     """The statistics of `ArcFits` that come from free arcs, by their names there.
 
     `side` (n, 2, W) is 1 for the samples used before and after, else 0; `tau` (n, W) is the time after the impact in s,
     `z` (n, W, 3) are poses; `white` and `weight` (3,) are 1/σ² of a sample, and of fitted values (noise may be
     correlated); `metric` is (1, 1, k), `gravity` in m/s², `stray` (3,) one sigma of accelerations beyond gravity.
+    `in_air`: they are large, and move the two samples next to an impact as well.
     """
     flight = z.copy()
     flight[..., 1] += 0.5 * gravity * tau**2
@@ -93,8 +95,8 @@ def misfits(
     _, rest_ss, _, rest_curvature, rest_norm2 = bow(rest, tau, others)
     chi2_rest = with_stray(rest_ss, rest_curvature, rest_norm2, white, stray)[0] @ white
     off, variance = others.residual, reach[..., None]
-    if gravity == 0.0:
-        known = _share(rest_norm2, white, stray)
+    if gravity == 0.0 or in_air:
+        known = _share(rest_norm2, white, stray) * (gravity == 0.0)
         bend = lines_through(rest, tau, parabola).residual
         off = off - (known * rest_curvature)[:, :, None] * bend
         variance = variance + (stray**2 * white * (1.0 - known))[:, :, None] * bend**2

@@ -68,6 +68,7 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray, on_tab
     `rough` (3,) in m, m, rad is used if there are too few arcs; `stated` (3,) is the header's, NaN if it states none.
     `on_table`: friction with a table may slow the body down.
     """
+    fits = fits.flying
     n = np.maximum(fits.n_side, 4)
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
@@ -149,6 +150,7 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on
 
     What slows all arcs alike on a table is known better than the curvature of each.
     """
+    fits = fits.flying
     long = fits.n_side >= _LONG_ARC_SAMPLES
     if long.sum() < _MIN_ARCS:
         long = fits.n_side >= _MIN_ARC_SAMPLES
@@ -209,10 +211,11 @@ def noise_warnings(
                 "Correct it, or delete it to use the estimate."
             )
     if (noise.colour > 1.0).any():
-        correlations = ", ".join(f"{value:.2f}" for value in noise.lag1)
+        known = {name: f"{value:.2f}" for name, value in zip(units, noise.lag1) if np.isfinite(value)}
+        correlations = f" (lag-one correlation of {', '.join(known)}: {', '.join(known.values())})" if known else ""
         sentences.append(
-            f"The noise of neighbouring samples is correlated (lag-one correlation of x, y, theta: {correlations}); "
-            "the covariances of the impacts are widened accordingly."
+            f"The noise of neighbouring samples is correlated{correlations}; the covariances of the impacts are "
+            "widened accordingly."
         )
     if noise.stray.any():
         sizes = ", ".join(f"{value:.2g}" for value in noise.stray)

@@ -9,6 +9,7 @@ Left out, with a reason (the first that applies):
 | `second_hit`       | another hit too close: few samples between them, or arcs and samples that fit only two hits, |
 |                    | or a second corner, or another wall, that touches at once                                    |
 | `window_too_short` | the trial, or a rest on a table, starts or ends too close to the impact                      |
+| `stays_down`       | free flight before, rest or sliding on the surface after: no rebound                         |
 | `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet      |
 | `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                  |
 
@@ -39,8 +40,12 @@ from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
 from thesis_lib.datasets.impacts.at_walls import TOUCH_SIGMA, gravity_towards, off_wall, time_to_another_wall
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.rounding import touch_time
+from thesis_lib.datasets.impacts.stays_down import landing_speeds
 
-REASONS = ("off_wall", "lost_frames", "second_hit", "window_too_short", "not_ballistic", "no_approach")
+REASONS = (
+    *("off_wall", "lost_frames", "second_hit", "window_too_short"),
+    *("stays_down", "not_ballistic", "no_approach"),
+)
 FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
 THESIS_FLAGS = ("energy", "cone", "compression")
 _APPROACH_SIGMA = 3.0  # 1 in 700 motionless contacts would pass
@@ -103,9 +108,11 @@ def thesis_filter(impacts: Impacts) -> np.ndarray:
 
 
 def assess_arcs(
-    fits: ArcFits, samples: Samples, sigma: np.ndarray, header: Header, settings: ArcSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Reason ('' = usable), detail and flags, each (n,) text, of n fitted impacts; `sigma` (3,) is the noise."""
+    fits: ArcFits, samples: Samples, at: np.ndarray, sigma: np.ndarray, header: Header, settings: ArcSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Reason ('' = usable), detail and flags, each (n,) text, of n fitted impacts, and the speeds (n,) in m/s of those
+    after which the body stays down, else NaN; `at` (n,) are the samples before, as detected, `sigma` (3,) is the noise.
+    """
     n = len(fits)
     reason, detail = np.full(n, "", object), np.full(n, "", object)
 
@@ -145,7 +152,7 @@ def assess_arcs(
     leave_out(wait < unseen, "second_hit", "another wall is " + _text(1e3 * wait) + " ms away")
 
     r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
-    v_n = fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2]
+    v_n = approach_speed(fits, header)
     row = np.zeros((n, 9))
     row[:, 4], row[:, 5] = 1.0, r_x
     v_n_std = np.sqrt(np.einsum("ni,nij,nj->n", row, fits.cov, row))
@@ -156,7 +163,16 @@ def assess_arcs(
         "arc_deviation": is_bent(fits, sigma, settings.arc_deviation).any(1),
         "no_touch": (np.abs(fits.gap) > far) & (np.abs(fits.gap + _sunk_in(fits, v_n, r_x, header)) > far),
     }
-    return reason, detail, _add_flags(np.full(n, "", object), failed)
+    # the fit of two arcs makes no sense of a body that rests after the hit: it says `not_ballistic` as it finds it
+    speed = landing_speeds(samples, at, sigma, header, settings)
+    rests = (reason == "not_ballistic") & np.isfinite(speed)
+    reason[rests], detail[rests] = "stays_down", ("hits with " + _text(speed) + " m/s and does not rebound")[rests]
+    return reason, detail, _add_flags(np.full(n, "", object), failed), np.where(rests, speed, np.nan)
+
+
+def approach_speed(fits: ArcFits, header: Header) -> np.ndarray:
+    """Velocity v_n (n,) in m/s of the contact points across the surface before impact; below 0 where they approach."""
+    return fits.v_pre[:, 1] + header.body.shape.contact_point(fits.q[:, 2])[:, 0] * fits.v_pre[:, 2]
 
 
 def _sunk_in(fits: ArcFits, v_n: np.ndarray, r_x: np.ndarray, header: Header) -> np.ndarray:

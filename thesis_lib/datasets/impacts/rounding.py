@@ -17,7 +17,7 @@ least the last R before: a parabola that starts further away tells less.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,6 +66,12 @@ class Rounding:
         return np.all(side, axis=1) if self.both else np.any(side, axis=1)
 
     @property
+    def is_clear(self) -> bool:
+        """Whether a pair is rounded by the logarithm of F, too: a ratio of medians of few values is far from normal."""
+        limit = MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
+        return bool((np.nan_to_num(self.ratio) > limit).any())
+
+    @property
     def reach(self) -> float:
         """Time from an impact in s within which samples are rounded; 0 if none are."""
         groups = np.flatnonzero(self.rounded)
@@ -87,25 +93,25 @@ def guard_of(
     UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
     """
     interval = sampling_interval(samples)
-    widest, ends = 0.0, True
+    widest, ends, clear = 0.0, True, False
     for reach in REACHES:
         found = rounding_within(reach, fits, samples, sigma, settings, interval, on_table)
         if (found.count.max(axis=1) < ENOUGH).all():
             break
-        widest = max(widest, found.reach)
+        widest, clear = max(widest, found.reach), clear or found.is_clear
         ends = found.reach <= 0.5 * reach * interval
         if not ends:
             widest = max(widest, reach * interval)
         if ends and reach * interval > NARROWEST:
             break
+    if not clear:
+        return 0.0
     if not ends:
         raise UserError(
             f"Over {1e3 * widest:.2g} ms and more from an impact the samples leave the free flight: they are smoothed, "
             "or the body vibrates. Too few flights are long enough to see where that ends. Write the data without a "
             "filter, or with a higher cutoff frequency; fasten what is loose; or drop the body from higher up."
         )
-    if not widest:
-        return 0.0
     return interval * float(np.append(EDGES, _BEYOND)[(EDGES * interval < widest + 0.5 * interval).sum()])
 
 
@@ -119,7 +125,8 @@ def rounding_within(
     on_table: bool = False,
 ) -> Rounding:
     """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
-    windows = windows_around(samples, fits.at, reach + FAR + 1)
+    # less what the air has made of the path
+    windows = windows_around(replace(samples, q=samples.without_air()), fits.at, reach + FAR + 1)
     t = fits.t - windows.t_0
     tau = windows.t - t[:, None]
     beyond = sides_of(windows, t, settings.model_copy(update={"guard": reach * interval, "max_window": FAR}), None)
@@ -171,7 +178,8 @@ def rounding_warning(
     if low_pass is not None:
         why = f"The samples were smoothed by {low_pass.text()}: corners at impacts are rounded more than {contacts} do."
     elif least > _CONTACT * touch_time:
-        why = f"Corners at impacts are rounded further than {contacts} reach, as if the samples were smoothed."
+        reach = f"{contacts} reach" if touch_time > 5e-5 else "a contact reaches"
+        why = f"Near impacts the samples leave the free flights further than {reach}, as after a filter or a vibration."
     else:
         why = f"Contacts last about {2e3 * touch_time:.2g} ms, several samples."
     return (f"{why} Samples within {1e3 * guard:.3g} ms of an impact belong to no flight and are not used.",)

@@ -84,9 +84,10 @@ def detect(
     boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]  # a segment ends after sample i
     spoiled = np.zeros(n, bool)  # the two samples beside a hit may lie within the contact
     is_hit = np.zeros(n, bool)
+    scatter = 0.0 if samples.air is None else samples.air.scatter
     for w in settings.scales:
         segment = np.r_[0, np.cumsum(boundary | is_hit)[:-1]][:n]
-        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing)
+        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing, scatter)
         # the allowance for support flattens the peak of a weak hit: it decides whether there is a hit, `free` where
         peak = _peaks(free, w, settings) & (score > settings.threshold**2)
         is_hit |= peak
@@ -109,8 +110,8 @@ def add_weak_hits(
     boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]
     boundary[at] = True
     segment = np.r_[0, np.cumsum(boundary)[:-1]][:n]
-    w = max(settings.scales)
-    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing)
+    w, scatter = max(settings.scales), 0.0 if samples.air is None else samples.air.scatter
+    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing, scatter)
     weak = np.flatnonzero(_peaks(free, w, settings))
     both = np.union1d(at, weak)
     both = both[np.isin(samples.trial[both], samples.trial[weak])]  # only trials with such a hit
@@ -137,8 +138,12 @@ def _jump_scores(
     sigma: np.ndarray,
     settings: ArcSettings,
     slowing: float,
+    scatter: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines."""
+    """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines.
+
+    `scatter` in m/s² is one sigma of accelerations that no jump makes: they turn lines the more the further apart.
+    """
     n = len(t)
     before = _running_lines(t, q, segment, spoiled, w)
     # the same from the other end: mirrored in time, the window after an instant is one before it
@@ -151,6 +156,7 @@ def _jump_scores(
     ok = (segment[1:] == segment[:-1]) & (spread_l > 0) & (spread_r > 0)
     variance = 1.0 / np.where(ok, spread_l, 1.0) + 1.0 / np.where(ok, spread_r, 1.0)
     jump = -slope_r - slope_l
+    allowance = ((scatter * (-centre_r - centre_l)) ** 2)[:, None] * [1.0, 1.0, 0.0] if scatter else 0.0
     rise = header.gravity * (-centre_r - centre_l)  # of v_y + g t of a body at rest
     if slowing > 0.0:
         along = (slope_l - slope_r)[:, :2]
@@ -162,7 +168,10 @@ def _jump_scores(
         d[:, 1] = np.where(d[:, 1] > 0, np.maximum(d[:, 1] - allowed, 0.0), d[:, 1])
         size2 = ((d * [1.0, 1.0, header.body.radius_of_gyration]) ** 2).sum(1)
         enough = ok & (size2 > settings.min_jump**2)
-        score[:-1] = np.where(enough, ((d / sigma) ** 2).sum(1) / variance, 0.0)
+        if scatter:
+            score[:-1] = np.where(enough, (d**2 / (sigma**2 * variance[:, None] + allowance)).sum(1), 0.0)
+        else:
+            score[:-1] = np.where(enough, ((d / sigma) ** 2).sum(1) / variance, 0.0)
     return scores[0], scores[1]
 
 
