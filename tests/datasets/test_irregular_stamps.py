@@ -99,6 +99,18 @@ def test_a_body_that_stands_still_has_no_hits() -> None:
     assert len(found.arcs) == 0 and any("No impact was found" in text for text in found.warnings)
 
 
+def test_glitches_make_neither_hits_nor_flights() -> None:
+    rolled, whole, _ = searched("puck at 118 Hz")
+    rng = np.random.default_rng(3)
+    wrong = rng.random(len(rolled.t)) < 0.01
+    xy = rolled.xy + wrong[:, None] * rng.normal(0.0, 0.02, rolled.xy.shape)
+    found = find_in_arrays(np.zeros(len(xy), int), rolled.t, np.column_stack([xy, 0.0 * xy[:, 0]]), rolled.header)
+    assert len(found.impacts) == pytest.approx(len(whole.impacts), rel=0.1)
+    assert len(found.arcs) < 1.3 * len(whole.arcs)
+    assert found.noise.position == pytest.approx(PUCK.noise, rel=0.1)
+    assert found.noise.stray[:2] == pytest.approx(whole.noise.stray[:2], rel=0.5)
+
+
 def test_noise_is_found_at_irregular_stamps() -> None:
     rolled = searched("puck at 118 Hz")[0]
     q = np.column_stack([rolled.xy, np.zeros(len(rolled.t))])

@@ -32,6 +32,7 @@ _SHORT_MEMORY = 0.7  # ρ; slower noise looks like curvature in an arc of 25 sam
 _WORSE = 0.5  # relative excess of a variance that changes an interval by a quarter
 _WRONG = 4.5  # sigmas; 1 in 1,000 flights of white noise has such a third difference
 _LONG_FLIGHT = 4  # arcs; errors slower than these are no noise of the arcs
+_MOVING = 0.1  # m/s
 _CLEARLY = 3.0  # standard errors of a median
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
@@ -151,9 +152,11 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on
     What slows all arcs alike on a table is known better than the curvature of each.
     """
     fits = fits.flying
-    long = fits.n_side >= _LONG_ARC_SAMPLES
+    speed = norm(np.stack([fits.v_pre, fits.v_post], axis=1)[..., :2])
+    moving = (speed > _MOVING) | (not on_table)  # a rest shows no friction
+    long = moving & (fits.n_side >= _LONG_ARC_SAMPLES)
     if long.sum() < _MIN_ARCS:
-        long = fits.n_side >= _MIN_ARC_SAMPLES
+        long = moving & (fits.n_side >= _MIN_ARC_SAMPLES)
     if long.sum() < _MIN_ARCS:
         return np.zeros(3)
     scatter = robust_std(fits.curvature[long]) ** 2
@@ -163,7 +166,7 @@ def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on
     stray = np.sqrt(np.where(clear, scatter - noise, 0.0))
     if on_table:
         v = np.stack([fits.v_pre, fits.v_post], axis=1)[..., :2]
-        along = -(fits.curvature[..., :2] * v).sum(-1) / np.maximum(norm(v), 1e-12)
+        along = -(fits.curvature[..., :2] * v).sum(-1) / np.maximum(speed, 1e-12)
         slowed = float(np.median(along[long]))
         if slowed > _CLEARLY * 1.25 * robust_std(along[long] - slowed) / np.sqrt(long.sum()):
             stray[:2] = np.maximum(stray[:2], slowed / np.sqrt(2.0))

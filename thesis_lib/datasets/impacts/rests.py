@@ -12,6 +12,7 @@ import numpy as np
 from thesis_lib.datasets.format.samples import Samples
 
 ROWS = 9
+GLITCHES = 2  # samples in a row
 _WITHIN = 3.0  # sigmas from the mean; at rest most windows stay within, and each sample is in nine of them
 
 
@@ -26,5 +27,8 @@ def without_rests(samples: Samples, sigma: np.ndarray) -> Samples:
     resting = np.zeros(len(samples), bool)
     for lag in range(ROWS):
         resting[lag : lag + len(still)] |= still
+    # a tracking glitch or two end no rest
+    for lost in range(GLITCHES, 0, -1):
+        resting[1:-lost] |= resting[: -lost - 1] & resting[lost + 1 :]
     begins = (samples.run[1:] != samples.run[:-1]) | (resting[1:] != resting[:-1])
     return replace(samples, run=np.r_[0, np.cumsum(begins)])
