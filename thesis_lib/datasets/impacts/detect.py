@@ -142,9 +142,9 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
     detected = find_in_arrays(trial, t, q, header, settings)
     if not dataset.has_angle:
         detected = replace(detected, warnings=(*detected.warnings, spin_sentence(detected.impacts, header)))
-    if detected.soft is None and (
-        wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q)
-    ):
+    # soft contacts and those of a simulation's step are not where the body touches
+    touches = detected.soft is None and not detected.step
+    if touches and (wrong := contradictions(header.body.shape, header.surface.height, detected.impacts.q)):
         raise DatasetError(dataset.name, wrong)
     return detected
 

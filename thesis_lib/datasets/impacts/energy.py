@@ -22,6 +22,7 @@ MATERIAL = 1e-3  # relative gain in energy that is worth a sentence
 CLEAR = 3.0  # standard errors
 MEDIAN = 1.2533  # standard error of a median over that of a mean
 ONE_SIDE = 0.9  # share of the gaps with one sign
+SCATTER = 0.3  # of the gaps over their median: a wrong height gives none, one spread evenly from 0 has 0.74
 # quantiles of φ_n / |v_n|: 10 % over 50 %, and 50 % over 90 %; evenly spread from 0 to Δ they are 0.2 and 0.56, where a
 # wrong height gives 1 and 1 at one speed, and a long tail of slow hits at many
 NEAR_NONE, EVENLY = 0.5, 0.4
@@ -57,7 +58,10 @@ def contact_step(fits: ArcFits, header: Header, settings: ArcSettings) -> float:
     rows = (fits.n_side >= settings.min_window).all(1) & fits.converged & (v_n < 0.0)
     if rows.sum() < FEWEST or np.median(np.abs(fits.gap[rows])) < settings.touch_limit:
         return 0.0
-    wait, noise = fits.gap[rows] / -v_n[rows], fits.gap_std[rows] / -v_n[rows]
+    gap = fits.gap[rows]
+    if robust_std(gap - np.median(gap)) < SCATTER * np.abs(np.median(gap)):
+        return 0.0
+    wait, noise = gap / -v_n[rows], fits.gap_std[rows] / -v_n[rows]
     few, half, most = np.quantile(np.abs(wait), (0.1, 0.5, 0.9))
     one_side = np.mean(np.sign(wait) == np.sign(np.median(wait))) >= ONE_SIDE
     if not one_side or few > NEAR_NONE * half or half < EVENLY * most or half < OF_NOISE * np.median(noise):

@@ -178,8 +178,7 @@ def rounding_warning(
     if low_pass is not None:
         why = f"The samples were smoothed by {low_pass.text()}: corners at impacts are rounded more than {contacts} do."
     elif least > _CONTACT * touch_time:
-        reach = f"{contacts} reach" if touch_time > 5e-5 else "a contact reaches"
-        why = f"Near impacts the samples leave the free flights further than {reach}, as after a filter or a vibration."
+        why = f"Corners at impacts are rounded further than {contacts} reach, as if the samples were smoothed."
     else:
         why = f"Contacts last about {2e3 * touch_time:.2g} ms, several samples."
     return (f"{why} Samples within {1e3 * guard:.3g} ms of an impact belong to no flight and are not used.",)
