@@ -36,6 +36,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
+from thesis_lib.critique.drops.words import OFF_WALL
 from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
@@ -175,5 +176,7 @@ def left_out(observations: Observations) -> dict:
     """Share and reasons of the detected impacts that are not used."""
     table = left_out_impacts(observations)
     reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
-    total = len(table) + len(observations)
-    return {"share": len(table) / total if total else 0.0, "reasons": reasons}
+    # what hit no wall says nothing about the impacts that did
+    missing = len(table) - reasons.get(OFF_WALL, 0)
+    total = missing + len(observations)
+    return {"share": missing / total if total else 0.0, "reasons": reasons}

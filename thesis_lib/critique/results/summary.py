@@ -11,7 +11,14 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
+from thesis_lib.critique.drops.words import (
+    CHANNEL_TEXT,
+    NAMED,
+    OFF_WALL,
+    alternatives_listed,
+    feature_text,
+    reasons_listed,
+)
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed
 
@@ -86,10 +93,8 @@ def much_left_out(content: Mapping) -> list[str]:
     share = content["left_out"]["share"]
     if share <= MUCH_LEFT_OUT:
         return []
-    why, said = (
-        reasons_listed(content["left_out"]["reasons"]),
-        "the verdict holds" if content["verdict"] else "all holds",
-    )
+    why = reasons_listed({name: n for name, n in content["left_out"]["reasons"].items() if name != OFF_WALL})
+    said = "the verdict holds" if content["verdict"] else "all holds"
     return [f"{100 * share:.0f} % of the detected impacts were left out ({why}), so {said} for the others only."]
 
 
