@@ -140,7 +140,8 @@ def later_instants(model: Model, values: Mapping[str, float], observations: Obse
         free.append(np.stack([value - bow[:, :1] * a, slope - bow[:, 1:] * a]))
     flown = [np.stack([state.q, state.v]) for state in states_at_impact(model, values, o)]
     if air is not None:
-        states = [_flown_to_impact(o, side, lambda at: gravity + air.acceleration(at.v), True) for side in (0, 1)]
+        forces = air.acceleration
+        states = [_flown_to_impact(o, side, lambda at: gravity + forces(at.v), True) for side in (0, 1)]
         free = [np.stack([state.q, state.v]) for state in states]
     weight = 1.0 / np.maximum(o.cov[:, :, :, 0, 0].sum(axis=1), 1e-18)
     own, detected = (_meeting(after - before, weight) for before, after in (flown, free))

@@ -60,6 +60,7 @@ _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e
 _SETTLE = 4  # iterations after which samples keep their sides, so that the fit converges
 _ITERATIONS = 12
 _NEAR_A_WALL = 0.5  # extents; walls may stand elsewhere than dataset.yaml says
+_REST = 9.0  # chi² (3 sigmas) by which rest must beat free fall to be believed
 _OFTEN = 0.3  # share of the impacts; dice, which rattle to rest, have 0.24
 _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
 
@@ -113,7 +114,7 @@ class ArcFits:
     @property
     def resting(self) -> np.ndarray:
         """Mask (n,) of impacts on one side of which the body rests, by 3 sigmas."""
-        return (self.fall < -9.0).any(1)
+        return np.logical_or(self.fall[:, 0] < -_REST, self.fall[:, 1] < -_REST)
 
     @property
     def flying(self) -> "ArcFits":

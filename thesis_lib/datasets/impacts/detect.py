@@ -109,7 +109,8 @@ def find_in_arrays(
     if on_table:
         everything = without_rests(everything, np.fmax(stated, rough))
     air = air_in(everything, rough, header)
-    if bends := air is not None and breaks_lines(air, everything, rough, settings):
+    bends = air is not None and breaks_lines(air, everything, rough, settings)
+    if air is not None and bends:
         everything = replace(everything, air=air)
         settings = settings.model_copy(update={"max_window": window_in(air, everything, settings)})
 
@@ -194,17 +195,13 @@ def find_in_arrays(
         landed = landed[np.isfinite(landed)]
         down = stays_down(landed, *v_n, noise.used[1], sampling_interval(samples), header.gravity)
     gain = energy_gain(impacts)
-    lifted = air is not None and bends and air.c_l
-    said = (
-        lifted and air_sentence(air),
-        soft and soft.sentence(),
-        gain and gain_sentence(impacts, gain, step),
-        down and down.sentence(),
-    )
+    slowed = air_sentence(air) if air is not None and bends else ""
+    lifted = slowed if air is not None and air.c_l else ""
+    said = (lifted, soft and soft.sentence(), gain and gain_sentence(impacts, gain, step), down and down.sentence())
     remarks = tuple(str(text) for text in said if text)
     warnings = (
         *(text for text in (copied, stamped, cut) if text),
-        *([air_sentence(air)] if air is not None and bends and not air.c_l else []),
+        *([slowed] if slowed and not lifted else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *remarks,
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks)),

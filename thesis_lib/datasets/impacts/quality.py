@@ -50,7 +50,6 @@ FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
 THESIS_FLAGS = ("energy", "cone", "compression")
 _APPROACH_SIGMA = 3.0  # 1 in 700 motionless contacts would pass
 _LONGEST_TOUCH = 5e-3  # s; τ of a contact of 10 ms, as of foam rubber
-_REST = 9.0  # chi² (3 sigmas) by which rest must beat free fall to be believed
 _RESTITUTIONS = (0.2, 0.9)
 _ONE_PLACE = 0.2  # radii of gyration between two contact points
 _ROUNDING = 1e-9  # an impact without losses (α = 1) must not be flagged by the last digit
@@ -140,7 +139,7 @@ def assess_arcs(
     missing = (fits.chi2_meet > settings.meet_sigma**2) & (fits.miss > allowed)
     bad_arc = "reduced chi² of an arc is "
     leave_out(beyond > settings.not_ballistic, "not_ballistic", bad_arc + _text(beyond))
-    leave_out((fits.fall < -_REST).any(1), "not_ballistic", "the body does not fall on one side")  # pyright: ignore[reportArgumentType]
+    leave_out(fits.resting, "not_ballistic", "the body does not fall on one side")
     leave_out(stray, "second_hit", "samples beside the impact are off by " + _text(1e3 * fits.near) + " mm")
     leave_out(worst > settings.not_ballistic, "not_ballistic", bad_arc + _text(worst))
     leave_out(missing, "second_hit", "the arcs miss each other by " + _text(1e3 * fits.miss) + " mm")
