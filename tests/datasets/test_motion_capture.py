@@ -193,7 +193,7 @@ def test_what_a_c3d_file_lacks_is_said(tmp_path, short, capsys, monkeypatch):
     for name, content in damaged.items():
         path = tmp_path / f"{name}.c3d"
         path.write_bytes(content)
-        with pytest.raises(UserError, match=rf"{name}\.c3d cannot be read as a C3D file"):
+        with pytest.raises(UserError, match=rf"{name}\.c3d is a C3D file .*, but cannot be read: "):
             read_c3d(path, "plate", [])
     with pytest.raises(UserError, match=r"has 2 bodies: plate, ball\. Say which"):
         read_c3d(tmp_path / "whole.c3d", None, [])

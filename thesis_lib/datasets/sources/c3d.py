@@ -120,4 +120,7 @@ def _check(path: Path, content: bytes) -> None:
 
 
 def _damaged(path: Path, reason: str) -> UserError:
-    return UserError(f"{path} cannot be read as a C3D file ({reason}). Is it whole? Export it again, or as CSV.")
+    return UserError(
+        f"{path} is a C3D file (binary, read with {PACKAGE}), but cannot be read: {reason}. Is it whole? Export it "
+        "again, or as CSV."
+    )

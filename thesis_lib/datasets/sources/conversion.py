@@ -111,7 +111,10 @@ def as_dataset(poses: pd.DataFrame, name: str, files: Sequence[str | Path], rig:
     has_angle = "theta" in poses
     if not has_angle:
         needs_no_angle(rig.shape, str(files[0]))
-        notes.append("theta is not measured: trajectories.csv has none, and the spin of the body stays unknown")
+        notes.append(
+            "theta is not measured: trajectories.csv has none, and the spin of the body stays unknown. The radius of "
+            f"gyration of a solid ball would be {0.4**0.5 * rig.shape.extent:.5g} m (--k-g)"
+        )
     poses = poses.assign(**({} if has_angle else {"theta": 0.0}))[list(TRAJECTORY_COLUMNS)]
     poses["t"] -= poses.groupby("trial", sort=False)["t"].transform("first")
     before = poses["theta"].to_numpy(copy=True)
