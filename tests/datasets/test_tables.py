@@ -67,7 +67,7 @@ FORMS = {  # content, options, what is said of it
     "cp1252, units in brackets": (text(NAMED).encode("cp1252"), {"columns": COLUMNS}, "read as cp1252"),
     "units stated twice": (text(NAMED), {"columns": COLUMNS, "units": "mm,deg"}, ""),
     "a row of units": (below(",s,(mm),[mm],°", text(MILLI)), {}, "y in mm, theta in deg"),
-    "a row of unknown units": (below(",sec,inch,inch,rad", text()), {}, "not known: inch"),
+    "a row of unknown units": (below(",sec,inch,inch,rad", text()), {"units": "m"}, "t in s, theta in rad"),
     "units and comments": (below(",s,m,m,rad\n,a,b,b,c", text()), {}, "row 3 skipped"),
     "the name of the mass": ("mass_A\n" + text(sep="\t"), {}, "row 1 skipped, text around the header: 'mass_A'"),
     "a preamble": ("Rate\t250\nBy\tJane\n***End***\t\n\n" + text(sep="\t"), {}, "rows 1, 2, 3 skipped"),
@@ -265,6 +265,11 @@ def test_fast_and_slowly_sampled_bodies_are_not_refused(tmp_path, every):
     frame = drops(190.0 if every == 1 else 38.0)[::every]
     read(tmp_path, text(frame), "disk:0.03")
     read(tmp_path, text(frame.assign(theta=frame["theta"] % (2.0 * np.pi))), "disk:0.03")
+
+
+def test_units_that_are_not_known_are_doubted(tmp_path):
+    doubts = read(tmp_path, below(",sec,inch,mm,rad", text(FRAME.assign(y=1e3 * FRAME["y"])))).warnings
+    assert len(doubts) == 1 and "column x: 'inch' below the header is not a unit that is known; read as m" in doubts[0]
 
 
 def test_units_have_many_names():

@@ -110,7 +110,7 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     wall += "the body; once for each wall"
     init.add_argument("--wall", action="append", default=[], metavar="NAME:X,Y,NX,NY", help=wall)
     init.add_argument("--delimiter", help="between cells, such as ';' or '\\t'; default: found")
-    init.add_argument("--decimal", choices=[".", ","], help="decimal mark of a table; default: found")
+    init.add_argument("--decimal", choices=[".", ","], metavar="MARK", help="of a table: . or ,; default: found")
     init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
     init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
 

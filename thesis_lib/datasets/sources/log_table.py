@@ -33,14 +33,16 @@ _BINARY = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 class Log:
     """A table as text, indexed by the row in the file, and what it says of itself.
 
-    `units`: column -> unit, where a row below the header or brackets in it name one.  `points` are those of a video
-    tracker, with columns POINT.x, POINT.y and how sure it is.  `notes` say what was skipped or mended.
+    `units`: column -> unit, where a row below the header or brackets in it name one; `strange`: column -> cell of that
+    row which names none that is known.  `points` are those of a video tracker, with columns POINT.x, POINT.y and how
+    sure it is.  `notes` say what was skipped or mended.
     """
 
     path: Path
     cells: pd.DataFrame
     decimal: str
     units: dict[str, str]
+    strange: dict[str, str]
     points: tuple[str, ...]
     notes: tuple[str, ...]
 
@@ -164,10 +166,9 @@ def read_log(path: Path, options: TableOptions, wanted: Collection[str], doubts:
     below = {name: unit for name, cell in zip(names, layout.units) if (unit := unit_of(cell))}
     if below:
         shown = ", ".join(f"{name} in {unit}" for name, unit in below.items())
-        unknown = sorted({cell for name, cell in zip(names, layout.units) if cell and name not in below})
-        more = f" (not known: {', '.join(unknown)[:40]}; for these --units counts)" if unknown else ""
-        notes.append(f"units read from the row below the header: {shown}{more}")
-    return Log(path, cells, layout.decimal, units | below, points_of(names), tuple(notes))
+        notes.append(f"units read from the row below the header: {shown}")
+    strange = {name: cell for name, cell in zip(names, layout.units) if cell and name not in below}
+    return Log(path, cells, layout.decimal, units | below, strange, points_of(names), tuple(notes))
 
 
 def say_of_logs(logs: Sequence[Log], notes: list[str]) -> None:

@@ -10,7 +10,7 @@ from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
 from thesis_lib.datasets.sources.conversion import Rig, needs_no_angle
 from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
-from thesis_lib.datasets.sources.table_options import SPATIAL, TableOptions
+from thesis_lib.datasets.sources.table_options import QUANTITY, SPATIAL, TableOptions
 from thesis_lib.datasets.sources.tracked_points import LIKELY, pose_of_points
 from thesis_lib.foundation.errors import UserError
 
@@ -81,6 +81,11 @@ def _columns(
     pose, units = {}, {}
     for ours, (name, sign) in source.items():
         units[ours] = options.units.unit(ours, log.unit(name), log.where(name))
+        if (cell := log.strange.get(log.find(name) or "")) and QUANTITY[ours] not in options.units.given:
+            warnings.append(
+                f"{log.path.name}, column {name}: '{cell[:20]}' below the header is not a unit that is known; read as "
+                f"{units[ours]}. If that is wrong, convert the column, or give --units"
+            )
         zero = dict(zip("xy", options.origin or ())).get(ours, 0.0)
         pose[ours] = sign * options.units.factor(units[ours], log.where(name)) * (log.numbers(name) - zero)
     if units["y"] == "px" and "theta" in source and source["x"][1] * source["y"][1] < 0.0 < source["theta"][1]:
