@@ -29,8 +29,7 @@ import numpy as np
 from benchmarks.baselines import Trained, gaussian_process, sindy
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique import criticise
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import Critique, whole_critique
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
@@ -130,7 +129,7 @@ def compare(case: Case) -> dict[str, Found]:
     """What each method says of one dataset."""
     dataset, _ = make(case)
     begin = time.process_time()
-    critique = criticise(dataset, rng=generator(case.seed, "critique", dataset.digest()))
+    critique = whole_critique(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     cpu = time.process_time() - begin
     first, last = critique.ladder[0][2], critique.ladder[-1][2]
     if case.truth in FLIGHT:

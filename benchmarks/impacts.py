@@ -12,7 +12,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 
 ROOT = Path(__file__).resolve().parent.parent
-SEARCH = (ROOT / "data/measured", ROOT.parent / "shared/data")
+SEARCH = (ROOT / "data/measured",)
 
 # the ellipse of the planar impact experiment
 AXES = (0.035, 0.025)  # m

@@ -1,6 +1,7 @@
 """One thread a process, measured data, and which tests share a process.
 
-Measured data are found beside the repository and skipped elsewhere (not ours to pass on).
+Measured data are not ours to pass on: tests that need them are skipped where they are neither in data/measured nor,
+as published, in the folder that the variable PUBLISHED_DATA names.
 """
 
 import os
@@ -19,7 +20,8 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-SEARCH = (ROOT / "data" / "measured", ROOT.parent / "shared" / "data")
+SEARCH = [ROOT / "data" / "measured", *map(Path, filter(None, [os.environ.get("PUBLISHED_DATA")]))]
+MEASURED = {"raw_folder", "planar_impact_dir", "planar_dice_dir"}  # fixtures: tests that use them are marked `measured`
 # these share critiques that take longest: one process makes them (tests/critique/conftest.py, test_contact_time.py)
 TOGETHER = tuple(f"tests/critique/{room}/" for room in ("commands", "drops", "report", "results", "selection"))
 
@@ -38,6 +40,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if MEASURED & set(getattr(item, "fixturenames", ())):
+            item.add_marker("measured")
     if "PYTEST_XDIST_WORKER" in os.environ:
         slow = {item.path for item in items if item.get_closest_marker("slow")}
         items.sort(key=lambda item: item.path not in slow)

@@ -43,6 +43,15 @@ def test_figures_are_grouped_by_dataset_and_what_was_not_made_is_left_out(result
     assert order == sorted(order) and "Chapter 2" not in html
 
 
+def test_data_that_a_run_lacks_are_named_with_the_command_that_gets_them(results):
+    assert "Data not present" not in written(results)
+    for html in (
+        run_report(results, [], "quick", ["planar_dice"]),
+        chapter_report(results, [], "quick", 3, ["planar_dice"]),
+    ):
+        assert "planar_dice (<code>thesis-lib datasets fetch planar-dice</code> gets it)" in html
+
+
 def test_what_was_found_stands_in_caption_and_alternative_text(results):
     html = written(results)
     drops = html[html.index('<figure id="figure-3-8-drops"') :]

@@ -7,8 +7,9 @@ A number that we chose, because the thesis does not give it, is marked as such i
 
 import json
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -16,9 +17,10 @@ from thesis_lib.critique.drops.settings import CritiqueRun, Name
 from thesis_lib.critique.mechanisms.settings import HiddenStudy
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.mistakes import LONGEST, Place, dotted, unknown_key, wrong_value
 from thesis_lib.foundation.regular_file import MissingFile
 from thesis_lib.foundation.settings import Section
-from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.foundation.yaml_file import Document, read_yaml
 from thesis_lib.identify.arm.settings import ArmStudy
 from thesis_lib.identify.impacts.settings import ImpactForces, MeasuredRatio
 from thesis_lib.identify.settings import Programs, Table21, WheelStudy
@@ -32,6 +34,7 @@ from thesis_lib.simulate.rig.settings import SimulatedDrops
 
 SCHEMA = Path("config/schema.json")
 SHOWN = 100  # mistakes listed in full
+WIDEST = 500  # characters of one
 
 
 class Chapter2(Section):
@@ -72,7 +75,7 @@ class Config(Section):
         20190906, description="the one seed; every rule derives its own stream from it"
     )
     measured: tuple[str, ...] = Field(
-        ("data/measured", "../shared/data"), description="folders searched for the measured datasets, in order"
+        ("data/measured",), description="folders searched for the measured datasets, in order"
     )
     drops: SimulatedDrops = SimulatedDrops()
     arcs: ArcSettings = Field(ArcSettings(), description="detection of impacts and arc fits")
@@ -86,20 +89,45 @@ class Config(Section):
     critique: CritiqueRun = CritiqueRun()
 
 
-def parse_config(values: dict, source: str = "configuration") -> Config:
-    """Check a configuration that was read from YAML; UserError lists every unknown key and wrong value."""
+def parse_config(values: dict, files: Sequence[str | Path] = ()) -> Config:
+    """Check a configuration that was read from YAML.
+
+    `files` are those it was read from, later ones over earlier ones.  UserError lists every unknown key and wrong
+    value with its file and line.
+    """
     try:
         return Config.model_validate(values)
     except ValidationError as error:
-        lines = [f"The {source} has {error.error_count()} mistake(s):"]
-        for item in error.errors(include_url=False)[:SHOWN]:
-            place = ".".join(str(part)[:60] for part in item["loc"]) or "(top level)"
-            message = item["msg"].replace("a valid tuple", "a list").replace("Tuple", "List")  # YAML has no tuples
-            lines.append(f"  {place}: {message} (got {item['input']!r})"[:300])
+        schema, documents = Config.model_json_schema(), {str(path): read_yaml(path) for path in files}
+        lines = [f"The configuration has {error.error_count()} mistake(s):"]
+        for mistake in error.errors(include_url=False)[:SHOWN]:
+            text = f"  {_line(mistake['loc'], documents)}{_what(mistake, schema)}"
+            lines.append(text[:WIDEST])
         if error.error_count() > SHOWN:
             lines.append(f"  ... and {error.error_count() - SHOWN} more")
         lines.append(f"{SCHEMA} lists every key with its meaning.")
         raise UserError("\n".join(lines)) from error
+
+
+def _line(place: Place, documents: Mapping[str, Document]) -> str:
+    """File and line of a place, in the last file that sets it; empty if none does (`--config` of snakemake)."""
+    best: Place = ()
+    text = ""
+    for path, document in documents.items():
+        here: Place = ()
+        for part in place:  # pydantic also names the kind of a section, which is no key
+            here = (*here, part) if (*here, part) in document.lines else here
+        if here and len(here) >= len(best):
+            best, text = here, f"{path}, line {document.lines[here]}: "
+    return text
+
+
+def _what(mistake: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
+    place = mistake["loc"]
+    key = dotted(tuple(part[:LONGEST] if isinstance(part, str) else part for part in place)) or "(top level)"
+    if mistake["type"] == "extra_forbidden":
+        return f"{key}: unknown key; {unknown_key(place, schema)}"
+    return f"{key} {wrong_value(mistake)}"
 
 
 def read_config(*paths: str | Path) -> Config:
@@ -118,7 +146,7 @@ def read_config(*paths: str | Path) -> Config:
         if not isinstance(values, dict):
             raise UserError(f"{path} must hold keys and values, found a {type(values).__name__}.")
         _overlay(merged, values)
-    return parse_config(merged, " + ".join(map(str, paths)))
+    return parse_config(merged, paths)
 
 
 def _overlay(base: dict, values: dict) -> None:

@@ -38,6 +38,8 @@ TAIL = 20_000  # bytes of a log that are searched for the cause
 PATIENCE = 5.0  # s granted to dying processes
 
 FEWER = "Run fewer jobs at once (--cores 1, CORES=1 with make), or close other programs."
+# last line of a traceback; our own errors need no name
+RAISED = re.compile(r"^(?:thesis_lib\.[\w.]+: (.+)|(\w[\w.]*(?:Error|Exception)\b.*))$", re.MULTILINE)
 # text in a log -> cause and remedy
 CAUSES = {
     r"No space left on device|Disk quota exceeded": (
@@ -268,9 +270,12 @@ def explain(code: int, log: str, interrupted: bool = False) -> str:
         for rule, block in re.findall(r"^Error in rule (\w+):\n((?:    .*\n?)+)", log, re.MULTILINE)
     ]
     lines = ["Interrupted." if interrupted else "The pipeline has stopped."]
+    again = "Nothing that was finished is lost. To go on:"  # what stopped it may not come again
     if not interrupted:
         for rule, path in failed[:SHOWN]:
             lines.append(f"  failed: {rule}" + (f", log: {path}" if path else ""))
+            if path and (raised := RAISED.findall(_tail(Path(path), TAIL))):
+                lines.append(f"    {''.join(raised[-1])}")
         if len(failed) > SHOWN:
             lines.append(f"  failed: {len(failed) - SHOWN} more")
         texts = "\n".join([log, *(_tail(Path(path), TAIL) for _, path in failed if path)])
@@ -281,10 +286,16 @@ def explain(code: int, log: str, interrupted: bool = False) -> str:
             lines += [f"  cause: {cause[0]}", f"  remedy: {cause[1]}"]
         elif code == -signal.SIGKILL:
             lines.append("  cause: Snakemake itself was killed from outside (SIGKILL); was memory short?")
-        elif not failed:
-            lines.append("  No job has failed; Snakemake's message above says what is wrong.")
-    lines.append(f"Nothing that was finished is lost. To go on: {_same_command()}")
-    return "\n".join(lines)
+        elif failed:
+            lines.append(
+                "The same command would fail there again. Do what the error asks for; if it names nothing that you can "
+                "change, this program is at fault: please report it with that log."
+            )
+            again = "Nothing that was finished is lost. Then:"
+        else:
+            lines.append("  No job has failed; Snakemake's message above says what to mend.")
+            again = "Nothing that was finished is lost. Once it is mended:"
+    return "\n".join([*lines, f"{again} {_same_command()}"])
 
 
 def _tail(path: Path, size: int) -> str:

@@ -116,12 +116,135 @@ def write_vicon(
     return path
 
 
+def write_qualisys(
+    recorded: Take, path: Path, kind: str = "6D", times: bool = True, zeros: bool = False, lost: float = 0.0
+) -> Path:
+    """A TSV export of Qualisys: the bodies "rod" and "plate" (6D), or the markers of "plate" (3D).
+
+    `times`: with columns Frame and Time; `zeros`: lost frames are zeros, not empty; "angles": 6D without Rot.
+    """
+    n, gone, place = len(recorded.t), recorded.lose(lost), 1e3 * recorded.position
+    layout = ["X", "Y", "Z", "Roll", "Pitch", "Yaw", "Residual", *(f"Rot[{i}]" for i in range(9))]
+    if kind == "3D":
+        names = [f"plate:m{k + 1}" for k in range(len(MARKERS))]
+        layout, columns = layout[:3], [place + recorded.rotation.apply(1e3 * offset) for offset in MARKERS]
+    else:
+        names, layout = ["rod", "plate"], layout if kind == "6D" else layout[:7]
+        matrix = recorded.rotation.as_matrix().transpose(0, 2, 1).reshape(n, 9)
+        moved = [place, recorded.rotation.as_euler("XYZ", degrees=True), np.full((n, 1), 0.3), matrix]
+        still = np.r_[1e3, 2e3, 3e3, np.zeros(4), np.eye(3).ravel()]
+        columns = [np.tile(still, (n, 1))[:, : len(layout)], np.concatenate(moved, axis=1)[:, : len(layout)]]
+    head = [f"NO_OF_FRAMES\t{n}", "NO_OF_CAMERAS\t8", "FREQUENCY\t250", "DESCRIPTION\t--"]
+    head += ["TIME_STAMP\t2024-05-04, 10:11:12.345\t11223.1", f"DATA_INCLUDED\t{'3D' if kind == '3D' else '6D'}"]
+    head.append("\t".join(["MARKER_NAMES" if kind == "3D" else "BODY_NAMES", *names]))
+    if kind != "3D":
+        head.append(
+            "\t".join(["Frame", "Time"] * times + [f"{name} " * (c == "X") + c for name in names for c in layout])
+        )
+    for i in range(n):
+        cells = [str(i + 1), f"{i / 250.0:.5f}"] if times else []
+        for name, values in zip(names, columns):
+            there = not (gone[i] and name.startswith("plate"))
+            cells += [_text(value) if there else "0.000" * zeros for value in values[i]]
+        head.append("\t".join(cells))
+    path.write_text("\n".join([*head, ""]))
+    return path
+
+
+def write_optitrack(recorded: Take, path: Path, left: bool = False, word: str = "rigidbody", lost: float = 0.0) -> Path:
+    """An export of Tracking Tools or Motive 1, version 1.1: bodies "rod" (2) and "plate" (1), each with its row."""
+    turned, place = recorded.rotation.as_quat(), recorded.position
+    if left:
+        turned, place = turned * [-1.0, -1.0, 1.0, 1.0], place * [1.0, 1.0, -1.0]
+    lines = ['comment,"OptiTrack Export Data"', "lefthanded" if left else "righthanded", "info,version,1.1"]
+    lines += [
+        f"info,framecount,{len(turned)}",
+        f"info,{word}count,2",
+        f'{word},"rod",2,3,0,0,0',
+        f'{word},"plate",1,3,0',
+    ]
+    for i, gone in enumerate(recorded.lose(lost)):
+        still = ["2", "1.0", "2.0", "3.0", "0", "0", "0", "1", "0", "0", "0"]
+        seen = ["1", *(f"{value:.6f}" for value in (*place[i], *turned[i])), "0", "0", "0"]
+        bodies = [still] if gone and i % 2 else [still, ["1", *["1.#QNAN"] * 10] if gone else seen]
+        cells = ["frame", str(i), f"{recorded.t[i]:.6f}", str(len(bodies)), *(cell for body in bodies for cell in body)]
+        lines += [",".join([*cells, "1", "0.1", "0.2", "0.3", "7"]), f"{word},{i},{recorded.t[i]:.6f},plate,1,0,0"]
+    path.write_text("\n".join([*lines, ""]))
+    return path
+
+
+def write_c3d(recorded: Take, path: Path, kind: str = "markers", units: str = "mm", lost: float = 0.0) -> Path:
+    """A C3D file of the markers of "plate" and one named "ball" at its origin; or with "rotations" of both bodies."""
+    from ezc3d import c3d
+
+    n, scale = len(recorded.t), {"mm": 1e3, "m": 1.0}[units]
+    offsets = [*MARKERS, np.zeros(3)]
+    places = np.stack([recorded.position + recorded.rotation.apply(offset) for offset in offsets])
+    places[:, recorded.lose(lost)] = np.nan
+    file = c3d()
+    point = file["parameters"]["POINT"]
+    point["RATE"]["value"], point["UNITS"]["value"] = [250.0], [units]
+    point["LABELS"]["value"] = [*(f"plate:m{k + 1}" for k in range(len(MARKERS))), "ball"]
+    file["data"]["points"] = np.concatenate([scale * places, np.ones((len(offsets), n, 1))], axis=2).transpose(2, 0, 1)
+    if kind == "rotations":
+        matrices = np.tile(np.eye(4)[:, :, None, None], (1, 1, 2, n))
+        matrices[:3, :3, 0] = recorded.rotation.as_matrix().transpose(1, 2, 0)
+        matrices[:3, 3, 0] = scale * recorded.position.T
+        file.add_parameter("ROTATION", "LABELS", ["plate", "rod"])
+        file["data"]["rotations"] = matrices
+    file.write(str(path))
+    return path
+
+
+PUBLISHED = {  # messages of other packages, as these define them: type -> definition, those within it after a line of =
+    "motion_capture_tracking_interfaces/msg/NamedPoseArray": """std_msgs/Header header
+NamedPose[] poses
+================================================================================
+MSG: motion_capture_tracking_interfaces/NamedPose
+string name
+geometry_msgs/Pose pose""",
+    "mocap4r2_msgs/msg/RigidBodies": """std_msgs/Header header
+uint32 frame_number
+mocap4r2_msgs/RigidBody[] rigidbodies
+================================================================================
+MSG: mocap4r2_msgs/RigidBody
+string rigid_body_name
+mocap4r2_msgs/Marker[] markers
+geometry_msgs/Pose pose
+================================================================================
+MSG: mocap4r2_msgs/Marker
+int8 USE_NAME = 0
+int8 USE_INDEX = 1
+int8 USE_BOTH = 2
+int8 id_type
+int32 marker_index
+string marker_name
+geometry_msgs/Point translation""",
+    "ar_track_alvar_msgs/msg/AlvarMarkers": """std_msgs/Header header
+ar_track_alvar_msgs/AlvarMarker[] markers
+================================================================================
+MSG: ar_track_alvar_msgs/AlvarMarker
+std_msgs/Header header
+uint32 id
+uint32 confidence
+geometry_msgs/PoseStamped pose""",
+}
+
+
 def write_bag(
-    recorded: Take, path: Path, message: str = "PoseStamped", stamped: bool = True, lost: float = 0.0
+    recorded: Take,
+    path: Path,
+    message: str = "PoseStamped",
+    stamped: bool = True,
+    lost: float = 0.0,
+    late: float = 0.6e-3,
+    published: dict[str, str] = PUBLISHED,
 ) -> Path:
     """A bag of ROS, by the ending of `path`: .bag (ROS 1), .mcap, .db3 (ROS 2); returns the file, of .db3 the folder.
 
-    `message`: PoseStamped and Odometry on /plate, TFMessage and TransformStamped with the frames plate and rod.
+    `message`: Pose, PoseStamped, Odometry and PointStamped on /plate, TFMessage and TransformStamped with the frames
+    plate and rod, PoseArray and the `published` with both bodies (AlvarMarkers: 7 and 8).  Messages arrive 2 ms after
+    exposure, and up to `late` s more.
     """
     from rosbags.rosbag1 import Writer as OldWriter
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -131,10 +254,11 @@ def write_bag(
     store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
     if old:
         store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+    for kind, text in published.items():
+        store.register(get_types_from_msg(text, kind))
     types = store.types
-    name = {"Odometry": "nav_msgs/msg/Odometry", "TFMessage": "tf2_msgs/msg/TFMessage"}.get(
-        message, f"geometry_msgs/msg/{message}"
-    )
+    known = ["nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", *published]
+    name = next((kind for kind in known if kind.endswith(f"/{message}")), f"geometry_msgs/msg/{message}")
 
     def time(ns: int):
         return types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9)
@@ -162,6 +286,28 @@ def write_bag(
             )
             moves = types["geometry_msgs/msg/TwistWithCovariance"](twist=still, covariance=np.zeros(36))
             return types[name](header=header(ns, number), child_frame_id="plate", pose=whole, twist=moves)
+        if message == "Twist":
+            return types[name](linear=point(p, "Vector3"), angular=point(p, "Vector3"))
+        if message == "PointStamped":
+            return types[name](header=header(ns, number), point=point(p))
+        rod = types["geometry_msgs/msg/Pose"](position=point(np.ones(3)), orientation=turn([0.0, 0.0, 0.0, 1.0]))
+        named = {"plate": pose, "rod": rod}
+        if message == "PoseArray":
+            return types[name](header=header(ns, number), poses=list(named.values()))
+        if message == "NamedPoseArray":
+            one = types["motion_capture_tracking_interfaces/msg/NamedPose"]
+            return types[name](header=header(ns, number), poses=[one(name=n, pose=at) for n, at in named.items()])
+        if message == "RigidBodies":
+            one = types["mocap4r2_msgs/msg/RigidBody"]
+            bodies = [one(rigid_body_name=n, markers=[], pose=at) for n, at in named.items()]
+            return types[name](header=header(ns, number), frame_number=number, rigidbodies=bodies)
+        if message == "AlvarMarkers":
+            one, empty = types["ar_track_alvar_msgs/msg/AlvarMarker"], types["geometry_msgs/msg/PoseStamped"]
+            markers = [
+                one(header=header(ns, number), id=7 + i, confidence=0, pose=empty(header=header(0, 0), pose=at))
+                for i, at in enumerate(named.values())
+            ]
+            return types[name](header=header(ns, number), markers=markers)
         both = []
         for child, place, rotation in (("plate", p, q), ("rod", np.ones(3), np.array([0.0, 0.0, 0.0, 1.0]))):
             shift = types["geometry_msgs/msg/Transform"](translation=point(place, "Vector3"), rotation=turn(rotation))
@@ -175,11 +321,13 @@ def write_bag(
     rng = np.random.default_rng(1)
     with OldWriter(path) if old else Writer(folder, version=9, storage_plugin=kind) as writer:
         connection = writer.add_connection("/tf" if message == "TFMessage" else "/plate", name, typestore=store)
+        last = 0
         for number in np.flatnonzero(~gone):
             ns = start + round(1e9 * recorded.t[number])
             content = made(ns, int(number), recorded.position[number], recorded.quaternion[number])
             raw = store.serialize_ros1(content, name) if old else store.serialize_cdr(content, name)
-            writer.write(connection, ns + int(rng.integers(2_000_000, 2_600_000)), raw)
+            last = max(last + 1, ns + 2_000_000 + int(rng.integers(0, round(1e9 * late))))  # none overtakes another
+            writer.write(connection, last, raw)
     if old:
         return path
     return folder / f"{folder.name}.mcap" if path.suffix == ".mcap" else folder

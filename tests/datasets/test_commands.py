@@ -14,7 +14,7 @@ from folders import DISK, bouncing_disk, header, impacts, trajectories, write
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.sources.conversion import parse_shape
-from thesis_lib.datasets.sources.rig_log import parse_columns, parse_units
+from thesis_lib.datasets.sources.table_options import Units, parse_columns, parse_units
 from thesis_lib.foundation.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -320,10 +320,11 @@ def test_init_of_a_missing_file(tmp_path, capsys):
 
 
 def test_parsers():
-    assert parse_units("mm, deg") == {"length": 1e-3, "angle": pytest.approx(np.pi / 180.0), "time": 1.0}
+    assert parse_units("mm, deg") == Units({"length": "mm", "angle": "deg"})
     assert parse_columns("t=time_s, y=-Z") == {"t": ("time_s", 1.0), "y": ("Z", -1.0)}
     assert parse_shape("disk:0.03").radius == 0.03
     assert parse_shape("ellipse:0.035,0.025").semi_axes == (0.035, 0.025)
+    assert parse_shape("rect:0.08,0.05").vertices == ((0.04, 0.025), (-0.04, 0.025), (-0.04, -0.025), (0.04, -0.025))
     assert len(parse_shape("polygon:0,0;1,0;0,1").vertices) == 3
     for text in ("disk:-1", "disk:a", "blob:1", "ellipse:1", "polygon:0,0;1,1", "square:"):
         with pytest.raises(UserError, match="--shape"):

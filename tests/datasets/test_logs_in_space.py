@@ -168,7 +168,8 @@ WRONG = [
         ["--quaternion", "xyzw", "--columns", "x=X,y=Y,z=Z,q1=X,q2=Y,q3=Z,q4=q3,t=time"],
         "unit quaternions have 1",
     ),
-    ("table", ["--columns", "z=Z"], "z belongs to a motion in space; say how it turns with --quaternion"),
+    ("table", ["--columns", "q1=q0"], "q1 belongs to a motion in space; say how it turns with --quaternion"),
+    ("table", ["--columns", "t=time,x=X,y=Y,z=Z"], "no angle of the body is read from it"),
     ("table", ["--up", "y"], "--up is for motions in space"),
     ("table", ["--quaternion", "xyzw", "--body", "plate", *TABLE], "--body is for files that hold several bodies"),
     ("table", ["--quaternion", "xyzw", "--frame", "4,2", *TABLE], "is not X,Y,ANGLE"),
@@ -231,13 +232,6 @@ def test_exports_of_another_kind_are_refused(tmp_path, logs, capsys, form, old, 
     log = edited(logs[form], tmp_path / "log.csv", old, new)
     assert init(tmp_path, log, *(["--body", "plate"] if form == "motive" else [])) == 2
     assert message in capsys.readouterr().err
-
-
-def test_a_bag_without_stamps_has_times_of_arrival(tmp_path, recorded, capsys):
-    assert init(tmp_path, write_bag(recorded, tmp_path / "drops.mcap", "Pose")) == 0
-    assert (
-        "warning: drops.mcap: /plate has no time stamps, so its times are those of arrival" in capsys.readouterr().out
-    )
 
 
 def test_a_bag_needs_the_package_and_says_so(tmp_path, logs, capsys, monkeypatch):

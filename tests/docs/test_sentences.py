@@ -6,12 +6,11 @@ from tutorial_runner import ROOT
 from thesis_lib.docs.sentences import keep_results, read_sentences, value, with_numbers
 from thesis_lib.foundation.errors import UserError
 
-STORED = "config/figures/default/common/figure_measured_ratio.csv"
+STORED = "config/figures/default/planar_impact/figure_measured_ratio.csv"
 SENTENCES = f"""
 page.md:
 - says: m/I is {{ratio}} ± {{std}} 1/m² once mirrored
   from: {STORED}
-  where: dataset == 'planar_impact'
   numbers:
     ratio: {{where: variant == 'mirrored_rotation', column: ratio, as: ",.0f"}}
     std: {{where: variant == 'mirrored_rotation', column: -std, as: .1f}}
@@ -36,7 +35,7 @@ def read(tmp_path):
 
 def test_numbers_are_written_and_words_stay(read):
     written = with_numbers(PAGE, "page.md", read())
-    assert written == "Our m/I\nis 2,661 ± −14.3 1/m² once\nmirrored, of 9 readings.\n"
+    assert written == "Our m/I\nis 2,661 ± −14.3 1/m² once\nmirrored, of 4 readings.\n"
     assert with_numbers(written, "page.md", read()) == written
     assert with_numbers(PAGE, "other.md", read()) == PAGE
 
@@ -47,7 +46,7 @@ def test_numbers_are_written_and_words_stay(read):
         ("once mirrored", "once turned", "0 times the words"),
         ("{n} readings", "{m} readings", "do not agree on"),
         ("column: ratio, as", "column: weight, as", "weight"),
-        (" == 'planar_impact'", " = 'planar_impact'", "cannot assign"),
+        (" == 'mirrored_rotation', column: ratio", " = 'mirrored_rotation', column: ratio", "cannot assign"),
         (STORED, "../secrets.csv", "no file of the repository"),
         ("where: variant == 'mirrored_rotation', column: ratio", "column: ratio", "leaves 4 rows, not one"),
     ],

@@ -8,12 +8,23 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tests.datasets.exports import write_bag, write_motive, write_table, write_vicon
+from tests.datasets.exports import (
+    write_bag,
+    write_c3d,
+    write_motive,
+    write_optitrack,
+    write_qualisys,
+    write_table,
+    write_vicon,
+)
 from tests.datasets.in_space import Take, plane_axes
 from tests.fuzz.mutations import Sample
 
 RATE, RADIUS, G = 250.0, 0.03, 9.81
-NAMES = {"log.csv": "table", "take.csv": "motive", "trial.csv": "vicon"}
+TABLES = {  # name of a table -> its columns and --quaternion; all other files hold a body
+    "log.csv": ("t=time,x=X,y=Y,z=Z,q1=q0,q2=q1,q3=q2,q4=q3", "xyzw"),
+    "ball.csv": ("t=time,x=X,y=Y,z=Z", None),
+}
 
 
 def small_take(up: str = "z", drops: int = 2) -> Take:
@@ -48,13 +59,21 @@ def motion_samples() -> list[Sample]:
     z, y = small_take("z"), small_take("y")
     motive = [_bytes(write_motive, "a.csv", y, *how) for how in (("Quaternion", "Millimeters"), ("XYZ", "Meters"))]
     vicon = [_bytes(write_vicon, "a.csv", z, kind) for kind in ("XYZ", "quaternion", "markers")]
-    samples = [{"log.csv": _bytes(write_table, "a.csv", z)}]
-    return samples + [{"take.csv": data} for data in motive] + [{"trial.csv": data} for data in vicon]
+    qualisys = [_bytes(write_qualisys, "a.tsv", z, *how) for how in (("6D", True), ("angles", False), ("3D", False))]
+    table = _bytes(write_table, "a.csv", z)
+    samples = [{"log.csv": table}, {"ball.csv": table}, {"old.csv": _bytes(write_optitrack, "a.csv", y)}]
+    samples += [{"take.csv": data} for data in motive] + [{"trial.csv": data} for data in vicon]
+    return samples + [{"drop.tsv": data} for data in qualisys]
+
+
+def c3d_samples() -> list[Sample]:
+    take = small_take("z")
+    return [{"drop.c3d": _bytes(write_c3d, "a.c3d", take, kind)} for kind in ("markers", "rotations")]
 
 
 def bag_samples() -> list[Sample]:
     take = small_take("z")
-    kinds = ((".bag", "TFMessage"), (".mcap", "PoseStamped"), (".db3", "Odometry"))
+    kinds = ((".bag", "TFMessage"), (".mcap", "PoseStamped"), (".db3", "Odometry"), (".mcap", "NamedPoseArray"))
     return [{f"drops{ending}": _bytes(write_bag, f"a{ending}", take, message)} for ending, message in kinds]
 
 
@@ -63,15 +82,15 @@ def read_motion(folder: Path, out: Path) -> None:
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.conversion import Rig, parse_shape
     from thesis_lib.datasets.sources.logs import Reading, convert
-    from thesis_lib.datasets.sources.rig_log import parse_columns
+    from thesis_lib.datasets.sources.table_options import parse_columns
     from thesis_lib.figures.cuts import draw_cuts
 
     # the file may be gone, or a trap: its name says how it is read
     (name,) = [path.name for path in folder.iterdir()] or ["log.csv"]
-    options: dict = {"body": None if NAMES.get(name) == "table" else "plate"}
-    if name == "log.csv":
-        columns = parse_columns("t=time,x=X,y=Y,z=Z,q1=q0,q2=q1,q3=q2,q4=q3")
-        options |= {"quaternion": "xyzw", "columns": columns}
+    options: dict = {"body": "plate"}
+    if name in TABLES:
+        columns, order = TABLES[name]
+        options = {"quaternion": order, "columns": parse_columns(columns)}
     done = convert([folder / name], "made", Rig(parse_shape(f"disk:{RADIUS}")), Reading(**options))
     write_dataset(done.dataset, out / "made")
     assert done.cuts is not None

@@ -26,7 +26,7 @@ from tests.fuzz.intermediates import (
     read_results,
     results_samples,
 )
-from tests.fuzz.motions import bag_samples, motion_samples, read_motion
+from tests.fuzz.motions import bag_samples, c3d_samples, motion_samples, read_motion
 from tests.fuzz.mutations import Sample
 
 
@@ -104,17 +104,34 @@ def _read_dataset(folder: Path, out: Path) -> None:
 def _log_samples() -> list[Sample]:
     poses = pd.DataFrame({"run": np.repeat([1, 2], 20), "time": np.tile(np.arange(20), 2) / 250.0})
     poses = poses.assign(x=1.0, y=2.0 - poses["time"], angle=0.1)
-    return [{"log.csv": csv_of(poses)}]
+    european = poses.rename(columns={"angle": "angle (°)"}).to_csv(sep=";", decimal=",", index=False)
+    european = f"ball 1\n{european}".replace("\n1;", "\n;s;mm;mm;\n1;", 1).encode("cp1252")
+    marks = "".join(f"{i},{300 + i},{200 + i},0.9,{330 + i},{200.5 + i},{0.2 + 0.02 * i:.2f}\n" for i in range(40))
+    header = "scorer,net,net,net,net,net,net\nbodyparts,a,a,a,b,b,b\ncoords,x,y,likelihood,x,y,likelihood\n"
+    stamps = "# timestamp tx ty\n" + "".join(f"{1567176123123456789 + 4000000 * i} 0.1 {0.2 + i}\n" for i in range(40))
+    samples = {"european.txt": european, "points.csv": (header + marks).encode(), "stamps.txt": stamps.encode()}
+    return [{"log.csv": csv_of(poses)}, *({name: content} for name, content in samples.items())]
+
+
+LOG_OPTIONS = {  # columns, units, scale of the samples above
+    "european.txt": ("trial=run,t=time,y=-y,theta=angle (°)", "", None),
+    "points.csv": ("", "", "450/0.5"),
+    "stamps.txt": ("t=timestamp,x=tx,y=ty", "ns", None),
+}
 
 
 def _read_log(folder: Path, out: Path) -> None:
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.conversion import Rig, parse_shape
-    from thesis_lib.datasets.sources.rig_log import convert_logs, parse_columns, parse_units
+    from thesis_lib.datasets.sources.rig_log import convert_logs
+    from thesis_lib.datasets.sources.table_options import TableOptions, parse_columns, parse_units
 
-    columns = parse_columns("trial=run,t=time,x=x,y=-y,theta=angle")
-    log = folder / "log.csv"
-    done = convert_logs([log], "made", parse_units("mm,deg"), columns, Rig(parse_shape("disk:0.03")))
+    # the file may be gone, or a trap: its name says how it is read
+    (name,) = [path.name for path in folder.iterdir()] or ["log.csv"]
+    plain = ("trial=run,t=time,x=x,y=-y,theta=angle", "mm,deg", None)
+    columns, units, scale = LOG_OPTIONS.get(name, plain)
+    options = TableOptions(parse_units(units, scale), parse_columns(columns), origin=(300.0, 800.0), rate=250.0)
+    done = convert_logs([folder / name], "made", options, Rig(parse_shape("disk:0.03")))
     write_dataset(done.dataset, out / "made")
 
 
@@ -322,6 +339,7 @@ READERS: dict[str, Reader] = {
     "log": Reader(cache(_log_samples), _read_log),
     "motion": Reader(cache(motion_samples), read_motion),
     "bag": Reader(cache(bag_samples), read_motion),
+    "c3d": Reader(cache(c3d_samples), read_motion),
     "published": Reader(cache(_published_samples), _read_published),
     "archive": Reader(cache(_archive_samples), _read_archive),
     "config": Reader(cache(_config_samples), _read_config),

@@ -2,7 +2,7 @@
 
 The process keeps its address space within `MEMORY` of what its imports need, may not write outside its output folder
 (its own folder is compared before and after; Python's audit events tell of the rest), start programs, open sockets or
-unpickle, and is killed when it hangs.
+unpickle, and is killed when it hangs.  One program of our own may be started, which bounds itself: `PROGRAM`.
 """
 
 import contextlib
@@ -22,6 +22,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
+from thesis_lib.datasets.sources import c3d
 from thesis_lib.foundation.errors import UserError
 
 MEMORY = 1 << 30  # bytes above the imports
@@ -36,6 +37,7 @@ FORBIDDEN = {
     *("os.system", "os.exec", "os.posix_spawn", "os.fork", "subprocess.Popen", "pty.spawn"),
     *("socket.connect", "socket.bind", "urllib.Request", "pickle.find_class", "ctypes.dlopen"),
 }
+PROGRAM = str(Path(c3d.__file__).with_name("c3d_process.py"))
 WRITES = {
     *("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod", "os.chown"),
     *("os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile", "shutil.copytree", "tempfile.mkstemp"),
@@ -73,6 +75,8 @@ class _Watch:
 
     def _event(self, event: str, arguments: tuple) -> None:
         if not self.on:
+            return
+        if event == "subprocess.Popen" and list(arguments[1])[:3] == [sys.executable, "-P", PROGRAM]:
             return
         if event in FORBIDDEN:
             self.seen.append(f"{event}{arguments!r}"[:200])

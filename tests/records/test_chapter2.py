@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.figures.chapter2.impact import NAMES
+from thesis_lib.identify.impacts.measured_ratio import gather
 from thesis_lib.ledger.format import read_ledger
 from thesis_lib.records import chapter2_forces, chapter2_inertia, chapter2_mechanisms
 
@@ -181,7 +182,11 @@ def test_without_a_better_hypothesis_the_data_stand_alone():
     assert "the data as they are, which leaves the least misfit, not told apart from the header" in said
     assert said.endswith("in the interval of the data as they are.")
     assert "No measured dataset" in chapter2_inertia.measured_ratio(
-        pd.DataFrame([ratio_row("as_published", 1.0, 1.0, "no impacts")])
+        pd.DataFrame([ratio_row("as_published", 1.0, 1.0, "not converged")])
+    )
+    there = pd.DataFrame([ratio_row("as_published", 1020.0, 1.0)])
+    assert chapter2_inertia.measured_ratio(gather([there], ["planar_impact"])).endswith(
+        "planar_impact: data not present."
     )
 
 

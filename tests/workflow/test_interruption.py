@@ -152,23 +152,29 @@ def failure(rule: str, before: str = "") -> str:
     return f"{before}\nError in rule {rule}:\n    message: None\n    jobid: 3\n    log: {log}\nLogfile follows\n"
 
 
+GO_ON, THEN, MENDED = "To go on:", "would fail there again", "Once it is mended:"
+
+
 @pytest.mark.parametrize(
     ("code", "log", "job_log", "told"),
     [
-        (1, failure("a", "died with <Signals.SIGKILL: 9>."), "", ["failed: a, log: results/logs/a.log", "memory"]),
-        (1, failure("a"), "OSError: [Errno 28] No space left on device", ["failed: a", "disk is full"]),
-        (1, failure("a"), "numpy._core.MemoryError: Unable to allocate 9. TiB", ["ran out of memory", "--cores 1"]),
-        (1, failure("a") + failure("b"), "ValueError: x", ["failed: a", "failed: b"]),
-        (-9, "", "", ["Snakemake itself was killed"]),
-        (1, "", "", ["No job has failed"]),
+        (1, failure("a", "died with <Signals.SIGKILL: 9>."), "", ["failed: a, log: results/logs", "memory", GO_ON]),
+        (1, failure("a"), "OSError: [Errno 28] No space left on device", ["failed: a", "disk is full", GO_ON]),
+        (1, failure("a"), "numpy._core.MemoryError: Unable to allocate", ["ran out of memory", "--cores 1", GO_ON]),
+        (1, failure("a") + failure("b"), "ValueError: x", ["failed: a", "    ValueError: x", "failed: b", THEN]),
+        (1, failure("a"), "thesis_lib.foundation.errors.UserError: Give x.", ["failed: a", "\n    Give x.", THEN]),
+        (-9, "", "", ["Snakemake itself was killed", GO_ON]),
+        (1, "", "", ["No job has failed", MENDED]),
     ],
 )  # fmt: skip
 def test_failures_are_explained(folder, code, log, job_log, told):
+    """What the same command would meet again is not advised; what may be gone by then is."""
     write_text(job_log, folder / "results/logs/a.log")
     text = pipeline.explain(code, log)
-    for words in [*told, "Nothing that was finished is lost. To go on:"]:
+    for words in [*told, "Nothing that was finished is lost."]:
         assert words in text
-    assert ("cause:" in text) == (len(job_log) != len("ValueError: x") and "No job" not in text)
+    assert sum(words in text for words in (GO_ON, THEN, MENDED)) == 1
+    assert ("cause:" in text) == (GO_ON in told)
 
 
 def test_exit_code_is_that_of_snakemake(folder, capsys):

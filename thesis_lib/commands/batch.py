@@ -21,7 +21,7 @@ from thesis_lib.datasets.format.folder import looks_like_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.isolated import Outcome, Task, run_isolated
 from thesis_lib.foundation.progress import duration
-from thesis_lib.report.batch_index import INDEX_FILES, plain, row_of_failure, row_of_verdict, write_index
+from thesis_lib.report.batch_index import INDEX_FILES, NO_VERDICT, plain, row_of_failure, row_of_verdict, write_index
 
 STATE = ".batch"
 PRELOAD = (
@@ -175,7 +175,7 @@ def _row(out: Path, name: str) -> dict:
 
 def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: float, ended: int) -> str:
     """[ 3/100] my_drops: effects (com_offset), 21 s; about 12 min left"""
-    what = f"FAILED: {row['reason']}" if row["status"] == "failed" else row["verdict"]
+    what = f"FAILED: {row['reason']}" if row["status"] == "failed" else row["verdict"] or NO_VERDICT
     named = f" ({row['effects']})" if row["effects"] else ""
     rest = "" if count == total else f"; about {duration((total - count) * spent / ended)} left"
     name = f"[{count:{len(str(total))}d}/{total}] {plain(row['dataset'])}"

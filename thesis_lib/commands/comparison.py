@@ -61,7 +61,7 @@ def compare(a: Mapping, b: Mapping) -> pd.DataFrame:
     same_law = _law(a, "augmented_model") == _law(b, "augmented_model")
     same_models = same_law and _law(a) == _law(b) and _effects(a) == _effects(b)
     rows = [
-        _text("verdict", a["verdict"], b["verdict"]),
+        _text("verdict", *(content["verdict"] or "none (too few impacts)" for content in (a, b))),
         _text("base law", _law(a), _law(b)),
         _text("law with the effects", _law(a, "augmented_model"), _law(b, "augmented_model")),
         _text("effects", _effects(a) or "none", _effects(b) or "none"),
@@ -151,6 +151,9 @@ def _parameter(quantity: str, p: Mapping | None, q: Mapping | None, comparable: 
     values = [fit["value"] if fit else None for fit in (p, q)]
     ends = [[fit["value"] + s * Z95 * fit["std"] for s in (-1, 1)] if fit and fit["std"] else None for fit in (p, q)]
     row = _measured(quantity, values[0], values[1], (p or q or {})["unit"], *ends)
+    if bounds := {word: run for run, fit in zip("ab", (p, q)) if fit and (word := fit.get("bound"))}:
+        row["quantity"] += f" ({' and '.join(f'{word} bound in {run}' for word, run in bounds.items())})"
+        comparable = False
     return row if comparable else row | {"difference": None, "sigmas": None}
 
 

@@ -27,13 +27,15 @@ them. Effects are chosen on 70 % of the trials; every error told is that of the 
 minute. The recording of a mechanism (an arm that pushes a disk, a rimless wheel) is criticised likewise: which force is
 missing from its believed equations of motion.
 
+Fewer than 30 usable impacts in 10 trials give restitution with its standard error, and friction, but no verdict.
+
   one PATH              a dataset of drops, or a recording: what its model misses
   two PATHs             two datasets, or two folders that a critique wrote, side by side
   --batch PATH...       each dataset on its own, however many, and an index of them
 
 What it writes into DIR:
   report.html      start here: the verdict and how it came about, with pictures
-  diagnosis.json   the same for programs: verdict (adequate, effects or unexplained), effects, what could not be told
+  diagnosis.json   the same for programs: verdict (adequate, effects, unexplained, or null), effects, what is left
   model.json       the law with its effects, for python -m thesis_lib predict
   comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the pictures
   DIR_proposal.py  beside DIR, where nothing fits and a term is proposed: an effect file for --effects

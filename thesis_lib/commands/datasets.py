@@ -13,7 +13,7 @@ from thesis_lib.foundation.progress import Progress
 EXAMPLES = """\
 examples:
   python -m thesis_lib datasets fetch planar-impact
-  python -m thesis_lib datasets fetch planar-dice --from ../shared/data
+  python -m thesis_lib datasets fetch planar-dice --from published/fazeli_planar_dice
   python -m thesis_lib datasets check data/my_drops
   python -m thesis_lib datasets init log.csv -o data/my_drops --units mm,deg \\
       --columns "trial=run,t=time_s,x=X,y=Z,theta=angle" --shape square:0.06 --mass 0.05
@@ -23,7 +23,7 @@ examples:
 FETCH_EXAMPLES = """\
 examples:
   python -m thesis_lib datasets fetch planar-impact
-  python -m thesis_lib datasets fetch planar-dice --from ../shared/data       without network
+  python -m thesis_lib datasets fetch planar-dice --from published/fazeli_planar_dice       without network
 """
 CHECK_EXAMPLES = """\
 examples:

@@ -8,17 +8,25 @@ from thesis_lib.foundation.errors import UserError
 DESCRIPTION = """\
 Convert a rig's logs into a dataset folder, then check it. Which form a file has is told by its ending and first line:
 
-  tables                     CSV with a header line: trial,t,x,y,theta under any names, in any units
+  tables                     text with a header line: trial,t,x,y,theta under any names, in any units; of a disk theta
+                             may lack. Delimiter, decimal commas, encoding, lines above the header and a row of units
+                             below it are found and named in a note (Excel, Tracker, LabVIEW, TUM, rostopic echo -p)
+  tables of a video tracker  the points of DeepLabCut and its like (POINT.x, POINT.y, likelihood) become the pose
   tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz
-  OptiTrack Motive           CSV export of rigid bodies, or of the markers of one
+  tables of points           x, y, z and no angle: a ball, whose spin stays unknown
+  OptiTrack Motive           CSV export of rigid bodies, or of the markers of one; also the older form (version 1.1)
   Vicon Nexus, Tracker       CSV export of segments, or of trajectories of the markers of one body
-  ROS bags                   .bag, .mcap, .db3 or a folder of these: PoseStamped, Odometry, TransformStamped, TFMessage
+  Qualisys Track Manager     TSV export of bodies (6D), or of markers (3D)
+  C3D                        markers named body:marker, rotations, or one marker, a ball (pip install ezc3d)
+  ROS bags                   .bag, .mcap, .db3 or a folder of these: PoseStamped, PoseArray, PointStamped, Odometry,
+                             TransformStamped, TFMessage, NamedPoseArray, RigidBodies, AlvarMarkers and more
                              (needs no ROS, but: pip install rosbags)
 
-All but the first are motions in space. The plane of the motion is found from the free flights, or given; the energy out
-of it is told for each impact, and trials with more than 5 % are left out. Rotations that would fit if they were read
-otherwise (another order, a left-handed frame) are refused with the option that mends it. One long recording is cut into
-drops: look at cuts.png in DIR.
+All but the first two are motions in space. The plane of the motion is found from the free flights, or given; the
+energy out of it is told for each impact, and trials with more than 5 % are left out. Rotations that would fit if they
+were read otherwise (another order, a left-handed frame) are refused with the option that mends it. Stamps of arrival
+give way to the numbers of the pictures where the flights show that. One long recording is cut into drops: look at
+cuts.png in DIR.
 """
 EXAMPLES = """\
 examples:
@@ -28,6 +36,15 @@ examples:
   one file a run, no time column, y pointing down in the camera's image:
     python -m thesis_lib datasets init runs/*.csv -o data/my_drops --per-trial-files --rate 250 \\
         --columns "x=u,y=-v,theta=-phi" --shape ellipse:0.035,0.025
+  pixels of a camera: 900 of them make a metre, the surface is at v = 800, and a ball has no angle:
+    python -m thesis_lib datasets init track.txt -o data/my_drops --units px --scale 900 --origin 300,800 \\
+        --columns "x=u,y=-v" --shape disk:0.03
+  points on the body, tracked by DeepLabCut at 120 frames a second:
+    python -m thesis_lib datasets init videos/*.csv -o data/my_drops --per-trial-files --rate 120 --scale 450/0.5 \\
+        --origin 320,410 --body corner1,corner2 --shape rect:0.08,0.05
+  a puck on a level table, seen from above, between two cushions:
+    python -m thesis_lib datasets init puck.csv -o data/my_puck --shape disk:0.04 \\
+        --wall south:0,-0.4,0,1 --wall east:0.6,0,-1,0
   one long log in a plane, to be cut into drops:
     python -m thesis_lib datasets init log.csv -o data/my_drops --cut --shape disk:0.03
   a log with quaternions, scalar first, y up:
@@ -35,6 +52,8 @@ examples:
         --columns "t=time,q1=q0,q2=q1,q3=q2,q4=q3" --shape square:0.06
   a take of motion capture with several bodies, whose plate moves across the room's x axis:
     python -m thesis_lib datasets init take.csv -o data/my_drops --body plate --plane x --shape square:0.06
+  a ball tracked in space in centimetres, z up:
+    python -m thesis_lib datasets init ball.csv -o data/my_drops --units cm --up z --shape disk:0.02
   a bag of ROS, the frame "plate" of /tf:
     python -m thesis_lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
 """
@@ -50,8 +69,13 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     )
     init.add_argument("files", nargs="+", metavar="FILE")
     init.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
-    init.add_argument("--units", default="", help="of a table: m|mm|cm, rad|deg, s|ms|us; default: m,rad,s")
+    units = "of a table: m|mm|cm|px, rad|deg, s|ms|us|ns; default: what the table says, else m,rad,s"
+    init.add_argument("--units", default="", help=units)
     init.add_argument("--columns", default="", help="OURS=YOURS,…; a minus sign before YOURS flips an axis")
+    scale = "pixels a metre, or PX/M: pixels of a ruler and its length in m"
+    init.add_argument("--scale", metavar="PX", help=f"of a table in pixels: {scale}")
+    zero = "x and y, as a table writes them, of the point that becomes x = 0, y = 0; default: 0,0"
+    init.add_argument("--origin", metavar="U,V", help=zero)
     order = (
         "the table has quaternions, in this order: its columns x, y, z, and q1, q2, q3, q4 or by default qx, qy, qz, qw"
     )
@@ -62,27 +86,31 @@ def add_init(commands: argparse._SubParsersAction) -> None:
         "of Euler angles in an export: XYZ about the body's own axes in this order, xyz about fixed ones, or helical"
     )
     init.add_argument("--rotation", metavar="SEQ", help=f"{sequence}; default: as the export says, else XYZ")
-    init.add_argument("--up", metavar="AXIS", help="of a motion in space: z, -y, …; default: y of Motive, else z")
+    init.add_argument("--up", metavar="AXIS", help="of a motion in space: z, -y, …; default: y of OptiTrack, else z")
     normal = "normal of the plane of a motion in space: x, -y, … or X,Y,Z; default: found from the free flights"
     init.add_argument("--plane", metavar="AXIS", help=normal)
-    init.add_argument(
-        "--body", metavar="NAME", help="which body of an export, topic of a bag, or topic:frame of transforms"
-    )
+    body = "which body or marker of an export, topic of a bag, or topic:name within it; of a video tracker the points "
+    init.add_argument("--body", metavar="NAME", help=f"{body}of the body, as P,Q,…; default: all")
     frame = "in the tracked frame, seen in the plane: centre of mass in m, and by how many degrees the shape is turned"
     init.add_argument("--frame", metavar="X,Y,ANGLE", help=f"{frame}; default: 0,0,0")
     cut = "cut each file into drops, or take it as one trial; default: cut motions in space that name no trials"
     init.add_argument("--cut", action=argparse.BooleanOptionalAction, help=cut)
-    shape = "ellipse:A,B | disk:R | square:SIDE | polygon:'x1,y1;x2,y2;…' in m"
+    shape = "ellipse:A,B | disk:R | square:SIDE | rect:W,H | polygon:'x1,y1;x2,y2;…' in m"
     init.add_argument("--shape", required=True, help=shape)
     init.add_argument("--mass", type=float, help="kg; optional")
     init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")
     homogeneous = "the body is of one density, and its size known to U (relative, one sigma, such as 0.002): effects "
     homogeneous += "that contradict the inertia that follows are told as stand-ins, not as causes"
     init.add_argument("--homogeneous", type=float, metavar="U", dest="size_uncertainty", help=homogeneous)
-    init.add_argument("--rate", type=float, help="Hz; needed if the log has no time column")
-    init.add_argument("--gravity", type=float, help="m/s², in the plane; default: 9.81, in a tilted plane less")
+    init.add_argument("--rate", type=float, help="Hz; needed if the log has no times, or counts frames")
+    gravity = "m/s², in the plane; default: 9.81, in a tilted plane less, with --wall 0"
+    init.add_argument("--gravity", type=float, help=gravity)
     init.add_argument("--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s")
-    init.add_argument("--delimiter", default=",", help="between cells, such as ';' or '\\t'; default: comma")
+    wall = "straight wall in place of the surface: its name, a point in m, after conversion, and its normal towards "
+    wall += "the body; once for each wall"
+    init.add_argument("--wall", action="append", default=[], metavar="NAME:X,Y,NX,NY", help=wall)
+    init.add_argument("--delimiter", help="between cells, such as ';' or '\\t'; default: found")
+    init.add_argument("--decimal", choices=[".", ","], metavar="MARK", help="of a table: . or ,; default: found")
     init.add_argument("--per-trial-files", action="store_true", help="each file is one trial")
     init.add_argument("--force", action="store_true", help="replace a dataset that is already in DIR")
 
@@ -90,20 +118,18 @@ def add_init(commands: argparse._SubParsersAction) -> None:
 def convert_logs(args: argparse.Namespace) -> int:
     """Convert, write, check, and say what came of it; UserError where the logs cannot be read or used."""
     from thesis_lib.datasets.format.write import write_dataset
-    from thesis_lib.datasets.sources.conversion import Rig, parse_shape
+    from thesis_lib.datasets.sources.conversion import Rig, parse_shape, parse_wall
     from thesis_lib.datasets.sources.logs import Reading, convert
-    from thesis_lib.datasets.sources.rig_log import parse_columns
+    from thesis_lib.datasets.sources.table_options import parse_columns, parse_delimiter
     from thesis_lib.datasets.summary import check_dataset, summary_text
 
     out = Path(args.out)
-    delimiter = "\t" if args.delimiter in ("\\t", "tab") else args.delimiter
-    if len(delimiter) != 1:
-        raise UserError(f"--delimiter: {args.delimiter!r} is not one character.")
     same = ("mass", "k_g", "size_uncertainty", "rate", "gravity", "surface_height")
-    rig = Rig(parse_shape(args.shape), **{name: getattr(args, name) for name in same})
+    walls = tuple(map(parse_wall, args.wall))
+    rig = Rig(parse_shape(args.shape), **{name: getattr(args, name) for name in same}, walls=walls)
     same = ("units", "per_trial_files", "quaternion", "left_handed", "rotation", "up", "plane", "body", "frame", "cut")
-    given: dict = {name: getattr(args, name) for name in same}
-    reading = Reading(columns=parse_columns(args.columns), delimiter=delimiter, **given)
+    given: dict = {name: getattr(args, name) for name in (*same, "decimal", "scale", "origin")}
+    reading = Reading(columns=parse_columns(args.columns), delimiter=parse_delimiter(args.delimiter), **given)
     conversion = convert(args.files, out.resolve().name, rig, reading)
     write_dataset(conversion.dataset, out, float_format=None)
     if conversion.cuts:

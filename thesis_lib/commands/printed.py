@@ -14,7 +14,10 @@ def diagnosis_text(content: Mapping) -> str:
     """The content of diagnosis.json for a terminal."""
     from thesis_lib.critique.results.summary import origin_text
 
-    lines = [f"{content['dataset']}: {content['verdict']}", *(f"  {s}" for s in content["summary"])]
+    lines = [f"{content['dataset']}: {content['verdict'] or 'no verdict'}", *(f"  {s}" for s in content["summary"])]
+    if content["verdict"] is None:
+        names = content["base_model"]["parameters"].items()
+        return "\n".join([*lines, "", *(f"    {key:<14}{_value(p)}" for key, p in names)])
     lines += ["", *(_mechanism_errors(content) if "mechanism" in content else _errors(content))]
     width = max((14, *(len(key) + 2 for key in content["augmented_model"]["parameters"])))
     for key, p in content["augmented_model"]["parameters"].items():
@@ -24,7 +27,8 @@ def diagnosis_text(content: Mapping) -> str:
     for effect in content["effects"]:
         if effect["name"] in origins:
             lines.append(f"    {effect['name']} is from {origins[effect['name']]}")
-        lines += [f"    {effect['name']}.{key} = {_value(p)}" for key, p in effect["parameters"].items()]
+        for key, p in effect["parameters"].items():
+            lines.append(f"    {effect['name']}.{key} {'' if p.get('bound') else '= '}{_value(p)}")
         gain, (low, high) = effect["gain"], effect["gain"]["interval"]
         lines.append(
             f"      gains {gain[f'held_out_log_score_per_{score}']:.3g} nats {case} (95 %: {low:.3g} to {high:.3g}), "
@@ -64,7 +68,11 @@ def _mechanism_errors(content: Mapping) -> list[str]:
 
 def _value(p: Mapping) -> str:
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
-    return f"{p['value']:.4g} ± {p['std'] or 0.0:.2g}{unit}"
+    if p.get("bound"):
+        from thesis_lib.statistics.wording import bounded
+
+        return bounded(p, unit.strip())
+    return f"{p['value']:.4g} ± {p['std']:.2g}{unit}" if p["std"] else f"{p['value']:.4g}{unit}"
 
 
 def batch_text(batch: "Batch", out: Path) -> str:
@@ -84,13 +92,13 @@ def _models(rows: Sequence[Mapping]) -> list[str]:
     """Laws and engines side by side."""
     import pandas as pd
 
-    from thesis_lib.critique.engines.words import model_sentences, row_title
+    from thesis_lib.critique.engines.words import bounded_text, model_sentences, row_title
 
     lines = [f"  {sentence}" for sentence in model_sentences(pd.DataFrame(rows))]
     titles = [row_title(row) for row in rows]
     width = max(map(len, titles))
     lines.append(f"    {'model':<{width}}  effects  error (m/s)  mu      epsilon")
     for title, row in zip(titles, rows):
-        numbers = f"{row['error']:<11.4g}  {row['mu']:<6.3f}  {row['epsilon']:.3f}"
+        numbers = f"{row['error']:<11.4g}  {bounded_text(row, 'mu', 3):<7} {bounded_text(row, 'epsilon', 3)}"
         lines.append(f"    {title:<{width}}  {row['effects']:<7}  {numbers}")
     return lines

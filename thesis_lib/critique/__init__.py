@@ -3,12 +3,13 @@
     from thesis_lib.critique import criticise
     critique = criticise(read_dataset("data/my_drops"), rng=np.random.default_rng(0))
 
-`criticise` and `Critique` are imported on first use, so that importing this package stays cheap.
+Too few impacts for a verdict give a `FewImpacts` instead of a `Critique`.  All are imported on first use, so that
+importing this package stays cheap.
 """
 
 from importlib import import_module
 
-__all__ = ["Critique", "criticise"]
+__all__ = ["Critique", "FewImpacts", "criticise"]
 
 
 def __getattr__(name: str):

@@ -9,6 +9,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import STATE
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
+from thesis_lib.datasets.impacts.enough import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.read import read_dataset
 
 UNIT = {"t": "s", "x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "omega": "rad/s"}
@@ -98,6 +99,7 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str
         lines += _range_lines(part["range"])
     if (part := facts.get("detection")) is not None:
         lines += _detection_lines(part, noise or {}, given=dataset.impacts is not None)
+    lines += _verdict_lines(dataset, detection)
     warnings = [*dataset.warnings, *(detection.warnings if detection is not None else ())]
     lines += [f"warning {i}: {problem}" for i, problem in enumerate(warnings, 1)]
     lines.append("The dataset is valid." if not warnings else "The dataset is valid, with the warnings above.")
@@ -107,6 +109,25 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str
 def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
     return [
         f"  {name:<10}{low:12.4g} … {high:<12.4g}{UNIT[name.split('_')[0]]}" for name, (low, high) in ranges.items()
+    ]
+
+
+def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str]:
+    """What a critique can say of so few impacts; nothing if they are enough for a verdict, or none."""
+    if dataset.impacts is not None:
+        trial, more = dataset.impacts["trial"].to_numpy(), []
+    elif detection is not None:
+        # hits in quick succession may be used together
+        trial, out = detection.impacts.trial, detection.left_out
+        more = out.loc[out["reason"] == "second_hit", "trial"].tolist()
+    else:
+        return []
+    if not len(trial) or are_enough(len(trial) + len(more), len({*trial.tolist(), *more})):
+        return []
+    trials = len(np.unique(trial))
+    return [
+        f"critique    restitution and friction, and no verdict: {len(trial)} usable impacts in {trials} trials; "
+        f"{MIN_IMPACTS} in {MIN_TRIALS} are needed"
     ]
 
 
@@ -127,6 +148,7 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
         f"{name} {'unknown' if value is None else f'{value:.3g} {unit}'}"
         + (f" (stated {stated[name]:g})" if name in stated else "")
         for (name, value), unit in zip(part["noise"].items(), ("m", "rad"))
+        if value != 0.0  # that of an angle which is not measured
     ]
     lines.append(f"  noise     {', '.join(shares)}; from {source[part['noise_source']]}")
     return lines

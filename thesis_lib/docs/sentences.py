@@ -2,8 +2,8 @@
 
     docs/findings.md:
       - says: m/I from the published impacts is {ratio} ± {std} 1/m² once the rotation is mirrored
-        from: config/figures/default/common/figure_measured_ratio.csv
-        where: dataset == 'planar_impact' and variant == 'mirrored_rotation'
+        from: config/figures/default/planar_impact/figure_measured_ratio.csv
+        where: variant == 'mirrored_rotation'
         numbers:
           ratio: {column: ratio, as: ",.0f"}
           std: {column: std, as: ",.0f"}

@@ -27,6 +27,7 @@ class AnisotropicFriction(Effect):
     title = "friction depends on direction"
     equation = "μ = μ₀ (1 + a_t sign(v_t))"
     parameters = (Parameter("a_t", "1", null=0.0, low=-0.95, high=0.95, scale=0.1),)
+    needs_angle = True
     reference = "Zmitrowicz 1981 (constitutive equations of anisotropic friction)"
     breaks_mirror = True
 

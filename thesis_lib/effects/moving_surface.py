@@ -20,6 +20,7 @@ class MovingSurface(Effect):
     equation = "v_t = v_x − V − r_y ω"
     parameters = (Parameter("V", "m/s", null=0.0, low=-3.0, high=3.0, scale=0.1),)
     needs_one_surface = True
+    needs_angle = True
     reference = "Galilean invariance"
     breaks_mirror = True
 

@@ -19,7 +19,8 @@ from typing import Any, Self
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file, read_bytes
 
-DROPPED = ("planar_impact", "planar_dice", "drops")  # datasets that come with the project
+MEASURED = ("planar_impact", "planar_dice")  # published sets, fetched by whoever wants them
+DROPPED = (*MEASURED, "drops")  # datasets that come with the project
 TRACKED = ("planar_dice", "drops")  # of these, those with trajectories
 THROWN = ("planar_dice",)
 FOUND_HERE = "Found in this run: "

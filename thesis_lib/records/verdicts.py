@@ -30,6 +30,8 @@ named effects are added (step 4).""",
 )
 def verdict(diagnosis: Mapping) -> str:
     """Which effects are missing, how far the error falls with them, and how much remains."""
+    if diagnosis["verdict"] is None:
+        return " ".join(diagnosis["summary"])
     error, clearing = diagnosis["error"], [effect for effect in diagnosis["effects"] if effect["clears"]]
     left_out = diagnosis["left_out"]["share"]
     sentences = [_missing(diagnosis, clearing), _fall(error, bool(clearing))]

@@ -22,6 +22,7 @@ COLUMNS = (
 )
 INDEX_FILES = ("index.html", "batch.csv", "batch.json")
 TEMPLATE = Path(__file__).with_name("batch_index.html")
+NO_VERDICT = "too few impacts"
 SHOWN = 500  # characters of a reason; the dataset's log has all of it
 
 
@@ -57,11 +58,16 @@ def write_index(rows: Sequence[Mapping], out: Path, *, total: int, seed: int, ef
 
 def summary_text(rows: Sequence[Mapping], total: int) -> str:
     """100 datasets: 61 effects, 30 adequate, 4 unexplained, 5 failed."""
-    counts = Counter(row["verdict"] or "failed" for row in rows)
+    counts = Counter(_word(row) for row in rows)
     counts["not reached"] = total - len(rows)
-    order = ("effects", "adequate", "unexplained", "failed", "not reached")
+    order = ("effects", "adequate", "unexplained", NO_VERDICT, "failed", "not reached")
     verdicts = ", ".join(f"{counts[name]} {name}" for name in order if counts[name])
     return f"{total} dataset{'' if total == 1 else 's'}: {verdicts}"
+
+
+def _word(row: Mapping) -> str:
+    """The verdict, or why there is none."""
+    return row["verdict"] or ("failed" if row["status"] == "failed" else NO_VERDICT)
 
 
 def _page(rows: Sequence[Mapping], total: int) -> str:
@@ -85,7 +91,7 @@ def _cells(row: Mapping, what: str) -> tuple[str, ...]:
     """Cells of a dataset with a verdict; the first links to its report."""
     numbers = (_cell(row[key]) for key in (what, "base", "augmented", "noise_floor"))
     link = _link(row["dataset"], f"{row['dataset']}/report.html")
-    return link, row["verdict"], row["effects"].replace("_", " "), *numbers
+    return link, _word(row), row["effects"].replace("_", " "), *numbers
 
 
 def _link(name: str, path: str) -> Markup:

@@ -12,7 +12,7 @@ from thesis_lib.critique.results.titles import handy_unit, symbol
 from thesis_lib.figures.style import png_of
 from thesis_lib.pages import element
 from thesis_lib.statistics.intervals import Z95
-from thesis_lib.statistics.wording import number
+from thesis_lib.statistics.wording import bounded, number
 
 _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigma)(?![\w]))")
 
@@ -82,9 +82,20 @@ def estimate(value: float, std: float, unit: str = "") -> str:
     return f"{number(value, _digits(low, high))} {interval(low, high, unit)}"
 
 
+def sized(p: Mapping) -> str:
+    """The value of a parameter of diagnosis.json with its 95 % interval, or its bound."""
+    if not p.get("bound"):
+        return estimate(p["value"], np.nan if p["std"] is None else p["std"], p["unit"])
+    scale, unit = handy_unit(p["value"], p["unit"])
+    scaled = {**p, "value": scale * p["value"], "range": [scale * end for end in p["range"]]}
+    return bounded(scaled, "" if unit == "1" else unit)
+
+
 def fitted(name: str, p: Mapping) -> str:
-    """A parameter of diagnosis.json with its 95 % interval: c_μ = 0.12 [0.10, 0.14]."""
-    return f"{symbol(name)} = {estimate(p['value'], p['std'], p['unit'])}"
+    """A parameter of diagnosis.json with its 95 % interval, or its bound: c_μ = 0.12 [0.10, 0.14], μ at least 0.3."""
+    if p.get("bound"):
+        return f"{symbol(name)} {sized(p)}"
+    return f"{symbol(name)} = {sized(p)}"
 
 
 def plus_minus(value: float, std: float) -> str:

@@ -33,7 +33,7 @@ DATASETS = {  # those that come with the project; any other is headed by its nam
     "common": "",
 }
 READING = (
-    "Results are ordered by chapter, and within a chapter by dataset. Datasets that are not present are left out. "
+    "Results are ordered by chapter, and within a chapter by dataset. "
     "“As published” is the authors' code, which differs from the law that it is named after in four of six models; "
     "“as defined” is the law itself. Beside each picture lie its PDF and a CSV of the numbers drawn."
 )
@@ -42,10 +42,11 @@ LARGEST = 20_000_000  # bytes of a picture
 DENSITY = 180 / 96  # pixels of our pictures (savefig.dpi) to those of a page
 
 
-def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
+def run_report(results: Path, findings: Iterable[Path], scale: str, absent: Sequence[str] = ()) -> str:
     """The page as HTML, from the folder of a complete run; figures without a picture in it are left out.
 
-    `findings` are files with findings; the table beside such a file is listed, too.
+    `findings` are files with findings; the table beside such a file is listed, too.  `absent`: datasets that this run
+    did not have.
     """
     made, tables = _made(results, findings)
     chapters = [_chapter(results, made, tables, n) for n in sorted({figure.chapter for figure, _ in made})]
@@ -55,6 +56,7 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
         TITLE,
         claims=_finding(results / "claims.txt"),
         reading=READING,
+        absent=absent,
         scale=scale,
         chapters=chapters,
         critiques=[_critique(results, path) for path in verdicts],
@@ -63,13 +65,15 @@ def run_report(results: Path, findings: Iterable[Path], scale: str) -> str:
     )
 
 
-def chapter_report(results: Path, findings: Iterable[Path], scale: str, chapter: int) -> str:
+def chapter_report(
+    results: Path, findings: Iterable[Path], scale: str, chapter: int, absent: Sequence[str] = ()
+) -> str:
     """A page of the same kind with one chapter alone, which is there before the others have ended.
 
     `findings` are files with findings of that chapter.
     """
     one = _chapter(results, *_made(results, findings), chapter)
-    known = {"reading": READING, "scale": scale, "chapters": [one], "found_here": FOUND_HERE}
+    known = {"reading": READING, "absent": absent, "scale": scale, "chapters": [one], "found_here": FOUND_HERE}
     return page(TEMPLATE, one["title"], claims=None, **known)
 
 

@@ -1,7 +1,7 @@
 """Numbers and judgements in sentences: rounded as their uncertainty allows, with unit and sign."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thesis_lib.statistics.intervals import Z95, wilson
@@ -43,6 +43,13 @@ def interval(value: float, low: float, high: float, unit: str = "") -> str:
 def estimate(value: float, std: float, unit: str = "") -> str:
     """The same from the standard error of a normal estimate."""
     return interval(value, *ends(value, std), unit)
+
+
+def bounded(p: Mapping[str, Any], unit: str = "") -> str:
+    """at least 0.057: a parameter of diagnosis.json of which the data give only a bound, in `unit`."""
+    if p["bound"] == "lower" and p.get("range") and p["value"] <= p["range"][0]:
+        return "not shown by these data"
+    return f"at {'least' if p['bound'] == 'lower' else 'most'} {number(p['value'], 2)} {unit}".rstrip()
 
 
 def ends(value: Any, std: Any) -> tuple[Any, Any]:

@@ -17,7 +17,7 @@ CH2_CLAIMED = [
     )
 ]  # what the ledger reads
 
-CH2_FOUND = findings_of(2)
+CH2_FOUND = findings_of(2, ch2_measured_ratio=CH2_MEASURED)
 
 
 rule ch2_schematics:
@@ -253,7 +253,8 @@ rule ch2_measured_ratio:
         impacts="results/impacts/{dataset}/impacts.csv",
         left_out="results/impacts/{dataset}/left_out.csv",
     output:
-        f"{CH2}/{{dataset}}/measured_ratio.csv",
+        drawn_by("ch2_measured_ratio"),
+        table=f"{CH2}/{{dataset}}/measured_ratio.csv",
     log:
         "results/logs/ch2_measured_ratio/{dataset}.log",
     benchmark:
@@ -276,8 +277,7 @@ rule ch2_measured_ratios:
     input:
         expand(f"{CH2}/{{dataset}}/measured_ratio.csv", dataset=CH2_MEASURED),
     output:
-        drawn_by("ch2_measured_ratios"),
-        table=shown("measured_ratio"),
+        shown("measured_ratio"),
     log:
         "results/logs/ch2_measured_ratios.log",
     benchmark:
@@ -346,6 +346,7 @@ rule chapter2:
         rules.ch2_wheel.output,
         rules.ch2_arm.output,
         rules.ch2_impact_forces.output,
+        expand(rules.ch2_measured_ratio.output, dataset=CH2_MEASURED),
         rules.ch2_measured_ratios.output,
         rules.ch2_schematics.output,
         rules.ch2_motions.output,

@@ -110,6 +110,7 @@ rule run_report:
         **needs("run_report"),
     params:
         scale=CONFIG.scale,
+        absent=ABSENT,
         lib=code_of("run_report"),
     message:
         "Gathering figures, captions and findings on one page"
@@ -134,6 +135,7 @@ rule chapter_report:
         **needs("chapter_report"),
     params:
         scale=CONFIG.scale,
+        absent=ABSENT,
         lib=code_of("chapter_report"),
     message:
         "Chapter {wildcards.chapter} on one page: {output}"

@@ -1,4 +1,5 @@
 # Checked configuration, and what every rule needs.
+import shlex
 import sys
 from pathlib import Path
 
@@ -14,11 +15,13 @@ from thesis_lib.foundation.provenance import Sources, value_sha256
 from thesis_lib.records.catalogue import figures, records, tables_read
 from thesis_lib.resources import read_measured, request
 
+if Path(sys.executable).is_file():  # Snakemake puts it into commands without quotes (its issue 2645)
+    sys.executable = shlex.quote(sys.executable)
 use_common_kernels()  # jobs inherit them
 keep_byte_code()  # so do they this
 
 try:
-    CONFIG = parse_config(config)
+    CONFIG = parse_config(config, workflow.configfiles)
 except UserError as error:
     raise WorkflowError(str(error))
 

@@ -7,7 +7,8 @@ PRESENT["planar_impact_trajectories"] = {"present": False, "simulated": False}
 # the default scale plays two towers: too few to compare anything with the thesis (config/chapter5_study.yaml has more)
 PRESENT["jenga_study"] = {"present": CONFIG.chapter5.games.towers >= 6, "simulated": True}
 
-for name in [name for name, dataset in DATASETS.items() if not dataset.present]:
+ABSENT = [name for name, dataset in DATASETS.items() if not dataset.present]
+for name in ABSENT:
     logger.warning(
         f"The measured dataset {name} is not present (looked in {', '.join(CONFIG.measured)}): "
         f"its tables and figures are left out and its claims say 'data not present'. "

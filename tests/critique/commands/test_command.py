@@ -186,16 +186,6 @@ def test_mistakes_get_one_readable_block_and_exit_code_2(
     assert not list(tmp_path.iterdir())
 
 
-def test_too_few_drops_are_refused_with_the_number_needed(impacts_dataset, tmp_path, capsys):
-    from dataclasses import replace
-
-    few = replace(impacts_dataset, impacts=impacts_dataset.impacts.iloc[:20])
-    folder = write_dataset(few, tmp_path / "few")
-    assert main(["critique", str(folder), "-q", "-o", str(tmp_path / "out")]) == 2
-    assert "20 usable impacts" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
     hidden_impacts, no_pictures, tmp_path, monkeypatch
 ):

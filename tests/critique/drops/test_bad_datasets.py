@@ -44,11 +44,6 @@ def no_impacts() -> Dataset:
     return poses(lambda t, rng: np.stack([rng.uniform(-1, 1) * t, 2.0 - 4.905 * t**2, 5.0 * t], 1))
 
 
-def one_trial() -> Dataset:
-    table = drops().trajectories
-    return from_trajectories(table[table["trial"] == 0])
-
-
 def never_moves() -> Dataset:
     return poses(lambda t, rng: np.stack([0 * t, 0.025 + 0 * t, 0 * t], 1))
 
@@ -125,10 +120,8 @@ REFUSED = [
     (two_sizes, "20 trials (trial 1, 3, 5, "),
     (two_inertias, "k² "),
     (no_impacts, "because not one was detected. What was noticed: No impact was found"),
-    (one_trial, "1 trial"),
     (never_moves, "usable impacts"),
     (never_moves_without_noise, "x, y, theta of trajectories.csv"),
-    (five_rows, "5 usable impacts in 5 trials"),
     (no_rows, "impacts"),
     (constant_rows, "vx_post, vy_post, omega_post of impacts.csv"),
     (stuck_channel("x"), "Column x of trajectories.csv"),

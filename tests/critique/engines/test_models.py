@@ -266,7 +266,7 @@ def test_what_is_compared_is_told_and_drawn(found):
 
 
 def made_up(**more) -> pd.DataFrame:
-    row = {"kind": "engine", "lacks": "", "epsilon": 0.5, "behind_low": 0.01, "noise_floor": 0.01} | more
+    row = {"kind": "engine", "lacks": "", "epsilon": 0.5, "mu_bound": None, "behind_low": 0.01, "noise_floor": 0.01}
     rows = [
         {"model": "mujoco", "effects": WITH, "mu": 0.20, "error": 0.010},
         {"model": "drake", "effects": WITH, "mu": 0.21, "error": 0.020, "lacks": "wear"},
@@ -277,7 +277,7 @@ def made_up(**more) -> pd.DataFrame:
             for name, mu in (("mujoco", 0.2), ("drake", 0.05))
         ),
     ]
-    return pd.DataFrame([row | one for one in rows])
+    return pd.DataFrame([row | more | one for one in rows])
 
 
 def test_engines_that_made_up_for_a_hidden_cause_are_told():

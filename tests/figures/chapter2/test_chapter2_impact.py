@@ -5,9 +5,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.figures.chapter2.impact import figure_2_15, figure_measured_ratio
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.impacts.forces import ImpactForces, drop_ellipses, shown_impact, study_impact_forces
-from thesis_lib.identify.impacts.measured_ratio import absent
 
 
 def test_figure_2_15_holds_one_impulse_in_three_ways():
@@ -29,24 +27,12 @@ def test_figure_2_15_holds_one_impulse_in_three_ways():
     assert len(figure.axes) == 3
 
 
-def ratio_table():
-    rows = [
-        ("planar_impact", "as_published", 700.0, 680.0, 720.0, np.nan, 0.4),
-        ("planar_impact", "mirrored_rotation+angle_offset", 2680.0, 2650.0, 2710.0, np.nan, 0.05),
-        ("planar_dice", "rounded_corners", 2300.0, 2250.0, 2340.0, 1.3, np.nan),
-    ]
-    table = pd.DataFrame(rows, columns=["dataset", "variant", "ratio", "low", "high", "scale", "velocity_noise"])
-    return table.assign(std=10.0, published=2700.0, lower=table["ratio"] - 50, upper=table["ratio"] + 50, status="ok")
-
-
-def test_a_panel_for_each_set_that_is_there():
-    table = pd.concat([ratio_table(), absent("planar_dice")], ignore_index=True)
+@pytest.mark.parametrize(("scale", "noise", "unit"), [(1.3, np.nan, "sigma"), (np.nan, 0.05, "m/s")])
+def test_a_row_for_each_hypothesis_with_its_misfit(scale, noise, unit):
+    table = pd.DataFrame({"variant": ["as_published", "mirrored_rotation+angle_offset"], "ratio": [700.0, 2680.0]})
+    table = table.assign(low=table["ratio"] - 20, high=table["ratio"] + 20, scale=scale, velocity_noise=noise)
+    table = table.assign(std=10.0, published=2700.0, lower=table["ratio"] - 50, upper=table["ratio"] + 50)
     figure, drawn = figure_measured_ratio(table)
-    assert len(figure.axes) == 2 and len(drawn) == 3
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
     assert labels == ["as published", "rotation mirrored + angle offset"]
-
-
-def test_nothing_to_draw_is_said_with_the_remedy():
-    with pytest.raises(UserError, match="fetch planar-impact"):
-        figure_measured_ratio(absent("planar_impact"))
+    assert set(drawn["misfit_unit"]) == {unit} and drawn["misfit"].eq(np.fmax(scale, noise)).all()

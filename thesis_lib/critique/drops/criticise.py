@@ -5,7 +5,7 @@ reported errors come.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,9 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.critique.drops.features import remaining
-from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.few_impacts import FewImpacts, few_impacts
+from thesis_lib.critique.drops.fit import Fit, fit
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
+from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.residuals import states_at_impact, turned_until_impulse
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
@@ -27,11 +29,10 @@ from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.impacts.enough import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
 
-MIN_TRIALS = 10
-MIN_IMPACTS = 30
 # relative standard error of a misfit from n values, times √n: of their median, and of that of norms of three components
 OF_MEDIAN, OF_NORM = 1.17, 0.56
 
@@ -105,13 +106,28 @@ class Critique:
         floor = self.ladder[-1][2].floor
         return self.remaining.is_structured(self.settings, floor if np.isfinite(floor) else 0.0)
 
+    @cached_property
+    def restitution_differs(self) -> tuple[str, float, float] | None:
+        """ "trial" or "impact", and the range of ε, where only restitution differs, and with nothing recorded."""
+        if not self.is_structured or self.remaining.p_value <= self.settings.alpha:
+            return None
+        own = own_restitution(self.ladder[-1][1], self.observations)
+        by = own.differs(self.settings.excess_scatter)
+        return None if by is None else (by, float(own.epsilon.min()), float(own.epsilon.max()))
+
     def gain_of(self, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
         """Held-out gain of the final model over the one without `effect`: nats per impact, with 95 % interval."""
         return paired_gain(self.ladder[-1][2], self.without[effect], rng)
 
 
-# for these small matrices BLAS threads are no faster, and their number changes last digits
-@threadpool_limits.wrap(limits=1)
+class TooFewImpacts(UserError):
+    """Too few usable impacts for a verdict; they are in `observations`."""
+
+    def __init__(self, text: str, observations: Observations) -> None:
+        super().__init__(text)
+        self.observations = observations
+
+
 def criticise(
     dataset: Dataset,
     *,
@@ -120,8 +136,11 @@ def criticise(
     arcs: ArcSettings | None = None,
     effects: Sequence[str] | None = None,
     say: Callable[[str], None] = lambda text: None,
-) -> Critique:
+) -> Critique | FewImpacts:
     """Criticise contact models against a dataset.
+
+    Fewer than 30 usable impacts in 10 trials give restitution and friction without a verdict: a `FewImpacts`, whose
+    `verdict` is None.
 
     Args:
         rng: for split, folds and resamples; seed it from the dataset's content for reproducible results.
@@ -130,9 +149,32 @@ def criticise(
         say: receives a line for each step.
 
     Raises:
-        UserError: too few trials or impacts, a channel that is constant, contacts too long for an impact, more than one
-            planar rigid body, or an effect that is unknown or cannot be tested.
+        UserError: no usable impact, or too few for the `effects` that were named; a channel that is constant, contacts
+            too long for an impact, more than one planar rigid body, or an effect that is unknown or cannot be tested.
     """
+    settings = settings or CritiqueSettings()
+    try:
+        return whole_critique(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+    except TooFewImpacts as few:
+        if effects or not len(few.observations):
+            raise
+        say("too few impacts for a verdict: fitting restitution and friction")
+        with threadpool_limits(limits=1):
+            return few_impacts(dataset, few.observations, settings.contact_time)
+
+
+# for these small matrices BLAS threads are no faster, and their number changes last digits
+@threadpool_limits.wrap(limits=1)
+def whole_critique(
+    dataset: Dataset,
+    *,
+    rng: np.random.Generator,
+    settings: CritiqueSettings | None = None,
+    arcs: ArcSettings | None = None,
+    effects: Sequence[str] | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> Critique:
+    """As `criticise`, with a verdict; `TooFewImpacts`, a UserError, where impacts are too few for one."""
     settings = settings or CritiqueSettings()
     require_known(effects or ())
     _refuse_constant(dataset)
@@ -147,6 +189,7 @@ def criticise(
     world = Drops(training, settings.rivals, settings.contact_time)
     say(f"fitting {len(world.bases)} laws")
     discovery = search(world, settings, rng, effects, say)
+    discovery = _with_bounds_of_all(discovery, observations)
     say("judging on held-out trials")
     unseen = Drops(held_out)
     ladder, without = judge_held_out(world, unseen, discovery)
@@ -161,6 +204,26 @@ def criticise(
     return Critique(
         dataset.name, settings, *parts, discovery, ladder, laws, without, structure, *errors, source=dataset
     )
+
+
+def _with_bounds_of_all(discovery: DropsDiscovery, observations: Observations) -> DropsDiscovery:
+    """What was chosen, with bounds of parameters from all impacts; estimates stay those of the training trials.
+
+    Where no impact of the training trials slips, but another one does, the model is fitted to all of them.
+    """
+
+    def with_all(fitted: Fit) -> Fit:
+        model = fitted.model
+        if fitted.values["mu"] == model.parameters["mu"].high:
+            start = {name: value for name, value in fitted.values.items() if name not in ("mu", "epsilon")}
+            again = fit(model, observations, start)
+            if again.values["mu"] < fitted.values["mu"]:
+                return again
+        return replace(fitted, seen=observations)
+
+    bases = {name: with_all(fitted) for name, fitted in discovery.bases.items()}
+    steps = tuple(replace(step, fitted=with_all(step.fitted)) for step in discovery.steps)
+    return replace(discovery, bases=bases, steps=steps)
 
 
 def _irb(fitted: Fit, observations: Observations) -> float:
@@ -206,17 +269,18 @@ def _split(
         raise UserError(f"{dataset.name} cannot be compared with impact laws. {observations.found.soft.sentence()}")
     refuse_what_is_not_one_body(dataset.name, observations)
     trials = np.unique(observations.trial)
-    if len(trials) < MIN_TRIALS or len(observations) < MIN_IMPACTS:
+    if not are_enough(len(observations), len(trials)):
         reasons = observations.found.left_out["reason"].value_counts().to_dict()
         why = "; ".join(f"{count} {name}" for name, count in reasons.items())
         why = why or ("none" if len(observations) else "none, because not one was detected")
         noticed = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
         noticed = f"What was noticed: {noticed} " if noticed else ""
         advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
-        raise UserError(
+        raise TooFewImpacts(
             f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
             f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {noticed}"
-            f"{'' if observations.found.remarks else advice}".rstrip()
+            f"{'' if observations.found.remarks else advice}".rstrip(),
+            observations,
         )
     training, held_out = split(trials, settings.held_out_share, rng)
     return observations.select(training), observations.select(held_out)

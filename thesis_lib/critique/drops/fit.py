@@ -7,22 +7,23 @@ between rounds.
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from thesis_lib.contact import mirtich
+from thesis_lib.critique.drops.bounds import Bound, doubtful, profiled, slip_is_known
 from thesis_lib.critique.drops.contact_time import DAMPING_RATIO, STICTION_TOLERANCE
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
-from thesis_lib.critique.drops.whitening import NU, SIGMA_LOW, Whitening, robust, together, weight
+from thesis_lib.critique.drops.sandwich import sandwich
+from thesis_lib.critique.drops.whitening import SIGMA_LOW, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect, State
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.statistics.tails import chi_square_quantile
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
@@ -30,8 +31,7 @@ BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `S
 FAR = 3.0  # scales from the null; no fit of an integrated contact comes back from there, that of an impulse law does
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
-# of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
-LEAST_CURVATURE = 0.1
+FLAT = 3.0  # nats; friction that gains less over one at which every contact sticks is known from below only
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class Fit:
         values: by full parameter name.
         score: log score of the training data, nats; n: number of impacts.
         whitening: residuals at the last S and σ_m.
+        seen: impacts that bounds are taken from, as they may be more than the fit was given; None: the fitted ones.
     """
 
     model: Model
@@ -49,6 +50,7 @@ class Fit:
     score: float
     n: int
     whitening: Whitening = field(repr=False)
+    seen: Observations | None = field(default=None, repr=False)
 
     @property
     def sigma_m(self) -> float:
@@ -60,17 +62,51 @@ class Fit:
         """(p, p) of the fitted parameters in their order."""
         free = self.model.fitted_parameters
         least = np.array([SLOPE_STEP * p.scale for p in free.values()])
-        found = _covariance(self.whitening, self.values, least)
+        found = sandwich(self.whitening, self.values, least)
         if not self.model.is_compliant:
             return found
         # jumps of episodes count the less the wider the step
-        return _covariance(self.whitening, self.values, np.fmax(np.sqrt(np.diag(found)), least))
+        return sandwich(self.whitening, self.values, np.fmax(np.sqrt(np.diag(found)), least))
 
     @cached_property
     def std(self) -> dict[str, float]:
-        """Standard errors by full parameter name; 0 of what is on or off."""
+        """Standard errors by full parameter name; 0 of what is on or off, NaN where there is only a bound."""
+        errors = {name: np.nan if isinstance(said, Bound) else said for name, said in self._profiles.items()}
+        return self._curvatures | errors
+
+    @property
+    def bounds(self) -> dict[str, Bound]:
+        """All that the data say of some parameters, by full name (`bounds`)."""
+        return {name: said for name, said in self._profiles.items() if isinstance(said, Bound)}
+
+    @cached_property
+    def _curvatures(self) -> dict[str, float]:
         errors = np.sqrt(np.diag(self.covariance)).tolist()
         return dict.fromkeys(self.values, 0.0) | dict(zip(self.model.fitted_parameters, errors))
+
+    @cached_property
+    def _profiles(self) -> dict[str, Bound | float]:
+        """What the profile says of parameters whose standard error may mean nothing."""
+        free, whitening = self.model.fitted_parameters, self.whitening
+        names = [name for name, p in free.items() if doubtful(p, self.values[name], self._curvatures[name])]
+        if names and self.seen is not None:
+            S = residual_covariance(self.model, self.values, self.seen)
+            whitening = Whitening(self.model, self.seen, S, self.sigma_m)
+        said = {name: profiled(whitening, self.values, name) for name in names}
+        o = whitening.observations
+        unseen = o.spin > 0.0 and not slip_is_known(self.model, self.values, o)
+        return said | ({"mu": Bound("lower", free["mu"].low)} if unseen else {})
+
+    def content(self, name: str) -> dict:
+        """A parameter for a file: value, std and unit.
+
+        Of a bound also its kind, the range that was searched, and the value used in predictions.
+        """
+        p, bound = self.model.parameters[name], self.bounds.get(name)
+        if bound is None:
+            return {"value": self.values[name], "std": self.std[name], "unit": p.unit}
+        said = {"value": bound.value, "std": None, "unit": p.unit, "bound": bound.kind}
+        return said | {"used": self.values[name], "range": [p.low, p.high]}
 
     @property
     def base(self) -> str:
@@ -108,7 +144,8 @@ def fit(
         tries[0][ratio] = DAMPING_RATIO.null
     if model.effects:
         effect = model.effects[-1]
-        if not any(key.startswith(f"{effect.name}.") for key in tries[0]):
+        is_new = not any(key.startswith(f"{effect.name}.") for key in tries[0])
+        if is_new:
             tries = _best_shapes(model, observations, tries[0]) or tries
         for p in effect.parameters:
             key = f"{effect.name}.{p.name}"
@@ -120,6 +157,9 @@ def fit(
                 far = model.is_compliant and all(abs(x - p.null) > FAR * p.scale for x in p.starts)
                 options = p.starts[:2] * (not far) or either_side[: 2 if p.low < p.null < p.high else 1]
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
+        if is_new and tries[0].get("mu") == model.parameters["mu"].high:
+            # what stuck without the effect may slip with it
+            tries = [t | basin for t in tries[:2] for basin in ({}, _basins(model, observations, t)[0])]
     if "mu" not in tries[0]:
         # single hits find the basin: an episode is far from linear while (μ, ε) are far off
         simple = observations.single if len(observations.single) >= ENOUGH_SINGLE else observations
@@ -192,8 +232,26 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
 def _fitting(
     model: Model, observations: Observations, start: Mapping[str, float], rounds: int
 ) -> Generator[tuple[Whitening, list[dict[str, float]]], list[tuple[np.ndarray, np.ndarray]], Fit]:
-    """Fit from one start; yields what it needs whitened residuals of, and gets these."""
+    """Fit from one start; yields what it needs whitened residuals of, and gets these.
+
+    Where every contact may as well stick, friction is at the end of its range, so that other impacts stick, too.
+    """
     values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
+    found = yield from _descended(model, observations, values, rounds)
+    most = model.parameters["mu"].high
+    here, sticking = yield found.whitening, [found.values, {**found.values, "mu": most}]
+    costs = [sum(float(np.sum(robust(part) ** 2)) for part in z) for z in (here, sticking)]
+    if found.values["mu"] == most or not 0.5 * (costs[1] - costs[0]) < FLAT:
+        return found
+    stuck = yield from _descended(model, observations, {**found.values, "mu": most}, 1)
+    return stuck if stuck.values["mu"] == most and stuck.score > found.score - FLAT else found
+
+
+def _descended(
+    model: Model, observations: Observations, values: dict[str, float], rounds: int
+) -> Generator[tuple[Whitening, list[dict[str, float]]], list[tuple[np.ndarray, np.ndarray]], Fit]:
+    """As `_fitting`, to the nearest optimum."""
+    values = dict(values)
     free = model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
@@ -213,59 +271,6 @@ def _fitting(
     whitening = Whitening.at(model, values, observations)
     score = float(sum(part.sum() for part in whitening.log_scores(values)))
     return Fit(model, values, score, len(observations), whitening)
-
-
-def _covariance(whitening: Whitening, values: Mapping[str, float], step: np.ndarray) -> np.ndarray:
-    """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator, from slopes over `step` (p,).
-
-    With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals,
-
-        H⁻¹ B H⁻¹,   H = Σ a JᵀJ,  a = ⟨w + 2 w' d²/m⟩,   B = Σ b JᵀJ,  b = ⟨w² d²/m⟩
-
-    summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals this is 1.02 times the Cramér-Rao
-    bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.
-    """
-    free = whitening.model.fitted_parameters
-    steps = [inward(p, values[name], h) for h, (name, p) in zip(step.tolist(), free.items())]
-    others = [-h if p.low <= values[name] - h <= p.high else h for h, (name, p) in zip(steps, free.items())]
-    points = [{**values, name: values[name] + h} for side in (steps, others) for name, h in zip(free, side)]
-    here, *moved = whitening.many([values, *points])
-    secants = [[(m[part] - here[part]).ravel() / h for m, h in zip(moved, steps + others)] for part in (0, 1)]
-    columns = [[_lesser(*pair) for pair in zip(part, part[len(free) :])] for part in secants]
-    H, B = np.zeros((2, len(free), len(free)))
-    for part, z in zip(columns, here):
-        if not len(z):
-            continue
-        J, m = np.stack(part, axis=1), z.shape[1]
-        normal = _of_normal(m)
-        measured = _curvature_and_variance(np.einsum("nm,nm->n", z, z), m)
-        a, b = max(measured, normal, key=lambda pair: pair[1] / pair[0] ** 2)
-        information = J.T @ J
-        H += a * information
-        B += b * information
-    # scaled by the information of each parameter, so that units do not matter
-    unit = np.sqrt(np.diag(H))
-    unit = np.outer(unit, unit) + (unit == 0.0) + (unit == 0.0)[:, None]
-    inverse = np.linalg.pinv(H / unit, hermitian=True) / unit
-    return inverse @ B @ inverse
-
-
-def _lesser(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Of the slopes to either side the flatter one: one side may cross a jump, as where a body hits once more."""
-    return np.where(np.abs(one) < np.abs(other), one, other)
-
-
-@lru_cache
-def _of_normal(m: int) -> tuple[float, float]:
-    """The same for normal residuals."""
-    return _curvature_and_variance(chi_square_quantile((np.arange(2000) + 0.5) / 2000, m), m)
-
-
-def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:
-    """a and b of `_covariance` from d² (n,) in m dimensions."""
-    w = (NU + m) / (NU + d2)
-    a = max(float(np.mean(w - 2.0 * w / (NU + d2) * d2 / m)), LEAST_CURVATURE)
-    return a, float(np.mean(w * w * d2 / m))
 
 
 def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:

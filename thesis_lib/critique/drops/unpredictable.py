@@ -18,7 +18,7 @@ from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
-from thesis_lib.datasets.impacts.detect import LEFT_OUT_COLUMNS
+from thesis_lib.datasets.impacts.found import LEFT_OUT_COLUMNS
 
 WIDEST = 0.25  # of the change of velocity, in the kinetic norm
 REFERENCE = "mirtich"

@@ -5,11 +5,13 @@ from collections.abc import Mapping, Sequence
 from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.statistics.wording import listed
 
+OFF_WALL = "off_wall"
 REASONS = {
-    "lost_frames": "lost frames: too few samples on a side",
+    OFF_WALL: "away from every wall: another body or a hand",
+    "lost_frames": "long gap: too few samples on a side",
     "second_hit": "second hit too near to tell apart",
     "unpredictable": "hits whose outcome the noise before them leaves open",
-    "window_too_short": "trial begins or ends too near",
+    "window_too_short": "trial, or a rest, begins or ends too near",
     "stays_down": "the body stays down after the hit",
     "not_ballistic": "no free flight on a side (held, rolling, bad track)",
     "no_approach": "contact point does not approach (rest, rolling)",

@@ -22,7 +22,7 @@ from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureField
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES, RESERVE
-from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS
+from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, OF_FRICTION
 from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covariance
 from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, fit, fit_each
 from thesis_lib.critique.drops.model import Model, inward
@@ -104,7 +104,9 @@ class Drops(World[Effect, Fit, Judgement]):
         self.slides = observations.arcs and observations.rig.gravity == 0.0
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
         laws = CANDIDATE_LAWS if observations.rig.has_angle else ONE_LAW
-        self.bases, self.reserve = (*laws, *added_laws()), RESERVE * self.timed
+        # and a friction with a parameter of its own acts on a slip that is known by half
+        slow = [name for name in RESERVE if observations.rig.has_angle or type(BASES[name].force) not in OF_FRICTION]
+        self.bases, self.reserve = (*laws, *added_laws()), tuple(slow) * self.timed
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
 

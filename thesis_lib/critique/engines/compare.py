@@ -5,6 +5,7 @@ cannot have one of the effects is fitted without it, and says so.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 
 import numpy as np
@@ -15,6 +16,7 @@ from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.bounds import Bound
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.engine_contact import (
     DEFAULT,
@@ -39,6 +41,7 @@ LAWS = "laws"
 MODELS = (LAWS, *STAND_INS)
 COLUMNS = (
     *("model", "kind", "effects", "lacks", "mu", "mu_std", "epsilon", "epsilon_std", "contact_time"),
+    *("mu_bound", "epsilon_bound"),
     *("error", "error_low", "error_high", "behind", "behind_low", "behind_high", "noise_floor"),
 )
 FRICTIONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 1.0, 1.5)  # from which a search starts
@@ -65,9 +68,9 @@ def compare_models(
     """A row for each model without the named effects, and with them where the critique named some; the best first.
 
     Columns: `COLUMNS`; in m/s error with its 95 % interval, and how far it is behind the best with the same effects,
-    compared impact by impact; contact time in s at 1 m/s (NaN where contacts are taken as instants: engines then have
-    `engine_contact.INSTANT`); `lacks`: effects that the model cannot have, by name.  UserError if an engine is not
-    installed.
+    compared impact by impact; `mu_bound`, `epsilon_bound`: lower or upper where there is only a bound; contact time in
+    s at 1 m/s (NaN where contacts are taken as instants: engines then have `engine_contact.INSTANT`); `lacks`:
+    effects that the model cannot have, by name.  UserError if an engine is not installed.
     """
     engines = [name for name in names if name in STAND_INS]
     final = critique.ladder[-1][1]
@@ -110,9 +113,12 @@ def _row(
     kept = {key: value for key, value in start.items() if key.split(".")[0] not in missing}
     base = STAND_INS[name][0] if name in STAND_INS else name
     law = fit(Model(BASES[base], own, timed), critique.training, kept, rounds=ROUNDS)
+    law = replace(law, seen=critique.observations)
     fitted = fit_engine(name, law, critique.training) if name in STAND_INS else law
     row: dict[str, object] = {"kind": "engine" if name in STAND_INS else "law", "effects": label}
-    return _judged(critique, row | {"lacks": " + ".join(missing)}, fitted.model, fitted.values, fitted.std)
+    return _judged(
+        critique, row | {"lacks": " + ".join(missing)}, fitted.model, fitted.values, fitted.std, fitted.bounds
+    )
 
 
 def _default(
@@ -136,7 +142,12 @@ def _default(
 
 
 def _judged(
-    critique: Critique, row: dict[str, object], model: Model, values: Mapping[str, float], std: Mapping[str, float]
+    critique: Critique,
+    row: dict[str, object],
+    model: Model,
+    values: Mapping[str, float],
+    std: Mapping[str, float],
+    bounds: Mapping[str, Bound] | None = None,
 ) -> tuple[dict[str, object], np.ndarray]:
     """The row of a model, with its numbers and its held-out error, and the errors (n,) in m/s."""
     error, lasting = held_out_error(model, values, critique.held_out), np.nan
@@ -145,7 +156,10 @@ def _judged(
         loss = force.loss(np.array([values["epsilon"]]))
         lasting = float(values["tau"] * (force.duration(loss) / force.centroid(loss))[0])
     row = {"model": model.law.name, **row}
-    row |= {key: value for one in ("mu", "epsilon") for key, value in ((one, values[one]), (f"{one}_std", std[one]))}
+    for one in ("mu", "epsilon"):
+        bound = (bounds or {}).get(one)
+        told = (values[one], std[one], None) if bound is None else (bound.value, np.nan, bound.kind)
+        row |= dict(zip((one, f"{one}_std", f"{one}_bound"), told))
     row["contact_time"] = lasting
     row |= dict(zip(("error", "error_low", "error_high"), clustered_mean(error, critique.held_out.trial)))
     return row, error
@@ -171,7 +185,9 @@ def held_out_error(model: Model, values: Mapping[str, float], observations: Obse
 
 
 def spread(table: pd.DataFrame, label: str, kind: str = "engine") -> float:
-    """Largest μ of the engines over the smallest; NaN with fewer than two engines.  `kind`: "friction" for the default
-    contact."""
-    mu = table[(table["kind"] == kind) & (table["effects"] == label)]["mu"]
+    """Largest μ of the engines over the smallest; NaN with fewer than two that have an estimate.
+
+    `kind`: "friction" for the default contact.
+    """
+    mu = table[(table["kind"] == kind) & (table["effects"] == label) & table["mu_bound"].isna()]["mu"]
     return float(mu.max() / mu.min()) if len(mu) > 1 else np.nan

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thesis_lib.critique.drops.bounds import Bound, doubtful, profiled
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.engine_contact import engine_law
 from thesis_lib.critique.drops.fit import Fit
@@ -25,12 +26,16 @@ SETTLED, NEGLIGIBLE = 0.2, 1e-3  # 1, m/s
 
 @dataclass(frozen=True)
 class EngineFit:
-    """An engine fitted to drops; `values` and standard errors `std` by full parameter name, `scatter` in m/s."""
+    """An engine fitted to drops; `values` and standard errors `std` by full parameter name, `scatter` in m/s.
+
+    `bounds` are those of parameters of which the drops give no more (`drops.bounds`); their `std` is NaN.
+    """
 
     model: Model
     values: dict[str, float]
     std: dict[str, float]
     scatter: float
+    bounds: dict[str, Bound]
 
 
 def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
@@ -69,8 +74,13 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
     here = _residuals(whitening, at(x))
     h = np.where(x + step <= high, step, -step)
     J = np.stack([(_residuals(whitening, at(point)) - here) / d for point, d in zip(x + np.diag(h), h)], axis=1)
-    std = np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True)))
-    return EngineFit(model, at(x), dict.fromkeys(values, 0.0) | dict(zip(free, std.tolist())), scatter)
+    std = dict(zip(free, np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True))).tolist()))
+    at_end, bounds = at(x), {}
+    for key in [key for key, p in free.items() if doubtful(p, at_end[key], std[key])]:
+        said = profiled(whitening, at_end, key)
+        std[key] = np.nan if isinstance(said, Bound) else said
+        bounds |= {key: said} if isinstance(said, Bound) else {}
+    return EngineFit(model, at_end, dict.fromkeys(values, 0.0) | std, scatter, bounds)
 
 
 def _residuals(whitening: Whitening, values: dict[str, float]) -> np.ndarray:

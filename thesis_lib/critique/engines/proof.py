@@ -106,11 +106,11 @@ def make(case: Case, drops: int = DROPS) -> "Dataset":
 
 def compute(case: Case) -> dict[str, object]:
     """Criticise, compare both engines, and sum up: a row of the table."""
-    from thesis_lib.critique.drops.criticise import criticise
+    from thesis_lib.critique.drops.criticise import whole_critique
     from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, spread
 
     rng = generator(case.seed, "engines proof critique", case.engine, case.shape, case.truth)
-    judged = criticise(make(case, DROPS), rng=rng)
+    judged = whole_critique(make(case, DROPS), rng=rng)
     table = compare_models(judged, ENGINES)
     label = WITH if judged.ladder[-1][1].effects else WITHOUT
     last = table[(table["effects"] == label) & (table["kind"] == "engine")].set_index("model")

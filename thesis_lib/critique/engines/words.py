@@ -24,6 +24,11 @@ def row_title(row: Mapping) -> str:
     return model_title(str(row["model"])) + (", friction fitted" if row["kind"] == "friction" else "")
 
 
+def bounded_text(row: Mapping, name: str, digits: int) -> str:
+    """μ or ε of a row to some decimals, with ≥ or ≤ before a bound."""
+    return {"lower": "≥ ", "upper": "≤ "}.get(row[f"{name}_bound"], "") + f"{row[name]:.{digits}f}"
+
+
 def model_sentences(table: pd.DataFrame) -> list[str]:
     """Which model errs least; how engines agree on friction; what an engine cannot have."""
     label = WITH if (table["effects"] == WITH).any() else WITHOUT

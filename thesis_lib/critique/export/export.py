@@ -11,6 +11,7 @@ from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjc
 from thesis_lib.critique.export.effects import FORMATS
 from thesis_lib.critique.export.patch import Plane
 from thesis_lib.critique.export.solid import solid
+from thesis_lib.critique.export.text import only_bounds
 from thesis_lib.critique.export.xml_edit import Edits
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
@@ -39,6 +40,7 @@ def exported(model: SavedModel, target: str, *, mass: float | None = None, depth
         left.append("mass: a model knows none; 1 kg was written (--mass KG)")
     if not made.time_known:
         left.append("contact time: impacts without trajectories show none; 1 ms was written")
+    left += only_bounds(model)
     return Exported(WRITERS[target](made).encode(), held, tuple(left))
 
 
@@ -83,6 +85,7 @@ def patched(
         report = patch_drake.patch(edits, body, made, axes, target, points, surface)
     if not made.time_known:
         report.left.append("contact time: impacts without trajectories show none; 1 ms was written")
+    report.left.extend(only_bounds(model))
     return Exported(edits.result(), tuple(report.changed), tuple(report.left))
 
 

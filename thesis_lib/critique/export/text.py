@@ -6,7 +6,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from thesis_lib.critique.export.solid import NO_MASS, NO_TIME, Solid
+from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter
 from thesis_lib.foundation.terminal import visible
+from thesis_lib.statistics.wording import bounded
 
 WIDTH = 110  # characters of a comment's line
 
@@ -29,13 +31,25 @@ def story(solid: Solid, engine: Sequence[str]) -> list[str]:
     return [*provenance(solid), *engine, "", *said_of_effects(solid)]
 
 
+def only_bounds(model: SavedModel) -> list[str]:
+    """What the drops give only a bound of, and what was written in its place."""
+    return [
+        f"{name}: {bounded(p.model_dump())}; {model.values[name]:g} is used"
+        for name, p in model.parameters.items()
+        if p.bound is not None
+    ]
+
+
+def _sized(p: SavedParameter) -> str:
+    if p.bound is not None:
+        return bounded(p.model_dump(), "" if p.unit == "1" else p.unit)
+    return f"= {p.value:g}" + ("" if p.std is None else f" +/- {p.std:g}") + ("" if p.unit == "1" else f" {p.unit}")
+
+
 def provenance(solid: Solid) -> list[str]:
     """Where each number comes from."""
     m = solid.model
-    fitted = ", ".join(
-        f"{name} = {p.value:g}" + ("" if p.std is None else f" +/- {p.std:g}") + ("" if p.unit == "1" else f" {p.unit}")
-        for name, p in m.parameters.items()
-    )
+    fitted = ", ".join(f"{name} {_sized(p)}" for name, p in m.parameters.items())
     mass = "as given" if solid.mass_known else f"{NO_MASS:g} kg, as no mass was given"
     time = "from the fitted tau" if solid.time_known else f"{NO_TIME:g} s, as impacts alone show none"
     when = "at any speed" if solid.speed is None else f"at {solid.speed:g} m/s"

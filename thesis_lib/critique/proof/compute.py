@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import Critique, whole_critique
 from thesis_lib.critique.drops.fit import cramer_rao
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.proof.cases import Case, make
@@ -79,7 +79,7 @@ def compute(case: Case, code: str = "") -> Row:
     code = code or code_hash()
     dataset, true = make(case)
     try:
-        critique = criticise(dataset, rng=generator(case.seed, "critique", dataset.digest()))
+        critique = whole_critique(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     except UserError as error:
         return Row(case, "refused", why=str(error).splitlines()[0][:200], code=code, sizes=case.sizes)
     judged = {"base": critique.ladder[0][2], "augmented": critique.ladder[-1][2]}

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import Critique, whole_critique
 from thesis_lib.critique.drops.questions.floor import floor
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
@@ -133,7 +133,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     settings = CritiqueSettings(episodes=not args.single, max_effects=MOST_EFFECTS)
     by_hand = list(filter(None, args.effects.split(","))) or None
     with Progress(dataset.name) as say:
-        critique = criticise(dataset, rng=generator(SEED, dataset.name), settings=settings, effects=by_hand, say=say)
+        own = generator(SEED, dataset.name)
+        critique = whole_critique(dataset, rng=own, settings=settings, effects=by_hand, say=say)
     new = row(critique, "single" if args.single else "all", "by hand" if by_hand else "searched")
     store(new)
     print("\n".join(f"{name}: {value}" for name, value in new.items()))

@@ -29,7 +29,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import Critique, whole_critique
 from thesis_lib.critique.drops.fit import Fit, fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations, observe
@@ -137,7 +137,7 @@ def ask(question: Question) -> Answer:
     first_rng, critique_rng, proposal_rng, more_rng = rng.spawn(4)
     first = _drops(body, RELEASE, FIRST, hidden, first_rng)
     true = cause.effects[0]
-    critique = criticise(first, rng=critique_rng, effects=[true])
+    critique = whole_critique(first, rng=critique_rng, effects=[true])
     pair = _rival(critique, true, cause.effects)
     if pair is None:
         return Answer(question, true)

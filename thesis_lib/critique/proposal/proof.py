@@ -116,10 +116,10 @@ def make(case: Case, drops: int = DROPS) -> "Dataset":
 
 def compute(case: Case, drops: int = DROPS) -> dict[str, object]:
     """Criticise, propose, and sum up: a row of the table."""
-    from thesis_lib.critique.drops.criticise import criticise
+    from thesis_lib.critique.drops.criticise import whole_critique
     from thesis_lib.critique.proposal.propose import propose
 
-    judged = criticise(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
+    judged = whole_critique(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
     row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case)}
     named = "+".join(step.effect.name for step in judged.discovery.steps)
     row |= {"verdict": judged.verdict, "named": named}

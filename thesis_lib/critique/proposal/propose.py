@@ -23,7 +23,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.world import Drops, Judgement
 from thesis_lib.critique.proposal.effect_file import effect_of
 from thesis_lib.critique.proposal.regression import regress
-from thesis_lib.critique.proposal.terms import Term, all_terms
+from thesis_lib.critique.proposal.terms import Term, testable_terms
 from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.critique.selection.evidence import Evidence
 from thesis_lib.critique.selection.scan import Scan, scan
@@ -109,7 +109,9 @@ class _Proposer:
         self.screen = Drops(self.world.quick, timed=critique.settings.contact_time)
         self.evidence = Evidence(self.world, self.settings, self.stream("folds"))
         # one that was added from a file is an effect like any other
-        self.terms = [term for term in all_terms() if term.name not in EFFECTS]
+        self.terms = [
+            term for term in testable_terms(self.world.observations.rig.has_angle) if term.name not in EFFECTS
+        ]
 
     def run(self) -> Proposal | None:
         final, steps = self.critique.discovery.fitted, self.critique.discovery.steps

@@ -18,11 +18,12 @@ from pathlib import Path
 
 from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
-from thesis_lib.critique.proposal.terms import all_terms
+from thesis_lib.critique.proposal.terms import testable_terms
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.rounding import six_digits
-from thesis_lib.statistics.wording import listed, number
+from thesis_lib.statistics.wording import bounded, listed, number
 
+UNTESTABLE = "terms_in_v_t_omega_and_beta"  # as it stands under `not_testable` of diagnosis.json
 MOST_NAMES = 99  # files with other content beside each other
 MOST_SAID = 3  # terms that say the same
 
@@ -32,10 +33,7 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
     if proposal is None:
         return None
     fitted = proposal.fitted
-    parameters = {
-        name: {"value": fitted.values[name], "std": fitted.std[name], "unit": p.unit}
-        for name, p in fitted.model.parameters.items()
-    }
+    parameters = {name: fitted.content(name) for name in fitted.model.parameters}
     terms = [
         {
             "name": one.term.name,
@@ -68,13 +66,21 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
     )
 
 
+def not_testable(has_angle: bool) -> list[dict]:
+    """What joins `not_testable` of diagnosis.json, where terms were looked for."""
+    why = "theta is not measured: the unknown spin takes up any error that depends on it"
+    return [] if has_angle else [{"name": UNTESTABLE, "why": why}]
+
+
 def sentences(d: Mapping) -> list[str]:
     """Sentences for the summary; `d` is the content of diagnosis.json with the key `proposal`."""
     found = d["proposal"]
     if found is None:
+        has_angle = all(one["name"] != UNTESTABLE for one in d.get("not_testable", ()))
+        targets = "restitution, friction, a sideways impulse or a couple" if has_angle else "restitution or friction"
         return [
-            f"Of {len(all_terms())} terms that could be added to restitution, friction, a sideways impulse or a couple "
-            "none passes the test of an effect, so none is proposed."
+            f"Of {len(testable_terms(has_angle))} terms that could be added to {targets} none passes the test of an "
+            "effect, so none is proposed."
         ]
     error, terms = found["error"], found["terms"]
     named = [f"{one['equation']} with {sized(one)} ({one['title']})" for one in terms]
@@ -95,16 +101,16 @@ def sentences(d: Mapping) -> list[str]:
 
 
 def sized(term: Mapping) -> str:
-    """a = value ± standard error."""
+    """a = value ± standard error, or its bound."""
     a = term["parameters"]["a"]
-    return f"a = {number(a['value'])} ± {number(a['std'], 1)}"
+    return f"a = {number(a['value'])} ± {number(a['std'], 1)}" if a["std"] is not None else f"a {bounded(a)}"
 
 
 def text_of(proposal: Proposal) -> str:
     """The text of the effect file, with what was measured."""
     found = [
-        f"Found: {one.term.name}: a = {proposal.fitted.values[f'{one.term.name}.a']:.4g} ± "
-        f"{proposal.fitted.std[f'{one.term.name}.a']:.1g}, p = {one.p_value:.2g} among {proposal.tried} terms."
+        f"Found: {one.term.name}: {sized({'parameters': {'a': proposal.fitted.content(f'{one.term.name}.a')}})}, "
+        f"p = {one.p_value:.2g} among {proposal.tried} terms."
         for one in proposal.terms
     ]
     before, after = proposal.before.error.mean(), proposal.after.error.mean()

@@ -40,6 +40,9 @@ TARGETS: dict[Target, str] = {
 }
 
 
+OF_SPIN = frozenset({"v_t", "v", "omega", "beta", "r_x"})  # variables that nobody knows without the angle
+
+
 @dataclass(frozen=True)
 class Factor:
     """One dimensionless variable.
@@ -143,8 +146,20 @@ class Term:
         return odd == (self.target in EVEN)
 
 
+def testable_terms(has_angle: bool) -> list[Term]:
+    """The terms that drops can test.
+
+    Where the angle is not measured, an unknown spin does what a sideways impulse or a couple would do, and takes up
+    whatever else depends on it.
+    """
+    terms = all_terms()
+    if has_angle:
+        return terms
+    return [term for term in terms if term.target in EVEN and not term.variables & OF_SPIN]
+
+
 def all_terms() -> list[Term]:
-    """Every term that is tried: single factors, then products that hold in a mirror."""
+    """Every term of the library: single factors, then products that hold in a mirror."""
     pairs = [
         (one, other)
         for one, other in combinations(FACTORS, 2)

@@ -4,7 +4,9 @@
 
 | where           | key                 | meaning                                                                     |
 |-----------------|---------------------|-----------------------------------------------------------------------------|
+|                 | verdict             | null where impacts are too few (`few_impacts` beside this file)             |
 |                 | augmented_model     | law and (μ, ε) with effects; the law may differ from that of base_model     |
+|                 | parameters          | a bound: std null, `bound` lower or upper, `used` in predictions, `range`   |
 |                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
@@ -16,6 +18,9 @@
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
 | remaining       | channels            | those with a misfit far above noise                                         |
+|                 | depends_on          | states from which a part of it can be learned; empty if none can            |
+|                 | restitution         | null, or range of ε where it alone differs by trial or impact, by nothing   |
+|                 |                     | that is recorded                                                            |
 |                 | energy_gain         | median relative gain of energy at impacts, 0 unless most gain               |
 |                 | stays_down          | null, or hits that stay down: `thesis_lib/datasets/impacts/stays_down.py`   |
 |                 | remarks             | what the body does that no impact law does, absent if nothing               |
@@ -28,8 +33,10 @@ import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
+from thesis_lib.critique.drops.words import OFF_WALL
 from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
@@ -48,21 +55,26 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     """
     discovery, remaining = critique.discovery, critique.remaining
     base, final, found = critique.ladder[0][1], critique.ladder[-1][1], critique.observations.found
+    is_learned = critique.is_structured and remaining.p_value <= critique.settings.alpha
+    differs = critique.restitution_differs
     content = {
         "schema": 1,
         "dataset": critique.dataset,
         "n_impacts": len(critique.observations),
         "n_trials": len(np.unique(critique.observations.trial)),
         "verdict": critique.verdict,
-        "base_model": {"name": discovery.base, "parameters": _parameters(base)},
-        "augmented_model": {"name": final.model.law.name, "parameters": _parameters(final)},
+        "base_model": {"name": discovery.base, "parameters": parameters(base)},
+        "augmented_model": {"name": final.model.law.name, "parameters": parameters(final)},
         "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,
             "channels": list(critique.misfit_channels),
             "p_value": remaining.p_value,
-            "depends_on": list(remaining.depends_on) if critique.is_structured else [],
+            "depends_on": list(remaining.depends_on) if is_learned else [],
+            "restitution": None
+            if differs is None
+            else dict(zip(("differs_by", "low", "high"), differs)) | {"unit": "1"},
             "energy_gain": found.gain,
             "stays_down": None if found.down is None else asdict(found.down),
             "error": remaining.error_before,
@@ -70,7 +82,7 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
             "stand_ins": list(critique.stand_ins),
         },
         "not_testable": [{"name": name, "why": why} for name, why in discovery.not_testable.items()],
-        "left_out": _left_out(critique),
+        "left_out": left_out(critique.observations),
         "detectable": detectable(critique),
         "next_experiment": next_experiment(critique, rng),
     }
@@ -91,11 +103,11 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     return six_digits(content)
 
 
-def _parameters(fitted: Fit, of: str = "") -> dict:
+def parameters(fitted: Fit, of: str = "") -> dict[str, dict]:
     """Parameters of an effect (`of`: its name and a dot) by short name; without one, those of the law."""
     return {
-        name.removeprefix(of): {"value": fitted.values[name], "std": fitted.std[name], "unit": p.unit}
-        for name, p in fitted.model.parameters.items()
+        name.removeprefix(of): fitted.content(name)
+        for name in fitted.model.parameters
         if (name.startswith(of) if of else "." not in name)
     }
 
@@ -105,7 +117,7 @@ def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
     fitted = critique.discovery.bases[name]
     judged = critique.laws[name]
     return {
-        "parameters": _parameters(fitted),
+        "parameters": parameters(fitted),
         "error": float(judged.error.mean()),
         "interval": list(bootstrap_mean(judged.error, judged.trial, DRAWS, rng)),
         "unit": "m/s",
@@ -120,7 +132,7 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
     return {
         "name": name,
         "family": step.effect.family,
-        "parameters": _parameters(final, f"{name}."),
+        "parameters": parameters(final, f"{name}."),
         "clears": step.clears,
         "material_in": [channel for channel in CHANNELS if channel_is_material(judged, without, channel, s)],
         "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
@@ -160,8 +172,11 @@ def _worst(critique: Critique) -> list[dict]:
     return [{"trial": int(o.trial[i]), "t": float(t[i]), "error": float(judged.error[i]), "unit": "m/s"} for i in rows]
 
 
-def _left_out(critique: Critique) -> dict:
-    table = left_out_impacts(critique.observations)
+def left_out(observations: Observations) -> dict:
+    """Share and reasons of the detected impacts that are not used."""
+    table = left_out_impacts(observations)
     reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
-    total = len(table) + len(critique.observations)
-    return {"share": len(table) / total if total else 0.0, "reasons": reasons}
+    # what hit no wall says nothing about the impacts that did
+    missing = len(table) - reasons.get(OFF_WALL, 0)
+    total = missing + len(observations)
+    return {"share": missing / total if total else 0.0, "reasons": reasons}

@@ -50,9 +50,9 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
 
 
 def parameter_table(critique: Critique) -> pd.DataFrame:
-    """Each parameter at each rung of the ladder: columns label, parameter, unit, value, std."""
+    """Each parameter at each rung of the ladder: columns label, parameter, unit, value, std; of a bound std is NaN."""
     rows = [
-        (label, name, p.unit, fitted.values[name], fitted.std[name])
+        (label, name, p.unit, fitted.content(name)["value"], fitted.std[name])
         for label, fitted, _ in critique.ladder
         for name, p in fitted.model.parameters.items()
     ]
@@ -67,7 +67,7 @@ def compensations(critique: Critique) -> pd.DataFrame:
     first, last = critique.ladder[0][1], critique.ladder[-1][1]
     rows = []
     for name in first.values if first.model.law.name == last.model.law.name else ():
-        if name in last.values:
+        if name in last.values and not np.isnan(first.std[name] + last.std[name]):
             std = float(np.hypot(first.std[name], last.std[name]))
             moved = last.values[name] - first.values[name]
             rows.append((name, first.values[name], last.values[name], moved / std if std > 0 else np.nan))

@@ -5,6 +5,7 @@
 
 import csv
 import io
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, Self
 
@@ -31,6 +32,7 @@ from thesis_lib.foundation.settings import Section
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")
 POST = ("vx_post", "vy_post", "omega_post")
+OF_BOUND = ("bound", "used", "range")  # of a parameter; not written where there is an estimate
 OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
@@ -40,11 +42,14 @@ _PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a mo
 
 
 class SavedParameter(Section):
-    """One fitted parameter; std is null where it was not fitted."""
+    """One fitted parameter; std is null where it was not fitted, or where the data give only a bound of it."""
 
     value: float = Field(allow_inf_nan=False)
     std: float | None = Field(None, ge=0)
     unit: str
+    bound: Literal["lower", "upper"] | None = Field(None, description="all that the data say: at least, or at most")
+    used: float | None = Field(None, allow_inf_nan=False, description="in predictions, where `value` is a bound")
+    range: tuple[float, float] | None = Field(None, description="of values that a bound was searched in")
 
 
 class SavedOrigin(Section):
@@ -100,7 +105,7 @@ class SavedModel(Section):
     @property
     def values(self) -> dict[str, float]:
         """Parameters by full name."""
-        return {name: p.value for name, p in self.parameters.items()}
+        return {name: p.value if p.used is None else p.used for name, p in self.parameters.items()}
 
     @property
     def believed(self) -> Rig:
@@ -109,14 +114,10 @@ class SavedModel(Section):
         return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle)
 
 
-def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
-    """Content of model.json for a fitted model."""
-    parameters = {
-        name: {
-            "value": fitted.values[name],
-            "std": None if p.discrete is not None else fitted.std[name],
-            "unit": p.unit,
-        }
+def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping] | None = None) -> SavedModel:
+    """Content of model.json for a fitted model; `parameters`: as in diagnosis.json, None: as fitted."""
+    parameters = parameters or {
+        name: fitted.content(name) | ({} if p.discrete is None else {"std": None})
         for name, p in fitted.model.parameters.items()
     }
     effects = [effect.name for effect in fitted.model.effects]
@@ -135,6 +136,10 @@ def saved(fitted: Fit, rig: Rig, dataset: str) -> SavedModel:
 def save_model(model: SavedModel, path: str | Path) -> None:
     """Write model.json; with `origins` only where something is not the library's."""
     content = model.model_dump(mode="json", by_alias=True)
+    content["parameters"] = {
+        name: {k: v for k, v in p.items() if k not in OF_BOUND or v is not None}
+        for name, p in content["parameters"].items()
+    }
     content["origins"] = {name: one.origin.content() for name, one in model.origins.items()}
     content["rig"] = {k: v for k, v in content["rig"].items() if (k, v) not in _USUAL}
     write_json(content if model.origins else {k: v for k, v in content.items() if k != "origins"}, path)
@@ -178,7 +183,7 @@ def load_model(path: str | Path) -> SavedModel:
         wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
         raise UserError(f"{path}: missing or unknown parameter(s): {wrong}. Write it again.")
     tau = CONTACT_TIME
-    if tau.name in needed and not tau.low <= (lasts := model.parameters[tau.name].value) <= tau.high:
+    if tau.name in needed and not tau.low <= (lasts := model.values[tau.name]) <= tau.high:
         raise UserError(f"{path}: tau must be between {tau.low:g} and {tau.high:g} s; got {lasts:g}.")
     try:
         with np.errstate(all="ignore"):

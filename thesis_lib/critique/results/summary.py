@@ -11,11 +11,21 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text, reasons_listed
+from thesis_lib.critique.drops.words import (
+    CHANNEL_TEXT,
+    NAMED,
+    OFF_WALL,
+    alternatives_listed,
+    feature_text,
+    reasons_listed,
+)
 from thesis_lib.effects import EFFECTS
-from thesis_lib.statistics.wording import listed
+from thesis_lib.statistics.wording import bounded, listed
 
 SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
+UNRECORDED = (
+    "Look for what changed from one to the next (the spot that was hit, its material, dirt, wear), and record it."
+)
 MUCH_LEFT_OUT = 0.2  # share of the impacts above which the summary mentions it
 
 
@@ -24,11 +34,11 @@ def summary(content: Mapping) -> list[str]:
     clearing = [e for e in content["effects"] if e["clears"]]
     by_hand = [e for e in content["effects"] if not e["clears"]]
     faults = [e for e in clearing if e["family"] == "measurement"]
-    sentences = [*content.get("remarks", ()), *_low_pass(content), *_faults(clearing, faults), *_left_out(content)]
+    sentences = [*content.get("remarks", ()), *_low_pass(content), *_faults(clearing, faults), *much_left_out(content)]
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
-    more += [*_contact_time(content["augmented_model"]), *_by_hand(content, clearing, by_hand)]
+    more += [*_friction(content), *_contact_time(content["augmented_model"]), *_by_hand(content, clearing, by_hand)]
     return [*sentences, first, *more, *_origins(content), *_worst(content["error"]), *rest]
 
 
@@ -78,14 +88,14 @@ def _low_pass(content: Mapping) -> list[str]:
     ]
 
 
-def _left_out(content: Mapping) -> list[str]:
+def much_left_out(content: Mapping) -> list[str]:
+    """How many impacts were left out, if these are many."""
     share = content["left_out"]["share"]
     if share <= MUCH_LEFT_OUT:
         return []
-    why = reasons_listed(content["left_out"]["reasons"])
-    return [
-        f"{100 * share:.0f} % of the detected impacts were left out ({why}), so the verdict holds for the others only."
-    ]
+    why = reasons_listed({name: n for name, n in content["left_out"]["reasons"].items() if name != OFF_WALL})
+    said = "the verdict holds" if content["verdict"] else "all holds"
+    return [f"{100 * share:.0f} % of the detected impacts were left out ({why}), so {said} for the others only."]
 
 
 def _adequate(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:
@@ -148,6 +158,8 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
         return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
     if remaining.get("energy_gain"):
         return [*sentences, "What is left may be nothing else than the energy that impacts add: mend that first."]
+    if remaining["restitution"]:
+        return [*sentences, restitution_differs(remaining["restitution"]), UNRECORDED]
     on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
     sentences.append(
         (f"What is left depends on {on}: look there" if on else "Look at what is left")
@@ -156,15 +168,32 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
     return sentences
 
 
+def restitution_differs(differs: Mapping) -> str:
+    """What is known of restitution that is no number."""
+    low, high, by = f"{differs['low']:.2f}", f"{differs['high']:.2f}", differs["differs_by"]
+    return f"Restitution ({low} to {high}) differs from {by} to {by} and with nothing that is recorded."
+
+
 def _contact_time(model: Mapping) -> list[str]:
     tau, epsilon = (model["parameters"].get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
-    if tau["value"] <= SEEN * tau["std"]:
+    if tau["std"] is None or tau["value"] <= SEEN * tau["std"]:
         return []
     force = BASES[model["name"]].force or NormalForce()
     loss = force.loss(np.asarray(epsilon["value"]))
     per_tau = float(force.duration(loss) / force.centroid(loss))
     value, std = per_tau * 1e3 * tau["value"], per_tau * 1e3 * tau["std"]
     return [f"Contacts last about {value:.2g} ms (standard error {std:.1g} ms), which the model takes into account."]
+
+
+def _friction(content: Mapping) -> list[str]:
+    """What no slip says of friction."""
+    mu = content["augmented_model"]["parameters"]["mu"]
+    if mu.get("bound") != "lower" or mu["value"] <= mu["range"][0]:
+        return []
+    return [
+        f"No impact goes on slipping, so the data give only a bound of friction: mu {bounded(mu)}, the largest ratio "
+        "of impulses; predictions stick beyond it."
+    ]
 
 
 def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mapping]) -> list[str]:

@@ -23,6 +23,7 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.class_tests import velocities
@@ -38,6 +39,10 @@ from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import fit_individual
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
+COMPARISON = (
+    *("model", "kind", "mu", "mu_std", "epsilon", "epsilon_std", "mean", "median", "quantile_90"),
+    *("floor", "score", "n_failed", "share_in_range", "tolerance", "n_held_out"),
+)
 DRAWS = 999  # resamples of trials for an interval
 SYNTHETIC = 4  # datasets drawn from the base law, averaged
 MOST_IN_RANGE = 400  # held-out impacts fitted one by one: a share then has an error of 2.5 %
@@ -52,7 +57,7 @@ def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFra
         "comparison": comparison(critique),
         "errors": errors(critique),
         "ladder": ladder(critique, rng),
-        "impacts": impacts(critique),
+        "impacts": impacts(critique.observations, critique.held_out.trial),
         "budget": budget(critique, rng),
     }
     if len(critique.observations.flights):
@@ -81,11 +86,17 @@ def comparison(critique: Critique) -> pd.DataFrame:
     v_pre, v_post, _ = velocities(base, o)
     rows.append(_row("irb_bound", "bound", irb_errors(base, o)))
     rows.append(_row("no_impact", "baseline", velocity_error(v_post - v_pre, o.rig.k_told)))
-    columns = [
-        *("model", "kind", "mu", "mu_std", "epsilon", "epsilon_std", "mean", "median", "quantile_90"),
-        *("floor", "score", "n_failed", "share_in_range", "tolerance", "n_held_out"),
-    ]
-    return pd.DataFrame(rows).reindex(columns=columns)
+    return pd.DataFrame(rows).reindex(columns=COMPARISON)
+
+
+def few_tables(few: FewImpacts) -> dict[str, pd.DataFrame]:
+    """`impacts` and `comparison` of impacts that are too few for a verdict: nothing is held out."""
+    none = np.zeros(0)
+    rows = [_row(name, "law", none, fitted) for name, fitted in few.laws.items()]
+    content = {"comparison": pd.DataFrame(rows).reindex(columns=COMPARISON), "impacts": impacts(few.observations, none)}
+    for name, table in content.items():
+        explain(name, table.columns)
+    return content
 
 
 def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
@@ -139,16 +150,15 @@ def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def impacts(critique: Critique) -> pd.DataFrame:
-    """Impacts used, with covariance, and those left out, with the reason."""
-    o = critique.observations
+def impacts(o: Observations, held_out: np.ndarray) -> pd.DataFrame:
+    """Impacts used, with covariance, and those left out, with the reason; `held_out`: trials that no choice saw."""
     used = o.found.impacts.to_table().assign(hits=1, span=0.0, used=1, reason="", detail="")
     rows = np.flatnonzero(o.span)
     if len(rows):
         used = pd.concat([used, _episodes(o.rows(rows))], ignore_index=True)
     left_out = left_out_impacts(o).assign(used=0, hits=1)
     table = pd.concat([used, left_out], ignore_index=True) if len(left_out) else used
-    table["held_out"] = np.isin(table["trial"], critique.held_out.trial).astype(int)
+    table["held_out"] = np.isin(table["trial"], held_out).astype(int)
     first = ["trial", "impact", "hits", "span", "used", "held_out", "reason", "detail"]
     table = table[[*first, *(name for name in table.columns if name not in first)]]
     return table.sort_values(["trial", "impact", "used"], ignore_index=True, kind="stable")
@@ -220,7 +230,7 @@ def _row(model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, ju
         row |= {"mean": solved.mean(), "median": np.median(solved), "quantile_90": np.quantile(solved, 0.9)}
     if fitted is not None:
         for name in ("mu", "epsilon"):
-            row |= {name: fitted.values[name], f"{name}_std": fitted.std[name]}
+            row |= {name: fitted.content(name)["value"], f"{name}_std": fitted.std[name]}  # NaN of a bound
     if judged is not None:
         row |= {"floor": judged.floor, "score": judged.total / len(judged.score)}
     return row
@@ -262,7 +272,7 @@ def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> floa
     """Mean of trace(J Cov Jᵀ) in the kinetic metric, (m/s)², with secants J over a standard error."""
     columns = []
     for name in (name for name, p in fitted.model.parameters.items() if p.discrete is None):
-        value, step = fitted.values[name], max(fitted.std[name], 1e-6)
+        value, step = fitted.values[name], max(np.nan_to_num(fitted.std[name]), 1e-6)
         high, low = (
             impact_residuals(fitted.model, {**fitted.values, name: value + offset}, o)[:, :3]
             for offset in (0.5 * step, -0.5 * step)

@@ -31,7 +31,7 @@ NEAR = 0.15  # relative distance to such a factor
 
 BELIEVED = 3.0  # standard uncertainties by which what a header says of one body may differ
 
-RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180"
+RADIANS = "give theta in radians (and omega in rad/s): multiply by pi/180, or --units deg of the init command"
 METRES = "give lengths in m: divide by 1000 if they are in millimetres, by 100 if in centimetres"
 SHAPE_METRES = METRES + " (--shape of the init command takes m, whatever --units says of the log)"
 UPWARDS = "y must point up, away from the surface: flip its sign (and that of theta if that turns clockwise then)"

@@ -1,16 +1,15 @@
 """Read dataset.yaml and report every mistake in it.  `yaml_file` refuses what is unsafe to read."""
 
-import difflib
+import functools
 from collections.abc import Mapping
 from pathlib import Path
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
-from thesis_lib.bodies.body import Body, Noise, Surface, Uncertainty
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
-from thesis_lib.bodies.walls import Wall
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import Report
+from thesis_lib.foundation.mistakes import dotted, suggest, unknown_key, wrong_value
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile
 from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
 
@@ -18,15 +17,6 @@ FILE = "dataset.yaml"
 MAX_REPORTED = 1000  # mistakes; for each unknown key the known ones are searched for a similar one
 
 SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
-_SECTIONS: dict[tuple, type[BaseModel]] = {
-    (): Header,
-    ("body",): Body,
-    ("body", "uncertainty"): Uncertainty,
-    ("surface",): Surface,
-    ("surfaces",): Wall,
-    ("noise",): Noise,
-    **{("body", "shape", kind): model for kind, model in SHAPES.items()},
-}
 # what to do about a wrong or missing value; the nearest enclosing key counts
 _REMEDIES = {
     ("schema",): "write 'schema: 1' (the version of the format that this program reads)",
@@ -76,6 +66,11 @@ def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
         return None, raw
 
 
+@functools.cache
+def _schema() -> dict:
+    return Header.model_json_schema()
+
+
 def salvage_shape(raw: Mapping) -> Shape | None:
     """The shape from a header that is wrong elsewhere, so that lengths can still be judged."""
     body = raw.get("body")
@@ -99,7 +94,7 @@ def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]
         return None, {}
     lines, raw = document.lines, document.content
     for key, line in document.repeated:
-        where, what = f"line {line}, {_dotted(key)}", f"the key occurs twice (first in line {lines[key]})"
+        where, what = f"line {line}, {dotted(key)}", f"the key occurs twice (first in line {lines[key]})"
         report.error(FILE, where, what, "keep one of them")
     if not isinstance(raw, dict):
         kind = "empty" if raw is None else f"a {type(raw).__name__}"
@@ -114,67 +109,17 @@ def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report
     loc, kind = tuple(mistake["loc"]), mistake["type"]
     key = tuple(part for i, part in enumerate(loc) if not (loc[:2] == ("body", "shape") and i == 2))
     line = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
-    where = _dotted(key) if line is None else f"line {line}, {_dotted(key)}"
+    where = dotted(key) if line is None else f"line {line}, {dotted(key)}"
     if kind == "extra_forbidden":
-        report.error(FILE, where, "unknown key", _unknown_key(loc))
+        report.error(FILE, where, "unknown key", unknown_key(loc, _schema()))
         return
     enclosing = (key[:n] for n in range(len(key), -1, -1))
     remedy = next((_REMEDIES[part] for part in enclosing if part in _REMEDIES), "see the format")
-    value = _short(mistake.get("input"))
-    context = mistake.get("ctx", {})
-    must_be = {
-        "greater_than": f"above {context.get('gt')}",
-        "greater_than_equal": f"{context.get('ge')} or more",
-        "less_than": f"below {context.get('lt')}",
-        "bool_type": "true or false",
-        "bool_parsing": "true or false",
-        "finite_number": "a finite number",
-        "float_parsing": "a number",
-        "float_type": "a number",
-        "literal_error": context.get("expected"),
-        "string_type": "text",
-        "model_type": "a mapping of keys to values",
-        "model_attributes_type": "a mapping of keys to values",
-    }
     if not loc:  # keys that contradict each other
         report.error(FILE, "", str(mistake["msg"]).removeprefix("Value error, "), remedy)
         return
     what = {"missing": "the key is missing", "union_tag_not_found": "the key kind is missing"}.get(kind)
-    if kind in must_be:
-        what = f"is {value}, but must be {must_be[kind]}"
-    elif kind == "union_tag_invalid":
-        tag = str(context.get("tag"))
-        what, remedy = f"kind is '{tag}', which is not a shape", _suggest(tag, list(SHAPES)) or remedy
-    report.error(FILE, where, what or f"is {value}: {str(mistake['msg']).removeprefix('Value error, ')}", remedy)
-
-
-def _unknown_key(loc: tuple) -> str:
-    name, section = str(loc[-1]), loc[:-1]
-    if section[:1] == ("surfaces",):
-        section = ("surfaces",)
-    known = _keys(_SECTIONS.get(section, Header))
-    if (hint := _suggest(name, known)) is not None:
-        return hint
-    for other, model in _SECTIONS.items():
-        if name in _keys(model) and other != section:
-            home = _dotted(other[:2]) if other else "the top level"
-            return f"it belongs under {home}"
-    return f"remove it; known keys here: {', '.join(known)}"
-
-
-def _keys(model: type[BaseModel]) -> list[str]:
-    return [field.alias or name for name, field in model.model_fields.items()]
-
-
-def _suggest(name: str, known: list[str]) -> str | None:
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else None
-
-
-def _dotted(key: tuple) -> str:
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key).lstrip(".")
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    if kind == "union_tag_invalid":
+        tag = str(mistake["ctx"].get("tag"))
+        what, remedy = f"kind is '{tag}', which is not a shape", suggest(tag, SHAPES) or remedy
+    report.error(FILE, where, what or wrong_value(mistake), remedy)

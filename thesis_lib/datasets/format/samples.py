@@ -11,6 +11,8 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.settings import Section
 from thesis_lib.statistics.spread import MAD_TO_STD
 
+_UNEVEN = 1e-3  # relative spread of steps beyond which a body in motion shows in differences of equal steps
+
 
 class ArcSettings(Section):
     """Detection of impacts, arc fits and quality tests.  The numbers are own choices; the thesis gives none."""
@@ -32,7 +34,7 @@ class ArcSettings(Section):
         (2, 3, 5, 8), min_length=1, description="samples on either side of the detector's line fits, fine to coarse"
     )
     outlier_sigma: float = Field(7.0, gt=0, description="sigmas by which a single sample stands out as a glitch")
-    lost_frame: float = Field(1.5, gt=1, description="a step in t above this many sampling intervals is a gap")
+    lost_frame: float = Field(8.0, gt=1, description="a step in t above this many sampling intervals ends a flight")
     not_ballistic: float = Field(9.0, gt=1, description="reduced chi² of an arc above which the impact is left out")
     arc_deviation: float = Field(2.0, gt=1, description="reduced chi² of an arc that is flagged if significant")
     meet_sigma: float = Field(6.0, gt=0, description="sigmas of a miss of the arcs, beyond meet_time: several hits")
@@ -52,8 +54,8 @@ class ArcSettings(Section):
 class Samples:
     """Poses q (N, 3) in m, m, rad at times t (N,) in s, sorted by trial and time.
 
-    The integers `run` (N,) are constant over samples of one trial without a gap in t.  `air`: forces on the body in
-    flight that bend it visibly, None if gravity is enough.
+    The integers `run` (N,) are constant over samples of one trial without a long gap in t, or a rest on a table.
+    `air`: forces on the body in flight that bend it visibly, None if gravity is enough.
     """
 
     trial: np.ndarray
@@ -91,26 +93,47 @@ class Samples:
         return np.flatnonzero(np.r_[True, self.trial[1:] != self.trial[:-1]][: len(self)])
 
 
+def long_gaps(trial: np.ndarray, t: np.ndarray, header: Header, settings: ArcSettings) -> np.ndarray:
+    """Mask (N − 1,) of the steps between samples, sorted by trial and time, in which too much may have happened."""
+    within, step = trial[1:] == trial[:-1], np.diff(t)
+    interval = 1.0 / header.rate if header.rate else (np.median(step[within]) if within.any() else np.inf)
+    return within & (step > settings.lost_frame * interval)
+
+
 def make_samples(trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings) -> Samples:
     """Samples from `trial` (N,), `t` (N,) in s and `q` (N, 3) in m, m, rad, in any order: sorted, runs marked."""
     trial, t, q = np.asarray(trial), np.asarray(t, float), np.asarray(q, float)
     order = np.lexsort((t, trial))
     trial, t, q = trial[order], t[order], q[order]
-    within = trial[1:] == trial[:-1]
-    step = np.diff(t)
-    interval = 1.0 / header.rate if header.rate else (np.median(step[within]) if within.any() else np.inf)
-    new_run = ~within | (step > settings.lost_frame * interval)
+    new_run = (trial[1:] != trial[:-1]) | long_gaps(trial, t, header, settings)
     return Samples(trial, t, q, np.r_[0, np.cumsum(new_run)][: len(t)])
 
 
+def is_uneven(t: np.ndarray) -> np.ndarray:
+    """Mask (m,) of rows of times (m, N) whose steps differ by more than a clock's digits do."""
+    step = np.diff(t, axis=1)
+    return np.ptp(step, axis=1) > _UNEVEN * step.mean(axis=1) if len(step) else np.zeros(0, bool)
+
+
 def noise_from_differences(samples: Samples) -> np.ndarray:
-    """Robust noise (3,) of x, y, θ (m, m, rad) from third differences of equally spaced samples; NaN without any.
+    """Robust noise (3,) of x, y, θ (m, m, rad) from third differences of neighbouring samples; NaN without any.
 
     Third differences remove a parabola; the few across impacts do not move the median.  Exact zeros (a body at rest,
     logged with few digits) say nothing about the noise in flight and are dropped.
     """
     same = (samples.run[3:] == samples.run[:-3]) if len(samples) > 3 else np.zeros(0, bool)
     third = np.abs(np.diff(samples.q, n=3, axis=0))[same]
+    first = np.flatnonzero(same)
+    t = samples.t[first[:, None] + np.arange(4)]
+    uneven = is_uneven(t)
+    if uneven.any():
+        # divided differences, with weights 1/Π_k (t_j − t_k) made as long as (1, −3, 3, −1)
+        apart = t[uneven, :, None] - t[uneven, None, :] + np.eye(4)
+        weight = 1.0 / apart.prod(axis=2)
+        weight *= np.sqrt(20.0 / (weight**2).sum(axis=1, keepdims=True))
+        q = samples.q[first[uneven, None] + np.arange(4)]
+        # small numbers keep their digits
+        third[uneven] = np.abs(np.einsum("nj,njc->nc", weight, q - q[:, :1]))
     scale = MAD_TO_STD / np.sqrt(20.0)  # the variance of (1, −3, 3, −1) is 20 σ²
     columns = [column[column > 0] for column in third.T]
     return np.array([scale * np.median(c) if len(c) else np.nan for c in columns])

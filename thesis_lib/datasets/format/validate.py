@@ -158,7 +158,7 @@ def check_trajectories(table: Table, rate: float | None) -> None:
         usual = float(np.median(step[forward]))
         _check_step(table, usual, rate)
         what = "samples are missing before these rows (the time step is more than 1.5 times the usual one)"
-        remedy = "nothing, if frames were lost; impacts that fall into a gap are left out"
+        remedy = "nothing, if frames were lost: only gaps of more than 8 steps cost impacts"
         table.warn("column t", what, remedy, same & (step > 1.5 * usual))
 
 

@@ -59,6 +59,7 @@ _PARAMETERS = 19
 _DAMPING = np.array([10.0] * 3 + [1e3] * 3 + [1e3] * 3 + [1e6] * 3 + [1.0] + [1e6] * 6)
 _SETTLE = 4  # iterations after which samples keep their sides, so that the fit converges
 _ITERATIONS = 12
+_NEAR_A_WALL = 0.5  # extents; walls may stand elsewhere than dataset.yaml says
 _REST = 9.0  # chi² (3 sigmas) by which rest must beat free fall to be believed
 _OFTEN = 0.3  # share of the impacts; dice, which rattle to rest, have 0.24
 _SIGNIFICANT = 4.0  # sigmas of a chi² (normal approximation): a few in 10 000 good arcs seem bent by chance
@@ -95,6 +96,7 @@ class ArcFits:
     near: np.ndarray
     gap: np.ndarray  # gap, gap_std: (n,) m, distance φ_n from the surface at t_c without the touch measurement
     gap_std: np.ndarray
+    at_wall: np.ndarray  # (n,) whether both arcs come near a wall; True on one surface
     converged: np.ndarray  # (n,) whether the iteration came to rest within a few samples of the detected instant
     lag1: np.ndarray  # (n, 3) lag-one product sum of the residuals over `ss_free`, both sides together
 
@@ -159,7 +161,7 @@ def fit_arcs(
     stray = np.broadcast_to(np.asarray(stray, float), 3)
     windows = windows_around(samples, at, settings.max_window)
 
-    p = np.zeros((n, _PARAMETERS if stray.any() else _T + 1))
+    p, at_wall = np.zeros((n, _PARAMETERS if stray.any() else _T + 1)), np.ones(n, bool)
     side = np.zeros((n, 2, windows.t.shape[1]))
     step, hessian, touch = np.zeros_like(p), np.tile(np.eye(p.shape[1]), (n, 1, 1)), np.zeros_like(p)
     for iteration in range(_ITERATIONS):
@@ -168,13 +170,15 @@ def fit_arcs(
             side = sides_of(windows, p[:, _T], settings, size)
         if iteration == 0:
             _start_from_lines(p, side, tau, windows.q, g)
+            at_wall = _reaches_a_wall(p, windows, header)
         # d of equation 2, per unit of u
         offset = spread * norm((p[:, _POST] - p[:, _PRE]) * metric)[:, None] / metric
         q = _parabolas(p, tau, windows.q, samples.air, g)
         hessian, gradient = _normal_equations(p, side, tau, q, weight, g, offset, stray, samples.air)
         gap, touch = _touch(p, windows, header)
-        hessian += touch[:, :, None] * touch[:, None, :] / settings.touch_sigma**2
-        gradient -= touch * (gap / settings.touch_sigma**2)[:, None]
+        felt = touch * at_wall[:, None]
+        hessian += felt[:, :, None] * felt[:, None, :] / settings.touch_sigma**2
+        gradient -= felt * (gap / settings.touch_sigma**2)[:, None]
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         p = p + step
         p[:, _T] = np.clip(p[:, _T], windows.low, windows.high)
@@ -186,7 +190,7 @@ def fit_arcs(
     gap = _touch(p, windows, header)[0]
     gap_variance = np.einsum("np,npq,nq->n", touch, covariance, touch)
     # 1/var = 1/var_free + 1/s_φ²: undo the shrinking of the gap by the touch
-    share = np.clip(1.0 - gap_variance / settings.touch_sigma**2, 1e-6, 1.0)
+    share = np.where(at_wall, np.clip(1.0 - gap_variance / settings.touch_sigma**2, 1e-6, 1.0), 1.0)
     scale = 1.0 / np.sqrt(np.einsum("nii->ni", covariance))
     t = p[:, _T]
     tau = windows.t - t[:, None]
@@ -201,6 +205,7 @@ def fit_arcs(
         cov=covariance[:, :9, :9],
         gap=gap / share,
         gap_std=np.sqrt(gap_variance / share),
+        at_wall=at_wall,
         converged=(np.abs(step * scale) < 1e-2).all(1) & (t > windows.low) & (t < windows.high),
         **misfits(side, tau, q, white, weight, metric, g, stray, samples.air is not None),
     )
@@ -225,6 +230,17 @@ def _start_from_lines(p: np.ndarray, side: np.ndarray, tau: np.ndarray, q: np.nd
     lines = lines_through(side, tau, flight)
     p[:, _Q] = lines.value.mean(1)
     p[:, _PRE], p[:, _POST] = lines.slope[:, 0], lines.slope[:, 1]
+
+
+def _reaches_a_wall(p: np.ndarray, windows: Windows, header: Header) -> np.ndarray:
+    """Mask (n,) of impacts whose arcs both come near one wall within the bounds of t_c; others hit something else."""
+    walls, shape = header.surfaces, header.body.shape
+    if walls is None:
+        return np.ones(len(p), bool)
+    pose = p[:, _Q] + windows.q_0
+    ahead = gaps(walls, shape, pose + p[:, _PRE] * windows.high[:, None])
+    behind = gaps(walls, shape, pose + p[:, _POST] * windows.low[:, None])
+    return np.any(np.maximum(ahead, behind) < _NEAR_A_WALL * shape.extent, axis=1)
 
 
 def _touch(p: np.ndarray, windows: Windows, header: Header) -> tuple[np.ndarray, np.ndarray]:

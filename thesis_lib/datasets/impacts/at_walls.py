@@ -10,7 +10,10 @@ import numpy as np
 
 from thesis_lib.bodies.walls import as_filmed, gaps, in_wall_frame, struck_wall, turns, wall_of
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.arcs import ArcFits
+
+TOUCH_SIGMA = 5.0
 
 
 def on_floors(fits: ArcFits, header: Header) -> ArcFits:
@@ -37,6 +40,23 @@ def walls_hit(fits: ArcFits, header: Header) -> np.ndarray:
     if header.surfaces is None:
         return np.zeros(len(fits), int)
     return struck_wall(header.surfaces, header.body.shape, fits.q, fits.v_post - fits.v_pre)
+
+
+def off_wall(fits: ArcFits, header: Header, settings: ArcSettings) -> np.ndarray:
+    """Mask (n,) of hits clearly away from all walls; none on one surface.
+
+    Fits are those in the frames of the walls.  Where a wall stands is judged by the median of the gaps at it.
+    """
+    n = len(fits)
+    if header.surfaces is None or not n:
+        return np.zeros(n, bool)
+    seen = (fits.n_side >= 2).all(axis=1)
+    near = seen & fits.at_wall
+    wall, level = wall_of(fits.q[:, 0]), np.zeros(len(header.surfaces))
+    for number in np.unique(wall[near]):
+        level[number] = np.median(fits.gap[near & (wall == number)])
+    far = np.maximum(settings.touch_limit, TOUCH_SIGMA * fits.gap_std)
+    return seen & (~fits.at_wall | (np.minimum(fits.gap, fits.gap - level[wall]) > far))
 
 
 def gravity_towards(fits: ArcFits, header: Header) -> np.ndarray:

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.fft import idct
 from scipy.linalg import toeplitz
 
-from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.samples import Samples, is_uneven
 
 SHORTEST = 12
 ENOUGH = 30  # flights
@@ -37,6 +37,8 @@ _LEAST = 0.1  # of the largest power: what is smaller tells nothing of the slope
 
 def long_flights(samples: Samples, at: np.ndarray, t: np.ndarray, guard: float, longest: int) -> list[np.ndarray]:
     """Poses (m, N, 3) at the ends of flights that end with a hit, for up to two N: few long ones, many shorter ones.
+
+    Where time stamps are irregular a parabola in time is taken out of them.
 
     Hits happen at times `t` (n,) in s, ascending by trial, after samples `at` (n,); samples within `guard` (s) of one
     belong to no flight.  N is at most `longest`; at least `ENOUGH` flights have it.
@@ -62,8 +64,19 @@ def long_flights(samples: Samples, at: np.ndarray, t: np.ndarray, guard: float, 
     last, length = last[usable], length[usable]
     ranked = np.minimum(np.sort(length), longest)
     sizes = {int(ranked[-ENOUGH]), int(ranked[len(ranked) // 2])}
-    q = samples.without_air()
-    return [q[last[length >= N][:, None] + np.arange(1 - N, 1)] for N in sorted(sizes)]
+    return [_as_if_evenly_spaced(samples, last[length >= N][:, None] + np.arange(1 - N, 1)) for N in sorted(sizes)]
+
+
+def _as_if_evenly_spaced(samples: Samples, rows: np.ndarray) -> np.ndarray:
+    """Poses (m, N, 3) at `rows` (m, N); where the steps differ, what a parabola in time leaves of them."""
+    q, t = samples.without_air()[rows], samples.t[rows]
+    uneven = is_uneven(t)
+    if uneven.any():
+        tau = t[uneven] - t[uneven].mean(axis=1, keepdims=True)
+        basis = np.linalg.qr((tau / np.ptp(tau, axis=1)[:, None])[..., None] ** np.arange(3))[0]
+        moved = q[uneven] - q[uneven, :1]
+        q[uneven] = moved - basis @ (basis.swapaxes(1, 2) @ moved)
+    return q
 
 
 def slope_variance(flights: list[np.ndarray], n: int) -> np.ndarray:

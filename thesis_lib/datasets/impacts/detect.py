@@ -6,7 +6,7 @@ filter rounded out of the flights (`rounding`), fit again with that noise, and t
 measured are left out with a reason; the others carry a covariance.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,17 +14,18 @@ import pandas as pd
 
 from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
-from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.validate import DatasetError
-from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
+from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs
 from thesis_lib.datasets.impacts.at_walls import on_floors
+from thesis_lib.datasets.impacts.copies import without_copies
 from thesis_lib.datasets.impacts.drag import air_in, air_sentence, breaks_lines, window_in
 from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
+from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, arc_table, ordinals
 from thesis_lib.datasets.impacts.lines import norm
-from thesis_lib.datasets.impacts.low_pass import LowPass, low_pass_of
+from thesis_lib.datasets.impacts.low_pass import low_pass_of
 from thesis_lib.datasets.impacts.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
@@ -34,6 +35,7 @@ from thesis_lib.datasets.impacts.noise import (
     stated_sigma,
     with_colour,
 )
+from thesis_lib.datasets.impacts.pieces import cut_into_pieces
 from thesis_lib.datasets.impacts.quality import (
     approach_speed,
     assess_arcs,
@@ -41,6 +43,7 @@ from thesis_lib.datasets.impacts.quality import (
     flag_physics,
     has_flag_text,
 )
+from thesis_lib.datasets.impacts.rests import without_rests
 from thesis_lib.datasets.impacts.rounding import (
     contact_guard,
     guard_of,
@@ -51,73 +54,21 @@ from thesis_lib.datasets.impacts.rounding import (
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stamps import exposure_times
-from thesis_lib.datasets.impacts.stays_down import StaysDown, landing_speeds, stays_down
+from thesis_lib.datasets.impacts.stays_down import landing_speeds, stays_down
+from thesis_lib.datasets.impacts.straightest import fit_straightest
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
     from thesis_lib.datasets.format.dataset import Dataset
 
-LEFT_OUT_COLUMNS = ("trial", "impact", "t", "reason", "detail")
-ARC_COLUMNS = (
-    *("trial", "impact", "t", "t_std", "used", "n_pre", "n_post"),
-    *(f"rms_{axis}_{side}" for side in ("pre", "post") for axis in ("x", "y", "theta")),
-    *("chi2_pre", "chi2_post", "chi2_meet", "miss", "gap", "gap_std"),
-)
 _NOISIER = 1.3  # ratio of noise in the arcs to noise assumed that calls for a second detection
 _STANDING_OUT = 0.9  # share of the hits that are left with coloured noise; fewer call for a second detection
 _MOST = 0.5  # share of the impacts used; a wrong surface gives 1, measured sets stay below 0.1
 _FASTEST = 5.0  # speed after an impact over that before it, or over the median; no impact gains a factor of 2
 _SIDEWAYS = 0.4  # of gravity, one sigma in flight: beyond it no motion in the plane of the camera
-_MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
+_SLOWER = 2.0  # sigmas of friction with a table that no hit must be
+_DISPLACED = 0.1  # sampling intervals; samples then change sides
 _Found = tuple[Samples, np.ndarray, ArcFits, NoiseEstimate, np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True)
-class FoundImpacts:
-    """Impacts that can be used, and what was found on the way."""
-
-    impacts: Impacts  # the usable ones, with t, cov and flags
-    # `LEFT_OUT_COLUMNS`, reasons as in `quality`; `energy_gain`: a row of impacts.csv gains more than any impact can
-    left_out: pd.DataFrame
-    arcs: pd.DataFrame  # a row per detected impact, used or not, `ARC_COLUMNS` in s, m, rad; chi2_* per dof
-    noise: NoiseEstimate
-    glitches: pd.DataFrame  # columns trial, t: samples masked as tracking glitches
-    # the poses searched, sorted, without glitches and ends of records that stand out; None if impacts.csv was used
-    samples: Samples | None = None
-    guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
-    low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
-    remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
-    soft: LastingContacts | None = None  # contacts too long for impulses
-    down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
-    step: float = 0.0  # s; contacts seem to be looked for once in it
-    air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
-    gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
-    warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
-
-    @property
-    def used_arcs(self) -> pd.DataFrame:
-        """The rows of `arcs` of the usable impacts."""
-        return self.arcs[self.arcs["used"].astype(bool)].reset_index(drop=True)
-
-    @property
-    def arcs_air(self) -> Air | None:
-        """The forces of the air that the arcs have; None if they have none but gravity."""
-        return None if self.samples is None else self.samples.air
-
-    def summary(self) -> dict:
-        """Counts, reasons, flags, noise and warnings, ready for JSON (NaN as null)."""
-        flags = [flag for text in self.impacts.flags for flag in str(text).split(";") if flag]
-        noise = {"position": self.noise.position, "angle": self.noise.angle}
-        return {
-            "used": len(self.impacts),
-            "left_out": self.left_out["reason"].value_counts().sort_index().to_dict(),
-            "flagged": {flag: flags.count(flag) for flag in sorted(set(flags))},
-            "noise": {key: value if np.isfinite(value) else None for key, value in noise.items()},
-            "noise_source": self.noise.source,
-            "glitches": len(self.glitches),
-            "low_pass": None if self.low_pass is None else self.low_pass.content(),
-            "warnings": list(self.warnings),
-        }
 
 
 def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> FoundImpacts:
@@ -149,9 +100,14 @@ def find_in_arrays(
 ) -> FoundImpacts:
     """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped."""
     settings = settings or ArcSettings()
-    everything, stamped = exposure_times(make_samples(trial, t, q, header, settings), header, settings)
-    stated = stated_sigma(header)
+    everything, copied = without_copies(make_samples(trial, t, q, header, settings))
+    # pictures that were taken at a lower rate than stated may have been shown late
+    clock = header.model_copy(update={"rate": None}) if copied else header
+    everything, stamped = exposure_times(everything, clock, settings)
+    stated, on_table = stated_sigma(header), header.gravity == 0.0
     rough = np.fmax(noise_from_differences(everything), SIGMA_FLOOR)
+    if on_table:
+        everything = without_rests(everything, np.fmax(stated, rough))
     air = air_in(everything, rough, header)
     bends = air is not None and breaks_lines(air, everything, rough, settings)
     if air is not None and bends:
@@ -177,8 +133,8 @@ def find_in_arrays(
     usual, rounded = settings.guard, 0.0
     # samples of a body that leaves its plane, of a simulation, or of one that lands and stays are not rounded
     lands = np.isfinite(landing_speeds(samples, at, noise.used, header, settings)).sum() > _MOST * len(at)
-    if not (step or lands) and (header.gravity == 0.0 or noise.stray[0] < _SIDEWAYS * header.gravity):
-        rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings)
+    if not (step or lands) and (on_table or noise.stray[0] < _SIDEWAYS * header.gravity):
+        rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, on_table)
     low_pass, lasting = None, 0.0
     if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
         settings = settings.model_copy(update={"guard": guard})
@@ -190,7 +146,9 @@ def find_in_arrays(
             # the filter lowered all free fall alike
             everything = everything.raised(0.5 * header.gravity * low_pass.second_moment)
             samples, at, fits, noise, glitch, sigma = search(settings, least)
-    noise = with_colour(noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0)
+    noise = with_colour(
+        noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0, on_table=header.gravity == 0.0
+    )
     glitches = _reported_glitches(everything, glitch)
 
     if not settings.stray_acceleration:
@@ -199,13 +157,18 @@ def find_in_arrays(
     if spread is None:
         spread = estimate_spread(fits, header.body.radius_of_gyration, sigma, noise, settings)
     noise = replace(noise, contact_spread=spread)
-    fits = _fit_straightest(samples, at, noise, header, settings)
+    fits = fit_straightest(samples, at, noise, header, settings)
 
-    trial_of = samples.trial[at]
     fits = on_floors(fits, header)
-    ordinal = _ordinal(trial_of)
     reasons, details, flags, landed = assess_arcs(fits, samples, at, noise.used, header, settings)
-    used = reasons == ""
+    used, cut = reasons == "", ""
+    trial_of = samples.trial[at]
+    if on_table:
+        pieces = cut_into_pieces(samples, at, used)
+        cut, trial_of = pieces.text(), pieces.of(trial_of, samples.t[at])
+        samples = replace(samples, trial=pieces.of(samples.trial, samples.t))
+        glitches["trial"] = pieces.of(glitches["trial"].to_numpy(), glitches["t"].to_numpy())
+    ordinal = ordinals(trial_of)
     impacts = Impacts(
         trial=trial_of[used],
         impact=ordinal[used],
@@ -234,7 +197,7 @@ def find_in_arrays(
     said = (lifted, soft and soft.sentence(), gain and gain_sentence(impacts, gain, step), down and down.sentence())
     remarks = tuple(str(text) for text in said if text)
     warnings = (
-        *([stamped] if stamped else []),
+        *(text for text in (copied, stamped, cut) if text),
         *([slowed] if slowed and not lifted else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *remarks,
@@ -243,7 +206,7 @@ def find_in_arrays(
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
         left_out=left_out[~used].reset_index(drop=True),
-        arcs=_arc_table(fits, trial_of, ordinal, used),
+        arcs=arc_table(fits, trial_of, ordinal, used),
         noise=noise,
         glitches=glitches,
         samples=samples,
@@ -259,9 +222,12 @@ def find_in_arrays(
     )
 
 
-def _instants(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
-    """Samples (n,) before the hits that stand out of noise `sigma` (3,)."""
-    return add_weak_hits(samples, detect(samples, header, sigma, settings), header, sigma, settings)
+def _instants(
+    samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
+) -> np.ndarray:
+    """Samples (n,) before the hits that stand out of noise `sigma` (3,) and of friction that slows down, in m/s²."""
+    at = detect(samples, header, sigma, settings, slowing)
+    return add_weak_hits(samples, at, header, sigma, settings, slowing)
 
 
 def _search(
@@ -279,7 +245,14 @@ def _search(
         samples = everything.select(~glitch)
         at = _instants(samples, header, np.fmax(sigma, least), settings)
         fits = fit_arcs(samples, at, sigma, header, settings)
-        noise = noise_from_arcs(fits, rough, stated)
+        noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
+        if _displaces(noise.stray, fits, samples):
+            if header.gravity == 0.0:
+                at = _instants(
+                    samples, header, np.fmax(sigma, least), settings, _SLOWER * float(np.hypot(*noise.stray[:2]))
+                )
+            fits = fit_arcs(samples, at, sigma, header, settings, stray=noise.stray)
+            noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         unchanged = np.array_equal(noise.stated, believed, equal_nan=True)
         quiet = (noise.sigma < _NOISIER * sigma).all() or not np.isfinite(noise.sigma).all()
         if quiet and unchanged:
@@ -288,6 +261,19 @@ def _search(
         if not quiet:
             rough = noise.sigma  # a long rest, or coloured noise, hid part of it: detect again
     return samples, at, fits, noise, glitch, sigma  # pyright: ignore[reportPossiblyUnboundVariable]
+
+
+def _displaces(stray: np.ndarray, fits: ArcFits, samples: Samples) -> bool:
+    """Whether accelerations `stray` (3,) move the instants of impacts by a good part of a sampling interval.
+
+    A line through an arc of duration T ends a T²/12 off its parabola.
+    """
+    if not stray.any() or not len(fits):
+        return False
+    interval = sampling_interval(samples)
+    lasting = interval * float(np.median(fits.n_side))
+    speed = float(np.median(norm((fits.v_post - fits.v_pre)[:, :2])))
+    return float(np.hypot(*stray[:2])) * lasting**2 / 12.0 > _DISPLACED * interval * speed
 
 
 def _detection_warnings(
@@ -330,55 +316,6 @@ def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
     inside = np.zeros(len(samples), bool)
     inside[1:-1] = samples.run[2:] == samples.run[:-2]
     return pd.DataFrame({"trial": samples.trial[glitch & inside], "t": samples.t[glitch & inside]})
-
-
-def _fit_straightest(
-    samples: Samples, at: np.ndarray, noise: NoiseEstimate, header: Header, settings: ArcSettings
-) -> ArcFits:
-    """Arc fits in which a bent arc is cut to half its samples if that makes it straight.
-
-    A bent far end (a weak hit, the body coming to rest) must not spoil the velocity at the near end.  The noise found
-    in the data judges: a wrong header should not shorten every window.
-    """
-    sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
-
-    def fit(hits: np.ndarray, size: np.ndarray | None = None) -> ArcFits:
-        parts = {"spread": noise.contact_spread, "colour": noise.colour, "stray": noise.stray}
-        return fit_arcs(samples, hits, noise.used, header, settings, size=size, **parts)
-
-    fits = fit(at)
-    bent = is_bent(fits, sigma, settings.arc_deviation)
-    if not bent.any():
-        return fits
-    # hits of a trial bound each other's windows and are fitted together
-    rows = np.flatnonzero(np.isin(samples.trial[at], samples.trial[at[bent.any(1)]]))
-    bent, whole = bent[rows], np.full((len(rows), 2), settings.max_window)
-    size, count = whole, fits.n_side[rows]
-    for _ in range(2):
-        size = np.where(bent & (count > _MIN_CUT), np.maximum(count // 2 + 1, _MIN_CUT), size)
-        shorter = fit(at[rows], size)
-        bent_still = is_bent(shorter, sigma, settings.arc_deviation)
-        bent, count = bent & bent_still, shorter.n_side
-    # any short arc is nearly straight: to be a flight it must also fall rather than rest
-    cured = (size < whole) & ~bent_still & (shorter.fall > 0) & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue]
-    final = fit(at[rows], np.where(cured, size, whole))
-    return fits.put(rows, final)
-
-
-def _ordinal(trial: np.ndarray) -> np.ndarray:
-    """0, 1, 2, … within each trial."""
-    first = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]][: len(trial)])
-    return np.arange(len(trial)) - np.repeat(first, np.diff(np.r_[first, len(trial)]))
-
-
-def _arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.ndarray) -> pd.DataFrame:
-    dof = np.maximum(fits.n_side - 2, 1)[..., None]
-    rms = np.sqrt(fits.ss / dof).reshape(len(fits), 6)  # over degrees of freedom: comparable with sigma
-    measured = (fits.n_side >= 2).all(1)  # a line needs two samples
-    t_std, gap, gap_std = (np.where(measured, a, np.nan) for a in (fits.t_std, fits.gap, fits.gap_std))
-    columns = [trial, ordinal, fits.t, t_std, used, *fits.n_side.T, *rms.T, *fits.reduced.T]
-    columns += [fits.chi2_meet / 2.0, np.where(measured, fits.miss, np.nan), gap, gap_std]
-    return pd.DataFrame(dict(zip(ARC_COLUMNS, columns)))
 
 
 def _impossible(given: Impacts) -> np.ndarray:

@@ -28,9 +28,12 @@ def with_stray(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residual sums of squares (n, 2, 3) of arcs with stray acceleration of known size, and of any size."""
     gain = np.minimum(curvature**2 * norm2, line_ss)
-    # s_a²/(s_a² + var a) with var a = 1/(white Σ b²)
-    share = stray**2 * white * norm2 / (stray**2 * white * norm2 + 1.0)
-    return line_ss - share * gain, line_ss - gain
+    return line_ss - _share(norm2, white, stray) * gain, line_ss - gain
+
+
+def _share(norm2: np.ndarray, white: np.ndarray, stray: np.ndarray) -> np.ndarray:
+    """s_a²/(s_a² + var a) with var a = 1/(white Σ b²): the part of a fitted acceleration that the prior leaves."""
+    return stray**2 * white * norm2 / (stray**2 * white * norm2 + 1.0)
 
 
 def misfits(
@@ -60,13 +63,20 @@ def misfits(
     pairs = (straight[:, :, 1:] * straight[:, :, :-1]).sum((1, 2))
     total = ss_free.sum(1)
 
+    # effect of an acceleration on a line at τ = 0
+    parabola = 0.5 * tau[..., None] ** 2
+    turn = lines_through(side, tau, parabola)
+    # friction with a table bends all arcs: it is taken out as far as they show it
+    known = _share(norm2, white, stray) * (gravity == 0.0)
+    value, slope = free.value - known * curvature * turn.value, free.slope - known * curvature * turn.slope
+
     # the arcs miss each other by d + Δv t; the best t leaves the part across Δv (2 of 3 dimensions)
-    d, dv = free.value[:, 1] - free.value[:, 0], free.slope[:, 1] - free.slope[:, 0]
+    d, dv = value[:, 1] - value[:, 0], slope[:, 1] - slope[:, 0]
     safe = np.maximum(free.count, 1.0)
     leverage = (1.0 / safe + free.mean**2 / np.where(free.spread > 0, free.spread, 1.0)).sum(1)
-    # effect of an acceleration on a line at τ = 0
-    turn = lines_through(side, tau, 0.5 * tau[..., None] ** 2).value
-    variance_d = np.where(leverage > 0, leverage, 1.0)[:, None] / weight + ((stray * turn) ** 2).sum(1)
+    variance_d = np.where(leverage > 0, leverage, 1.0)[:, None] / weight + (
+        (stray * turn.value) ** 2 * (1.0 - known)
+    ).sum(1)
     inverse = 1.0 / variance_d
     shift = -(d * dv * inverse).sum(1) / np.maximum((dv * dv * inverse).sum(1), 1e-300)
     across = d + dv * shift[:, None]
@@ -81,15 +91,17 @@ def misfits(
     reach = 1.0 + 1.0 / np.maximum(others.count, 1.0)[..., None]
     reach = reach + (tau[:, None] - others.mean[..., None]) ** 2 / spread[..., None]
     usable = close & (others.count >= 3)[..., None]
-    near2 = ((others.residual * metric) ** 2).sum(-1) * usable
-    if in_air:
-        bends = lines_through(rest, tau, 0.5 * tau[..., None] ** 2).residual
-        chi2_near = (others.residual**2 / (reach[..., None] / white + (stray * bends) ** 2)).sum(-1) * usable
-    else:
-        chi2_near = (others.residual**2 * white).sum(-1) / reach * usable
     dof = 3.0 * (others.count - 2.0)
     _, rest_ss, _, rest_curvature, rest_norm2 = bow(rest, tau, others)
     chi2_rest = with_stray(rest_ss, rest_curvature, rest_norm2, white, stray)[0] @ white
+    off, variance = others.residual, reach[..., None]
+    if gravity == 0.0 or in_air:
+        known = _share(rest_norm2, white, stray) * (gravity == 0.0)
+        bend = lines_through(rest, tau, parabola).residual
+        off = off - (known * rest_curvature)[:, :, None] * bend
+        variance = variance + (stray**2 * white * (1.0 - known))[:, :, None] * bend**2
+    near2 = ((off * metric) ** 2).sum(-1) * usable
+    chi2_near = (off**2 * white / variance).sum(-1) * usable
     supported = lines_through(side, tau, z[..., 1:2])
     chi2_supported = ((supported.residual[..., 0] * side) ** 2).sum(2) * white[1]
     return {

@@ -32,6 +32,8 @@ _SHORT_MEMORY = 0.7  # ρ; slower noise looks like curvature in an arc of 25 sam
 _WORSE = 0.5  # relative excess of a variance that changes an interval by a quarter
 _WRONG = 4.5  # sigmas; 1 in 1,000 flights of white noise has such a third difference
 _LONG_FLIGHT = 4  # arcs; errors slower than these are no noise of the arcs
+_MOVING = 0.1  # m/s
+_CLEARLY = 3.0  # standard errors of a median
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
 
 
@@ -61,10 +63,11 @@ def stated_sigma(header: Header) -> np.ndarray:
     return np.array([position, position, angle])
 
 
-def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> NoiseEstimate:
+def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray, on_table: bool = False) -> NoiseEstimate:
     """Noise from the residuals of all long arcs: the median over arcs, which bad arcs hardly move.
 
     `rough` (3,) in m, m, rad is used if there are too few arcs; `stated` (3,) is the header's, NaN if it states none.
+    `on_table`: friction with a table may slow the body down.
     """
     fits = fits.flying
     n = np.maximum(fits.n_side, 4)
@@ -95,12 +98,19 @@ def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray) -> Noi
         stated = np.where(_contradicted(sigma, stated, colour), np.nan, stated)
     used = np.fmax(np.where(np.isnan(stated), sigma, stated), SIGMA_FLOOR)
     position = float(np.sqrt(np.mean(sigma[:2] ** 2)))
-    stray = _stray_acceleration(fits, sigma, colour)
+    stray = _stray_acceleration(fits, sigma, colour, on_table)
     return NoiseEstimate(position, float(sigma[2]), sigma, used, source, 0.0, lag1, colour, stray, stated)
 
 
 def with_colour(
-    noise: NoiseEstimate, fits: ArcFits, samples: Samples, at: np.ndarray, guard: float, *, smoothed: bool
+    noise: NoiseEstimate,
+    fits: ArcFits,
+    samples: Samples,
+    at: np.ndarray,
+    guard: float,
+    *,
+    smoothed: bool,
+    on_table: bool,
 ) -> NoiseEstimate:
     """The noise with its colour from the spectrum of long flights (`colour`), where AR(1) is no answer.
 
@@ -126,7 +136,7 @@ def with_colour(
     slow = (noise.lag1 > _SHORT_MEMORY).any() or ((noise.colour == 1.0).all() and np.median(colour) > worse)
     if not (smoothed or slow):
         return noise
-    return replace(noise, colour=colour, stray=_stray_acceleration(fits, noise.used, colour))
+    return replace(noise, colour=colour, stray=_stray_acceleration(fits, noise.used, colour, on_table))
 
 
 def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:
@@ -136,17 +146,31 @@ def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> 
     return (sigma * CONTRADICTED < stated) | ((sigma > CONTRADICTED * stated) & (colour == 1.0))
 
 
-def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray) -> np.ndarray:
-    """One sigma (3,) of accelerations beyond gravity, from the curvature of long arcs beyond noise; else 0."""
+def _stray_acceleration(fits: ArcFits, sigma: np.ndarray, colour: np.ndarray, on_table: bool) -> np.ndarray:
+    """One sigma (3,) of accelerations beyond gravity, from the curvature of long arcs beyond noise; else 0.
+
+    What slows all arcs alike on a table is known better than the curvature of each.
+    """
     fits = fits.flying
-    long = fits.n_side >= _LONG_ARC_SAMPLES
+    speed = norm(np.stack([fits.v_pre, fits.v_post], axis=1)[..., :2])
+    moving = (speed > _MOVING) | (not on_table)  # a rest shows no friction
+    long = moving & (fits.n_side >= _LONG_ARC_SAMPLES)
+    if long.sum() < _MIN_ARCS:
+        long = moving & (fits.n_side >= _MIN_ARC_SAMPLES)
     if long.sum() < _MIN_ARCS:
         return np.zeros(3)
     scatter = robust_std(fits.curvature[long]) ** 2
     noise = np.median(1.0 / fits.bow2[long], axis=0)[..., None] * sigma**2 * colour
     # the variance from a median has the relative error 2.3/√n; below a clear excess there is nothing to add
     clear = scatter > noise * (1.3 + 3.0 * 2.3 / np.sqrt(long.sum()))
-    return np.sqrt(np.where(clear, scatter - noise, 0.0))
+    stray = np.sqrt(np.where(clear, scatter - noise, 0.0))
+    if on_table:
+        v = np.stack([fits.v_pre, fits.v_post], axis=1)[..., :2]
+        along = -(fits.curvature[..., :2] * v).sum(-1) / np.maximum(speed, 1e-12)
+        slowed = float(np.median(along[long]))
+        if slowed > _CLEARLY * 1.25 * robust_std(along[long] - slowed) / np.sqrt(long.sum()):
+            stray[:2] = np.maximum(stray[:2], slowed / np.sqrt(2.0))
+    return stray
 
 
 def estimate_spread(

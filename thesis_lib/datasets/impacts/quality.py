@@ -4,10 +4,11 @@ Left out, with a reason (the first that applies):
 
 | reason             | meaning                                                                                      |
 |--------------------|----------------------------------------------------------------------------------------------|
-| `lost_frames`      | a gap in time leaves too few samples on a side, or holds the impact itself                   |
+| `off_wall`         | no wall is near: another body, or a hand, was hit                                            |
+| `lost_frames`      | a long gap in time leaves too few samples on a side, or holds the impact itself              |
 | `second_hit`       | another hit too close: few samples between them, or arcs and samples that fit only two hits, |
 |                    | or a second corner, or another wall, that touches at once                                    |
-| `window_too_short` | the trial starts or ends too close to the impact                                             |
+| `window_too_short` | the trial, or a rest on a table, starts or ends too close to the impact                      |
 | `stays_down`       | free flight before, rest or sliding on the surface after: no rebound                         |
 | `not_ballistic`    | no free flight on a side (held, resting, rolling, a bad track), or arcs that never meet      |
 | `no_approach`      | the contact point does not approach the surface: rest or rolling, no impact                  |
@@ -34,18 +35,20 @@ import numpy as np
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, long_gaps
 from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
-from thesis_lib.datasets.impacts.at_walls import gravity_towards, time_to_another_wall
+from thesis_lib.datasets.impacts.at_walls import TOUCH_SIGMA, gravity_towards, off_wall, time_to_another_wall
 from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.datasets.impacts.rounding import touch_time
 from thesis_lib.datasets.impacts.stays_down import landing_speeds
 
-REASONS = ("lost_frames", "second_hit", "window_too_short", "stays_down", "not_ballistic", "no_approach")
+REASONS = (
+    *("off_wall", "lost_frames", "second_hit", "window_too_short"),
+    *("stays_down", "not_ballistic", "no_approach"),
+)
 FLAGS = ("energy", "cone", "compression", "arc_deviation", "no_touch")
 THESIS_FLAGS = ("energy", "cone", "compression")
 _APPROACH_SIGMA = 3.0  # 1 in 700 motionless contacts would pass
-_TOUCH_SIGMA = 5.0
 _LONGEST_TOUCH = 5e-3  # s; τ of a contact of 10 ms, as of foam rubber
 _RESTITUTIONS = (0.2, 0.9)
 _ONE_PLACE = 0.2  # radii of gyration between two contact points
@@ -119,8 +122,11 @@ def assess_arcs(
 
     sides = _text(fits.n_side[:, 0]) + " samples before, " + _text(fits.n_side[:, 1]) + " after"
     short = (fits.n_side < settings.min_window).any(1)
-    leave_out(short & _lost_near(fits, samples, settings), "lost_frames", sides)
-    leave_out(samples.run[fits.at] != samples.run[fits.at + 1], "lost_frames", "the gap holds the impact")
+    away = off_wall(fits, header, settings)
+    leave_out(away, "off_wall", "the nearest wall is " + _text(1e3 * fits.gap) + " mm away")
+    gap = long_gaps(samples.trial, samples.t, header, settings)
+    leave_out(short & _lost_near(fits, samples, gap, settings), "lost_frames", sides)
+    leave_out(gap[fits.at], "lost_frames", "the gap holds the impact")
     leave_out(short & _hit_near(fits, samples, settings), "second_hit", sides)
     leave_out(short, "window_too_short", sides)  # pyright: ignore[reportArgumentType]
 
@@ -141,7 +147,8 @@ def assess_arcs(
     wait = _second_corner(fits, header)
     leave_out(wait < settings.double_hit, "second_hit", "the next corner hits after " + _text(1e3 * wait) + " ms")
     wait = time_to_another_wall(fits, header)
-    leave_out(wait < settings.double_hit, "second_hit", "another wall is " + _text(1e3 * wait) + " ms away")
+    unseen = np.maximum(samples.t[fits.at + 1] - samples.t[fits.at], settings.double_hit)
+    leave_out(wait < unseen, "second_hit", "another wall is " + _text(1e3 * wait) + " ms away")
 
     r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
     v_n = approach_speed(fits, header)
@@ -150,7 +157,7 @@ def assess_arcs(
     v_n_std = np.sqrt(np.einsum("ni,nij,nj->n", row, fits.cov, row))
     leave_out(v_n > -_APPROACH_SIGMA * v_n_std, "no_approach", "v_n is " + _text(v_n) + " m/s before")
 
-    far = np.maximum(_TOUCH_SIGMA * fits.gap_std, settings.touch_limit)
+    far = np.maximum(TOUCH_SIGMA * fits.gap_std, settings.touch_limit)
     failed = {
         "arc_deviation": is_bent(fits, sigma, settings.arc_deviation).any(1),
         "no_touch": (np.abs(fits.gap) > far) & (np.abs(fits.gap + _sunk_in(fits, v_n, r_x, header)) > far),
@@ -212,9 +219,8 @@ def _second_corner(fits: ArcFits, header: Header) -> np.ndarray:
     return last
 
 
-def _lost_near(fits: ArcFits, samples: Samples, settings: ArcSettings) -> np.ndarray:
-    """Mask (n,): a gap in time (not the trial's end) within min_window samples of the impact."""
-    gap_after = (samples.run[1:] != samples.run[:-1]) & (samples.trial[1:] == samples.trial[:-1])
+def _lost_near(fits: ArcFits, samples: Samples, gap_after: np.ndarray, settings: ArcSettings) -> np.ndarray:
+    """Mask (n,): a gap in time, after the samples `gap_after` (N − 1,), within min_window samples of the impact."""
     count = np.r_[0, np.cumsum(gap_after), gap_after.sum()]
     low = np.maximum(fits.at - settings.min_window, 0)
     high = np.minimum(fits.at + settings.min_window + 1, len(samples))

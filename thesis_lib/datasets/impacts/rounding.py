@@ -39,8 +39,7 @@ ENOUGH = 30  # flights that have such samples
 # rounding of 0.7 sigma of a sample moves the velocity of a line through 25 by a fifth of its standard error
 MATERIAL = 1.5
 CLEAR = 3.0
-# relative standard error of F times √n, from the densities of chi² at its medians: with an angle, without one
-_SPREADS = 2.74, 3.30
+_SPREADS = 3.30, 2.74  # standard errors of ln F times √n from the densities of chi² at its medians, m_2 of 1 and 2 dof
 _CONTACT = 1.5  # τ; contacts end before
 LONGEST = 5e-3  # s; a guard for longer contacts must be seen in the samples
 LEAST_SUNK, MOST_SUNK = 20, 400  # impacts that say how fast contacts let arcs sink
@@ -55,13 +54,16 @@ class Rounding:
     edges: np.ndarray
     ratio: np.ndarray
     count: np.ndarray  # (g, 2) flights
-    spread: float  # relative standard error of F times √n
+    spread: float  # standard error of ln F times the root of the count
+    both: bool  # whether both sides must be rounded: on a table a body slides after a hit before it rolls
 
     @property
     def rounded(self) -> np.ndarray:
-        """Mask (g,) of the pairs of edges between which samples of either side are rounded."""
-        excess = self.ratio - MATERIAL - CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1))
-        return np.any(np.nan_to_num(excess, nan=-1.0) > 0.0, axis=1)
+        """Mask (g,) of the pairs of edges between which samples of either side are rounded, or of both."""
+        # of the logarithm: with 30 flights F itself is far from normal
+        excess = self.ratio - MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
+        side = np.nan_to_num(excess, nan=-1.0) > 0.0
+        return np.all(side, axis=1) if self.both else np.any(side, axis=1)
 
     @property
     def is_clear(self) -> bool:
@@ -82,16 +84,18 @@ def sampling_interval(samples: Samples) -> float:
     return float(np.median(step)) if len(step) else 1.0
 
 
-def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings) -> float:
+def guard_of(
+    fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings, on_table: bool = False
+) -> float:
     """Time from an impact in s within which samples are rounded, and to the next of `EDGES`; 0 if none are.
 
-    `sigma` (3,) is the noise of x, y, θ in m, m, rad.
+    `sigma` (3,) is the noise of x, y, θ in m, m, rad; `on_table`: friction may change what happens after an impact.
     UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
     """
     interval = sampling_interval(samples)
     widest, ends, clear = 0.0, True, False
     for reach in REACHES:
-        found = rounding_within(reach, fits, samples, sigma, settings, interval)
+        found = rounding_within(reach, fits, samples, sigma, settings, interval, on_table)
         if (found.count.max(axis=1) < ENOUGH).all():
             break
         widest, clear = max(widest, found.reach), clear or found.is_clear
@@ -112,7 +116,13 @@ def guard_of(fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSe
 
 
 def rounding_within(
-    reach: int, fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings, interval: float
+    reach: int,
+    fits: ArcFits,
+    samples: Samples,
+    sigma: np.ndarray,
+    settings: ArcSettings,
+    interval: float,
+    on_table: bool = False,
 ) -> Rounding:
     """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
     # less what the air has made of the path
@@ -121,7 +131,7 @@ def rounding_within(
     tau = windows.t - t[:, None]
     beyond = sides_of(windows, t, settings.model_copy(update={"guard": reach * interval, "max_window": FAR}), None)
     near = sides_of(windows, t, settings.model_copy(update={"max_window": reach + FAR}), None) > 0
-    near &= (np.abs(tau) < reach * interval)[:, None] & (beyond.sum(2) >= LEAST)[..., None]
+    near &= (fits.at_wall[:, None] & (np.abs(tau) < reach * interval))[:, None] & (beyond.sum(2) >= LEAST)[..., None]
 
     # parabolas through the samples beyond R, in units of R
     basis = (tau / (reach * interval))[..., None] ** np.arange(3)
@@ -133,8 +143,8 @@ def rounding_within(
     u = (fits.v_post - fits.v_pre) / sigma
     u /= np.maximum(np.sqrt((u**2).sum(1)), 1e-300)[:, None]
 
-    with_angle = samples.q[:, 2].any()  # an angle that is not measured has no noise
-    median_across, spread = (_MEDIANS[1], _SPREADS[0]) if with_angle else (_MEDIANS[0], _SPREADS[1])
+    measured = int(samples.q[:, 2].any())  # an angle that is not measured has no noise
+    median_across = _MEDIANS[measured]
     edges = EDGES[reach >= EDGES] * interval
     ratio, count = np.full((len(edges) - 1, 2), np.nan), np.zeros((len(edges) - 1, 2))
     for g, (low, high) in enumerate(itertools.pairwise(edges)):
@@ -149,7 +159,7 @@ def rounding_within(
             along = (mean * u[rows]).sum(1) ** 2
             across = np.median((mean**2).sum(1) - along) / median_across
             ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
-    return Rounding(edges, ratio, count, spread)
+    return Rounding(edges, ratio, count, _SPREADS[measured], on_table)
 
 
 def rounding_warning(

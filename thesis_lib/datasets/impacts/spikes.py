@@ -51,20 +51,34 @@ def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings:
     mean = (weight * tau).sum(1) / 4.0
     centred = weight * (tau - mean[:, None])
     spread = (centred**2).sum(1)
-    level = np.einsum("nw,nwi->ni", weight, q[window]) / 4.0
-    slope = np.einsum("nw,nwi->ni", centred, q[window]) / spread[:, None]
-    value = level - slope * mean[:, None]
-    off = ((q[here] - value) / sigma) ** 2 / (1.25 + mean**2 / spread)[:, None]
-    residual = q[window] - value[:, None] - slope[:, None] * tau[..., None]
-    others = ((weight[..., None] * residual / sigma) ** 2).sum((1, 2))
+
+    def stands_out(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Squares (n, c) by which the sample is off the line through the others, and those of the others from it."""
+        level = np.einsum("nw,nwi->ni", weight, values) / 4.0
+        slope = np.einsum("nw,nwi->ni", centred, values) / spread[:, None]
+        value = level - slope * mean[:, None]
+        own = np.einsum("nw,nwi->ni", 1.0 - weight, values)
+        residual = values - value[:, None] - slope[:, None] * tau[..., None]
+        off = (own - value) ** 2 / (1.25 + mean**2 / spread)[:, None]
+        return off, ((weight[..., None] * residual) ** 2).sum(1)
+
+    off, others = (squares.sum(1) for squares in stands_out(q[window] / sigma))
+    # A kink of velocity nearby gives off ≤ 2 × others at the middle of even steps: five times keeps impacts.
+    kink, beside = stands_out(np.maximum(tau[:, :, None] - tau[:, None, 1:4], 0.0))
+    most = 2.0 * (kink / np.maximum(beside, 1e-9 * kink + 1e-300)).max(1, initial=0.0)
+    inside = (window[:, 0] < here) & (here < window[:, 4])
     glitch = np.zeros(n, bool)
-    # A kink of velocity nearby gives off ≤ 2 × others at the middle of the window: five times keeps impacts.
-    glitch[here] = off.sum(1) > np.maximum(settings.outlier_sigma**2, 5.0 * others)
+    glitch[here] = off > np.maximum(settings.outlier_sigma**2, np.where(inside, np.maximum(most, 5.0), 5.0) * others)
     return glitch
 
 
-def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings) -> np.ndarray:
-    """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial."""
+def detect(
+    samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
+) -> np.ndarray:
+    """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial.
+
+    `slowing` in m/s² is what friction with a table may take from the speed, which is no impact.
+    """
     n = len(samples)
     q = samples.without_gravity(header.gravity)
     boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]  # a segment ends after sample i
@@ -73,7 +87,7 @@ def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSet
     scatter = 0.0 if samples.air is None else samples.air.scatter
     for w in settings.scales:
         segment = np.r_[0, np.cumsum(boundary | is_hit)[:-1]][:n]
-        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, scatter)
+        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing, scatter)
         # the allowance for support flattens the peak of a weak hit: it decides whether there is a hit, `free` where
         peak = _peaks(free, w, settings) & (score > settings.threshold**2)
         is_hit |= peak
@@ -83,11 +97,11 @@ def detect(samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSet
 
 
 def add_weak_hits(
-    samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings
+    samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
 ) -> np.ndarray:
     """The hits `at` (n,) and those weak hits, between two clean flights, that show only without the allowance for rest.
 
-    Hits are indices of the sample before; `sigma` (3,) is the noise of x, y, θ in m, m, rad.
+    Hits are indices of the sample before; `sigma` (3,) is the noise of x, y, θ in m, m, rad, `slowing` as in `detect`.
     """
     n = len(samples)
     q = samples.without_gravity(header.gravity)
@@ -97,7 +111,7 @@ def add_weak_hits(
     boundary[at] = True
     segment = np.r_[0, np.cumsum(boundary)[:-1]][:n]
     w, scatter = max(settings.scales), 0.0 if samples.air is None else samples.air.scatter
-    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, scatter)
+    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing, scatter)
     weak = np.flatnonzero(_peaks(free, w, settings))
     both = np.union1d(at, weak)
     both = both[np.isin(samples.trial[both], samples.trial[weak])]  # only trials with such a hit
@@ -123,6 +137,7 @@ def _jump_scores(
     header: Header,
     sigma: np.ndarray,
     settings: ArcSettings,
+    slowing: float,
     scatter: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines.
@@ -143,6 +158,11 @@ def _jump_scores(
     jump = -slope_r - slope_l
     allowance = ((scatter * (-centre_r - centre_l)) ** 2)[:, None] * [1.0, 1.0, 0.0] if scatter else 0.0
     rise = header.gravity * (-centre_r - centre_l)  # of v_y + g t of a body at rest
+    if slowing > 0.0:
+        along = (slope_l - slope_r)[:, :2]
+        along /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]
+        lost = np.clip(-(jump[:, :2] * along).sum(1), 0.0, slowing * (-centre_r - centre_l))
+        jump[:, :2] += lost[:, None] * along
     for score, allowed in zip(scores, (rise, 0.0)):
         d = jump.copy()
         d[:, 1] = np.where(d[:, 1] > 0, np.maximum(d[:, 1] - allowed, 0.0), d[:, 1])

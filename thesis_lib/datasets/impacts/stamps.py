@@ -57,23 +57,40 @@ def exposure_times(samples: Samples, header: Header, settings: ArcSettings) -> t
 
     The samples themselves and "" where stamps are regular, or where flights are as smooth over them.
     """
-    clock = _clock_behind(samples, header)
-    if clock is None:
+    found = times_of_pictures(samples, header.rate)
+    if found is None:
         return samples, ""
+    sure, t, said = found
+    return make_samples(samples.trial[sure], t, samples.q[sure], header, settings), said
+
+
+def times_of_pictures(
+    samples: Samples, rate: float | None, lengths: int = 2
+) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """Which samples (N,) have a picture that is sure, the times in s of these, and a sentence that says so.
+
+    The first `lengths` columns of q are in m.  None where stamps are regular, or where flights are as smooth over them.
+    """
+    clock = _clock_behind(samples, rate)
+    if clock is None:
+        return None
     sure = samples.select(clock.sure)
     t = sure.t - clock.late[clock.sure]
-    stamped, taken = _roughness(sure, sure.t), _roughness(sure, t)
+    stamped, taken = _roughness(sure, sure.t, lengths), _roughness(sure, t, lengths)
     fast = stamped.speed >= np.quantile(stamped.speed, FAST) if len(stamped.speed) else np.zeros(0, bool)
     if fast.sum() < FEW:
-        return samples, ""
+        return None
     ratio = float(np.median(stamped.squares[fast]) / max(np.median(taken.squares[fast]), 1e-300))
     if ratio < STRAIGHTER:
-        return samples, ""
-    restored = make_samples(sure.trial, t, sure.q, header, settings)
+        return None
+    return clock.sure, t, _said(clock, ratio)
+
+
+def _said(clock: Clock, ratio: float) -> str:
     middle, most = 1e3 * np.quantile(clock.late, [0.5, 0.95])
     left_out = int((~clock.sure).sum())
     beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
-    return restored, (
+    return (
         f"The time stamps are those of arrival, not of exposure: half of the rows are more than {middle:.2g} ms later "
         f"than the camera's clock of {1.0 / clock.period:.6g} Hz, one in twenty more than {most:.2g} ms. Over the "
         f"numbers of the pictures the flights have {_times(ratio)} smaller squares, so times are taken from these"
@@ -85,13 +102,13 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times" if ratio < 100.0 else "over 100 times"
 
 
-def _clock_behind(samples: Samples, header: Header) -> Clock | None:
+def _clock_behind(samples: Samples, rate: float | None) -> Clock | None:
     """The clock of irregular stamps; None where they are regular, or too few."""
     same = samples.trial[1:] == samples.trial[:-1]
     step = np.diff(samples.t)[same]
     if len(step) < FEW:
         return None
-    period = 1.0 / header.rate if header.rate else _period(samples)
+    period = 1.0 / rate if rate else _period(samples)
     off = np.abs(step - period * np.round(step / period))
     if np.quantile(off, MANY) < IRREGULAR:
         return None
@@ -100,7 +117,7 @@ def _clock_behind(samples: Samples, header: Header) -> Clock | None:
     n = np.diff(np.r_[first, len(samples)])
     number = np.repeat(np.arange(len(n)), n)
     found, std = _period_of_pictures(samples.t, picture, number, n)
-    if np.isfinite(found) and (not header.rate or abs(found - period) > SURELY * std):
+    if np.isfinite(found) and (not rate or abs(found - period) > SURELY * std):
         period = found
     late = samples.t - period * picture
     return Clock(picture, late - np.minimum.reduceat(late, first)[number], sure, period)
@@ -157,7 +174,7 @@ class _Roughness:
     squares: np.ndarray
 
 
-def _roughness(samples: Samples, t: np.ndarray) -> _Roughness:
+def _roughness(samples: Samples, t: np.ndarray, lengths: int) -> _Roughness:
     start = np.arange(0, max(len(samples) - WINDOW + 1, 0), STRIDE)
     start = start[samples.trial[start] == samples.trial[start + WINDOW - 1]]
     rows = start[:, None] + np.arange(WINDOW)
@@ -170,6 +187,6 @@ def _roughness(samples: Samples, t: np.ndarray) -> _Roughness:
     along = np.einsum("wkj,wkc->wjc", Q, q)
     squares = np.sum((q - np.einsum("wkj,wjc->wkc", Q, along)) ** 2, axis=1)
     moved = q - q.mean(axis=1, keepdims=True)
-    speed = np.einsum("wk,wkc->wc", tau, moved[..., :2]) / np.sum(tau**2, axis=1)[:, None]
+    speed = np.einsum("wk,wkc->wc", tau, moved[..., :lengths]) / np.sum(tau**2, axis=1)[:, None]
     scale = samples.q.std(axis=0) + 1e-12
     return _Roughness(np.linalg.norm(speed, axis=1), (squares / scale**2).sum(axis=1))

@@ -1,8 +1,9 @@
 """ROS bags without ROS: poses of a body in ROS 2 bags (.mcap, .db3, a folder of them) and ROS 1 bags (.bag).
 
-A body is a topic of poses, or a frame that transforms tell: PoseStamped, PoseWithCovarianceStamped, Pose, Odometry,
-TransformStamped, TFMessage.  Times are those of the headers; messages without one have only the time at which they
-arrived.  Types are those that the package rosbags brings: definitions in a stranger's bag are never turned into code.
+A body is a topic of poses or of points, or one of many in a topic, by its name or number (`pose_messages`).  Times are
+those of the headers; messages without one have only the time at which they arrived.  Types are those that the package
+rosbags brings, and those that are defined in `pose_messages`: definitions in a stranger's bag are compared with these,
+and never turned into code.
 
 What is compressed says how large it will be, and is taken at its word before anything is unpacked.
 """
@@ -18,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.motive import choose_body
+from thesis_lib.datasets.sources.pose_messages import DEFINITIONS, KINDS, TRANSFORMS, Pose
+from thesis_lib.datasets.sources.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, unit
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, regular_size
@@ -35,8 +37,8 @@ MAGIC = {
     ".mcap": b"\x89MCAP0\r\n",
     ".db3": b"SQLite format 3\x00",
 }  # what such files begin with
-TRANSFORMS, OLD_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # the same content
-Pose = tuple[float, float, float, float, float, float, float]  # x, y, z in m and the quaternion x, y, z, w
+OLD_TRANSFORMS = "tf/msg/tfMessage"  # the same content as `TRANSFORMS`
+MAX_DEFINITION = 100_000  # characters
 
 
 @dataclass
@@ -62,6 +64,7 @@ def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
     if find_spec(PACKAGE) is None:
         raise UserError(f"{path} is a bag of ROS; reading it needs a package: pip install {PACKAGE}.")
     bodies: dict[str, _Body] = {}
+    topics: dict[str, str] = {}
     storages = _storages(path) if path.is_dir() else [path]
     for storage in storages:
         try:
@@ -72,11 +75,16 @@ def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
             with storage.open("rb") as file:
                 if file.read(16)[: len(MAGIC[storage.suffix.lower()])] != MAGIC[storage.suffix.lower()]:
                     raise ValueError("it does not begin as such a file does")
-            _collect(storage, bodies)
+            _collect(storage, bodies, topics)
+    listed = [f"{topic[:60]} ({kind})" for topic, kind in topics.items()]
+    others = f"{', '.join(listed[:20])}{f' and {len(listed) - 20} more' if len(listed) > 20 else ''}" or "nothing"
     if not bodies:
-        kinds = "Pose, PoseStamped, PoseWithCovarianceStamped, Odometry, TransformStamped, TFMessage"
-        raise UserError(f"{path} has no messages of poses ({kinds}).")
-    chosen = choose_body(path, list(bodies), body)
+        kinds = ", ".join(dict.fromkeys(kind.split("/")[-1] for kind in KINDS))
+        raise UserError(f"{path} has no messages of poses ({kinds}). Its topics are: {others}.")
+    try:
+        chosen = choose_body(path, list(bodies), body)
+    except UserError as error:
+        raise UserError(f"{error} Its topics are: {others}.") from None
     return _motion(path, chosen, bodies[chosen], warnings)
 
 
@@ -109,13 +117,15 @@ def _types(old: bool):
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
-    if old:
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS))
+    made = {}
+    for name, text in DEFINITIONS.items():
+        made |= get_types_from_msg(text, name)
+    store.register({name: made[name] for name in made if name not in store.types})
     return store
 
 
-def _collect(path: Path, bodies: dict[str, _Body]) -> None:
-    """Add the poses of one file to `bodies`."""
+def _collect(path: Path, bodies: dict[str, _Body], topics: dict[str, str]) -> None:
+    """Add the poses of one file to `bodies`, and all it has to `topics`: name -> type and number of messages."""
     if path.suffix.lower() == ".bag":
         from rosbags.rosbag1 import Reader
 
@@ -135,8 +145,12 @@ def _collect(path: Path, bodies: dict[str, _Body]) -> None:
             _bound_chunks(reader)
         kinds = {one.id: TRANSFORMS if one.msgtype == OLD_TRANSFORMS else one.msgtype for one in reader.connections}
         wanted = [one for one in reader.connections if kinds[one.id] in KINDS]
-        if path.suffix.lower() == ".bag":
-            _check_types(path, wanted, kinds, store)
+        topics |= {one.topic: f"{one.msgtype[:60]}, {one.msgcount} messages" for one in reader.connections}
+        for one in wanted:
+            if not (_same_digest if path.suffix.lower() == ".bag" else _same_fields)(one, kinds[one.id], store):
+                raise UserError(
+                    f"{path}: {one.topic} has messages {one.msgtype} that are not the standard ones of this name."
+                )
         if not wanted:
             return
         count = 0
@@ -161,37 +175,6 @@ def _collect(path: Path, bodies: dict[str, _Body]) -> None:
         reader.close()
 
 
-def _pose(pose) -> Pose:
-    p, q = pose.position, pose.orientation
-    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
-
-
-def _transform(transform) -> Pose:
-    p, q = transform.translation, transform.rotation
-    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
-
-
-def _ns(header) -> int:
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
-
-
-def _transforms(messages) -> list[tuple[str, str, int, Pose]]:
-    return [(one.child_frame_id, one.header.frame_id, _ns(one.header), _transform(one.transform)) for one in messages]
-
-
-# type -> message -> (frame of the body, frame it is told in, stamp in ns or 0, pose)
-KINDS: dict[str, Callable] = {
-    "geometry_msgs/msg/Pose": lambda m: [("", "", 0, _pose(m))],
-    "geometry_msgs/msg/PoseStamped": lambda m: [("", m.header.frame_id, _ns(m.header), _pose(m.pose))],
-    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda m: [
-        ("", m.header.frame_id, _ns(m.header), _pose(m.pose.pose))
-    ],
-    "nav_msgs/msg/Odometry": lambda m: [("", m.header.frame_id, _ns(m.header), _pose(m.pose.pose))],
-    "geometry_msgs/msg/TransformStamped": lambda m: _transforms([m]),
-    "tf2_msgs/msg/TFMessage": lambda m: _transforms(m.transforms),
-}
-
-
 def _motion(path: Path, name: str, body: _Body, warnings: list[str]) -> Motion:
     stamp, arrival = np.array(body.stamp, dtype=np.int64), np.array(body.arrival, dtype=np.int64)
     ns = stamp
@@ -212,16 +195,26 @@ def _motion(path: Path, name: str, body: _Body, warnings: list[str]) -> Motion:
     quaternion = poses[:, 3:]
     quaternion[~np.any(np.abs(quaternion) > 0.0, axis=1)] = np.nan  # ROS writes zeros where it has no rotation
     t = (ns - ns[0]) / 1e9
+    if not np.isfinite(quaternion).all(axis=1).any():
+        return Motion.of_point(name, str(path), t, poses[:, :3])
     return Motion(name, str(path), t, poses[:, :3], unit(quaternion, f"{path}, {name}"))
 
 
-def _check_types(path: Path, connections, kinds: dict[int, str], store) -> None:
-    """UserError if a type of a ROS 1 bag has a standard name but another content, as its MD5 sum tells."""
-    for one in connections:
-        if one.digest != store.generate_msgdef(kinds[one.id])[1]:
-            raise UserError(
-                f"{path}: {one.topic} has messages {one.msgtype} that are not the standard ones of this name."
-            )
+def _same_digest(connection, kind: str, store) -> bool:
+    """Whether a type of a ROS 1 bag has the content that its name stands for, as its MD5 sum says."""
+    return connection.digest == store.generate_msgdef(kind)[1]
+
+
+def _same_fields(connection, kind: str, store) -> bool:
+    """Whether a type of a ROS 2 bag has the fields that its name stands for, as far as the bag says."""
+    from rosbags.interfaces import MessageDefinitionFormat
+    from rosbags.typesys import get_types_from_msg
+
+    definition = connection.msgdef
+    if definition.format != MessageDefinitionFormat.MSG or len(definition.data) > MAX_DEFINITION:
+        return True
+    stated = get_types_from_msg(definition.data, kind)
+    return all(fields == store.fielddefs[name][1] for name, (_, fields) in stated.items() if name in store.fielddefs)
 
 
 def _bound_chunks(reader) -> None:

@@ -28,7 +28,10 @@ def read_rows(path: Path) -> list[Row]:
     """
     try:
         content = read_bytes(path, MAX_LOG)
-        text = content.decode("utf-8-sig")
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("cp1252")  # of a program under Windows: names of bodies with accents
         head = text[:20_000]
         delimiter = max(DELIMITERS, key=head.count)
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
@@ -57,7 +60,7 @@ def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.nda
             if cell.lower() in EMPTY:
                 continue
             try:
-                value = float(cell)
+                value = float(cell.replace(",", "."))  # a comma within a cell is a decimal one
             except ValueError:
                 raise UserError(
                     f"{path}, row {row}, column {column + 1}: {cell[:40]!r} is not a number. Export it again "
@@ -65,6 +68,14 @@ def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.nda
                 ) from None
             result[i, j] = value if abs(value) < 1e12 else np.nan
     return result
+
+
+def lost_zeros(cells: np.ndarray, notes: list[str]) -> None:
+    """Rows (n, m) of nothing but zeros become NaN, as systems write them that have lost a body; adds to `notes`."""
+    zeros = ~np.any(np.nan_to_num(cells) != 0.0, axis=1) & np.isfinite(cells).all(axis=1)
+    if zeros.any():
+        notes.append(f"{int(zeros.sum())} frames of zeros taken for lost ones")
+        cells[zeros] = np.nan
 
 
 def length_unit(path: Path, text: str, where: str) -> float:

@@ -6,21 +6,31 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources import bags, motive, vicon
+from thesis_lib.datasets.sources import bags, c3d, motive, optitrack, qualisys, vicon
 from thesis_lib.datasets.sources.conversion import Conversion, Rig
 from thesis_lib.datasets.sources.export_cells import SEQUENCES
+from thesis_lib.datasets.sources.log_table import read_log
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
 from thesis_lib.datasets.sources.quaternion_table import ORDERS, read_quaternion_tables
-from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, parse_units, read_planar_motions
+from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
+from thesis_lib.datasets.sources.table_options import TableOptions, parse_origin, parse_units
 from thesis_lib.datasets.space.plane import parse_direction
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
-TABLE, MOTIVE, VICON, BAG = "a table", "an export of Motive", "an export of Vicon", "a bag of ROS"
-UP = {TABLE: "z", MOTIVE: motive.UP, VICON: vicon.UP, BAG: bags.UP}
-ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "units")  # options that other forms have no use for
+TABLE, BAG, C3D = "a table", "a bag of ROS", "a C3D file"
+EXPORTS = {  # form of a text -> whether a file begins so, how it is read, which axis is up
+    "an export of Motive": (motive.is_motive, motive.read_motive, motive.UP),
+    "an export of Vicon": (vicon.is_vicon, vicon.read_vicon, vicon.UP),
+    "an export of Qualisys": (qualisys.is_qualisys, qualisys.read_qualisys, qualisys.UP),
+    "an older export of OptiTrack": (optitrack.is_optitrack, optitrack.read_optitrack, optitrack.UP),
+}
+UP = {TABLE: "z", BAG: bags.UP, C3D: c3d.UP} | {form: up for form, (_, _, up) in EXPORTS.items()}
+# options that other forms have no use for
+ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "decimal", "units", "scale", "origin")
 FARTHEST = 10.0  # m from a tracked frame to the centre of mass; more is in mm
-ONLY_SPACE = ("left_handed", "rotation", "up", "plane", "body", "frame")
+ONLY_SPACE = ("left_handed", "rotation", "up", "plane")
+ONLY_PLANE = ("scale", "origin", "wall")
 
 
 @dataclass(frozen=True)
@@ -29,7 +39,10 @@ class Reading:
 
     units: str = ""
     columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-    delimiter: str = ","
+    delimiter: str | None = None
+    decimal: str | None = None
+    scale: str | None = None  # pixels a metre
+    origin: str | None = None  # U,V
     per_trial_files: bool = False
     quaternion: str | None = None  # xyzw or wxyz
     left_handed: bool = False
@@ -48,30 +61,38 @@ def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) 
     form = forms[paths[0]]
     if other := next((path for path in paths if forms[path] != form), None):
         raise UserError(f"{paths[0]} is {form}, but {other} is {forms[other]}; convert them one after the other.")
-    in_space = form != TABLE or reading.quaternion is not None
+    options = TableOptions(
+        parse_units(reading.units, reading.scale),
+        reading.columns,
+        reading.delimiter,
+        reading.decimal,
+        parse_origin(reading.origin) if reading.origin else None,
+        reading.body,
+        rig.rate,
+    )
+    in_space = form != TABLE or reading.quaternion is not None or _holds_points(paths[0], options)
     _check_options(paths[0], form, in_space, rig, reading)
-    units = parse_units(reading.units)
-    given: dict = {"rate": rig.rate, "delimiter": reading.delimiter}
+    frame = _parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0)
     notes: list[str] = []
     warnings: list[str] = []
     if not in_space and not reading.cut:
-        given = {"delimiter": reading.delimiter, "per_trial_files": reading.per_trial_files}
-        return convert_logs(paths, name, units, reading.columns, rig, **given)
+        return convert_logs(paths, name, options, rig, frame, per_trial_files=reading.per_trial_files)
     if not in_space:
-        motions = read_planar_motions(paths, units, reading.columns, **given, warnings=warnings)
-        view = View(FLAT.y, FLAT.normal)
+        motions = read_planar_motions(paths, options, rig, notes, warnings)
+        view = View(FLAT.y, FLAT.normal, frame)
     else:
         if form == TABLE:
-            order = reading.quaternion or "xyzw"
-            motions = read_quaternion_tables(paths, units, reading.columns, order, **given, warnings=warnings)
+            motions = read_quaternion_tables(paths, options, reading.quaternion, notes, warnings)
         elif form == BAG:
             motions = [bags.read_bag(path, reading.body, warnings) for path in paths]
+        elif form == C3D:
+            motions = [c3d.read_c3d(path, reading.body, notes) for path in paths]
         else:
-            read = motive.read_motive if form == MOTIVE else vicon.read_vicon
+            _, read, _ = EXPORTS[form]
             motions = [read(path, reading.body, reading.rotation, notes) for path in paths]
         if reading.per_trial_files:
             motions = [replace(motion, trial=None) for motion in motions]
-        view = _view(form, reading, all(motion.trial is not None for motion in motions))
+        view = _view(form, reading, frame, all(motion.trial is not None for motion in motions))
     conversion = convert_motions(motions, name, paths, rig, view, notes)
     conversion.warnings += warnings
     return conversion
@@ -85,37 +106,62 @@ def form_of(path: Path) -> str:
         return TABLE
     try:
         with path.open("rb") as file:
-            first = file.readline(1000).decode("utf-8-sig", "replace")
+            raw = file.readline(1000)
     except OSError:
         return TABLE
-    return MOTIVE if motive.is_motive(first) else VICON if vicon.is_vicon(first) else TABLE
+    if c3d.is_c3d(path, raw):
+        return C3D
+    first = raw.decode("utf-8-sig", "replace")
+    return next((form for form, (is_form, _, _) in EXPORTS.items() if is_form(first)), TABLE)
+
+
+def _holds_points(path: Path, options: TableOptions) -> bool:
+    """Whether a table has positions x, y, z, and neither an angle nor a quaternion: a ball that was tracked.
+
+    UserError if it has columns of a quaternion, which has to be asked for.
+    """
+    if "z" in options.columns or "theta" in options.columns:
+        return not {"theta", "q1", "q2", "q3", "q4"} & set(options.columns)
+    places = {name for name, _ in options.source("x", "y", "z").values()}
+    log = read_log(path, options, places, [])
+    if log.has("theta") or len(places) < 3 or not all(map(log.has, places)):
+        return False
+    if all(map(log.has, ("qx", "qy", "qz", "qw"))):
+        raise UserError(
+            f"{path} has columns qx, qy, qz, qw: say with --quaternion xyzw that they are a quaternion, or with "
+            "--columns theta=NAME which column is the angle of a motion in a plane."
+        )
+    return True
 
 
 def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Reading) -> None:
     """UserError for an option that has no meaning for this form of a log."""
     given = {name for name in (*ONLY_TABLES, *ONLY_SPACE) if name != "rate" and getattr(reading, name)}
-    given -= {"delimiter"} if reading.delimiter == "," else set()
-    given |= {"rate"} if rig.rate is not None else set()
+    given |= ({"rate"} if rig.rate is not None else set()) | ({"wall"} if rig.walls else set())
     if form != TABLE and (useless := [name for name in ONLY_TABLES if name in given]):
         raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
     if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
         option = useless[0].replace("_", "-")
-        forms = "an export of motion capture, a bag, or a table with --quaternion"
+        forms = "an export of motion capture, a bag, a table with --quaternion or with columns x, y, z and no angle"
         raise UserError(f"--{option} is for motions in space ({forms}); {path} is a planar table.")
+    if in_space and (useless := [name for name in ONLY_PLANE if name in given]):
+        raise UserError(f"--{useless[0]} is for planar tables; {path} is a motion in space.")
+    if rig.walls and reading.cut:
+        raise UserError("--cut looks for free falls; leave it out where the body moves between walls (--wall).")
     if reading.quaternion is not None and reading.quaternion not in ORDERS:
         raise UserError(f"--quaternion: '{reading.quaternion}' is unknown; give {' or '.join(ORDERS)}.")
     if reading.rotation is not None and reading.rotation not in SEQUENCES:
         raise UserError(f"--rotation: '{reading.rotation}' is unknown; give one of {', '.join(SEQUENCES)}.")
-    if reading.body and form == TABLE:
+    if reading.body and form == TABLE and in_space:
         raise UserError("--body is for files that hold several bodies; of a table, name the columns with --columns.")
 
 
-def _view(form: str, reading: Reading, named: bool) -> View:
+def _view(form: str, reading: Reading, frame: tuple[float, float, float], named: bool) -> View:
     """How the motion is looked at; `named`: the recordings say which sample belongs to which trial."""
     return View(
         up=parse_direction(reading.up or UP[form], "--up"),
         normal=parse_direction(reading.plane, "--plane") if reading.plane else None,
-        frame=_parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0),
+        frame=frame,
         cut=not (named or reading.per_trial_files) if reading.cut is None else reading.cut,
         left_handed=reading.left_handed,
     )

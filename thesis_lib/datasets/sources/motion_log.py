@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.sources.conversion import GRAVITY, Conversion, Rig, as_dataset
-from thesis_lib.datasets.space.convention import Scene, check_reading
+from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.impacts.stamps import times_of_pictures
+from thesis_lib.datasets.sources.conversion import GRAVITY, Conversion, Rig, as_dataset, needs_no_angle
+from thesis_lib.datasets.space.convention import Scene, check_reading, fit
 from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest, whole_pieces
 from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, handed, join, turning
@@ -17,6 +19,7 @@ from thesis_lib.foundation.errors import UserError
 
 MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
 SCALES = {"mm": 1e-3, "cm": 1e-2}  # units that lengths may have been in after all
+PART = 100  # samples within which a clock of arrival wanders by less than it jitters
 FEW_TRIALS = 10  # a critique asks for as many
 
 
@@ -45,14 +48,48 @@ def convert_motions(
     is left.
     """
     samples = sum(map(len, motions))
+    if not motions[0].oriented:
+        needs_no_angle(rig.shape, motions[0].source)
     motion, piece = join([handed(motion, view.left_handed) for motion in motions])
     if len(motion) < samples:
         notes.append(f"{samples - len(motion)} of {samples} samples left out: the body was not seen")
+    motion, piece = _at_exposure(motion, piece, rig.rate, notes)
     try:
         return _convert(motion, piece, name, files, rig, view, notes)
     except UserError as error:
         text = str(error)
         raise error if str(files[0]) in text or text.startswith("--") else UserError(f"{files[0]}: {text}") from None
+
+
+def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: list[str]) -> tuple[Motion, np.ndarray]:
+    """The motion at the times of its pictures where stamps are those of arrival, as for the trials of a dataset.
+
+    A long recording is looked at in parts, for the lateness that is the same in all rows wanders.
+    """
+    first = np.flatnonzero(np.r_[True, np.diff(piece) != 0])
+    row = np.arange(len(piece)) - np.repeat(first, np.diff(np.r_[first, len(piece)]))
+    part = np.cumsum(row % PART == 0)
+    samples = Samples(part, motion.t, motion.position, part)
+    found = times_of_pictures(samples, rate or 1.0 / _long_period(motion.t, piece), lengths=3)
+    if found is None:
+        return motion, piece
+    sure, t, said = found
+    notes.append(said)
+    rises = t > np.maximum.accumulate(np.r_[-np.inf, t[:-1]])  # a part that has counted one too many runs into the next
+    rows = np.flatnonzero(sure)[rises]
+    return replace(motion.part(rows), t=t[rises]), piece[rows]
+
+
+def _long_period(t: np.ndarray, piece: np.ndarray) -> float:
+    """Median step in s over ever more rows: of a period that is nearly known, the steps between two rows are, too."""
+    period = 0.0
+    for span in 2 ** np.arange(2, 16):
+        step = (t[span:] - t[:-span])[piece[span:] == piece[:-span]]
+        if period and len(step) < PART:
+            break
+        steps = np.maximum(np.round(step / period), 1.0) if period else float(span)
+        period = float(np.median(step / steps)) if len(step) else float(np.median(np.diff(t)))
+    return period
 
 
 def _convert(
@@ -65,18 +102,20 @@ def _convert(
     flights = find_flights(track, falls)
     if not flights:
         raise UserError(_no_flight(motion, size, view.up))
-    found = check_reading(motion, Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2]))
-    if found.turned and not any(view.frame[:2]):
-        angle = np.degrees(view.frame[2] + found.turned)
-        notes.append(
-            f"the impacts fit better if the shape is turned by {angle:.0f}° in its tracked frame (--frame "
-            f"0,0,{angle:.0f}), as where a rigid body was defined while it lay askew"
-        )
+    scene = Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2])
+    check_reading(motion, scene)
     omega = smoothed_turning(turning(motion), motion.t, track.half)
     inner = np.concatenate([np.arange(first_window(f, track), last_window(f, track) + 1) for f in flights])
     inner = inner[np.isfinite(omega[inner]).all(axis=1) & np.isfinite(track.v[inner]).all(axis=1)]
     plane = find_plane(track.v[inner], omega[inner], rig.radius, view.up) if given is None else given
     q, axis = in_plane(motion, plane)
+    turned = fit(motion, replace(scene, plane=plane)).turned  # in the plane in which theta will be written
+    if turned and not any(view.frame[:2]):
+        angle = np.degrees(view.frame[2] + turned)
+        notes.append(
+            f"the impacts fit better if the shape is turned by {angle:.0f}° in its tracked frame (--frame "
+            f"0,0,{angle:.0f}), as where a rigid body was defined while it lay askew"
+        )
     if any(view.frame[:2]):
         # flights are those of the centre of mass: look again, with it in the place of the tracked point
         (x, y, _), cos, sin = view.frame, np.cos(q[:, 2]), np.sin(q[:, 2])
@@ -86,7 +125,8 @@ def _convert(
     q[:, 2] += view.frame[2]
     if rig.gravity is None:
         rig = replace(rig, gravity=float(f"{GRAVITY * np.cos(plane.tilt):.6g}"))
-    notes.append(_plane_text(plane, axis, "found" if given is None else "given", rig))
+    how = "found" if given is None else "given"
+    notes.append(_plane_text(plane, how, rig) + (f"; theta is the angle of the body's {axis} axis" * motion.oriented))
 
     out, total = np.full(len(motion), np.nan), np.full(len(motion), np.nan)
     out[inner], total[inner] = share_out(track.v[inner], omega[inner], plane, rig.radius)
@@ -98,7 +138,7 @@ def _convert(
     if not used:
         raise UserError(_no_drop(drops, height, rig))
     rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
-    poses = pd.DataFrame(q[rows], columns=["x", "y", "theta"])
+    poses = pd.DataFrame(q[rows], columns=["x", "y", "theta"])[["x", "y", *(["theta"] if motion.oriented else [])]]
     poses = poses.assign(t=motion.t[rows], trial=np.repeat([d.trial for d in used], [d.stop - d.start for d in used]))
     dataset = as_dataset(poses, name, files, rig, notes)
     return Conversion(dataset, notes, [], Cuts(motion.t - motion.t[0], height, tuple(drops), impacts))
@@ -123,11 +163,11 @@ def _no_flight(motion: Motion, gravity: float, up: np.ndarray) -> str:
     )
 
 
-def _plane_text(plane: Plane, axis: str, how: str, rig: Rig) -> str:
+def _plane_text(plane: Plane, how: str, rig: Rig) -> str:
     n = ", ".join(f"{value:.3f}" for value in plane.normal + 0.0)
     tilt = np.degrees(abs(plane.tilt))
     text = f"plane of the motion {how}: normal ({n}) in the axes of the recording, {tilt:.1f}° off the vertical"
-    return f"{text}; gravity in it {rig.gravity:.4g} m/s²; theta is the angle of the body's {axis} axis"
+    return f"{text}; gravity in it {rig.gravity:.4g} m/s²"
 
 
 def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list[str]:

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.datasets.sources.export_cells import Row, columns_of, length_unit, read_rows, rotations
-from thesis_lib.datasets.space.markers import body_of_markers
+from thesis_lib.datasets.sources.tracked_bodies import choose_body, choose_markers, motion_of_markers
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
@@ -106,19 +106,6 @@ def _line(rows: list[Row], name: str) -> list[str] | None:
     return next((cells for _, cells in rows[:HEADER_ROWS] if len(cells) > 1 and cells[1].lower() == name), None)
 
 
-def choose_body(path: Path, bodies: list[str], body: str | None) -> str:
-    """The body that is meant: the only one, or that named `body` (an end of its name will do); else UserError."""
-    shown = ", ".join(bodies[:20]) + (f" and {len(bodies) - 20} more" if len(bodies) > 20 else "")
-    if body is None and len(bodies) == 1:
-        return bodies[0]
-    found = [name for name in bodies if name == body] or [name for name in bodies if body and name.endswith(body)]
-    if len(found) == 1:
-        return found[0]
-    if body is None:
-        raise UserError(f"{path} has {len(bodies)} bodies: {shown}. Say which with --body NAME.")
-    raise UserError(f"{path} has no body '{body}' (or several whose names end so). It has: {shown}.")
-
-
 def _rigid_body(
     path: Path, data: list[Row], t: np.ndarray, columns: dict, name: str, scale: float, sequence: str
 ) -> Motion:
@@ -135,32 +122,9 @@ def _rigid_body(
 def body_from_markers(
     path: Path, data: list[Row], t: np.ndarray, markers: dict, body: str | None, scale: float, notes: list[str]
 ) -> Motion:
-    """The motion of a body of which an export has only the markers, named body:marker or with no body at all.
-
-    `markers`: name -> {(kind, axis): column}.
-    """
-    bodies: dict[str, list[str]] = {}
-    for name, columns in markers.items():
-        if {axis for _, axis in columns} >= set("xyz"):
-            bodies.setdefault(name.rpartition(":")[0], []).append(name)
-    if not bodies:
-        raise UserError(f"{path} has neither a rigid body nor markers; export the rigid bodies.")
-    chosen = choose_body(path, list(bodies), body)
-    wanted = [column for name in bodies[chosen] for column in _positions(markers[name])]
+    """The motion of a body of which an export has only the markers; `markers`: name -> {(kind, axis): column}."""
+    places = {name: {axis: column for (_, axis), column in columns.items()} for name, columns in markers.items()}
+    chosen, names = choose_markers(path, [name for name, at in places.items() if set(at) >= set("xyz")], body)
+    wanted = [places[name][axis] for name in names for axis in "xyz"]
     cells = scale * columns_of(path, data, wanted).reshape(len(data), -1, 3)
-    try:
-        position, quaternion, odd = body_of_markers(cells)
-    except ValueError as error:
-        raise UserError(f"{path}, markers of '{chosen}': {error}.") from error
-    notes.append(
-        f"the body is made of {cells.shape[1]} markers: its origin is their mean, its axes are those of the "
-        "recording in the first frame that shows all; say with --frame where its centre of mass is"
-    )
-    if odd:
-        notes.append(f"{odd} frames left out: their markers are not where a rigid body has them")
-    return Motion(chosen, str(path), t, position, quaternion)
-
-
-def _positions(columns: dict[tuple[str, str], int]) -> list[int]:
-    found = {axis: column for (_, axis), column in columns.items()}
-    return [found[axis] for axis in "xyz"]
+    return motion_of_markers(path, chosen, names, cells, t, notes)

@@ -1,4 +1,4 @@
-"""Tables of positions and quaternions, as motion in space.
+"""Tables of positions in space, with quaternions or, of a ball, without.
 
 The four columns of the quaternion are q1, q2, q3, q4 in the order that `--quaternion` names; without --columns they are
 expected as qx, qy, qz, qw, wherever they stand.
@@ -9,8 +9,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from thesis_lib.datasets.sources.log_table import numbers, read_log, require
+from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
+from thesis_lib.datasets.sources.table_options import TableOptions
+from thesis_lib.datasets.sources.table_pose import times
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 
@@ -19,52 +22,41 @@ AXES = ("x", "y", "z")
 
 
 def read_quaternion_tables(
-    files: Sequence[str | Path],
-    units: Mapping[str, float],
-    columns: Mapping[str, tuple[str, float]],
-    order: str,
-    *,
-    rate: float | None = None,
-    delimiter: str = ",",
-    warnings: list[str],
+    files: Sequence[str | Path], options: TableOptions, order: str | None, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
-    """The motion in each log; arguments as in `convert_logs`, adds to `warnings`.
+    """The motion in each log, that of a point without an `order`; adds to `notes` and `warnings`.
 
     UserError if a column is missing, a cell is no number, or the four columns are no unit quaternion.
     """
-    if "theta" in columns:
+    if "theta" in options.columns:
         raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
-    source = {name: columns.get(name, (name, 1.0)) for name in ("trial", "t", *AXES)}
-    source |= {f"q{i + 1}": columns.get(f"q{i + 1}", (f"q{letter}", 1.0)) for i, letter in enumerate(order)}
-    return [_read(Path(file), source, units, columns, order, rate, delimiter, warnings) for file in files]
+    source = options.source("trial", "t", *AXES)
+    for i, letter in enumerate(order or ""):
+        source[f"q{i + 1}"] = options.columns.get(f"q{i + 1}", (f"q{letter}", 1.0))
+    logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
+    say_of_logs(logs, notes)
+    return [_read(log, source, options, order, notes if log is logs[0] else []) for log in logs]
 
 
 def _read(
-    path: Path,
-    source: Mapping[str, tuple[str, float]],
-    units: Mapping[str, float],
-    columns: Mapping[str, tuple[str, float]],
-    order: str,
-    rate: float | None,
-    delimiter: str,
-    warnings: list[str],
+    log: Log, source: Mapping[str, tuple[str, float]], options: TableOptions, order: str | None, notes: list[str]
 ) -> Motion:
-    log = read_log(path, delimiter, warnings)
-    four = [f"q{i}" for i in (1, 2, 3, 4)]
-    require(path, log, [source[name][0] for name in (*AXES, *four, *(set(columns) & {"t", "trial"}))], columns)
+    path = log.path
+    four = [name for name in source if name.startswith("q")]
+    log.require([source[name][0] for name in (*AXES, *four, *(set(options.columns) & {"t", "trial"}))])
 
     def cells(name: str) -> np.ndarray:
         column, sign = source[name]
-        return sign * numbers(path, log, column)
+        return sign * log.numbers(column)
 
-    trial = log[source["trial"][0]].to_numpy(dtype=str) if source["trial"][0] in log.columns else None
-    if source["t"][0] in log.columns:
-        t = units["time"] * cells("t")
-    elif rate is None:
-        raise UserError(f"{path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows.")
-    else:
-        t = np.arange(len(log)) / rate
-    position = units["length"] * np.stack([cells(axis) for axis in AXES], axis=1)
+    labels = log.text(source["trial"][0]) if log.has(source["trial"][0]) else None
+    trial = None if labels is None else labels.to_numpy(dtype=str)
+    one = pd.Series("0", index=range(len(log))) if trial is None else pd.Series(trial)
+    t = times(log, options, one, source["t"][0], notes)
+    scales = [options.units.to_si(axis, log.unit(source[axis][0]), log.where(source[axis][0])) for axis in AXES]
+    position = np.array(scales) * np.stack([cells(axis) for axis in AXES], axis=1)
+    if order is None:
+        return Motion.of_point("", str(path), t, position, trial)
     raw = unit(np.stack([cells(name) for name in four], axis=1), f"{path}, {', '.join(source[q][0] for q in four)}")
 
     quaternion = raw[:, ORDERS[order]]

@@ -1,95 +1,51 @@
-"""Convert a rig's own logs into a dataset folder: units, column names, signs, one file per trial or for many.
+"""Convert a rig's own logs into a dataset: planar tables, one file per trial or for many.
 
-"row" is the line in the file, the header being row 1.
+"row" is the line in the file, counted from 1.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
-from thesis_lib.datasets.format.validate import SHOWN, row_text
+from thesis_lib.datasets.checks.known_body import KnownBody
+from thesis_lib.datasets.checks.trajectories import check_trajectories
+from thesis_lib.datasets.format.validate import SHOWN, Report, Table, row_text
 from thesis_lib.datasets.sources.conversion import Conversion, Rig, as_dataset
-from thesis_lib.datasets.sources.log_table import numbers, read_log, require
+from thesis_lib.datasets.sources.log_table import Log
+from thesis_lib.datasets.sources.table_options import TableOptions
+from thesis_lib.datasets.sources.table_pose import read_poses
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.plane import Plane
 from thesis_lib.foundation.errors import UserError
 
-UNITS = {  # name -> (quantity, factor to SI)
-    **{"m": ("length", 1.0), "cm": ("length", 1e-2), "mm": ("length", 1e-3)},
-    **{"rad": ("angle", 1.0), "deg": ("angle", np.pi / 180.0)},
-    **{"s": ("time", 1.0), "ms": ("time", 1e-3), "us": ("time", 1e-6)},
-}
-QUANTITY = {"t": "time", "x": "length", "y": "length", "theta": "angle"}
 FLAT = Plane.of(np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0]))  # the plane of a planar log, in space
-SPATIAL = ("z", "q1", "q2", "q3", "q4")  # columns of a log with quaternions, beside those of a planar one
 
-
-def parse_units(text: str) -> dict[str, float]:
-    """'mm,deg,ms' -> factor to SI for each of length, angle, time (SI by default); UserError for wrong units."""
-    factors: dict[str, float] = {}
-    for unit in filter(None, (part.strip() for part in text.split(","))):
-        if unit not in UNITS:
-            raise UserError(f"--units: '{unit}' is unknown; known are {', '.join(UNITS)} (for example --units mm,deg).")
-        quantity, factor = UNITS[unit]
-        if quantity in factors:
-            raise UserError(f"--units: '{text}' gives two units of {quantity}; give one for each quantity.")
-        factors[quantity] = factor
-    return {"length": 1.0, "angle": 1.0, "time": 1.0} | factors
-
-
-def parse_columns(text: str) -> dict[str, tuple[str, float]]:
-    """'t=time_s,y=-Z' -> {'t': ('time_s', 1.0), 'y': ('Z', -1.0)}: our column -> (column of the log, sign)."""
-    columns: dict[str, tuple[str, float]] = {}
-    for part in filter(None, (part.strip() for part in text.split(","))):
-        name, equals, log_column = (piece.strip() for piece in part.partition("="))
-        if not equals or not log_column or name not in (*TRAJECTORY_COLUMNS, *SPATIAL) or name in columns:
-            raise UserError(
-                f"--columns: '{part}' is not OURS=YOURS with OURS one of {', '.join(TRAJECTORY_COLUMNS)}, each once "
-                "(for example --columns t=time_s,x=X,y=-Z,theta=angle; a minus sign flips the axis). With "
-                f"--quaternion, {', '.join(SPATIAL)} take the place of theta."
-            )
-        sign = -1.0 if log_column.startswith("-") and name not in ("trial", "t") else 1.0
-        columns[name] = (log_column[1:] if sign < 0 else log_column, sign)
-    return columns
+Frame = tuple[float, float, float]
 
 
 def convert_logs(
     files: Sequence[str | Path],
     name: str,
-    units: Mapping[str, float],
-    columns: Mapping[str, tuple[str, float]],
+    options: TableOptions,
     rig: Rig,
+    frame: Frame = (0.0, 0.0, 0.0),
     *,
-    delimiter: str = ",",
     per_trial_files: bool = False,
 ) -> Conversion:
-    """A dataset of trajectories from CSV logs with a header line each and the same columns.
+    """A dataset of trajectories from tables with the same columns.
 
-    `units` are factors to SI by quantity (`parse_units`), `columns` our column -> (column of the log, sign); others are
-    expected under our names.  A log without times needs `rig.rate`.  With `per_trial_files` each file is one trial,
-    whatever its trial column.  UserError: a file or column is missing, a row is too long, a cell is not a number, or a
-    value of the experiment is impossible.
+    `frame`: x, y (m) of the centre of mass in the frame of the body that the tables follow, and by how much (rad) the
+    shape is turned against it.  A log without times needs `options.rate`.  With `per_trial_files` each file is one
+    trial, whatever its trial column.  Of a disk the angle may be missing.  UserError as in `read_poses`, or if angles
+    are in degrees that are read as radians, or a value of the experiment is impossible.
     """
-    if spatial := [column for column in columns if column in SPATIAL]:
-        raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; say how it turns with --quaternion.")
-    notes, warnings = [], []
-    source = {column: columns.get(column, (column, 1.0)) for column in TRAJECTORY_COLUMNS}
-    logs = [read_log(Path(file), delimiter, warnings) for file in files]
-    tables = []
-    for number, (file, log) in enumerate(zip(files, logs)):
-        needed = ["x", "y", "theta", *(column for column in columns if column in ("trial", "t"))]
-        require(Path(file), log, [source[column][0] for column in needed], columns)
-        tables.append(_poses(Path(file), log, source, units, rig.rate, number, per_trial_files))
-    used = {log_column for log_column, _ in source.values()}
-    if ignored := [column for column in logs[0].columns if column and column not in used]:
-        notes.append(f"columns left out: {', '.join(ignored)}")
-
-    poses = pd.concat(tables, ignore_index=True)[list(TRAJECTORY_COLUMNS)]
-    poses["trial"] = _number_trials(poses["trial"], notes)
-    lost = poses[["t", "x", "y", "theta"]].isna().any(axis=1)
+    notes: list[str] = []
+    warnings: list[str] = []
+    logs, tables = read_poses(files, options, rig, per_trial_files, notes, warnings)
+    poses = pd.concat(tables, ignore_index=True)
+    lost = poses.drop(columns="trial").isna().any(axis=1)
     if lost.any():
         notes.append(
             f"{int(lost.sum())} of {len(poses)} rows left out: a pose or time is empty, as where frames are lost "
@@ -98,69 +54,63 @@ def convert_logs(
         poses = poses[~lost].reset_index(drop=True)
     if len(poses) == 0:
         raise UserError(f"{files[0]} holds no row with a complete pose; nothing was converted.")
+    poses["trial"] = _number_trials(poses["trial"], notes)
+    _refuse_degrees(files[0], poses, options, rig)
+    if any(frame):
+        poses = _of_the_body(poses, frame)
     return Conversion(as_dataset(poses, name, files, rig, notes), notes, warnings)
 
 
+def _of_the_body(poses: pd.DataFrame, frame: Frame) -> pd.DataFrame:
+    """Poses of the centre of mass and the shape from those of a `frame` of the body; UserError without an angle."""
+    if "theta" not in poses:
+        raise UserError("--frame: where the centre of mass is takes the angle of the body, which is not measured.")
+    x, y, turn = frame
+    cos, sin = np.cos(poses["theta"]), np.sin(poses["theta"])
+    return poses.assign(x=poses["x"] + cos * x - sin * y, y=poses["y"] + sin * x + cos * y, theta=poses["theta"] + turn)
+
+
 def read_planar_motions(
-    files: Sequence[str | Path],
-    units: Mapping[str, float],
-    columns: Mapping[str, tuple[str, float]],
-    *,
-    rate: float | None = None,
-    delimiter: str = ",",
-    warnings: list[str],
+    files: Sequence[str | Path], options: TableOptions, rig: Rig, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
     """Each log as one long recording in a plane of space: x along `FLAT.x`, y up; arguments as in `convert_logs`."""
     from scipy.spatial.transform import Rotation
 
-    source = {column: columns.get(column, (column, 1.0)) for column in TRAJECTORY_COLUMNS}
+    frame = Rotation.from_matrix(np.stack([FLAT.x, FLAT.y, FLAT.normal], axis=1))
     motions = []
-    for number, file in enumerate(files):
-        log = read_log(Path(file), delimiter, warnings)
-        require(Path(file), log, [source[column][0] for column in ("x", "y", "theta")], columns)
-        poses = _poses(Path(file), log, source, units, rate, number, True)
-        q = poses[["x", "y", "theta"]].to_numpy()
-        whole = np.isfinite(q[:, 2])
-        quaternion = np.full((len(q), 4), np.nan)
-        frame = Rotation.from_matrix(np.stack([FLAT.x, FLAT.y, FLAT.normal], axis=1))
+    for file, poses in zip(files, read_poses(files, options, rig, True, notes, warnings)[1]):
+        _refuse_degrees(file, poses.dropna(), options, rig)
+        position = np.outer(poses["x"], FLAT.x) + np.outer(poses["y"], FLAT.y)
+        if "theta" not in poses:
+            motions.append(Motion.of_point("", str(file), poses["t"].to_numpy(), position))
+            continue
+        theta = poses["theta"].to_numpy()
+        whole = np.isfinite(theta)
+        quaternion = np.full((len(poses), 4), np.nan)
         if whole.any():
-            quaternion[whole] = (frame * Rotation.from_rotvec(np.outer(q[whole, 2], [0.0, 0.0, 1.0]))).as_quat()
-        position = np.outer(q[:, 0], FLAT.x) + np.outer(q[:, 1], FLAT.y)
+            quaternion[whole] = (frame * Rotation.from_rotvec(np.outer(theta[whole], [0.0, 0.0, 1.0]))).as_quat()
         motions.append(Motion("", str(file), poses["t"].to_numpy(), position, quaternion))
     return motions
 
 
-def _poses(
-    path: Path,
-    log: pd.DataFrame,
-    source: Mapping[str, tuple[str, float]],
-    units: Mapping[str, float],
-    rate: float | None,
-    number: int,
-    one_trial: bool,
-) -> pd.DataFrame:
-    """Trial (text), t, x, y, theta of a log in SI; it is trial `number` if `one_trial` or without a trial column."""
-    has_t = source["t"][0] in log.columns
-    if not has_t and rate is None:
-        raise UserError(f"{path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows.")
-    if not one_trial and source["trial"][0] in log.columns:
-        trial = log[source["trial"][0]].to_numpy(dtype=str)
-    else:
-        trial = np.full(len(log), str(number))
-    table = pd.DataFrame({"trial": trial})
-    for column in ("t", "x", "y", "theta") if has_t else ("x", "y", "theta"):
-        log_column, sign = source[column]
-        table[column] = sign * units[QUANTITY[column]] * numbers(path, log, log_column)
-    if not has_t and rate is not None:
-        table["t"] = table.groupby("trial", sort=False).cumcount() / rate
-    return table
+def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: TableOptions, rig: Rig) -> None:
+    """UserError if whole poses in SI have an angle in degrees: before whole turns are taken off, which hides it."""
+    if "theta" not in poses:
+        return
+    report = Report()
+    table = Table(Path(file).name, poses.assign(trial=pd.factorize(poses["trial"])[0]), 2, True, report)
+    check_trajectories(table, KnownBody(rig.shape, rig.radius, rig.surface_height, rig.g, rig.walls))
+    if found := next((problem.what for problem in report.errors if problem.where == "column theta"), None):
+        others = [unit for quantity, unit in options.units.given.items() if quantity != "angle"]
+        units = ",".join([*others, "deg"])
+        raise UserError(f"{file}: the angle {found}, but is read as radians. Give --units {units}.")
 
 
-def _lost_rows(files: Sequence[str | Path], logs: Sequence[pd.DataFrame], lost: np.ndarray) -> str:
+def _lost_rows(files: Sequence[str | Path], logs: Sequence[Log], lost: np.ndarray) -> str:
     """Row numbers of the `lost` (N,) of all logs together, with the file if there are several."""
     parts = np.split(lost, np.cumsum([len(log) for log in logs])[:-1])
     by_file = [
-        (Path(file).name, row_text(np.asarray(log.index[part])))
+        (Path(file).name, row_text(np.asarray(log.cells.index[part])))
         for file, log, part in zip(files, logs, parts)
         if part.any()
     ]

@@ -25,8 +25,17 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.export_cells import DELIMITERS, Row, columns_of, length_unit, read_rows, rotations
-from thesis_lib.datasets.sources.motive import body_from_markers, choose_body
+from thesis_lib.datasets.sources.export_cells import (
+    DELIMITERS,
+    Row,
+    columns_of,
+    length_unit,
+    lost_zeros,
+    read_rows,
+    rotations,
+)
+from thesis_lib.datasets.sources.motive import body_from_markers
+from thesis_lib.datasets.sources.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
@@ -92,10 +101,7 @@ def _segment(
     turn = [(axis, columns["r", axis]) for axis in "xyzw" if ("r", axis) in columns]
     place = [columns["t", axis] for axis in "xyz"]
     cells = columns_of(path, block.rows, [*(column for _, column in turn), *place])
-    zeros = ~np.any(np.nan_to_num(cells) != 0.0, axis=1) & np.isfinite(cells).all(axis=1)
-    if zeros.any():
-        notes.append(f"{int(zeros.sum())} frames of zeros taken for lost ones")
-        cells[zeros] = np.nan
+    lost_zeros(cells, notes)
     rotated = {axis: cells[:, i] for i, (axis, _) in enumerate(turn)}
     unit = block.units[turn[0][1]].lower()
     if "w" not in rotated and unit not in ANGLES:

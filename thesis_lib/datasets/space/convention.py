@@ -21,7 +21,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.space.flights import Track, first_window, last_window, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, turning
-from thesis_lib.datasets.space.plane import Plane, in_plane
+from thesis_lib.datasets.space.plane import Plane, in_plane, signed
 from thesis_lib.foundation.errors import UserError
 
 OUT = 0.02  # S of a plane motion is far below a hundredth; that of a wrong reading some hundredths to tenths
@@ -30,6 +30,8 @@ SLOW = 0.05  # m/s: level speed and k|ω| below it (rms) tell nothing
 CONTACT = 0.05  # s between two flights with an impact between
 MIRRORED = 0.5  # typical couple of the stated sign over that of the other
 TURNS = np.radians(np.arange(0.0, 360.0, 3.0))  # of the shape against its frame, among which the best is taken
+FINER = np.radians(np.arange(-6.0, 6.5, 0.5))  # about the best of these
+SAME = 1.001  # ratio of couples that are the same, as those of a square turned by 90°
 OFF = np.radians(6.0)  # a turn of the shape that is worth telling ...
 CLEARLY = 0.5  # ... if it makes couples so much smaller
 IMPACTS = 12  # fewest that tell the sign
@@ -114,7 +116,7 @@ def fit(motion: Motion, scene: Scene) -> Fit:
     if samples == 0 or np.sum(spin) < samples * SLOW**2:
         return Fit(0.0, np.nan, 0.0)
     if plane is None:
-        plane = Plane.of(np.linalg.eigh(np.sum(energy, axis=0))[1][:, 0], up)
+        plane = Plane.of(signed(np.linalg.eigh(np.sum(energy, axis=0))[1][:, 0], up), up)
     out = np.einsum("i,nij,j->n", plane.normal, np.stack(energy), plane.normal) + spin
     order = np.argsort(out / np.array(total))
     middle = order[np.searchsorted(np.cumsum(np.array(total)[order]), np.sum(total) / 2.0)]
@@ -139,11 +141,20 @@ def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> t
     if len(rows) < IMPACTS:
         return float("nan"), 0.0
     dvx, dvy, dw, theta = rows.T
-    couples = []
-    for sign in (1.0, -1.0):
-        r = scene.shape.contact_point((sign * theta + TURNS[:, None]).ravel()).reshape(len(TURNS), -1, 2)
-        couples.append(np.median(np.abs(sign * scene.k_g**2 * dw - r[..., 0] * dvy + r[..., 1] * dvx), axis=1))
-    best = int(np.argmin(couples[0]))
-    turned = float(np.angle(np.exp(1j * TURNS[best])))
-    tells = couples[0][best] < CLEARLY * couples[0][0] and abs(turned) > OFF
-    return float(np.min(couples[1]) / max(couples[0][best], 1e-12)), turned if tells else 0.0
+
+    def couples(sign: float, turns: np.ndarray) -> np.ndarray:
+        r = scene.shape.contact_point((sign * theta + turns[:, None]).ravel()).reshape(len(turns), -1, 2)
+        return np.abs(sign * scene.k_g**2 * dw - r[..., 0] * dvy + r[..., 1] * dvx)
+
+    along, against = (np.median(couples(sign, TURNS), axis=1) for sign in (1.0, -1.0))
+    least = np.flatnonzero(along <= SAME * np.min(along))  # several of a shape with symmetries
+    finer = TURNS[least[np.argmin(np.abs(_wrapped(TURNS[least])))]] + FINER
+    # of the hits nearly on two corners the couples say little, at any angle
+    turned = float(_wrapped(finer[np.argmin(np.minimum(couples(1.0, finer), 3.0 * np.min(along)).mean(axis=1))]))
+    tells = np.min(along) < CLEARLY * along[0] and abs(turned) > OFF
+    return float(np.min(against) / max(np.min(along), 1e-12)), turned if tells else 0.0
+
+
+def _wrapped(angle: np.ndarray) -> np.ndarray:
+    """Angles in rad between -π and π."""
+    return np.angle(np.exp(1j * angle))

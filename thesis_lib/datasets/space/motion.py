@@ -6,7 +6,8 @@
 | q        | `quaternion` | 1     | (n, 4) | (x, y, z, w), turns the body's axes into those of the recording       |
 | ω        |              | rad/s | (n, 3) | angular velocity, in the axes of the recording                        |
 
-A sample that the recording lacks is NaN.  What a recording does not say for certain (the order of the quaternion, the
+A sample that the recording lacks is NaN.  A point, as one marker or a ball is tracked, has no orientation: its
+quaternions are those of no rotation.  What a recording does not say for certain (the order of the quaternion, the
 sequence of Euler angles) is kept as `readings`: the same cells, read otherwise, by the option that would do so.
 """
 
@@ -32,6 +33,14 @@ class Motion:
     quaternion: np.ndarray
     trial: np.ndarray | None = None  # text (n,), if the recording says which sample belongs to which release
     readings: Readings = field(default_factory=dict)  # option -> the quaternions (n, 4) that it would give
+    oriented: bool = True  # False: a point
+
+    @classmethod
+    def of_point(
+        cls, body: str, source: str, t: np.ndarray, position: np.ndarray, trial: np.ndarray | None = None
+    ) -> "Motion":
+        """The motion of a point, whose orientation is not measured."""
+        return cls(body, source, t, position, np.tile([0.0, 0.0, 0.0, 1.0], (len(t), 1)), trial, oriented=False)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -127,6 +136,8 @@ def join(motions: Sequence[Motion]) -> tuple[Motion, np.ndarray]:
         labels = np.zeros(len(motion)) if motion.trial is None else motion.trial
         pieces += [motion.part((labels == label) & motion.seen) for label in dict.fromkeys(labels.tolist())]
     pieces = [piece for piece in pieces if len(piece)]
+    if len({piece.oriented for piece in pieces}) > 1:
+        raise UserError("Some of the files have the orientation of the body, others do not; convert them separately.")
     if not pieces:
         raise UserError(f"{motions[0].source} holds no whole pose of {motions[0].body or 'the body'}.")
     clock, times = 0.0, []
@@ -148,4 +159,5 @@ def join(motions: Sequence[Motion]) -> tuple[Motion, np.ndarray]:
     number = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
     position = np.concatenate([piece.position for piece in pieces])
     quaternion = np.concatenate([piece.quaternion for piece in pieces])
-    return Motion(first.body, first.source, np.concatenate(times), position, quaternion, None, readings), number
+    whole = replace(first, t=np.concatenate(times), position=position, quaternion=quaternion, trial=None)
+    return replace(whole, readings=readings), number

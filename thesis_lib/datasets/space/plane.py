@@ -66,15 +66,21 @@ def find_plane(v: np.ndarray, omega: np.ndarray, k_g: float, up: np.ndarray) -> 
             "The plane of the motion cannot be found: the body hardly moves sideways or turns. Give it with "
             "--plane, the axis of the recording that is normal to it (such as --plane x)."
         )
-    normal = vectors[:, 0]
-    side = np.cross(up, normal)
-    plane = Plane.of(normal if side[np.argmax(np.abs(side))] > 0.0 else -normal, up)
+    plane = Plane.of(signed(vectors[:, 0], up), up)
     if abs(plane.tilt) > STEEPEST:
         raise UserError(
             f"The plane of the motion is {np.degrees(abs(plane.tilt)):.0f}° off the vertical. If the body slides on an "
             "inclined plane, give its normal with --plane X,Y,Z; else check which axis is up (--up)."
         )
     return plane
+
+
+def signed(normal: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """The one of ± normal (3,) along which the largest component of up × normal is positive: angles in a plane that
+    was found have a sign, and all who find one must mean the same.
+    """
+    side = np.cross(up, normal)
+    return normal if side[np.argmax(np.abs(side))] > 0.0 else -normal
 
 
 def share_out(v: np.ndarray, omega: np.ndarray, plane: Plane, k_g: float) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.figures.marks import BLUE, GREEN, RED
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
 from thesis_lib.statistics.intervals import Z95
 
@@ -20,7 +19,6 @@ APPROACH = 7  # samples drawn before the hit
 BEFORE, AFTER = 1e-3, 15e-3  # s drawn before and after the touch
 THIN = 20  # steps between the drawn points of the sensor's continuous response: 0.1 ms
 BINS, BINS_TO = 16, 4.0  # of errors over σ; larger errors go into the last bin
-MISFIT = ("scale", "velocity_noise")
 NAMES = {
     "as_published": "as published",
     "mirrored_rotation": "rotation mirrored",
@@ -117,33 +115,28 @@ def _impulse_errors(ax: Axes, rows: pd.DataFrame) -> pd.DataFrame:
 
 @house_style
 def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
-    """m/I with intervals under each hypothesis about the measurement, a panel per dataset, beside the authors' value.
+    """m/I of one dataset with intervals under each hypothesis about the measurement, beside the authors' value.
 
-    At the right: the scatter about the rigid impact, over the noise or, if no noise is known, as a velocity.  `table`:
-    rows of `measured_ratio`; rows without an estimate are not drawn.
-
-    Raises:
-        UserError: no row has an estimate.
+    At the right: the scatter about the rigid impact, over the noise (`misfit_unit` sigma) or, if no noise is known, as
+    a velocity (m/s).  `table`: rows of `measured_ratio`.
     """
-    drawn = table[table["ratio"].notna()]
-    if drawn.empty:
-        raise UserError(f"No measured set is there to draw: {'; '.join(table['status'].astype(str))}.")
-    groups = list(drawn.groupby("dataset", sort=False))
-    figure = new_figure(height=1.0 + 0.27 * len(drawn) + 0.45 * (len(groups) - 1))
-    axes = figure.subplots(len(groups), 1, squeeze=False, height_ratios=[1 + len(g) for _, g in groups])[:, 0]
-    for ax, (name, group) in zip(axes, groups):
-        y = np.arange(len(group))[::-1]
-        ax.hlines(y, group["lower"], group["upper"], color=BLUE, alpha=0.3, linewidth=5, label="any ratio of noises")
-        errors = np.abs(group[["low", "high"]].to_numpy().T - group["ratio"].to_numpy())
-        ax.errorbar(group["ratio"], y, xerr=errors, fmt="o", color=BLUE, capsize=2, label="estimate, 95 %")
-        ax.axvline(group["published"].iloc[0], color=RED, linestyle=(0, (4, 1.5)), label="1/k² of the header")
-        labels = [" + ".join(NAMES[part] for part in variant.split("+")) for variant in group["variant"]]
-        ax.set_yticks(y, labels)
-        ax.set(ylim=(-0.7, len(group) - 0.3), title=name)
-        for height, row in zip(y, group.itertuples()):
-            has_noise = np.isfinite(row.scale)
-            text = rf"misfit {row.scale:.1f} $\sigma$" if has_noise else rf"$\sigma_v$ {row.velocity_noise:.2g} m/s"
-            ax.annotate(text, (1.01, height), xycoords=("axes fraction", "data"), va="center", fontsize=7)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    axes[-1].set_xlabel("m/I (1/m²)")
-    return figure, drawn[["dataset", "variant", "ratio", "std", "low", "high", "published", "lower", "upper", *MISFIT]]
+    has_noise = table["scale"].notna()
+    table = table.assign(
+        misfit=table["scale"].fillna(table["velocity_noise"]), misfit_unit=np.where(has_noise, "sigma", "m/s")
+    )
+    figure = new_figure(height=1.0 + 0.27 * len(table))
+    ax, y = figure.subplots(), np.arange(len(table))[::-1]
+    ax.hlines(y, table["lower"], table["upper"], color=BLUE, alpha=0.3, linewidth=5, label="any ratio of noises")
+    errors = np.abs(table[["low", "high"]].to_numpy().T - table["ratio"].to_numpy())
+    ax.errorbar(table["ratio"], y, xerr=errors, fmt="o", color=BLUE, capsize=2, label="estimate, 95 %")
+    ax.axvline(table["published"].iloc[0], color=RED, linestyle=(0, (4, 1.5)), label="1/k² of the header")
+    labels = [" + ".join(NAMES[part] for part in variant.split("+")) for variant in table["variant"]]
+    ax.set_yticks(y, labels)
+    ax.set(ylim=(-0.7, len(table) - 0.3), xlabel="m/I (1/m²)")
+    for height, misfit, unit in zip(y, table["misfit"], table["misfit_unit"]):
+        text = rf"misfit {misfit:.1f} $\sigma$" if unit == "sigma" else rf"$\sigma_v$ {misfit:.2g} m/s"
+        ax.annotate(text, (1.01, height), xycoords=("axes fraction", "data"), va="center", fontsize=7)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure, table[
+        ["variant", "ratio", "std", "low", "high", "published", "lower", "upper", "misfit", "misfit_unit"]
+    ]

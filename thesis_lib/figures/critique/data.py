@@ -98,10 +98,12 @@ def trials_to_show(critique: Critique) -> np.ndarray:
 def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
     """One trial in the plane: samples, fitted arcs, outline of the body at each impact, surface."""
     source, o = critique.source, critique.observations
-    samples = source.trajectories[source.trajectories["trial"] == trial]
+    searched = o.found.samples
+    assert source is not None and searched is not None
+    rows_of_trial = searched.trial == trial
     walls = source.header.surfaces or ()
     hits = o.found.arcs[o.found.arcs["trial"] == trial].sort_values("t")
-    t, x, y, theta = (samples[name].to_numpy(float) for name in ("t", "x", "y", "theta"))
+    t, (x, y, theta) = searched.t[rows_of_trial], searched.q[rows_of_trial].T
     last = hits["t"].max() + 0.12 if len(hits) else t.max()
     shown = t <= last  # after the last hit the body mostly rests
     ax.plot(x[shown], y[shown], ".", color="0.6", markersize=1.6, zorder=1)

@@ -200,8 +200,12 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
 
 @house_style
 def draw_parameters(critique: Critique) -> Drawn:
-    """Each parameter with its 95 % interval at each step; one that moves had compensated for a missing effect."""
-    declared = critique.ladder[-1][1].model.parameters
+    """Each parameter with its 95 % interval at each step, or its bound as an arrow.
+
+    One that moves had compensated for a missing effect.
+    """
+    # a law that was given up on the way may have parameters of its own
+    declared = {name: p for _, fitted, _ in critique.ladder for name, p in fitted.model.parameters.items()}
     table = parameter_table(critique)
     table = table[[declared[name].discrete is None for name in table["parameter"]]].reset_index(drop=True)
     names = list(dict.fromkeys(table["parameter"]))
@@ -219,7 +223,14 @@ def draw_parameters(critique: Critique) -> Drawn:
         y = steps["label"].map(at).to_numpy()
         factor, unit = handy_unit(float(steps["value"].abs().max()), steps["unit"].iloc[0])
         half, value = factor * Z95 * steps["std"].to_numpy(), factor * steps["value"].to_numpy()
-        error_dots(ax, value, value - half, value + half, y, color=INK)
+        known = np.isfinite(half)
+        error_dots(ax, value[known], (value - half)[known], (value + half)[known], y[known], color=INK)
+        for i in np.flatnonzero(~known):
+            bound = critique.ladder[y[i]][1].bounds[name]
+            _draw_bound(
+                ax, value[i], y[i], bound.kind, float(np.ptp(value)) or abs(value[i]) or factor * declared[name].scale
+            )
+        half = np.nan_to_num(half)
         ax.plot(value, y, color=GREY, linewidth=0.8, zorder=1)
         symbol = symbol_of(name.split(".")[-1])
         ax.set_xlabel(symbol if unit == "1" else f"{symbol} ({unit})")
@@ -233,6 +244,14 @@ def draw_parameters(critique: Critique) -> Drawn:
         ax.set_ylim(n - 0.5, -0.5)
     set_title(figure, parameters_sentence(critique))
     return figure, table
+
+
+def _draw_bound(ax: Axes, value: float, y: float, kind: str, size: float) -> None:
+    """A bound as an open mark, with an arrow to the side on which the value may be."""
+    to = value + 0.5 * size * (1.0 if kind == "lower" else -1.0)
+    ax.plot([value], [y], "|", color=INK, markersize=9)
+    ax.annotate("", (to, y), (value, y), arrowprops={"arrowstyle": "->", "color": INK, "linewidth": 1.2})
+    ax.plot([to], [y], alpha=0.0)  # the axis reaches to the arrow
 
 
 def symbol_of(name: str) -> str:

@@ -16,7 +16,7 @@ LABELS = {WITHOUT: "without the named effects", WITH: "with them"}
 
 @house_style
 def draw_models(table: pd.DataFrame) -> Drawn:
-    """Held-out error and μ of each model, engines as diamonds; the best at the top."""
+    """Held-out error and μ of each model, engines as diamonds, bounds of μ as triangles; the best at the top."""
     names = list(dict.fromkeys(table["model"]))
     figure = new_figure(height=1.7 + 0.28 * len(names))
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.5, 1.0]})
@@ -28,8 +28,9 @@ def draw_models(table: pd.DataFrame) -> Drawn:
         left.errorbar([row["error"]], [y], xerr=half, fmt="o" if row["kind"] == "law" else "D", **look)
         if row["kind"] == "default":
             continue  # its friction was not measured
-        width = Z95 * row["mu_std"]  # 0 of a friction fitted alone
-        right.errorbar([row["mu"]], [y], xerr=[width], fmt="o" if row["kind"] == "law" else "D", **look)
+        width = Z95 * np.nan_to_num(row["mu_std"])  # 0 of a friction fitted alone
+        fmt = {"lower": ">", "upper": "<"}.get(row["mu_bound"]) or ("o" if row["kind"] == "law" else "D")
+        right.errorbar([row["mu"]], [y], xerr=[width], fmt=fmt, **look)
     floor = float(table["noise_floor"].iloc[0])
     if np.isfinite(floor):
         left.axvline(floor, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)

@@ -10,5 +10,6 @@ Reading order:
 | `text`, `effects`                  | sentences: on data, laws and failures; on missing effects                   |
 | `tables`                           | tables, and the captions of the pictures                                    |
 | `impacts`                          | the map of single impacts in section 2                                      |
+| `few_impacts`                      | folder and page of impacts that are too few for a verdict                   |
 | `mechanisms`                       | the page of a mechanism                                                     |
 """

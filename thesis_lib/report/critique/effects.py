@@ -12,7 +12,7 @@ from markupsafe import Markup
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
-from thesis_lib.critique.results.summary import possible_faults, stands_in
+from thesis_lib.critique.results.summary import possible_faults, restitution_differs, stands_in
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.critique.tables import sizes
@@ -124,6 +124,10 @@ def remaining(critique: Critique, d: Mapping) -> Markup:
         sentences.append(
             f"A Gaussian process learns no part of it from the state (p = {p} by permutation): it is scatter whose "
             "cause is not in the state before impact."
+        )
+    if rest["restitution"]:
+        sentences.append(
+            f"{restitution_differs(rest['restitution'])} With an ε of its own for each impact, what is left is noise."
         )
     if d["effects"]:
         sentences.append(

@@ -8,6 +8,7 @@ Of drops:
     report.html                                                       one page, readable offline
     models.csv                                                        laws and engines, where they are compared
 
+Of impacts that are too few for a verdict: impacts.csv, comparison.csv, diagnosis.json, model.json and report.html.
 Of a mechanism: misfit.csv, mechanism_residuals.png .pdf .csv, diagnosis.json and report.html (`mechanisms`).
 """
 
@@ -18,7 +19,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import Critique, criticise, whole_critique
+from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.sliding import require_falling
@@ -89,12 +91,19 @@ def critique_folder(
             is None.
         say: called with a line on each step.
 
-    UserError if the dataset is too small, or if an effect is unknown or cannot be tested with it.
+    Too few impacts for a verdict give a smaller folder (`few_impacts`) with `"verdict": null`; with `effects`, `models`
+    or a `proposal` they are refused.  UserError if there is no usable impact, or an effect is unknown or cannot be
+    tested with it.
     """
     if models:
         require_falling(dataset.gravity, dataset.has_angle, dataset.header.surfaces or (), "--models")
     rng = generator(seed, "critique", dataset.digest())
-    critique = criticise(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+    asks = whole_critique if models or proposal else criticise
+    critique = asks(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+    if isinstance(critique, FewImpacts):
+        from thesis_lib.report.critique.few_impacts import write_few_impacts
+
+        return write_few_impacts(critique, folder)
     compared = None
     if models:
         from thesis_lib.critique.engines.compare import compare_models
@@ -111,10 +120,11 @@ def critique_folder(
     say("writing tables, pictures and report")
     if not asked:
         return write_critique(critique, folder, rng, compared)
-    from thesis_lib.critique.proposal.results import content_of, write_source
+    from thesis_lib.critique.proposal.results import content_of, not_testable, write_source
 
-    name = write_source(found, file).name if found else ""
-    return write_critique(critique, folder, rng, compared, {"proposal": content_of(found, name)})
+    more: dict[str, object] = {"proposal": content_of(found, write_source(found, file).name if found else "")}
+    more["not_testable"] = not_testable(critique.observations.rig.has_angle)
+    return write_critique(critique, folder, rng, compared, more)
 
 
 def recording_folder(
@@ -168,7 +178,7 @@ def write_critique(
     if more:
         from thesis_lib.critique.proposal.results import sentences
 
-        content |= more
+        content |= {**more, "not_testable": [*content["not_testable"], *more.get("not_testable", [])]}
         content["summary"] = [*content["summary"], *sentences(content)]
     if models is not None:
         made["models"] = models

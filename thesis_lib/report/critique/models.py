@@ -3,7 +3,7 @@
 import pandas as pd
 from markupsafe import Markup
 
-from thesis_lib.critique.engines.words import model_sentences, row_title
+from thesis_lib.critique.engines.words import bounded_text, model_sentences, row_title
 from thesis_lib.critique.results.titles import effect_title
 from thesis_lib.report.elements import interval, paragraph, plus_minus, table
 from thesis_lib.statistics.wording import listed, number
@@ -22,7 +22,10 @@ def models(found: pd.DataFrame) -> Markup:
     for row in found.to_dict("records"):
         lacks = listed([effect_title(name) for name in str(row["lacks"]).split(" + ")]) if row["lacks"] else ""
         lasting = f"{1e3 * row['contact_time']:.3g} ms" if pd.notna(row["contact_time"]) else "–"
-        pairs = (plus_minus(row["mu"], row["mu_std"]), plus_minus(row["epsilon"], row["epsilon_std"]))
+        pairs = [
+            bounded_text(row, name, 3) if row[f"{name}_bound"] else plus_minus(row[name], row[f"{name}_std"])
+            for name in ("mu", "epsilon")
+        ]
         error = (number(row["error"]), interval(row["error_low"], row["error_high"]))
         rows.append((row_title(row), str(row["effects"]), *error, *pairs, lasting, lacks or "–"))
     columns = ("model", "named effects", "error", "95 % interval", "μ", "ε", "contact", "cannot have")

@@ -42,6 +42,7 @@ def report_html(
         if name in captions
     }
     ladder = ladder_table(critique, made)
+    models = {**critique.discovery.bases, "augmented": critique.ladder[-1][1]}
     contents = {
         "First: the measurements themselves": ("faults", effects.faults(d)),
         "1. How far the laws are from the measurements": (
@@ -64,7 +65,7 @@ def report_html(
         "Which model is right": ("models", *_models(made), drawn.get("models")),
         "What could not be told, and what would tell": ("untold", effects.untold(d), text.following(d)),
         "What these data could have shown": ("power", text.power(d), tables.detectable_table(d)),
-        "Tables": ("tables", tables.comparison_table(made), tables.left_out_table(d)),
+        "Tables": ("tables", tables.comparison_table(made, models), tables.left_out_table(d)),
         "Sources": ("sources", bullets(text.sources(d))),
     }
     clearing = [e for e in d["effects"] if e["clears"]]

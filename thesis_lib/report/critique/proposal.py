@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from markupsafe import Markup
 
+from thesis_lib.critique.proposal.results import UNTESTABLE, sized
 from thesis_lib.critique.results.titles import law_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.elements import amount, interval, paragraph, percent, table
@@ -16,17 +17,20 @@ def proposed(d: Mapping) -> Markup:
         return Markup()
     found = d["proposal"]
     if found is None:
+        of = "slip, approach, spin, lever, place on the body, place and number of the release"
+        change = "restitution, friction, the direction of the impulse or add a couple"
+        if any(one["name"] == UNTESTABLE for one in d["not_testable"]):
+            of, change = "approach, place and number of the release", "restitution or friction"
         return paragraph(
-            "Terms were looked for, products of slip, approach, spin, lever, place on the body, place and number of "
-            "the release, that would change restitution, friction, the direction of the impulse or add a couple. None "
-            "passes the three tests of an effect."
+            f"Terms were looked for, products of {of}, that would change {change}. None passes the three tests of an "
+            "effect."
         )
     error, gain, file = found["error"], found["gain"], found["file"]
     rows = [
         (
             one["equation"],
             one["title"],
-            f"{number(one['parameters']['a']['value'], 3)} ± {number(one['parameters']['a']['std'], 1)}",
+            sized(one).removeprefix("a ").removeprefix("= "),
             number(one["gain"]["p_value"], 2),
             percent(one["share_of_halves"]),
             listed(one["indistinguishable_from"]) if one["indistinguishable_from"] else "–",

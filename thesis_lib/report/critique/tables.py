@@ -10,12 +10,13 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
 from thesis_lib.critique.results.summary import origin_text
 from thesis_lib.critique.results.titles import effect_title, law_title, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
-from thesis_lib.report.elements import amount, estimate, fitted, interval, percent, plus_minus, table
+from thesis_lib.report.elements import amount, estimate, fitted, interval, percent, plus_minus, sized, table
 from thesis_lib.statistics.wording import listed, number
 
 BOUND_WORDS = {
@@ -66,7 +67,8 @@ def captions(critique: Critique) -> dict[str, str]:
         f"noise floor and bounds as lines.{misfits}",
         "models": "Left: mean held-out error of each model with its 95 % interval, on a logarithmic axis. Right: its "
         "friction. Open: fitted without the named effects; filled: with them; diamonds are physics engines.",
-        "parameters": "Each parameter with its 95 % interval, from top to bottom as effects are added.",
+        "parameters": "Each parameter with its 95 % interval, from top to bottom as effects are added. An arrow: the "
+        "data give only a bound.",
     }
 
 
@@ -147,9 +149,9 @@ def parameters_table(critique: Critique) -> Markup:
     """Each parameter without effects and with all of them."""
     fits = [critique.ladder[i][1] for i in ((0, -1) if len(critique.ladder) > 1 else (0,))]
     rows = []
-    for full, p in fits[-1].model.parameters.items():
+    for full in dict.fromkeys(name for fit in fits for name in fit.model.parameters):
         effect, _, name = full.rpartition(".")
-        ends = [estimate(fit.values[full], fit.std[full], p.unit) if full in fit.values else "–" for fit in fits]
+        ends = [sized(fit.content(full)) if full in fit.values else "–" for fit in fits]
         rows.append((symbol(name), effect_title(effect) if effect else "base law", *ends))
     if len(fits) == 1:
         return table("Parameters [95 % interval]", ("parameter", "of", "value"), rows, numeric=(2,))
@@ -157,12 +159,12 @@ def parameters_table(critique: Critique) -> Markup:
     return table("Parameters before and after [95 % interval]", columns, rows, numeric=(2, 3))
 
 
-def comparison_table(tables: Mapping[str, pd.DataFrame]) -> Markup:
-    """Held-out errors of laws, bounds and baseline."""
+def comparison_table(tables: Mapping[str, pd.DataFrame], fits: Mapping[str, Fit]) -> Markup:
+    """Held-out errors of laws, bounds and baseline; `fits` are the models, by name."""
     rows = []
     for r in tables["comparison"].itertuples() if "comparison" in tables else ():
-        pairs = ((r.mu, r.mu_std), (r.epsilon, r.epsilon_std))
-        parameters = ["–" if pd.isna(value) else plus_minus(value, std) for value, std in pairs]
+        fit = fits.get(str(r.model))
+        parameters = ["–" if fit is None else _short(fit.content(name)) for name in ("mu", "epsilon")]
         score = "–" if pd.isna(r.score) else number(r.score)
         share = "–" if pd.isna(r.share_in_range) else percent(r.share_in_range)
         errors = (number(r.mean), number(r.median), number(r.quantile_90))
@@ -174,6 +176,14 @@ def comparison_table(tables: Mapping[str, pd.DataFrame]) -> Markup:
         "with some μ and ε of their own; ± half the 95 % interval"
     )
     return table(caption, columns, rows, numeric=range(1, 9))
+
+
+def _short(p: Mapping) -> str:
+    """value ± half the 95 % interval, ≥ or ≤ a bound."""
+    if p["std"] is not None:
+        return plus_minus(p["value"], p["std"])
+    known = p["bound"] == "upper" or p["value"] > p["range"][0]
+    return f"{'≥' if p['bound'] == 'lower' else '≤'} {number(p['value'], 2)}" if known else "not shown"
 
 
 def left_out_table(d: Mapping) -> Markup:

@@ -7,6 +7,8 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
+from thesis_lib.figures.chapter2.impact import figure_measured_ratio
+from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.identify.impacts.measured_ratio import measured_ratio
@@ -18,4 +20,5 @@ settings = MeasuredRatio.model_validate(params.settings)
 left_out = len(read_table(found.left_out))
 table = measured_ratio(read_dataset(Path(found.header).parent), rng, settings, left_out)
 print(table.to_string())
-write_result(table, snakemake.output[0])
+write_result(table, snakemake.output.table)
+save_figure(*figure_measured_ratio(table), Path(snakemake.output[0]).with_suffix(""))

@@ -10,4 +10,5 @@ from thesis_lib.foundation.files import write_text
 from thesis_lib.report.run import chapter_report
 
 findings, chapter = [Path(path) for path in snakemake.input.findings], int(snakemake.wildcards.chapter)
-write_text(chapter_report(Path("results"), findings, snakemake.params.scale, chapter), snakemake.output[0])
+params = snakemake.params
+write_text(chapter_report(Path("results"), findings, params.scale, chapter, params.absent), snakemake.output[0])

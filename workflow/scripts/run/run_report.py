@@ -11,6 +11,6 @@ from thesis_lib.records.catalogue import records
 from thesis_lib.report.run import run_report
 
 findings, out = [Path(path) for path in snakemake.input.findings], snakemake.output
-write_text(run_report(Path("results"), findings, snakemake.params.scale), out.page)
+write_text(run_report(Path("results"), findings, snakemake.params.scale, snakemake.params.absent), out.page)
 for record in records().values():
     write_text(record.report_caption(), Path(out.captions, f"{record.name}.rst"))

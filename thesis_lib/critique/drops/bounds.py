@@ -1,0 +1,116 @@
+"""What data give only a bound of: a parameter whose likelihood stays flat up to an end of its range.
+
+Where no impact slips, every friction beyond the largest ratio of impulses predicts the same, and a standard error from
+the curvature of the likelihood means nothing.  The profile shows it: with r(x) the robust whitened residuals at the
+value x of one parameter, and P the projector that takes the slopes of all other parameters out of them,
+
+    loss(x) = ½ (|P r(x)|² − |P r(x̂)|²)    nats,
+
+a parameter has only a bound if loss(x) stays below `EDGE` up to one end of its range; the bound is where it passes
+`EDGE` on the other side (95 %).  If it stays below up to both ends, the data say nothing: the bound is the lower end.
+If neither, half the width of the interval takes the place of the standard error.  Laws differ in what they call μ,
+so that its lower bound is at most the largest ratio of impulses.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from thesis_lib.critique.drops.model import Model, contact_space_of, inward
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.drops.whitening import Whitening, robust
+from thesis_lib.effects.effect import Parameter
+from thesis_lib.statistics.intervals import Z95
+
+EDGE = 0.5 * Z95**2  # nats
+WIDE = 0.25  # of the range of a parameter: a 95 % interval as wide is compared with the profile
+NO_SLOPE = 1e-6  # of a parameter's scale: rounding gives such a standard error where nothing depends on it
+POINTS, STAGES = 16, 4  # of the search for an edge: it ends within 10⁻⁵ of the range
+SLOPE_STEP = 1e-3  # of a parameter's scale
+
+
+@dataclass(frozen=True)
+class Bound:
+    """All that the data say of a parameter: at least (lower) or at most (upper) this value."""
+
+    kind: Literal["lower", "upper"]
+    value: float
+
+
+def doubtful(p: Parameter, value: float, std: float) -> bool:
+    """Whether a standard error may mean nothing: at an end of the range, without a slope, or as wide as the range."""
+    if p.discrete is not None:
+        return False
+    at_end = value in (p.low, p.high) and value != p.null
+    return at_end or not NO_SLOPE * p.scale < std < WIDE * (p.high - p.low) / (2.0 * Z95)
+
+
+def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bound | float:
+    """The bound of one parameter, or its standard error from the profile, at fixed covariance."""
+    parameters = whitening.model.fitted_parameters
+    p, value = parameters[name], values[name]
+
+    def residuals(points: list[dict[str, float]]) -> np.ndarray:
+        return np.stack([np.concatenate([robust(z).ravel() for z in part]) for part in whitening.many(points)])
+
+    others = [(n, inward(q, values[n], SLOPE_STEP * q.scale)) for n, q in parameters.items() if n != name]
+    here, *moved = residuals([dict(values), *({**values, n: values[n] + step} for n, step in others)])
+    columns = [(r - here) / step for r, (_, step) in zip(moved, others)]
+    Q = _basis(np.stack(columns, axis=1)) if columns else np.zeros((len(here), 0))
+
+    def cost(r: np.ndarray) -> np.ndarray:
+        return 0.5 * ((r**2).sum(axis=-1) - ((r @ Q) ** 2).sum(axis=-1))
+
+    least = cost(here)
+
+    def edge(end: float) -> float | None:
+        """Where the loss passes `EDGE` on the way to an end of the range; None if it does not."""
+        near, far = value, end
+        for stage in range(STAGES):
+            points = np.linspace(near, far, POINTS + 1)[1:]
+            loss = cost(residuals([{**values, name: x} for x in points.tolist()])) - least
+            beyond = np.flatnonzero(~(loss <= EDGE))
+            if not len(beyond):
+                return None if stage == 0 else far
+            near, far = float(points[beyond[0] - 1]) if beyond[0] else near, float(points[beyond[0]])
+        return far
+
+    low, high = (edge(end) if value != end else None for end in (p.low, p.high))
+    if low is None:
+        return Bound("lower", p.low) if high is None else Bound("upper", high)
+    if high is None:
+        most = largest_ratio(whitening.model, values, whitening.observations) if name == "mu" else low
+        return Bound("lower", min(low, most))
+    return (high - low) / (2.0 * Z95)
+
+
+def slip_is_known(model: Model, values: Mapping[str, float], observations: Observations) -> bool:
+    """Whether the direction of slip is known before any impact, whatever spin nobody measured: else friction is not."""
+    o = observations
+    before, _ = states_at_impact(model, values, o)
+    contact = model.contact(before, values, o.rig, o.offset)
+    return bool(np.any(np.abs(contact_space_of(*contact).v_t) > Z95 * o.spin * np.abs(contact[2])))
+
+
+def largest_ratio(model: Model, values: Mapping[str, float], observations: Observations) -> float:
+    """The largest |c_t|/c_n of the impulses that a model predicts: what friction must bear, whatever a law calls μ."""
+    o = observations
+    before, _ = states_at_impact(model, values, o)
+    v = model.contact(before, values, o.rig, o.offset)[0].v
+    active = model.active(values)
+    true = model.to_true(before, active, o.rig)
+    after = model.collide(true, values, o.rig)[0]
+    for effect, p in active:
+        after = effect.to_contact(after, p, o.rig)
+    c_t, c_n = (after.v - v)[:, :2].T
+    return float(np.max(np.abs(c_t[c_n > 0.0]) / c_n[c_n > 0.0], initial=0.0))
+
+
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (N, rank) of columns (N, p), without those that are 0 or depend on others."""
+    size = np.linalg.norm(columns, axis=0)
+    U, s, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return U[:, s > 1e-6 * s.max(initial=0.0)]

@@ -1,0 +1,63 @@
+"""Restitution and friction of impacts that are too few for a verdict.
+
+All laws are fitted to all impacts; nothing is chosen, and no error is held out.  Restitution is the mean of what each
+impact shows (`own_restitution`), and its standard error counts how far trials differ.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.drops.fit import Fit, fit
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.own_restitution import OwnRestitution, own_restitution
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.datasets.format.dataset import Dataset
+
+LAW = "mirtich"  # energetic restitution, which friction changes least
+
+
+@dataclass(frozen=True)
+class FewImpacts:
+    """What a few impacts say.
+
+    Attributes:
+        observations: all impacts.
+        laws: each law, fitted to all of them, by name.
+    """
+
+    dataset: str
+    observations: Observations
+    laws: dict[str, Fit]
+    source: Dataset | None = None
+
+    @property
+    def verdict(self) -> None:
+        """None: too few impacts."""
+        return None
+
+    @property
+    def fitted(self) -> Fit:
+        """The law whose friction and restitution are told."""
+        return self.laws[LAW]
+
+    @cached_property
+    def each(self) -> OwnRestitution:
+        """What each single hit says of restitution."""
+        return own_restitution(self.fitted, self.observations)
+
+    @property
+    def restitution(self) -> tuple[float, float]:
+        """ε and its standard error, which is NaN where nothing shows it: a single impact of unknown noise."""
+        if not len(self.each.epsilon):  # episodes alone
+            return self.fitted.values["epsilon"], self.fitted.std["epsilon"]
+        return self.each.mean()
+
+
+def few_impacts(dataset: Dataset, observations: Observations, contact_time: bool) -> FewImpacts:
+    """Fit all laws to impacts, of which there is at least one."""
+    world = Drops(observations, timed=contact_time)
+    models = {name: Model(BASES[name], (), world.timed, world.slides) for name in world.bases}
+    laws = {name: fit(model, observations) for name, model in models.items()}
+    return FewImpacts(dataset.name, observations, laws, dataset)

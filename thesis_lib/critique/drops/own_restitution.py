@@ -1,0 +1,105 @@
+"""Restitution that differs from impact to impact, with nothing that is recorded.
+
+Where something is left that no feature predicts, each impact is given an ε of its own.  With R its residual, S the
+covariance of that from the measured noise and g = ∂R/∂ε,
+
+    δε = − gᵀS⁻¹R / gᵀS⁻¹g,    variance 1 / gᵀS⁻¹g,
+
+what is left has d² = RᵀS⁻¹R − (gᵀS⁻¹R)² / gᵀS⁻¹g.  If its median is that of noise, restitution is all that differs.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.critique.drops.covariance import residual_covariance
+from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.tails import chi_square_quantile
+
+STEP = 1e-3  # of ε, for slopes
+OF_ANGLE = (2, 5)  # components of a residual that only a measured angle shows: spin, and angle where the arcs meet
+UNKNOWN = 1e-4  # (m/s)², for weights where the noise is not known
+FAR = 3.0  # times the noise: the least scatter that is worth a sentence
+LEAST = 10  # impacts whose scatter is judged
+WITHIN = 0.5  # of the scatter of all: that within trials, below which it differs from trial to trial
+
+
+@dataclass(frozen=True)
+class OwnRestitution:
+    """ε (n,) of each single hit with its standard error (n,), and the mean square of what it leaves, over noise.
+
+    `rows` (n,) are their places among the single hits; a hit that does not show restitution has none.
+    """
+
+    rows: np.ndarray
+    trial: np.ndarray
+    epsilon: np.ndarray
+    std: np.ndarray
+    left: float
+
+    def differs(self, limit: float) -> str | None:
+        """What it differs by, "trial" or "impact"; None if it is one number, or other things differ, too.
+
+        `limit`: of the rest, in units of noise.
+        """
+        if len(self.epsilon) < LEAST:
+            return None
+        spread = float(robust_std(self.epsilon[:, None] - np.median(self.epsilon))[0])
+        if not (spread > FAR * float(np.median(self.std)) and self.left < limit**2):
+            return None
+        _, of, count = np.unique(self.trial, return_inverse=True, return_counts=True)
+        mean = np.bincount(of, self.epsilon) / count
+        several = count[of] > 1
+        if not several.any():
+            return "trial"
+        within = np.sqrt(np.mean(((self.epsilon - mean[of]) ** 2 * count[of] / np.maximum(count[of] - 1, 1))[several]))
+        return "trial" if within < WITHIN * spread else "impact"
+
+    def mean(self) -> tuple[float, float]:
+        """ε of all and its standard error, which counts how far impacts and trials differ; NaN where nothing shows it.
+
+        Impacts of a trial are averaged with their weights, and so are trials; at each level the weights are 1/(σ² + τ²)
+        with the scatter τ² beyond σ² by the method of moments (DerSimonian and Laird 1986,
+        doi:10.1016/0197-2456(86)90046-2).
+        """
+        trials = np.unique(self.trial)
+        levels = [_weighted(self.epsilon[self.trial == i], self.std[self.trial == i]) for i in trials]
+        return _weighted(*np.array(levels).T)
+
+
+def _weighted(value: np.ndarray, std: np.ndarray) -> tuple[float, float]:
+    """Mean of values (n,) that scatter beyond their standard errors (n,), and its standard error; NaN: unknown ones."""
+    n, w = len(value), std**-2.0
+    if not np.isfinite(std).all():
+        return float(value.mean()), float(value.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan
+    mean = w @ value / w.sum()
+    beyond = w @ (value - mean) ** 2 - (n - 1)
+    scatter = max(beyond, 0.0) / (w.sum() - w @ w / w.sum()) if n > 1 else 0.0
+    w = 1.0 / (std**2 + scatter)
+    return float(w @ value / w.sum()), float(w.sum() ** -0.5)
+
+
+def own_restitution(fitted: Fit, observations: Observations) -> OwnRestitution:
+    """An ε for each single hit, all else as fitted; its standard error is NaN if the noise is not known."""
+    o, model, values = observations.single, fitted.model, fitted.values
+    inward = -STEP if values["epsilon"] + STEP > 1.0 else STEP
+    R, moved = (impact_residuals(model, {**values, "epsilon": values["epsilon"] + h}, o) for h in (0.0, inward))
+    known = [i for i in range(R.shape[1]) if o.rig.has_angle or i not in OF_ANGLE]
+    R, g = R[:, known], ((moved - R) / inward)[:, known]
+    S = residual_covariance(model, values, o)
+    if not o.noise_known:
+        S[:, range(3), range(3)] += UNKNOWN * np.array([1.0, 1.0, o.rig.k_g**-2.0])
+    inverse = np.linalg.inv(S[:, known][:, :, known])
+    information = np.einsum("ni,nij,nj->n", g, inverse, g)
+    across = np.einsum("ni,nij,nj->n", g, inverse, R)
+    rows = np.flatnonzero(information > 0.0)
+    if not len(rows):
+        return OwnRestitution(rows, o.trial[rows], np.zeros(0), np.zeros(0), np.inf)
+    information, across = information[rows], across[rows]
+    d2 = np.einsum("ni,nij,nj->n", R[rows], inverse[rows], R[rows]) - across**2 / information
+    left = float(np.median(d2)) / float(chi_square_quantile(np.array([0.5]), len(known) - 1)[0])
+    std = information**-0.5 if o.noise_known else np.full(len(rows), np.nan)
+    return OwnRestitution(rows, o.trial[rows], values["epsilon"] - across / information, std, left)

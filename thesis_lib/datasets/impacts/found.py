@@ -1,0 +1,87 @@
+"""What the search for impacts gives: the usable ones, those left out with a reason, and what was found on the way."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.checks.lasting_contacts import LastingContacts
+from thesis_lib.datasets.format.air import Air
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.impacts.arcs import ArcFits
+from thesis_lib.datasets.impacts.low_pass import LowPass
+from thesis_lib.datasets.impacts.noise import NoiseEstimate
+from thesis_lib.datasets.impacts.stays_down import StaysDown
+
+LEFT_OUT_COLUMNS = ("trial", "impact", "t", "reason", "detail")
+ARC_COLUMNS = (
+    *("trial", "impact", "t", "t_std", "used", "n_pre", "n_post"),
+    *(f"rms_{axis}_{side}" for side in ("pre", "post") for axis in ("x", "y", "theta")),
+    *("chi2_pre", "chi2_post", "chi2_meet", "miss", "gap", "gap_std"),
+)
+
+
+@dataclass(frozen=True)
+class FoundImpacts:
+    """Impacts that can be used, and what was found on the way."""
+
+    impacts: Impacts  # the usable ones, with t, cov and flags
+    # `LEFT_OUT_COLUMNS`, reasons as in `quality`; `energy_gain`: a row of impacts.csv gains more than any impact can
+    left_out: pd.DataFrame
+    arcs: pd.DataFrame  # a row per detected impact, used or not, `ARC_COLUMNS` in s, m, rad; chi2_* per dof
+    noise: NoiseEstimate
+    glitches: pd.DataFrame  # columns trial, t: samples masked as tracking glitches
+    # the poses searched, sorted, without glitches and ends of records that stand out; None if impacts.csv was used
+    samples: Samples | None = None
+    guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
+    low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
+    remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
+    soft: LastingContacts | None = None  # contacts too long for impulses
+    down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
+    step: float = 0.0  # s; contacts seem to be looked for once in it
+    air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
+    gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
+    warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
+
+    @property
+    def used_arcs(self) -> pd.DataFrame:
+        """The rows of `arcs` of the usable impacts."""
+        return self.arcs[self.arcs["used"].astype(bool)].reset_index(drop=True)
+
+    @property
+    def arcs_air(self) -> Air | None:
+        """The forces of the air that the arcs have; None if they have none but gravity."""
+        return None if self.samples is None else self.samples.air
+
+    def summary(self) -> dict:
+        """Counts, reasons, flags, noise and warnings, ready for JSON (NaN as null)."""
+        flags = [flag for text in self.impacts.flags for flag in str(text).split(";") if flag]
+        noise = {"position": self.noise.position, "angle": self.noise.angle}
+        return {
+            "used": len(self.impacts),
+            "left_out": self.left_out["reason"].value_counts().sort_index().to_dict(),
+            "flagged": {flag: flags.count(flag) for flag in sorted(set(flags))},
+            "noise": {key: value if np.isfinite(value) else None for key, value in noise.items()},
+            "noise_source": self.noise.source,
+            "glitches": len(self.glitches),
+            "low_pass": None if self.low_pass is None else self.low_pass.content(),
+            "warnings": list(self.warnings),
+        }
+
+
+def ordinals(trial: np.ndarray) -> np.ndarray:
+    """0, 1, 2, … within each trial."""
+    first = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]][: len(trial)])
+    return np.arange(len(trial)) - np.repeat(first, np.diff(np.r_[first, len(trial)]))
+
+
+def arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.ndarray) -> pd.DataFrame:
+    """A row (`ARC_COLUMNS`) for each of n fits, of trials and with numbers in them `trial`, `ordinal` (n,)."""
+    dof = np.maximum(fits.n_side - 2, 1)[..., None]
+    rms = np.sqrt(fits.ss / dof).reshape(len(fits), 6)  # over degrees of freedom: comparable with sigma
+    measured = (fits.n_side >= 2).all(1)  # a line needs two samples
+    t_std, gap, gap_std = (np.where(measured, a, np.nan) for a in (fits.t_std, fits.gap, fits.gap_std))
+    columns = [trial, ordinal, fits.t, t_std, used, *fits.n_side.T, *rms.T, *fits.reduced.T]
+    columns += [fits.chi2_meet / 2.0, np.where(measured, fits.miss, np.nan), gap, gap_std]
+    return pd.DataFrame(dict(zip(ARC_COLUMNS, columns)))

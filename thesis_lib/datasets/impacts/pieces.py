@@ -1,0 +1,78 @@
+"""A long recording on a table, cut into pieces that take the place of trials.
+
+Splits and bootstraps go by trial, and a camera that ran for minutes makes one trial of hundreds of hits.  It is cut in
+the longest flight, or rest, after every few usable hits: no impact is lost, and the two arcs of one flight seldom
+belong to different pieces.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.datasets.format.samples import Samples
+
+HITS = 4  # usable hits of a piece, at least
+ENOUGH = 20  # trials that need no cutting
+NAMED = 5  # recordings whose pieces are named
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Numbers for the parts of trials `trial` (p,) that begin at times `start` (p,) in s, both ascending.
+
+    Unless `cut`, they are the numbers of the trials.
+    """
+
+    trial: np.ndarray
+    start: np.ndarray
+    cut: bool
+
+    def of(self, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Number of the piece for each trial (n,) and time (n,) in s."""
+        if not self.cut:
+            return trial
+        number = np.searchsorted(self.trial, trial)
+        for i, (one, start) in enumerate(zip(self.trial, self.start)):
+            number[(trial == one) & (t >= start)] = i
+        return number
+
+    def text(self) -> str:
+        """What was cut, for the user; "" if nothing was."""
+        if not self.cut:
+            return ""
+        whole, first, count = np.unique(self.trial, return_index=True, return_counts=True)
+        long = np.flatnonzero(count > 1)
+        named = [f"trial {whole[i]} into the pieces {first[i]} to {first[i] + count[i] - 1}" for i in long[:NAMED]]
+        more = f" and {len(long) - NAMED} more" if len(long) > NAMED else ""
+        return (
+            f"Long recordings were cut between hits into pieces of {HITS} usable hits or more. They stand for trials "
+            f"from here on, and all are numbered anew: {', '.join(named)}{more}."
+        )
+
+
+def cut_into_pieces(samples: Samples, at: np.ndarray, used: np.ndarray) -> Pieces:
+    """Pieces of recordings with hits after the samples `at` (n,), of which those in the mask `used` (n,) are usable."""
+    trials, first = np.unique(samples.trial, return_index=True)
+    parts = [(one, [float(samples.t[i])]) for one, i in zip(trials, first)]
+    if len(trials) < ENOUGH:
+        for one, starts in parts:
+            hits = np.flatnonzero(samples.trial[at] == one)
+            starts += [float(samples.t[i]) for i in _cuts(at[hits], used[hits])]
+    trial = np.concatenate([np.full(len(starts), one) for one, starts in parts])
+    start = np.concatenate([starts for _, starts in parts])
+    return Pieces(trial, start, len(start) > len(trials))
+
+
+def _cuts(at: np.ndarray, used: np.ndarray) -> Sequence[int]:
+    """Samples at which pieces of one recording begin, the first one left out."""
+    passed, cuts, begun = np.cumsum(used), [], 0
+    total = int(passed[-1]) if len(passed) else 0
+    while total - begun >= 2 * HITS:
+        # after the fourth usable hit, or up to as many later, and at least four from the end
+        after = np.flatnonzero((passed >= begun + HITS) & (passed <= min(begun + 2 * HITS, total - HITS)))
+        gap = at[after + 1] - at[after]
+        cut = int(after[gap.argmax()])
+        cuts.append(int(at[cut] + 1 + gap.max() // 2))
+        begun = int(passed[cut])
+    return cuts

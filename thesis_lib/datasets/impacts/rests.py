@@ -1,0 +1,34 @@
+"""Where a body stands still on a table: no flight, and no noise of a flight.
+
+Without gravity a body that is left alone stays where it is, often for most of a recording.  Samples rest where `ROWS`
+of them in a row stay within the noise of their mean.  They make runs of their own, so that no arc, and no estimate of
+the noise along a flight, reaches into a rest.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from thesis_lib.datasets.format.samples import Samples
+
+ROWS = 9
+GLITCHES = 2  # samples in a row
+_WITHIN = 3.0  # sigmas from the mean; at rest most windows stay within, and each sample is in nine of them
+
+
+def without_rests(samples: Samples, sigma: np.ndarray) -> Samples:
+    """The samples with new runs where a rest begins or ends; `sigma` (3,) is the noise of x, y, θ in m, m, rad."""
+    if len(samples) < ROWS:
+        return samples
+    rows = np.arange(len(samples) - ROWS + 1)[:, None] + np.arange(ROWS)
+    xy = samples.q[rows, :2]
+    off = np.abs(xy - xy.mean(axis=1, keepdims=True)).max(axis=1)
+    still = (off < _WITHIN * sigma[:2]).all(axis=1) & (samples.run[rows[:, 0]] == samples.run[rows[:, -1]])
+    resting = np.zeros(len(samples), bool)
+    for lag in range(ROWS):
+        resting[lag : lag + len(still)] |= still
+    # a tracking glitch or two end no rest
+    for lost in range(GLITCHES, 0, -1):
+        resting[1:-lost] |= resting[: -lost - 1] & resting[lost + 1 :]
+    begins = (samples.run[1:] != samples.run[:-1]) | (resting[1:] != resting[:-1])
+    return replace(samples, run=np.r_[0, np.cumsum(begins)])

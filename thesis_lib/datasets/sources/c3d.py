@@ -1,0 +1,126 @@
+"""C3D files (https://www.c3d.org): positions of markers, as Vicon, Qualisys, OptiTrack and many others store them.
+
+Markers are named body:marker, or marker alone; those of a body become its motion, one alone is a ball.  Where the file
+has a group ROTATION (4 × 4 matrices: axes and origin of a body), these are the bodies.  Unit and rate are the file's.
+Markers that are lost are NaN, or zeros throughout.  z is up, unless --up says otherwise.
+
+The package ezc3d does the reading, in a process of its own (`c3d_process`).
+"""
+
+import io
+import struct
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.datasets.sources.export_cells import length_unit
+from thesis_lib.datasets.sources.tracked_bodies import choose_body, choose_markers, motion_of_markers
+from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import MissingFile, read_bytes
+
+UP = "z"
+MAX_C3D = 200_000_000  # bytes
+PACKAGE = "ezc3d"
+BLOCK = 512  # bytes
+PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}  # Intel, DEC, MIPS: order of bytes, that with a float's sign
+LONGEST = 600.0  # s that reading may take
+
+
+def is_c3d(path: Path, begin: bytes) -> bool:
+    """Whether a file is a C3D file, by its ending or its first bytes: number of a block, and 0x50."""
+    return path.suffix.lower() == ".c3d" or (len(begin) > 1 and 1 < begin[0] < 9 and begin[1] == 0x50)
+
+
+def read_c3d(path: Path, body: str | None, notes: list[str]) -> Motion:
+    """The motion of `body` (by default the only one): a name before the colon of markers, a marker, or a rotation.
+
+    UserError if the package is not installed, the file is damaged, or the body is not in it or is not named.
+    """
+    if find_spec(PACKAGE) is None:
+        raise UserError(
+            f"{path} is a C3D file, which is binary; reading it needs a package: pip install {PACKAGE}. Or export it "
+            "as CSV from the program that recorded it."
+        )
+    content = _read(path)
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
+            points, turns, rates = file["points"].astype(float), file["rotations"].astype(float), file["rates"]
+            labels, bodies, units = (file[name].tolist() for name in ("labels", "bodies", "units"))
+    except (ValueError, OSError, KeyError, EOFError) as error:
+        raise _damaged(path, str(error)) from error
+    scale = length_unit(path, units[0] if units else "mm", "POINT:UNITS")
+    rate = rates[1] if turns.size else rates[0]
+    if not 0.0 < rate < 1e6:
+        raise _damaged(path, f"its rate is {rate:g} Hz")
+    if turns.size:
+        names = [name.strip() or f"body {i + 1}" for i, name in enumerate(_named(bodies, turns.shape[2]))]
+        chosen = choose_body(path, names, body)
+        return _rotated(path, chosen, turns[:, :, names.index(chosen)], scale, rate)
+    chosen, wanted = choose_markers(path, names := _named(labels, points.shape[1]), body)
+    markers = scale * points[:, [names.index(name) for name in wanted]].transpose(2, 1, 0)
+    markers[~np.any(markers != 0.0, axis=2)] = np.nan
+    return motion_of_markers(path, chosen, wanted, markers, np.arange(len(markers)) / rate, notes)
+
+
+def _named(labels: list[str], count: int) -> list[str]:
+    """A label for each of `count` columns; columns without one are none of a body."""
+    labels = [label.strip() for label in labels[:count]]
+    return labels + [f"*{i}" for i in range(len(labels), count)]
+
+
+def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: float) -> Motion:
+    """The motion of a body from matrices (4, 4, n) that carry its places into the recording."""
+    from scipy.spatial.transform import Rotation
+
+    turn, position = matrices[:3, :3].transpose(2, 0, 1), scale * matrices[:3, 3].T
+    whole = np.isfinite(np.sum(matrices[:3], axis=(0, 1)))
+    whole &= np.linalg.det(np.where(whole[:, None, None], turn, 0.0)) > 0.5  # zeros where lost
+    quaternion = np.full((len(turn), 4), np.nan)
+    if whole.any():
+        quaternion[whole] = Rotation.from_matrix(turn[whole]).as_quat()
+    return Motion(name, str(path), np.arange(len(turn)) / rate, position, quaternion)
+
+
+def _read(path: Path) -> bytes:
+    """The arrays of a file, as `c3d_process` writes them; UserError if that fails."""
+    try:
+        _check(path, read_bytes(path, MAX_C3D))
+    except MissingFile as error:
+        raise UserError(f"{path} does not exist; give a C3D file.") from error
+    program = Path(__file__).with_name("c3d_process.py")
+    try:
+        # -P: no module beside the program stands in for one of Python's
+        done = subprocess.run(
+            [sys.executable, "-P", str(program), str(path.resolve())], capture_output=True, timeout=LONGEST, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise _damaged(path, f"reading it takes more than {LONGEST:.0f} s") from error
+    if done.returncode:
+        said = done.stderr.decode("utf-8", "replace").strip().splitlines() if done.returncode > 0 else []
+        raise _damaged(path, said[-1][:200] if said else "what it says of its size contradicts itself")
+    return done.stdout
+
+
+def _check(path: Path, content: bytes) -> None:
+    """UserError if a file is too short for what its first block says that it holds."""
+    if len(content) < 2 * BLOCK or content[1] != 0x50 or len(content) < (start := BLOCK * (content[0] - 1)) + 4:
+        raise _damaged(path, "it does not begin as such a file does, or is too short")
+    if start < BLOCK or content[start + 3] not in PROCESSORS:
+        raise _damaged(path, "the kind of computer that wrote it is unknown")
+    order, sign = PROCESSORS[content[start + 3]]
+    points, analog, first, last = struct.unpack(f"{order}4H", content[2:10])
+    (data,) = struct.unpack(f"{order}H", content[16:18])
+    size = (4 if content[12 + sign] & 0x80 else 2) * (4 * points + analog)  # a negative scale: floats
+    if data < 2 or BLOCK * (data - 1) + size * max(0, last - first + 1) > len(content):
+        raise _damaged(path, "it is shorter than its first block says")
+
+
+def _damaged(path: Path, reason: str) -> UserError:
+    return UserError(
+        f"{path} is a C3D file (binary, read with {PACKAGE}), but cannot be read: {reason}. Is it whole? Export it "
+        "again, or as CSV."
+    )

@@ -1,0 +1,129 @@
+"""Exports of Qualisys Track Manager: TSV of bodies (6D) and of markers (3D), https://docs.qualisys.com/qtm.
+
+    NO_OF_FRAMES	260
+    FREQUENCY	100
+    DATA_INCLUDED	6D
+    BODY_NAMES	plate	rod
+    Frame	Time	plate X	Y	Z	Roll	Pitch	Yaw	Residual	Rot[0]	…	Rot[8]	rod X	…
+    1	0.00000	12.1	…
+
+The lines before the columns are names and values, in any order.  `Frame` and `Time` may be absent, and the line of the
+columns, too.  Positions are in mm; Rot is the rotation matrix, column by column.  A body that is lost has empty cells,
+or zeros throughout.  DATA_INCLUDED 3D has MARKER_NAMES and X, Y, Z of each.  z is up.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from thesis_lib.datasets.sources.export_cells import Row, columns_of, lost_zeros, read_rows, rotations
+from thesis_lib.datasets.sources.tracked_bodies import choose_body, choose_markers, motion_of_markers
+from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.foundation.errors import UserError
+
+UP = "z"
+MM = 1e-3
+KEYS = ("file_version", "no_of_frames", "no_of_cameras", "no_of_markers", "no_of_bodies")  # of first lines
+MATRIX = [f"rot[{i}]" for i in range(9)]
+LAYOUTS = {"6d": ["x", "y", "z", "roll", "pitch", "yaw", "residual", *MATRIX], "3d": ["x", "y", "z"]}
+NAMES = {"6d": "body_names", "3d": "marker_names"}
+ORTHONORMAL = 0.02  # of the elements of R Rᵀ from those of 1: four digits and some
+
+
+def is_qualisys(first_line: str) -> bool:
+    """Whether a file that begins so is an export of QTM."""
+    return first_line.split("\t")[0].strip().lower() in KEYS
+
+
+def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
+    """The motion of `body` (by default the only one); `rotation` is the sequence of Roll, Pitch, Yaw without Rot.
+
+    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is no
+    number.
+    """
+    rows = read_rows(path)
+    start = next((i for i, (_, cells) in enumerate(rows) if _is_data(cells)), len(rows))
+    data = [row for row in rows[start:] if any(row[1])]
+    facts = {cells[0].lower(): [cell for cell in cells[1:] if cell] for _, cells in rows[:start] if cells}
+    kind = next(iter(facts.get("data_included", [])), "").lower()
+    names = facts.get(NAMES.get(kind, ""), [])
+    if not names or not data:
+        raise UserError(
+            f"{path} begins like an export of Qualisys, but has no line DATA_INCLUDED with 6D or 3D, no BODY_NAMES or "
+            "MARKER_NAMES, or no frames; export it again as TSV, with its header."
+        )
+    tokens = _tokens(rows[:start], data, LAYOUTS[kind], len(names))
+    starts = [i for i, token in enumerate(tokens) if token == "x"]
+    columns = [
+        {token: i + at for i, token in enumerate(tokens[at:end])} for at, end in zip(starts, [*starts[1:], len(tokens)])
+    ]
+    if len(columns) != len(names) or not all(set("xyz") <= set(of) for of in columns):
+        raise UserError(
+            f"{path}, row {data[0][0]}: {len(names)} names, but no X, Y, Z of each among {len(tokens)} columns; "
+            "export it again with the line of column names."
+        )
+    t = _times(path, data, tokens, facts)
+    places = dict(zip(names, columns))
+    if kind == "3d":
+        chosen, markers = choose_markers(path, names, body)
+        wanted = [places[name][axis] for name in markers for axis in "xyz"]
+        cells = columns_of(path, data, wanted).reshape(len(data), -1, 3)
+        cells[~np.any(cells != 0.0, axis=2)] = np.nan
+        return motion_of_markers(path, chosen, markers, MM * cells, t, notes)
+    chosen = choose_body(path, names, body)
+    at = places[chosen]
+    turn = [name for name in MATRIX if name in at] or ["roll", "pitch", "yaw"]
+    if len(turn) not in (3, 9) or not set(turn) <= set(at):
+        raise UserError(f"{path}: body {chosen} lacks columns Rot[0] to Rot[8]; export them.")
+    cells = columns_of(path, data, [at[name] for name in ("x", "y", "z", *turn)])
+    lost_zeros(cells, notes)
+    position = MM * cells[:, :3]
+    if len(turn) == 9:
+        return Motion(chosen, str(path), t, position, _from_columns(path, chosen, cells[:, 3:]))
+    angles = {axis: cells[:, 3 + i] for i, axis in enumerate("xyz")}
+    quaternion, readings = rotations(path, angles, rotation or "XYZ", True, chosen)
+    return Motion(chosen, str(path), t, position, quaternion, None, readings)
+
+
+def _is_data(cells: list[str]) -> bool:
+    """Whether a row is one of a frame: it begins with a number, or with an empty cell of many."""
+    if not cells or not cells[0]:
+        return len(cells) > 2
+    return cells[0].lstrip("+-")[:1].isdigit()
+
+
+def _tokens(head: list[Row], data: list[Row], layout: list[str], bodies: int) -> list[str]:
+    """What stands in each column, small letters: the last word of its name; by the layout where there are no names."""
+    last = [cell.split()[-1].lower() if cell else "" for cell in head[-1][1]] if head else []
+    if set("xyz") <= set(last):
+        return last
+    width = max(len(cells) - (not cells[-1]) for _, cells in data[:100])
+    return ["frame", "time"][: max(0, width - bodies * len(layout))] + layout * bodies
+
+
+def _times(path: Path, data: list[Row], tokens: list[str], facts: dict[str, list[str]]) -> np.ndarray:
+    if "time" in tokens:
+        return columns_of(path, data, [tokens.index("time")])[:, 0]
+    try:
+        rate = float(facts.get("frequency", [""])[0])
+    except (ValueError, IndexError):
+        rate = 0.0
+    if not 0.0 < rate < 1e6:
+        raise UserError(f"{path}: FREQUENCY is missing or no rate in Hz; export it again with a column Time.")
+    frame = columns_of(path, data, [tokens.index("frame")])[:, 0] if "frame" in tokens else np.arange(len(data))
+    return frame / rate
+
+
+def _from_columns(path: Path, body: str, cells: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4) of matrices (n, 9) that are written column by column; UserError if they are no rotations."""
+    from scipy.spatial.transform import Rotation
+
+    quaternion = np.full((len(cells), 4), np.nan)
+    whole = np.isfinite(cells).all(axis=1)
+    matrix = cells[whole].reshape(-1, 3, 3).transpose(0, 2, 1)
+    off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    if np.any(off > ORTHONORMAL) or np.any(np.linalg.det(matrix) < 0.0):
+        raise UserError(f"{path}: Rot[0] to Rot[8] of body {body} are no rotation matrices; export it again.")
+    if whole.any():
+        quaternion[whole] = Rotation.from_matrix(matrix).as_quat()
+    return quaternion

@@ -1,0 +1,170 @@
+"""Times and poses in the tables of a rig, in SI: from columns of its own, or from the points of a video tracker."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.shapes import Disk
+from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
+from thesis_lib.datasets.sources.conversion import Rig, needs_no_angle
+from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
+from thesis_lib.datasets.sources.table_options import QUANTITY, SPATIAL, TableOptions
+from thesis_lib.datasets.sources.tracked_points import LIKELY, pose_of_points
+from thesis_lib.foundation.errors import UserError
+
+SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # stamps above it are in that unit; now it is 1.8e9 s
+STRAY = 0.1  # of a body's size, by which tracked points may stray from a rigid body
+
+
+def read_poses(
+    files: Sequence[str | Path], options: TableOptions, rig: Rig, one_trial: bool, notes: list[str], warnings: list[str]
+) -> tuple[list[Log], list[pd.DataFrame]]:
+    """The logs, and of each the trial (text), t, x, y and, where it is measured, theta, in SI; NaN where lost.
+
+    A file is one trial if `one_trial` or without a trial column.  UserError: a file or column is missing, a row is too
+    long, a cell is not a number, units contradict each other, or the angle of a body that is no disk is missing.
+    """
+    if spatial := [column for column in options.columns if column in SPATIAL]:
+        raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; say how it turns with --quaternion.")
+    source = options.source(*TRAJECTORY_COLUMNS)
+    logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
+    say_of_logs(logs, notes)
+    tracked = bool(logs[0].points) and not {"x", "y", "theta"} & set(options.columns)
+    if options.body and not tracked:
+        raise UserError(
+            f"{logs[0].path} is a table of one body: --body is for files of several, or of a video tracker's points; "
+            "name the columns with --columns."
+        )
+    pose = () if tracked else _pose_columns(logs[0], options, rig)
+    needed = [source[column][0] for column in (*pose, *(c for c in ("trial", "t") if c in options.columns))]
+    tables, lost = [], []
+    for number, log in enumerate(logs):
+        log.require(needed)
+        said = (notes, warnings) if number == 0 else ([], [])
+        stamps = source["t"][0]
+        if tracked and "t" not in options.columns and log.has("frame"):
+            stamps = "frame"
+        trial = pd.Series(str(number), index=range(len(log)))
+        if not one_trial and log.has(source["trial"][0]):
+            trial = log.text(source["trial"][0]).reset_index(drop=True)
+        poses = {"trial": trial, "t": times(log, options, trial, stamps, said[0])}
+        poses |= _tracked(log, options, lost, *said) if tracked else _columns(log, options, pose, said[1])
+        poses = pd.DataFrame(poses)
+        _need_origin(log, options, rig, poses)
+        tables.append(poses)
+    if sum(lost):
+        notes.append(f"{sum(lost)} points taken as lost: their likelihood is below {LIKELY}, or they are empty")
+    used = {logs[0].find(name) for name, _ in source.values()} | ({"frame"} if tracked else set())
+    points = tuple(f"{point}." for point in logs[0].points) if tracked else ()
+    if ignored := [c for c in logs[0].cells.columns if c and c not in used and not c.startswith(points or ("\n",))]:
+        notes.append(f"columns left out: {', '.join(ignored)}")
+    return logs, tables
+
+
+def _pose_columns(log: Log, options: TableOptions, rig: Rig) -> tuple[str, ...]:
+    """x, y and theta, which may lack of a disk; UserError if it lacks of another shape."""
+    names = {ours: name for ours, (name, _) in options.source("x", "y", "theta").items()}
+    if "theta" in options.columns or log.has("theta"):
+        return ("x", "y", "theta")
+    if log.has(names["x"]) and log.has(names["y"]):
+        needs_no_angle(rig.shape, str(log.path))
+    return ("x", "y") if isinstance(rig.shape, Disk) else ("x", "y", "theta")
+
+
+def _columns(
+    log: Log, options: TableOptions, pose_columns: Sequence[str], warnings: list[str]
+) -> dict[str, np.ndarray]:
+    """x, y and, if it is among the columns, theta."""
+    source = options.source(*pose_columns)
+    pose, units = {}, {}
+    for ours, (name, sign) in source.items():
+        units[ours] = options.units.unit(ours, log.unit(name), log.where(name))
+        if (cell := log.strange.get(log.find(name) or "")) and QUANTITY[ours] not in options.units.given:
+            warnings.append(
+                f"{log.path.name}, column {name}: '{cell[:20]}' below the header is not a unit that is known; read as "
+                f"{units[ours]}. If that is wrong, convert the column, or give --units"
+            )
+        zero = dict(zip("xy", options.origin or ())).get(ours, 0.0)
+        pose[ours] = sign * options.units.factor(units[ours], log.where(name)) * (log.numbers(name) - zero)
+    if units["y"] == "px" and "theta" in source and source["x"][1] * source["y"][1] < 0.0 < source["theta"][1]:
+        warnings.append(
+            f"theta is read as counter-clockwise while an axis of the picture is flipped; an angle measured in the "
+            f"picture's own axes needs --columns theta=-{source['theta'][0]}"
+        )
+    return pose
+
+
+def _tracked(
+    log: Log, options: TableOptions, lost: list[int], notes: list[str], warnings: list[str]
+) -> dict[str, np.ndarray]:
+    """x, y and, of several points, theta from the points of a video tracker, in a picture with y down.
+
+    Adds the number of points that are lost to `lost`.
+    """
+    wanted = [name.strip() for name in options.body.split(",")] if options.body else list(log.points)
+    chosen = {name: [p for p in log.points if p == name or p.startswith(f"{name}.")] for name in wanted}
+    if strange := [name for name, points in chosen.items() if not points]:
+        raise UserError(f"{log.path} has no point {', '.join(strange)}. It has: {', '.join(log.points)}.")
+    points = [p for p in log.points if any(p in of_name for of_name in chosen.values())]
+    z = np.stack([log.numbers(f"{p}.x") + 1j * log.numbers(f"{p}.y") for p in points], axis=1)
+    try:
+        place, theta, stray = pose_of_points(z)
+    except ValueError as error:
+        raise UserError(f"{log.path}: {error} of {', '.join(points)}; leave some out with --body.") from error
+    unit = options.units.given.get("length", "px")
+    factor = options.units.factor(unit, f"{log.path}, point {points[0]}")
+    x, y = factor * (place - np.array(options.origin or (0.0, 0.0))).T
+    lost.append(int(np.sum(~np.isfinite(z))))
+    notes.append(f"points of a video tracker: {', '.join(points)}; y of the picture points down, and is flipped")
+    if len(points) == 1:
+        return {"x": x, "y": -y}
+    notes.append(f"x and y are those of the mean of the points, theta the direction from {points[0]} to {points[1]}")
+    if stray > STRAY:
+        warnings.append(
+            f"{log.path.name}: the points {', '.join(points)} stray by {stray:.0%} of the body's size from a rigid "
+            "body; name those that are on it with --body"
+        )
+    return {"x": x, "y": -y, "theta": -theta}
+
+
+def times(log: Log, options: TableOptions, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:
+    """t (n,) in s: of column `name` in a unit or counting frames, or without it of evenly spaced rows; adds to `notes`.
+
+    UserError if neither the log nor `options` says what the times are.
+    """
+    if not log.has(name):
+        if options.rate is None:
+            raise UserError(
+                f"{log.path} has no time column: give --columns t=NAME, or --rate HZ for evenly spaced rows."
+            )
+        return trial.groupby(trial, sort=False).cumcount().to_numpy() / options.rate
+    t, stated = log.times(name), log.unit(name)
+    if "time" not in options.units.given and stated is None and _counts(t, trial):
+        if options.rate is None:
+            raise UserError(f"{log.where(name)} counts rows: give the frames a second, --rate HZ, or the unit of time.")
+        notes.append(f"{name} counts frames; times follow from --rate {options.rate:g}")
+        return t / options.rate
+    if "time" not in options.units.given and stated is None:
+        first = np.nanmax(log.numbers(name), initial=0.0)
+        if unit := next((unit for unit, least in SINCE_1970.items() if first > least), None):
+            raise UserError(f"{log.where(name)} counts {unit} since 1970 ({first:.4g}): give --units {unit}.")
+    return options.units.to_si("t", stated, log.where(name)) * t
+
+
+def _counts(t: np.ndarray, trial: pd.Series) -> bool:
+    """Whether the numbers t (n,) count: whole, and most often one more than the one before."""
+    whole = t[np.isfinite(t)]
+    step = np.diff(t)[(trial[1:].to_numpy() == trial[:-1].to_numpy()) & np.isfinite(np.diff(t))]
+    return len(step) > 0 and bool(np.all(whole == np.rint(whole))) and float(np.median(step)) == 1.0
+
+
+def _need_origin(log: Log, options: TableOptions, rig: Rig, poses: pd.DataFrame) -> None:
+    """UserError if pixels that count downwards from the upper corner have no origin."""
+    pixels = options.units.scale is not None and options.origin is None
+    if pixels and rig.surface_height == 0.0 and not rig.walls and np.nanmedian(poses["y"]) < 0.0:
+        raise UserError(
+            f"{log.path}: y is below 0, as pixels count from the upper corner. Say with --origin U,V which pixel is "
+            "x = 0, y = 0 (v of the surface), or with --surface-height where the surface is, in m."
+        )

@@ -1,0 +1,88 @@
+"""The folder and the page of impacts that are too few for a verdict: a number for restitution, and what it rests on."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from thesis_lib.critique.drops.few_impacts import FewImpacts
+from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.results.few_impacts import few_diagnosis, few_parameters, with_error
+from thesis_lib.critique.results.saved_model import save_model, saved
+from thesis_lib.critique.results.tables import few_tables
+from thesis_lib.critique.results.titles import law_title, symbol
+from thesis_lib.foundation.files import write_json, write_result, write_text
+from thesis_lib.report.critique.skeleton import critique_page
+from thesis_lib.report.critique.tables import comparison_table, left_out_table
+from thesis_lib.report.critique.whole_folder import MODEL_FILE, VERDICT_FILE, whole_folder
+from thesis_lib.report.elements import paragraph, sized, table
+from thesis_lib.statistics.wording import number
+
+MOST = 60  # impacts in the table of the page
+
+
+def write_few_impacts(few: FewImpacts, folder: str | Path) -> dict:
+    """Write all files into `folder` and return the content of diagnosis.json."""
+    d, made = few_diagnosis(few), few_tables(few)
+    with whole_folder(folder) as part:
+        for name, content in made.items():
+            write_result(content, part / f"{name}.csv")
+        model = saved(few.fitted, few.observations.rig, few.dataset, few_parameters(few))
+        save_model(model, part / MODEL_FILE)
+        write_text(few_page(few, d, made), part / "report.html")
+        write_json(d, part / VERDICT_FILE)
+    return d
+
+
+def few_page(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> str:
+    """report.html."""
+    law, of = d["base_model"], d["restitution"]
+    rows = [(symbol(name), sized(p)) for name, p in law["parameters"].items()]
+    contents = {
+        "Restitution and friction": (
+            "numbers",
+            paragraph(
+                f"{law_title(law['name'])}, fitted to all impacts. Restitution is the mean over impacts and trials; "
+                "its interval counts how far they differ."
+            ),
+            table("Parameters [95 % interval]", ("parameter", "value"), rows, numeric=(1,)),
+        ),
+        "Each impact": ("impacts", _each(few)),
+        "What each law makes of it": ("laws", comparison_table(made, few.laws)),
+        "What a verdict needs": ("next", paragraph(d["next_experiment"]["why"]), left_out_table(d)),
+    }
+    value = "unknown" if of["std"] is None else with_error(of["value"], of["std"])
+    return critique_page(
+        d,
+        contents,
+        "effect",
+        word="No verdict: too few impacts",
+        kind="none",
+        key_numbers=[
+            ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials"),
+            ("restitution", value if of["std"] is not None else number(of["value"]), "one standard error"),
+        ],
+    )
+
+
+def _each(few: FewImpacts) -> Markup:
+    """Restitution of each single hit."""
+    o, each, fitted = few.observations.single, few.each, few.fitted
+    before, _ = states_at_impact(fitted.model, fitted.values, o)
+    speed = np.hypot(before.vx, before.vy)
+    rows = [
+        (
+            f"{o.trial[i]}",
+            f"{o.impact[i]}",
+            number(float(speed[i])),
+            number(epsilon) if np.isnan(std) else with_error(epsilon, std),
+        )
+        for i, epsilon, std in list(zip(each.rows, each.epsilon, each.std))[:MOST]
+    ]
+    shown = f" (the first {MOST} of {len(each.rows)})" if len(each.rows) > MOST else ""
+    columns = ("trial", "impact", "speed before (m/s)", "restitution")
+    return table(
+        f"Restitution of each impact ± standard error of the noise alone{shown}", columns, rows, numeric=(2, 3)
+    )
