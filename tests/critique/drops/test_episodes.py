@@ -293,7 +293,8 @@ def test_the_noise_floor_of_single_hits_is_below_that_of_episodes():
 
 @pytest.mark.slow
 def test_the_table_of_impacts_tells_which_hits_belong_together():
-    table = impacts(critique("square"))
+    made = critique("square")
+    table = impacts(made.observations, made.held_out.trial)
     episodes = table[(table["used"] == 1) & (table["span"] > 0.0)]
     assert len(episodes) > 50 and (episodes["hits"] >= 1).all()
     assert table.loc[table["used"] == 1, "hits"].sum() + (table["used"] == 0).sum() == len(

@@ -118,6 +118,7 @@ def test_an_adequate_model_with_unknown_noise_is_told(made, diagnosis):
 
 def test_structure_that_remains_is_told_with_its_features(made, diagnosis):
     diagnosis["remaining"] = {**{"structured": True, "channels": [], "p_value": 0.005}, "depends_on": ["r_x", "trial"]}
+    diagnosis["remaining"]["restitution"] = None
     text = Page(page_of(made, diagnosis)).text
     assert "contact point ahead of the centre of mass (r_x); number of the release (trial)." in text
     assert "may stand in for its cause" in text
@@ -127,6 +128,7 @@ def test_scatter_beyond_noise_is_not_called_structure(made, diagnosis):
     critique, *rest = made
     strict = critique.settings.model_copy(update={"excess_scatter": 0.01})
     diagnosis["remaining"] = {"structured": True, "channels": ["impact"], "p_value": 0.4, "depends_on": []}
+    diagnosis["remaining"]["restitution"] = None
     text = Page(page_of((replace(critique, settings=strict), *rest), diagnosis)).text
     assert "times what noise alone would give" in text and "learns no part of it" in text
     assert "Structure remains" not in text

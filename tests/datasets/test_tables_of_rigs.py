@@ -65,7 +65,7 @@ FORMS = {  # content, options, what is said of it
     "UTF-8 with a mark": (text().encode("utf-8-sig"), {}, ""),
     "old line ends": (text().replace("\n", "\r"), {}, ""),
     "cp1252, units in brackets": (text(NAMED).encode("cp1252"), {"columns": COLUMNS}, "read as cp1252"),
-    "units stated twice": (text(NAMED), {"columns": COLUMNS, "units": "mm,deg"}, ""),
+    "units stated twice": (text(NAMED), {"columns": COLUMNS, "units": "mm,deg"}, "units read from the names"),
     "a row of units": (below(",s,(mm),[mm],°", text(MILLI)), {}, "y in mm, theta in deg"),
     "a row of unknown units": (below(",sec,inch,inch,rad", text()), {"units": "m"}, "t in s, theta in rad"),
     "units and comments": (below(",s,m,m,rad\n,a,b,b,c", text()), {}, "row 3 skipped"),
