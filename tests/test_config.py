@@ -186,6 +186,7 @@ class TestReading:
             ("drops:\n  topography: {}", r"line 2: drops\.topography: unknown key; it belongs under chapter3"),
             ("drops:\n  hue: 3", r"line 2: drops\.hue: unknown key; remove it; known keys here: n, body, "),
             ("seed: 2", r"base\.yaml, line 2: drops\.n is 0, but must be 1 or more"),
+            ("1: 2", r"\(.*base\.yaml \+ .*over\.yaml\) has 2 mistake(.|\n)*Keys should be strings"),
             ("drops:\n  n: many", r"over\.yaml, line 2: drops\.n is 'many', but must be a whole number"),
         ],
     )

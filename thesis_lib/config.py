@@ -99,7 +99,8 @@ def parse_config(values: dict, files: Sequence[str | Path] = ()) -> Config:
         return Config.model_validate(values)
     except ValidationError as error:
         schema, documents = Config.model_json_schema(), {str(path): read_yaml(path) for path in files}
-        lines = [f"The configuration has {error.error_count()} mistake(s):"]
+        source = f" ({' + '.join(documents)})" if documents else ""
+        lines = [f"The configuration{source} has {error.error_count()} mistake(s):"]
         for mistake in error.errors(include_url=False)[:SHOWN]:
             text = f"  {_line(mistake['loc'], documents)}{_what(mistake, schema)}"
             lines.append(text[:WIDEST])
