@@ -115,7 +115,7 @@ def _times(path: Path, data: list[Row], tokens: list[str], facts: dict[str, list
 
 
 def _from_columns(path: Path, body: str, cells: np.ndarray) -> np.ndarray:
-    """Quaternions (n, 4) of matrices (n, 9) that are written column by column; UserError if they are no rotations."""
+    """Quaternions (n, 4) of matrices (n, 9) that are written column by column; UserError if they are not rotations."""
     from scipy.spatial.transform import Rotation
 
     quaternion = np.full((len(cells), 4), np.nan)
@@ -123,7 +123,7 @@ def _from_columns(path: Path, body: str, cells: np.ndarray) -> np.ndarray:
     matrix = cells[whole].reshape(-1, 3, 3).transpose(0, 2, 1)
     off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     if np.any(off > ORTHONORMAL) or np.any(np.linalg.det(matrix) < 0.0):
-        raise UserError(f"{path}: Rot[0] to Rot[8] of body {body} are no rotation matrices; export it again.")
+        raise UserError(f"{path}: Rot[0] to Rot[8] of body {body} are not rotation matrices; export it again.")
     if whole.any():
         quaternion[whole] = Rotation.from_matrix(matrix).as_quat()
     return quaternion
