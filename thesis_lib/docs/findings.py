@@ -4,9 +4,21 @@ from thesis_lib.critique.engines import measured as engines_measured
 from thesis_lib.critique.engines import proof as engines_proof
 from thesis_lib.critique.proof import direct_fits, measured, next_drops_table
 from thesis_lib.critique.proof.by_contact import as_markdown
+from thesis_lib.critique.proof.headline import ages_as_markdown
+from thesis_lib.critique.proof.headline import as_markdown as headline_as_markdown
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proposal import proof as proposals_proof
 from thesis_lib.foundation.rows import read_rows
+
+
+def headline() -> str:
+    """How often the critique is right, by the code that stands beside the page or the code that it names."""
+    return headline_as_markdown()
+
+
+def ages() -> str:
+    """How old the tables of the proof are."""
+    return ages_as_markdown()
 
 
 def real_contacts() -> str:

@@ -41,6 +41,8 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "dataset keys": dataset_keys.text,
     "recording keys": dataset_keys.recording_text,
     "columns": columns_text,
+    "headline": findings.headline,
+    "ages of the proof": findings.ages,
     "real contacts": findings.real_contacts,
     "fits of simulated drops": findings.fits_of_simulated_drops,
     "fits of measured drops": findings.fits_of_measured_drops,

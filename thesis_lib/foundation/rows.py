@@ -1,16 +1,25 @@
-"""A table to which several runs add rows at once, each under its key."""
+"""A table to which several runs add rows at once, each under its key, with the code that made them and the date."""
 
 import fcntl
 import os
 from collections.abc import Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.provenance import lib_hash
 
 if TYPE_CHECKING:
     import pandas as pd
+
+STAMP = ("code", "made")
+
+
+def stamp(script: str | Path) -> dict[str, str]:
+    """`STAMP` of a row that `script` makes: hash of all code that it uses, and today's date."""
+    return dict(zip(STAMP, (lib_hash(script), date.today().isoformat())))
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> "pd.DataFrame":

@@ -8,6 +8,8 @@ of `compare.COLUMNS`, rounded, after
 | dataset |      | the measured set                              |
 | trials  | 1    | the first ones, that were compared            |
 | named   |      | effects that the critique named, joined by +  |
+
+and before `STAMP` of `foundation.rows`.
 """
 
 from collections.abc import Callable
@@ -15,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import put_row, read_rows
+from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
 from thesis_lib.statistics.wording import number
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ ROUNDED = (
     *("mu", "mu_std", "epsilon", "epsilon_std", "contact_time", "error", "error_low", "error_high"),
     *("behind", "behind_low", "behind_high", "noise_floor"),
 )
-COLUMNS = ("dataset", "trials", "named", "model", "kind", "effects", "lacks", *ROUNDED)
+COLUMNS = ("dataset", "trials", "named", "model", "kind", "effects", "lacks", *ROUNDED, *STAMP)
 
 
 def compute(dataset: "Dataset", say: Callable[[str], None], store: Path = STORE) -> None:
@@ -43,6 +45,7 @@ def compute(dataset: "Dataset", say: Callable[[str], None], store: Path = STORE)
     critique = whole_critique(dataset, rng=generator(0, dataset.name), say=say)
     named = "+".join(step.effect.name for step in critique.discovery.steps)
     about = {"dataset": dataset.name, "trials": len(np.unique(critique.observations.trial)), "named": named}
+    about |= stamp(__file__)
     for one in compare_models(critique, (LAWS, *ENGINES), say).to_dict("records"):
         row = {str(name): value for name, value in one.items()}
         put_row(about | row | {name: float(f"{row[name]:.4g}") for name in ROUNDED}, KEY, store, COLUMNS)

@@ -18,6 +18,7 @@ config/proof/engines.csv holds a row per dataset:
 | ratio_default                   | 1    | μ of the engines, larger over smaller: default contact, μ fitted |
 | ratio_before, ratio_after       | 1    | with the contact fitted, too, without and with the named effects |
 | mu, mu_std                      | 1    | of the engine that made the drops                                |
+| code, made                      |      | hash of the code that made the row, empty: unknown; date         |
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +30,7 @@ from typing import TYPE_CHECKING, Any
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import put_row, read_rows
+from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
 from thesis_lib.statistics.intervals import wilson
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ ENOUGH, AGREE = 1.5, 1.1
 ASKED = ("recognised", "adequate", "agreed_default", "agreed_before", "agree")
 KEY = ("engine", "shape", "truth", "seed")
 RATIOS = ("ratio_default", "ratio_before", "ratio_after")
-COLUMNS = (*KEY, "verdict", "named", "best", "own", "other", "floor", *RATIOS, "mu", "mu_std")
+COLUMNS = (*KEY, "verdict", "named", "best", "own", "other", "floor", *RATIOS, "mu", "mu_std", *STAMP)
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def compute(case: Case) -> dict[str, object]:
     named = "+".join(step.effect.name for step in judged.discovery.steps)
     row: dict[str, object] = {**vars(case), "verdict": judged.verdict, "named": named}
     row["best"] = str(last["error"].idxmin())
-    return row | {name: float(f"{value:.4g}") for name, value in numbers.items()}
+    return row | {name: float(f"{value:.4g}") for name, value in numbers.items()} | stamp(__file__)
 
 
 def run(todo: Sequence[Case], jobs: int, say: Callable[[str], None] = print, store: Path = STORE) -> None:

@@ -17,6 +17,7 @@ config/proof/mechanisms.csv holds a row per recording:
 | before, after                      | 1    | held-out misfit, in units of noise                             |
 | remaining_p, sensor_excess         | 1    | p-value of the remaining misfit; errors of sensors over stated |
 | parameters                         |      | "name=true:found:std" of each, joined by ";", if named         |
+| code, made                         |      | hash of the code that made the row, empty: unknown; date       |
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from thesis_lib.critique.mechanisms.critique import GROUP, criticise_recording
 from thesis_lib.critique.mechanisms.study import OUTSIDE, true_sizes
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import put_row, read_rows
+from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind
 from thesis_lib.simulate.engines.recording import record_engine
 from thesis_lib.simulate.engines.settings import EngineName
@@ -41,7 +42,10 @@ SEEDS = 1100  # the table's begin here; those below 1000 are for development
 ENGINES: tuple[EngineName, ...] = ("mujoco", "drake")
 NOTHING, CAUSES = 10, 3  # recordings of each mechanism and engine
 KEY = ("mechanism", "engine", "truth", "seed")
-COLUMNS = (*KEY, *("trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters"))
+COLUMNS = (
+    *(*KEY, "trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters"),
+    *STAMP,
+)
 WITHIN = 1.96  # standard errors
 
 
@@ -89,6 +93,7 @@ def compute(case: Case) -> dict[str, object]:
         "remaining_p": float(f"{critique.remaining.p_value:.4g}"),
         "sensor_excess": float(f"{critique.sensor_excess[0]:.4g}"),
         "parameters": ";".join(f"{n}={':'.join(f'{x:.6g}' for x in numbers)}" for n, numbers in found.items()),
+        **stamp(__file__),
     }
 
 

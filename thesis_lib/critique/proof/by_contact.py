@@ -1,9 +1,7 @@
-"""The proof in contacts as long as real ones: exact verdicts by source, shape and contact time, against what is asked.
+"""The proof in contacts as long as real ones: right verdicts by source, shape and contact time, against what is asked.
 
 `python -m thesis_lib.critique.proof contacts` prints `as_markdown`, which stands in docs/findings.md.
 
-A verdict is exact if it is right and nothing else is named (`results.is_exact`): `adequate` with nothing hidden, one
-cause alone or with what cannot be told from it, both of a pair, and `unexplained` for a cause outside the library.
 Parameters count where they have a true value.  Shares have 95 % Wilson intervals.
 """
 
@@ -12,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof.cases import NOTHING, RIGID
+from thesis_lib.critique.proof.cases import FRESH, NOTHING, RIGID
 from thesis_lib.critique.proof.results import of_table, usual
 from thesis_lib.statistics.intervals import Z95, wilson
 
@@ -42,7 +40,7 @@ def by_contact(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> pd.DataFrame:
     `outcomes` and `recovered` are those of `results`; datasets of the first table of the proof do not count.
     """
     parts = [
-        (figure, _real(of_table(outcomes, drops=drops)).query("kind == @kind"), "exact", (asked, 1.0))
+        (figure, _real(of_table(outcomes, drops=drops)).query("kind == @kind"), "right", (asked, 1.0))
         for figure, kind, drops, asked in ASKED
     ]
     parts.append((COVERED, _real(of_table(recovered)), "inside", COVERAGE))
@@ -58,7 +56,8 @@ def by_contact(outcomes: pd.DataFrame, recovered: pd.DataFrame) -> pd.DataFrame:
 
 
 def _real(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows without those of the first table: rigid sources with the contact time and shape of old."""
+    """Rows without those of the headline, and of rigid sources with the usual contact time and shape."""
+    table = table[table["seed"] < FRESH]
     first = usual(table[table["source"].isin(RIGID)])
     keys = list(table.columns.intersection(["source", "truth", "seed", *PLACE]))
     old = pd.MultiIndex.from_frame(first[keys])
@@ -77,7 +76,7 @@ def contact_lines(table: pd.DataFrame) -> list[str]:
     """The table as lines for a terminal; none if nothing is stored."""
     if not len(table):
         return []
-    lines, last = ["", "Contacts as long as real ones: exact verdicts, by source, shape and contact time", ""], None
+    lines, last = ["", "Contacts as long as real ones: right verdicts, by source, shape and contact time", ""], None
     for row in table.to_dict("records"):
         if row["figure"] != last:
             lines.append(f"{row['figure']} (at least {100 * row['at_least']:.0f} %)")
@@ -89,8 +88,8 @@ def contact_lines(table: pd.DataFrame) -> list[str]:
 
 
 def misses(outcomes: pd.DataFrame) -> list[str]:
-    """A line for each dataset of `by_contact` whose verdict is not exact, by source and what was hidden."""
-    rows = _real(outcomes[outcomes["drops"].isin({drops for *_, drops, _ in ASKED})]).query("not exact")
+    """A line for each dataset of `by_contact` whose verdict is wrong, by source and what was hidden."""
+    rows = _real(outcomes[outcomes["drops"].isin({drops for *_, drops, _ in ASKED})]).query("not right")
     lines = []
     for (source, shape), group in rows.sort_values([*PLACE, "truth"]).groupby(["source", "shape"]):
         lines += ["", f"{source}, {shape}:", ""]

@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ class Row:
         remaining_p: p-value of the remaining structure.
         parameters: of a single hidden effect that the model contains, if a true value exists.
         why: reason of a refusal.
-        code: `code_hash` of the code that made the row; "" if unknown.
+        code, made: `code_hash` of the code that made the row, "" if unknown; and the date.
         sizes: `Case.sizes` of what was hidden; empty if unknown.
     """
 
@@ -55,6 +56,7 @@ class Row:
     parameters: Mapping[str, Recovered] = field(default_factory=dict)
     why: str = ""
     code: str = ""
+    made: str = ""
     sizes: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -76,12 +78,12 @@ def code_hash() -> str:
 
 def compute(case: Case, code: str = "") -> Row:
     """Make the dataset of a case, and criticise it; `code` is `code_hash()` where that is known, for it takes 1.5 s."""
-    code = code or code_hash()
+    by = {"code": code or code_hash(), "made": date.today().isoformat(), "sizes": case.sizes}
     dataset, true = make(case)
     try:
         critique = whole_critique(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     except UserError as error:
-        return Row(case, "refused", why=str(error).splitlines()[0][:200], code=code, sizes=case.sizes)
+        return Row(case, "refused", why=str(error).splitlines()[0][:200], **by)
     judged = {"base": critique.ladder[0][2], "augmented": critique.ladder[-1][2]}
     errors = {when: float(of.error.mean()) for when, of in judged.items()} | {"floor": judged["augmented"].floor}
     for channel in ("flight", "touch"):
@@ -95,8 +97,7 @@ def compute(case: Case, code: str = "") -> Row:
         errors=errors,
         remaining_p=critique.remaining.p_value,
         parameters=_parameters(critique, true) if len(case.hidden) == 1 else {},
-        code=code,
-        sizes=case.sizes,
+        **by,
     )
 
 

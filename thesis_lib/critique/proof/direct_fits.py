@@ -20,6 +20,7 @@ not fitted.  Effects are added in their order.  `run` replaces the rows of some 
 | learned, low, high  | m/s  | `questions.floor` of measured drops: `learned`, and the interval of `gain`  |
 | pairs               | m/s  | its bound from pairs                                                        |
 | parameters          |      | with standard errors                                                        |
+| code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
 
 import argparse
@@ -45,6 +46,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import STAMP, stamp
 from thesis_lib.statistics.wording import number
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ if TYPE_CHECKING:
 STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "direct_fits.csv"
 COLUMNS = (
     *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
-    *("flat_hits", "flat", "learned", "low", "high", "pairs", "parameters"),
+    *("flat_hits", "flat", "learned", "low", "high", "pairs", "parameters", *STAMP),
 )
 HERTZ_TIME = 3e-3  # s
 FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
@@ -158,6 +160,7 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
         training, judged = o.select(fitted_trials), o.select(others)
     fits = [fit_in_steps(Drops(training), model) for model in series.models]
     about = {"drops": name, "detected": int(o.hits.sum()) + len(o.found.left_out), "used": int(o.hits.sum())}
+    about |= stamp(__file__)
     return [
         about
         | {"model": model, "gain": fitted.score - fits[0].score}

@@ -14,6 +14,8 @@
 | base, error, noise_floor   | m/s  | held-out error before and with the effects, and of noise, empty if unknown |
 | median                     | m/s  | of the held-out errors with the effects                                    |
 | learned, low, high         | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`               |
+| max_effects                | 1    | most that the search could name                                            |
+| code, made                 |      | hash of the code that made the row, empty: unknown; date                   |
 """
 
 import argparse
@@ -30,6 +32,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.progress import Progress
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import STAMP, stamp
 from thesis_lib.statistics.wording import number
 
 if TYPE_CHECKING:
@@ -39,7 +42,7 @@ STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "measured.csv
 KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
 COLUMNS = (
     *(*KEY, "detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
-    *("learned", "low", "high"),
+    *("learned", "low", "high", "max_effects", *STAMP),
 )
 MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
 SEED = 0
@@ -68,6 +71,8 @@ def row(critique: Critique, hits: str, chosen: str) -> dict:
         "learned": rest.learned,
         "low": rest.gain[1],
         "high": rest.gain[2],
+        "max_effects": critique.settings.max_effects,
+        **stamp(__file__),
     }
 
 

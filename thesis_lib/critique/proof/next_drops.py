@@ -44,6 +44,7 @@ from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.foundation.files import MAX_TABLE, write_text
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
+from thesis_lib.foundation.rows import stamp
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, SQUARE, CompliantContact, HiddenCauses
 from thesis_lib.simulate.rig.release import Release, Spread
@@ -86,6 +87,7 @@ class Answer:
         sigmas: the largest difference that the proposal tells of, in standard deviations; NaN if it proposes nothing.
         random, chosen: drops that settle it; NaN if nothing is proposed.
         wrong_random, wrong_chosen: 1 if they settle it wrongly, else 0.
+        code, made: of the code that asked the question, and the date, as `foundation.rows.STAMP`.
     """
 
     question: Question
@@ -97,6 +99,8 @@ class Answer:
     chosen: float = math.nan
     wrong_random: int = 0
     wrong_chosen: int = 0
+    code: str = ""
+    made: str = ""
 
     @property
     def is_open(self) -> bool:
@@ -226,7 +230,7 @@ def run(wanted: int, tell: Callable[[str], object], store: Path = STORE) -> list
         if sum(answer.is_open for answer in answers.values()) >= wanted:
             break
         if question not in answers:
-            answers[question] = answer = ask(question)
+            answers[question] = answer = replace(ask(question), **stamp(__file__))
             write_answers(list(answers.values()), store)
             said = f"{answer.effect} or {answer.rival}: random {answer.random:g}, chosen {answer.chosen:g}"
             tell(f"{question.cause} {question.size:g} {question.seed}: {said if answer.rival else 'no question'}")
@@ -255,12 +259,13 @@ def read_answers(store: Path = STORE) -> dict[Question, Answer]:
 
 
 def _answer(cells: Sequence[str]) -> Answer:
-    cause, size, seed, effect, rival, *numbers, wrong_random, wrong_chosen = cells
+    cause, size, seed, effect, rival, *numbers, wrong_random, wrong_chosen, code, made = cells
     if cause not in CAUSES or effect not in EFFECTS or (rival and rival not in EFFECTS):
         raise ValueError(f"{cells!r:.120} is no answer")
     apart, sigmas, by_chance, chosen = (float(x) if x else math.nan for x in numbers)
     question = Question(cause, float(size), int(seed))
-    return Answer(question, effect, rival, apart, sigmas, by_chance, chosen, int(wrong_random), int(wrong_chosen))
+    wrong = int(wrong_random), int(wrong_chosen)
+    return Answer(question, effect, rival, apart, sigmas, by_chance, chosen, *wrong, code, made)
 
 
 def write_answers(answers: Sequence[Answer], store: Path = STORE) -> None:

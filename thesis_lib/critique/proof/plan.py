@@ -1,56 +1,60 @@
-"""The datasets of the table of real contacts, in the order in which they are computed, by several processes.
+"""The datasets of the headline table, in the order in which they are computed, by several processes.
 
-By source and shape: `NOTHING_HIDDEN` datasets with nothing hidden, whose contact times take turns; each cause once with
-each contact time; each pair once, with contact times in turn; every third cause once with `FEW` drops.  Kinds, sources
-and shapes are mixed evenly, so that a table of a part of them counts as the whole would.
+Worlds of three simulators, with contacts as long as real ones under both shapes.  In each world `NOTHING_HIDDEN`
+datasets hide nothing, `CAUSES` one cause, `PAIRS` two, and `OUTSIDE` a cause that no effect describes.  Truths, shapes
+and contact times take turns, and kinds and worlds are mixed evenly, so that a table of a part of them counts as the
+whole would.  Seeds begin at `FRESH`, which no earlier table has.
 """
 
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from thesis_lib.critique.proof.cases import BODIES, CORNERED, NOTHING, SEEDS, Case, pairs, truths
+from thesis_lib.critique.proof.cases import BODIES, CORNERED, FRESH, NOTHING, Case, pairs, truths
 from thesis_lib.critique.proof.compute import code_hash, compute
 from thesis_lib.critique.proof.store import STORE, put_row, read_rows
 from thesis_lib.foundation.isolated import Task, run_isolated
 from thesis_lib.foundation.randomness import generator
 
-REAL = ("mujoco", "drake_point", "drake_hydroelastic", "mechanism")  # sources with contacts as long as real ones
-TIMES = (1e-3, 3e-4, 3e-3)  # s
-NOTHING_HIDDEN, FEW = 40, 50
-LATER = ("marker_offset_x", "marker_offset_y")  # added when others had been computed: not counted among every third
+WORLDS = {"own": ("mechanism",), "MuJoCo": ("mujoco",), "Drake": ("drake_point", "drake_hydroelastic")}
+TIMES = (1e-3, 3e-4, 3e-3)  # s, contact times
+NOTHING_HIDDEN, CAUSES, PAIRS, OUTSIDE = 60, 208, 20, 20  # datasets of each world
 
 
-def real_contacts(sources: Sequence[str] = REAL) -> list[Case]:
-    """The datasets of the table of real contacts: those from the given sources."""
-    bodies = [(source, shape) for source in REAL for shape in BODIES]
-    none = [
-        Case(source, NOTHING, SEEDS + k, shape=shape, contact_time=TIMES[k % len(TIMES)])
-        for k in range(NOTHING_HIDDEN)
-        for source, shape in bodies
-    ]
-    hidden = {
-        kind: [
-            Case(source, truth, SEEDS + k, shape=shape, contact_time=time)
-            for k, time in enumerate(TIMES)
-            for source, shape in bodies
-            for truth in of_source(source)
-            if not (shape == "ellipse" and CORNERED & set(truth.split("+")))
-        ]
-        for kind, of_source in {"single": lambda source: truths(source)[1:], "pair": pairs}.items()
-    }
-    hidden["pair"] = [case for i, case in enumerate(hidden["pair"]) if case.seed == SEEDS + i % len(TIMES)]
-    few = [
-        Case(case.source, case.truth, case.seed, FEW, shape=case.shape, contact_time=case.contact_time)
-        for case in [case for case in hidden["single"] if case.seed == SEEDS and case.truth not in LATER][:: len(TIMES)]
-    ]
-    rng = generator(0, "proof plan")
+def headline() -> list[Case]:
+    """All datasets of the headline table."""
     placed = []
-    for i, cases in enumerate((none, *hidden.values(), few)):
-        # datasets with nothing hidden are in turn already
-        order = range(len(cases)) if cases is none else rng.permutation(len(cases))
-        placed += [((rank + 0.5) / len(cases), i, cases[k]) for rank, k in enumerate(order)]
-    return [case for _, _, case in sorted(placed, key=lambda one: one[:2]) if case.source in sources]
+    for i, sources in enumerate(WORLDS.values()):
+        for j, (kind, count) in enumerate(_counts().items()):
+            cases = _cases(sources, kind, count)
+            placed += [((rank + 0.5) / count, i, j, case) for rank, case in enumerate(cases)]
+    return [case for *_, case in sorted(placed, key=lambda one: one[:3])]
+
+
+def _counts() -> dict[str, int]:
+    return {NOTHING: NOTHING_HIDDEN, "single": CAUSES, "pair": PAIRS, "outside": OUTSIDE}
+
+
+def _cases(sources: Sequence[str], kind: str, count: int) -> list[Case]:
+    """`count` datasets of a kind: every truth once before any comes again, with another contact time."""
+    rng, cases = generator(0, "headline", *sources, kind), []
+    bodies = [
+        (source, shape, truth)
+        for source in sources
+        for shape in BODIES
+        for truth in [*truths(source), *pairs(source)]
+        if not (shape == "ellipse" and CORNERED & set(truth.split("+"))) and _kind(source, truth) == kind
+    ]
+    for turn in range(-(-count // len(bodies))):
+        for k in rng.permutation(len(bodies)):
+            source, shape, truth = bodies[k]
+            time = TIMES[(turn + k) % len(TIMES)]
+            cases.append(Case(source, truth, FRESH + turn, shape=shape, contact_time=time))
+    return cases[:count]
+
+
+def _kind(source: str, truth: str) -> str:
+    return Case(source, truth, FRESH, shape="square").kind
 
 
 def run(

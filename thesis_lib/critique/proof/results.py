@@ -1,16 +1,16 @@
 """Tables of the proof: a row per dataset, per recovered parameter, per cell of equal datasets, and per miss.
 
-The verdict on a dataset is right (`is_right`) if
+The verdict on a dataset is right (`is_right`) if it is exact:
 
 - nothing was hidden, and it is `adequate`;
 - the cause is outside the library, and it is `unexplained`;
-- one effect was hidden, and the first group contains it;
-- two effects were hidden (truth "a+b"), and each is in a group of its own.
+- one effect was hidden, and it is `effects` with one group, which contains it;
+- two effects were hidden (truth "a+b"), and it is `effects` with two groups, one for each.
 
-A refusal is wrong, and so is a group that counts and has more than `LARGEST_GROUP` effects.  Effects that the contact
-of the source has by itself (`Case.by_itself`) are left out first, and `effects` without any other is `adequate`.
+A refusal is wrong, and so is a group of more than `LARGEST_GROUP` effects.  Effects that the contact of the source has
+by itself (`Case.by_itself`) are left out first, and `effects` without any other is `adequate`.
 
-A verdict is exact (`is_exact`) if it is right and complete: `effects`, and as many groups as causes.
+A name is wrong (`wrong_names`) if its group contains no effect that was hidden.
 
 The misfit over its floor is the largest in the channels of the hidden effect: the error of impacts over the noise
 floor, and the misfits of flights and gaps in units of noise, with floor 1.  (The covariance of gaps is conservative:
@@ -49,7 +49,7 @@ CELL = (
     "contact_time",
 )  # datasets of a cell differ only in the seed
 OUTCOMES = (
-    *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right", "exact"),
+    *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right", "wrong_names"),
     *("error_before", "error_after", "floor", "before_over_floor", "after_over_floor", "why"),
 )
 RECOVERED = (*CELL, "seed", "effect", "parameter", "true", "found", "std", "z", "inside", "width")
@@ -57,7 +57,7 @@ TABLE = {"ratio": RATIO, "drops": 150, "noise": 1.0}  # of the summary; other si
 MISFITS = ("error_before", "error_after", "floor", "before_over_floor", "after_over_floor")
 CONFUSION = (
     *CELL,
-    *("kind", "n", "right", "right_low", "right_high", "exact", "group_size", "named_first", "verdicts"),
+    *("kind", "n", "right", "right_low", "right_high", "group_size", "named_first", "verdicts"),
     *MISFITS,
     *("n_parameters", "z", "coverage", "coverage_low", "coverage_high", "width"),
 )
@@ -65,26 +65,21 @@ MISSES = ("source", "truth", "seed", "shape", "contact_time", "kind", "verdict",
 
 
 def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
-    """Whether verdict and groups are right, as the module's docstring defines it."""
+    """Whether the verdict is exact, as the module's docstring defines it."""
     verdict, groups = _without_own(case, verdict, groups)
     if case.kind in (NOTHING, "outside"):
         return verdict == ("adequate" if case.kind == NOTHING else "unexplained")
-    counted = _counted(case, groups)
-    if verdict == "refused" or any(len(group) > LARGEST_GROUP for group in counted):
+    if verdict != "effects" or len(groups) != len(case.hidden) or any(len(group) > LARGEST_GROUP for group in groups):
         return False
     return any(
-        all(set(names) & set(group) for names, group in zip(case.expected, chosen))
-        for chosen in permutations(counted, len(case.expected))
+        all(set(names) & set(group) for names, group in zip(case.expected, chosen)) for chosen in permutations(groups)
     )
 
 
-def is_exact(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
-    """Whether the verdict is right and complete: nothing is named beside what was hidden, and nothing remains."""
-    right = is_right(case, verdict, groups)
-    if case.kind in (NOTHING, "outside"):
-        return right
-    verdict, groups = _without_own(case, verdict, groups)
-    return right and verdict == "effects" and len(groups) == len(case.hidden)
+def wrong_names(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> int:
+    """How many of the named groups contain no effect that was hidden."""
+    hidden = {name for names in case.expected for name in names}
+    return sum(not hidden & set(group) for group in _without_own(case, verdict, groups)[1])
 
 
 def _without_own(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> tuple[str, Sequence[Sequence[str]]]:
@@ -94,15 +89,11 @@ def _without_own(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> t
     return ("adequate" if alone else verdict), others
 
 
-def _counted(case: Case, groups: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
-    return groups[:1] if case.kind == "single" else groups
-
-
 def outcomes(store: Path = STORE) -> pd.DataFrame:
     """A row per stored dataset, columns `OUTCOMES`, sorted; missing group_size and misfits are NaN.
 
     `effect` describes a single truth best, "" if none does.  `named` joins effects of a group by "/" and groups by " +
-    ".  `group_size` is that of the first group; for a pair the mean over groups.  CorruptFileError, here and in what
+    ".  `group_size` is the mean over groups.  CorruptFileError, here and in what
     uses it, if a stored result cannot be read.
     """
     rows = [_outcome(row) for source in SOURCES for row in read_rows(source, store).values()]
@@ -149,14 +140,13 @@ def _cell(case: Case) -> dict:
 def _outcome(row: Row) -> dict:
     case = row.case
     effects = case.expected[0] if case.kind == "single" else ()
-    sizes = [len(group) for group in _counted(case, _without_own(case, row.verdict, row.groups)[1])]
+    sizes = [len(group) for group in _without_own(case, row.verdict, row.groups)[1]]
     outcome = _cell(case) | {name: getattr(row, name) for name in ("verdict", "named", "why")}
     outcome |= {"kind": case.kind, "effect": effects[0] if effects else "", "floor": row.errors["floor"]}
     outcome |= {"named_first": row.groups[0][0] if row.groups else ""}
     outcome |= {"group_size": float(np.mean(sizes)) if sizes else np.nan}
-    outcome |= {
-        name: judge(case, row.verdict, row.groups) for name, judge in (("right", is_right), ("exact", is_exact))
-    }
+    judged = (("right", is_right), ("wrong_names", wrong_names))
+    outcome |= {name: judge(case, row.verdict, row.groups) for name, judge in judged}
     for when, which in (("before", "base"), ("after", "augmented")):
         outcome |= {f"error_{when}": row.errors[which], f"{when}_over_floor": _misfit(row, effects, which)}
     return outcome
@@ -197,7 +187,7 @@ def confusion(store: Path = STORE) -> pd.DataFrame:
         values = by_cell.get(cell, parameters.iloc[:0])
         row = dict(zip(CELL, cell)) | {name: group[name].median() for name in MISFITS}
         row |= {"kind": group["kind"].iloc[0], "n": len(group)}
-        row |= {name: group[name].mean() for name in ("right", "exact", "group_size")}
+        row |= {name: group[name].mean() for name in ("right", "group_size")}
         row["right_low"], row["right_high"] = wilson(int(group["right"].sum()), len(group))
         row["named_first"] = _counts(group.loc[group["named_first"] != "", "named_first"])
         row["verdicts"] = _counts(group["verdict"], VERDICTS)

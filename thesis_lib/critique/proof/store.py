@@ -13,7 +13,7 @@ Rows are sorted, and numbers have the shortest exact form, so that git shows wha
 | flight_..., touch_...             | 1    | held-out misfit of flights and gaps, in units of noise; empty: none       |
 | remaining_p                       | 1    | p-value of the remaining structure                                        |
 | parameters                        |      | "name=true:found:std:fisher" of each, joined by ";"                       |
-| code                              |      | `code_hash` of the code that made the row; empty: unknown                 |
+| code, made                        |      | `code_hash` of the code that made the row, empty: unknown; and the date   |
 """
 
 import csv
@@ -49,7 +49,7 @@ COLUMNS = (
         "n_impacts",
     ),
     *ERRORS,
-    *("remaining_p", "parameters", "why", "code"),
+    *("remaining_p", "parameters", "why", "code", "made"),
 )
 
 
@@ -118,7 +118,7 @@ def _cells(row: Row) -> list[object]:
         ";".join(f"{name}={_text(size)}" for name, size in row.sizes.items()),
         *(row.verdict, row.law, row.named, row.n_impacts),
         *(row.errors.get(name, math.nan) for name in ERRORS),
-        *(row.remaining_p, ";".join(parameters), row.why, row.code),
+        *(row.remaining_p, ";".join(parameters), row.why, row.code, row.made),
     ]
 
 
@@ -160,5 +160,6 @@ def _row(source: str, cells: dict[str, str]) -> Row:
         parameters=parameters,
         why=cells["why"],
         code=cells["code"],
+        made=cells["made"],
         sizes={name: float(size) for name, size in _named(cells["sizes"])},
     )

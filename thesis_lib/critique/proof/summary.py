@@ -66,7 +66,7 @@ class Target:
 
 _EACH = (MECHANISMS, ("mechanism",), ("drake",))
 _ALL = (RIGID, ("law",), ("mechanism",), ("drake",))
-_FIRST = "right effect first or in the named group, laws injected, 150 drops"
+_FIRST = "one effect, named alone or in its group, laws injected, 150 drops"
 _INSIDE = f"parameter inside its 95 % interval (laws injected), width over the Fisher bound ≤ {WIDEST:g}"
 _AFTER = "held-out error after, over the noise floor (single effects)"
 TARGETS = (

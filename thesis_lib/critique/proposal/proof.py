@@ -26,6 +26,7 @@ config/proof/proposals.csv holds a row per dataset:
 | attainable                | m/s  | held-out error of the energetic law with the hidden term itself       |
 | excess                    | 1    | median held-out error over that of noise alone, with the proposal     |
 | seconds                   | s    | of CPU for the proposal                                               |
+| code, made                |      | hash of the code that made the row, empty: unknown; date              |
 """
 
 import time
@@ -40,7 +41,7 @@ from thesis_lib.critique.proposal.effect_file import effect_of, phi
 from thesis_lib.critique.proposal.terms import TARGETS, Term, all_terms
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import put_row, read_rows
+from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
 from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
 from thesis_lib.statistics.intervals import wilson
 
@@ -59,7 +60,7 @@ ENOUGH, NEAR = 1.5, 1.1
 CONTACTS = 2000  # random ones, for the sign of a term of another form
 KEY = ("truth", "seed")
 MEASURED = ("a", "a_std", "before", "after", "floor", "attainable", "excess", "seconds")
-COLUMNS = (*KEY, "verdict", "named", "proposed", "law", "alternatives", *MEASURED)
+COLUMNS = (*KEY, "verdict", "named", "proposed", "law", "alternatives", *MEASURED, *STAMP)
 # the term that says what each hidden law says, or of the same variable
 OWN = {
     "restitution_by_obliquity": "restitution_by_obliquity",
@@ -141,7 +142,7 @@ def compute(case: Case, drops: int = DROPS) -> dict[str, object]:
         a = f"{first.term.name}.a"
         numbers |= {"a": found.fitted.values[a], "a_std": found.fitted.std[a]}
         numbers |= {"after": float(after.error.mean()), "floor": after.floor, "excess": after.excess}
-    return row | {name: float(f"{value:.4g}") for name, value in numbers.items()}
+    return row | {name: float(f"{value:.4g}") for name, value in numbers.items()} | stamp(__file__)
 
 
 def attainable(judged: "Critique", truth: str) -> float:

@@ -1,4 +1,4 @@
-"""Exact verdicts in contacts as long as real ones, against what is asked.
+"""Right verdicts in contacts as long as real ones, against what is asked.
 
 A panel for each figure; points are shares of one source, shape and contact time with 95 % Wilson intervals, slightly
 offset; the line is the share that is asked for.
@@ -8,7 +8,7 @@ import pandas as pd
 
 from thesis_lib.critique.proof.by_contact import ASKED, COVERAGE, COVERED, EVERY
 from thesis_lib.critique.proof.cases import BODIES
-from thesis_lib.critique.proof.plan import REAL, TIMES
+from thesis_lib.critique.proof.plan import TIMES
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.marks import BLUE, GREEN, RED, YELLOW
 from thesis_lib.figures.proof.curves import say_not_run
@@ -20,7 +20,7 @@ TITLES = {
     "drake_hydroelastic": "Drake, hydroelastic",
     "mechanism": "own simulator",
 }
-COLORS = dict(zip(REAL, (BLUE, GREEN, YELLOW, RED)))
+COLORS = dict(zip(TITLES, (BLUE, GREEN, YELLOW, RED)))
 MARKERS = dict(zip(BODIES, "os"))
 APART = 0.1  # between points, in distances between contact times
 
@@ -29,7 +29,7 @@ APART = 0.1  # between points, in distances between contact times
 def draw_real_contacts(table: pd.DataFrame) -> Drawn:
     """Shares by source, shape and contact time; `table` is that of `critique.proof.by_contact`."""
     figure = new_figure(height=4.6)
-    set_title(figure, "Exact verdicts in contacts as long as real ones")
+    set_title(figure, "Right verdicts in contacts as long as real ones")
     if table.empty:
         say_not_run(figure, "real contacts")
         return figure, table
@@ -39,9 +39,9 @@ def draw_real_contacts(table: pd.DataFrame) -> Drawn:
     for (name, share), ax in zip(asked.items(), axes.flat):
         part = table[(table["figure"] == name) & table["contact_time"].isin(TIMES)]
         ax.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
-        for i, (source, shape) in enumerate((source, shape) for source in REAL for shape in BODIES):
+        for i, (source, shape) in enumerate((source, shape) for source in TITLES for shape in BODIES):
             points = part[(part["source"] == source) & (part["shape"] == shape)]
-            x = points["contact_time"].map(places) + APART * (i - 0.5 * (len(REAL) * len(BODIES) - 1))
+            x = points["contact_time"].map(places) + APART * (i - 0.5 * (len(TITLES) * len(BODIES) - 1))
             middle, low, high = (100 * points[column] for column in ("share", "low", "high"))
             look = {"color": COLORS[source], "marker": MARKERS[shape], "markersize": 3.2, "linestyle": ""}
             label = f"{TITLES[source]}, {shape}"
@@ -53,6 +53,6 @@ def draw_real_contacts(table: pd.DataFrame) -> Drawn:
     for ax in axes[-1]:
         ax.set_xticks(list(places.values()), [f"{1e3 * time:g}" for time in places])
         ax.set_xlabel("contact time (ms)", fontsize=7)
-    figure.supylabel("exact verdicts (%)", fontsize=8)
+    figure.supylabel("right verdicts (%)", fontsize=8)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=6.5)
     return figure, table
