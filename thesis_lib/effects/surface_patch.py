@@ -11,7 +11,7 @@ known.
 | on paper      | in code                  | unit | shape | meaning                                                   |
 |---------------|--------------------------|------|-------|-----------------------------------------------------------|
 | h_ε, h_μ, h_τ | `h_eps`, `h_mu`, `h_tau` | 1    |       | relative change within the patch, of ε, μ, τ              |
-| x_1, x_2      | `x_1`, `x_2`             | m    |       | edges along the surface                                   |
+| x_1, x_2      | `x_1`, `x_2`             | m    |       | edges along the surface, from the reference               |
 | w             | `w`                      | m    |       | half-width of an edge                                     |
 | P             |                          | 1    | (n,)  | share of the patch in an impact                           |
 
@@ -44,6 +44,7 @@ class SurfacePatch(Effect):
     needs_one_surface = True
     reference = "Yu, Bauza, Fazeli and Rodriguez 2016 (friction by place), doi:10.1109/IROS.2016.7758091"
     breaks_mirror = True
+    along = ("x",)
 
     def shapes(self, state, rig):
         x = along_surface(state, rig)

@@ -65,9 +65,14 @@ class SideLines:
 
 def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.ndarray) -> np.ndarray:
     """Insertion index of each instant (of_trial, of_t) into (trial, t), sorted by trial and time."""
-    # one sort key: trials are integers, and times stay below a span
-    span = 2.0 * (max(np.abs(t).max(initial=0.0), np.abs(of_t).max(initial=0.0)) + 1.0)
-    return np.searchsorted(trial * span + t, of_trial * span + of_t)
+    # one sort key, made of small numbers whatever those of trials and clocks: differences of a nanosecond count
+    trials, number = np.unique(np.concatenate([trial, of_trial]), return_inverse=True)
+    times = np.concatenate([t, of_t])
+    start = np.full(len(trials), np.inf)
+    np.minimum.at(start, number, times)
+    since = times - start[number]
+    key = number * (since.max(initial=0.0) + 1.0) + since
+    return np.searchsorted(key[: len(t)], key[len(t) :])
 
 
 def edges_of(hits: Hits, trial: np.ndarray, t: np.ndarray, guard: float = GUARD) -> np.ndarray:
