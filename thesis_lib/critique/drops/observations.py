@@ -12,10 +12,10 @@ import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
 from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, measured_flights
-from thesis_lib.critique.drops.lines import LATER, NODES, Hits, edges_of, position, side_lines
+from thesis_lib.critique.drops.lines import NODES, Hits, edges_of, later, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
@@ -238,7 +238,7 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     trial, start, end = (table[name].to_numpy() for name in ("trial", "start", "end"))
     most = table[["n_pre", "n_post"]].to_numpy()
     open_ends = np.full(len(table), np.inf)
-    edges = np.stack([-open_ends, start + LATER, end - LATER, open_ends], axis=1)
+    edges = np.stack([-open_ends, later(start), -later(-end), open_ends], axis=1)
     t = _touch(samples, trial, start, edges, most, rig)
     # a hit that a model makes a little late, because its start is noisy, must not fall behind the state after
     middle = position(samples.trial, samples.t, trial, end) + (most[:, 1] - 1) // 2
