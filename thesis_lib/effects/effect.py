@@ -58,6 +58,7 @@ class Parameter:
         scale: a size that would matter, for steps and starting values.
         starts: further starting values, for effects whose misfit has more than one minimum.
         discrete: the only other value, for effects that are on or off (a mirrored axis); else None.
+        along: "x", "t" or "trial" of one that is itself a place, a time or a release, from `Rig.reference`; else "".
     """
 
     name: str
@@ -68,6 +69,7 @@ class Parameter:
     scale: float
     starts: tuple[float, ...] = ()
     discrete: float | None = None
+    along: Coordinate | Literal[""] = ""
 
 
 @dataclass(frozen=True)

@@ -19,14 +19,13 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.provenance import lib_hash
 from thesis_lib.foundation.randomness import generator
 
-# slopes of a coefficient by what is counted from the reference, and places
+# slopes of a coefficient by what is counted from the reference
 SLOPES = {
     "wear.w": ("epsilon", "trial"),
     "position_dependent_restitution.g_eps": ("epsilon", "x"),
     "position_dependent_friction.g_mu": ("mu", "x"),
     "position_dependent_contact_time.g_tau": ("tau", "x"),
 }
-PLACES = ("surface_patch.x_1", "surface_patch.x_2")
 
 
 class Recovered(NamedTuple):
@@ -136,4 +135,5 @@ def counted_from(reference: Reference, true: Mapping[str, float]) -> dict[str, f
             moved[name] /= factor
             if coefficient in true:
                 moved[coefficient] *= factor
-    return moved | {name: true[name] - reference.x for name in PLACES if name in true}
+    places = {f"{name}.{p.name}": p.along for name, effect in EFFECTS.items() for p in effect.parameters if p.along}
+    return moved | {name: true[name] - getattr(reference, of) for name, of in places.items() if name in true}
