@@ -30,6 +30,7 @@ from thesis_lib.extensions.stage_predictor import (
 )
 
 N = 300  # states
+FEW = 40  # where a single one would do
 CHANNELS = ("impact", "meet", "touch", "flight")
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
 IDENTITY = 1e-15  # a null effect may cost one rounding
@@ -308,23 +309,23 @@ def mirror_symmetric(effect: Effect) -> str:
 
 def counts_from_reference(effect: Effect) -> str:
     """Nothing depends on where places, times and numbers of releases begin, and `along` says what is counted."""
-    for rig in RIGS.values():
-        states = _states(rig, 14)
-        here = _made(effect, states, rig)
-        there = _made(effect, _moved(states, ELSEWHERE), replace(rig, reference=ELSEWHERE), ELSEWHERE)
-        for hook, made in here.items():
-            if why := _differs(there[hook], made, SHIFTED, SHIFTED):
-                return (
-                    f"{hook} must not depend on where x, t and trial begin: count them from rig.reference, as in "
-                    f"state.x - rig.reference.x; where all begin elsewhere, it {why}"
-                )
-        for name in ("x", "t", "trial"):
-            other = _made(effect, states, replace(rig, reference=Reference(**{name: 0.1})))
-            counted = any(_differs(other[hook], made, 0.0) for hook, made in here.items())
-            if counted and name not in effect.along:
-                return f'it counts {name} from rig.reference: say so with along = ("{name}",)'
-            if name in effect.along and not counted and effect.applies_to(rig):
-                return f"along names {name}, but nothing is counted from rig.reference.{name}"
+    rig = RIGS["quadrilateral"]
+    states = random_states(rig, FEW, np.random.default_rng(14))
+    here = _made(effect, states, rig)
+    there = _made(effect, _moved(states, ELSEWHERE), replace(rig, reference=ELSEWHERE), ELSEWHERE)
+    for hook, made in here.items():
+        if why := _differs(there[hook], made, SHIFTED, SHIFTED):
+            return (
+                f"{hook} must not depend on where x, t and trial begin: count them from rig.reference, as in "
+                f"state.x - rig.reference.x; where all begin elsewhere, it {why}"
+            )
+    for name in ("x", "t", "trial"):
+        other = _made(effect, states, replace(rig, reference=Reference(**{name: 0.1})))
+        counted = any(_differs(other[hook], made, 0.0) for hook, made in here.items())
+        if counted and name not in effect.along:
+            return f'it counts {name} from rig.reference: say so with along = ("{name}",)'
+        if name in effect.along and not counted:
+            return f"along names {name}, but nothing is counted from rig.reference.{name}"
     return ""
 
 
@@ -335,7 +336,7 @@ def _moved(states: State, by: Reference, sign: float = 1.0) -> State:
 
 def _made(effect: Effect, states: State, rig: Rig, moved: Reference = Reference()) -> dict[str, object]:
     """What the hooks make of states, those that were `moved` in numbers that begin at 0."""
-    p, tau = at_scale(effect), np.full((N, 1), 0.1)
+    p, tau = at_scale(effect), np.full((len(states.x), 1), 0.1)
     made = {hook: value for hook, (_, value) in hook_calls(effect, p, rig, states).items()}
     arc = effect.arc(tau, states, p, rig)
     made |= {"arc": np.zeros(0) if arc is None else arc}
