@@ -131,11 +131,14 @@ class State:
 
 @dataclass(frozen=True)
 class Reference:
-    """Where effects count from: a place x (m), a time t (s) and a number of a release, in the numbers of the dataset."""
+    """Where effects count from: a place x (m), a time t (s) and a release, in the numbers of the dataset."""
 
     x: float = 0.0
     t: float = 0.0
     trial: float = 0.0
+
+
+ORIGIN = Reference()
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,7 @@ class Rig:
     height: float
     walls: tuple[Wall, ...] = ()
     has_angle: bool = True
-    reference: Reference = Reference()
+    reference: Reference = ORIGIN
 
     @property
     def k_told(self) -> float:

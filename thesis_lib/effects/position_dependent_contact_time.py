@@ -2,8 +2,8 @@
 
     τ ← max(τ (1 + g_τ x_c), 0)
 
-x_c is the place of the contact point from the reference, where τ is the value.  τ ~ k^(−1/2) for the stiffness k of a linear
-contact.
+x_c is the place of the contact point, counted from the reference; τ is the value there.  τ ~ k^(−1/2) for the stiffness
+k of a linear contact.
 
 | on paper | in code | unit | shape | meaning                            |
 |----------|---------|------|-------|------------------------------------|

@@ -2,7 +2,7 @@
 
     ε ← clip(ε (1 + g_ε x_c), 0, 1)
 
-x_c is the place of the contact point from the reference, where ε is the value.
+x_c is the place of the contact point, counted from the reference; ε is the value there.
 
 | on paper | in code   | unit | shape |                                    |
 |----------|-----------|------|-------|------------------------------------|

@@ -14,7 +14,7 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import FAMILIES, Effect, Impulse, Parameter, Reference, Rig, State
+from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Impulse, Parameter, Reference, Rig, State
 from thesis_lib.extensions.contract import Check, NothingYet
 from thesis_lib.extensions.stage_predictor import (
     EPSILON,
@@ -334,7 +334,7 @@ def _moved(states: State, by: Reference, sign: float = 1.0) -> State:
     return states.moved(**{name: getattr(states, name) + sign * getattr(by, name) for name in ("x", "t", "trial")})
 
 
-def _made(effect: Effect, states: State, rig: Rig, moved: Reference = Reference()) -> dict[str, object]:
+def _made(effect: Effect, states: State, rig: Rig, moved: Reference = ORIGIN) -> dict[str, object]:
     """What the hooks make of states, those that were `moved` in numbers that begin at 0."""
     p, tau = at_scale(effect), np.full((len(states.x), 1), 0.1)
     made = {hook: value for hook, (_, value) in hook_calls(effect, p, rig, states).items()}

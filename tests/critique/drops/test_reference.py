@@ -68,7 +68,9 @@ def test_wear_is_found_however_releases_are_numbered(numbers):
     o, gain, found = fitted(data, "wear")
     assert gain > CLEAR
     if np.ptp(numbers) == N - 1:  # a month's end is no release: by date the drift of a number is another
-        true = counted_from(replace(o.rig.reference, trial=o.rig.reference.trial - numbers[0]), TRUE | {"wear.w": -0.002})
+        true = counted_from(
+            replace(o.rig.reference, trial=o.rig.reference.trial - numbers[0]), TRUE | {"wear.w": -0.002}
+        )
         for name in ("epsilon", "wear.w"):
             assert abs(found.values[name] - true[name]) < SIGMAS * found.std[name], name
     assert found.values["wear.w"] < -SIGMAS * found.std["wear.w"] and 0.4 < found.values["epsilon"] < 0.6

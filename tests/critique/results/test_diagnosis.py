@@ -375,5 +375,7 @@ def test_it_says_where_effects_count_from_in_the_numbers_of_the_dataset(told, hi
     edges = {"x_1": {"value": 0.05}, "x_2": {"value": -0.1}}
     assert counted_from("wear", there, {"w": {"value": 0.1}}) == "counted from release 20260114"
     assert counted_from("sensor_drift", there, {}) == "counted from t = 1700000000.25 s"
-    assert counted_from("surface_patch", there, edges) == "counted from x = 3.02 m, x_1 at x = 3.07 m, x_2 at x = 2.92 m"
+    assert (
+        counted_from("surface_patch", there, edges) == "counted from x = 3.02 m, x_1 at x = 3.07 m, x_2 at x = 2.92 m"
+    )
     assert counted_from("adhesion", there, {}) == counted_from("wear", {}, {}) == ""

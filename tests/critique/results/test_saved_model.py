@@ -13,7 +13,15 @@ from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.residuals import end_of_episodes, states_at_impact
-from thesis_lib.critique.results.saved_model import STATE, SavedModel, SavedReference, load_model, predict, save_model, saved
+from thesis_lib.critique.results.saved_model import (
+    STATE,
+    SavedModel,
+    SavedReference,
+    load_model,
+    predict,
+    save_model,
+    saved,
+)
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig, State
@@ -233,9 +241,7 @@ def test_a_model_knows_where_its_effects_count_from(states, tmp_path):
     assert "reference" not in (tmp_path / "near.json").read_text()
     back = load_model(tmp_path / "far.json")
     assert back.believed.reference == Reference(3.0, 0.0, 20260106.0)
-    after, expected = (
-        predict(model, states.assign(trial=trial)) for model, trial in ((back, 20260116), (worn, 10))
-    )
+    after, expected = (predict(model, states.assign(trial=trial)) for model, trial in ((back, 20260116), (worn, 10)))
     assert after["vy_post"].tolist() == expected["vy_post"].tolist()
     # at release 0 restitution would stand at 1, and so would it at release 1
     with pytest.raises(UserError, match="depends on trial"):

@@ -161,9 +161,7 @@ def test_the_critique_finds_the_parameters_of_the_model_that_made_the_drops(mode
 
 
 def from_elsewhere(model: SavedModel, **reference: float) -> SavedModel:
-    return model.model_copy(
-        update={"rig": model.rig.model_copy(update={"reference": SavedReference(**reference)})}
-    )
+    return model.model_copy(update={"rig": model.rig.model_copy(update={"reference": SavedReference(**reference)})})
 
 
 def test_drops_are_numbered_from_0_and_the_middle_one_is_that_of_the_reference():

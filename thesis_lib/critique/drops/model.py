@@ -77,7 +77,9 @@ class Model:
 
     def acting(self, *hooks: str) -> list[Effect]:
         """The effects that override one of these hooks."""
-        return [e for e in self.acting_order if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)]
+        return [
+            e for e in self.acting_order if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)
+        ]
 
     @cached_property
     def has_varying_flight(self) -> bool:

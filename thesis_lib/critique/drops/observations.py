@@ -19,7 +19,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
-from thesis_lib.effects.effect import Reference, Rig
+from thesis_lib.effects.effect import ORIGIN, Reference, Rig
 
 UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
 OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
@@ -88,7 +88,7 @@ class Observations:
         Between walls x tells the wall, and has no middle.
         """
         if not len(self):
-            return Reference()
+            return ORIGIN
         x = 0.0 if self.rig.walls else float(self.value[:, 0, 0].mean())
         return Reference(round(x, 3), round(float(self.t.mean()), 3), float(round(self.trial.mean())))
 
