@@ -69,6 +69,22 @@ class OtherChannel(Right):
         return a * (1.0 + p["h"])
 
 
+class FromZero(Right):
+    breaks_mirror = True
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["h"] * np.tanh(state.x)), 0.0, 1.0)
+
+
+class Unsaid(Right):
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + 1e-3 * p["h"] * (state.trial - rig.reference.trial)), 0.0, 1.0)
+
+
+class SaidInVain(Right):
+    along = ("t",)
+
+
 class Weak(Right):
     parameters = (replace(H, scale=1e-4),)
 
@@ -142,6 +158,9 @@ class NoTrajectories(Right):
         (NotOnDisks, "does not apply", "refuses a disk, but there it changes the impact"),
         (LeftIsRight, "mirrored outcome", "breaks_mirror = True"),
         (SaysLeftIsNotRight, "mirrored outcome", "take that line out"),
+        (FromZero, "from the reference", r"coefficients must not .*state\.x - rig\.reference\.x.* off by"),
+        (Unsaid, "from the reference", r'counts trial .* along = \("trial",\)'),
+        (SaidInVain, "from the reference", "along names t, but nothing"),
         (Forgets, "together with", "it takes the influence of .* on the impact away"),
         (Crashes, "nothing at its null", r"KeyError: 'x' \(test_effect_contract.py, line \d+\)"),
     ],

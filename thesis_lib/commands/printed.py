@@ -13,6 +13,7 @@ STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad", "
 def diagnosis_text(content: Mapping) -> str:
     """The content of diagnosis.json for a terminal."""
     from thesis_lib.critique.results.summary import origin_text
+    from thesis_lib.critique.results.titles import counted_from
 
     lines = [f"{content['dataset']}: {content['verdict'] or 'no verdict'}", *(f"  {s}" for s in content["summary"])]
     if content["verdict"] is None:
@@ -29,6 +30,8 @@ def diagnosis_text(content: Mapping) -> str:
             lines.append(f"    {effect['name']} is from {origins[effect['name']]}")
         for key, p in effect["parameters"].items():
             lines.append(f"    {effect['name']}.{key} {'' if p.get('bound') else '= '}{_value(p)}")
+        if start := counted_from(effect["name"], content.get("reference", {}), effect["parameters"]):
+            lines.append(f"      {start}")
         gain, (low, high) = effect["gain"], effect["gain"]["interval"]
         lines.append(
             f"      gains {gain[f'held_out_log_score_per_{score}']:.3g} nats {case} (95 %: {low:.3g} to {high:.3g}), "

@@ -22,6 +22,7 @@ class Adhesion(Effect):
     title = "adhesion"
     equation = "ε² = max(ε₀² − (v_s / v_n)², 0)"
     parameters = (Parameter("v_s", "m/s", null=0.0, low=0.0, high=3.0, scale=0.3, starts=(0.1, 0.8)),)
+    rank = 5
     reference = "Thornton and Ning 1998, doi:10.1016/S0032-5910(98)00099-0"
 
     def coefficients(self, mu, epsilon, space, state, p, rig):

@@ -26,6 +26,7 @@ class AngleOffset(Effect):
     )
     channels = ("impact", "touch")
     needs_angle = True
+    rank = 90
     reference = "camera calibration"
     breaks_mirror = True
 

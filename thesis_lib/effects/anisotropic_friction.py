@@ -28,6 +28,7 @@ class AnisotropicFriction(Effect):
     equation = "μ = μ₀ (1 + a_t sign(v_t))"
     parameters = (Parameter("a_t", "1", null=0.0, low=-0.95, high=0.95, scale=0.1),)
     needs_angle = True
+    rank = 1
     reference = "Zmitrowicz 1981 (constitutive equations of anisotropic friction)"
     breaks_mirror = True
 

@@ -102,7 +102,8 @@ class AtWall(Effect):
         self.name, self.title = f"{of.name}{_BETWEEN}{wall}", f"{of.title} at the wall {wall}"
         self.equation, self.parameters, self.channels = f"{of.equation} at {wall}", of.parameters, of.channels
         self.needs_trajectories, self.needs_contact_time = of.needs_trajectories, of.needs_contact_time
-        self.reference, self.includes = of.reference, tuple(f"{name}{_BETWEEN}{wall}" for name in of.includes)
+        self.rank, self.reference = of.rank, of.reference
+        self.includes = tuple(f"{name}{_BETWEEN}{wall}" for name in of.includes)
 
     def applies_to(self, rig: Rig) -> bool:
         return len(rig.walls) > 1 and any(wall.name == self.wall for wall in rig.walls)

@@ -34,6 +34,7 @@ class ComOffset(Effect):
     channels = ("impact", "flight")
     denies = "centre of mass"
     needs_angle = True
+    rank = 6
     reference = "rigid-body kinematics"
     breaks_mirror = True
 

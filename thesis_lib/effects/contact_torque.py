@@ -25,6 +25,7 @@ class ContactTorque(Effect):
     equation = "dτ = −m_r sign(ω) dp, |dτ| ≤ m_r dp where ω = 0"
     parameters = (Parameter("m_r", "m", null=0.0, low=0.0, high=0.02, scale=5e-4),)
     needs_angle = True
+    rank = 4
     reference = "Brach 1989 (rigid body collisions: moment coefficient); Johnson 1985, chapter 8 (rolling resistance)"
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):

@@ -14,6 +14,10 @@ Up to `to_contact` a state is that of the body origin; `contact_point`, `contact
 get the state as the contact sees it.
 A measurement effect changes the prediction of what is measured, never the measurement itself.
 
+Effects act one after the other in the order of `in_order`, whatever the order in which they were chosen.  Places, times
+and numbers of releases have no origin of their own: an effect that depends on one counts it from `rig.reference`, so
+that μ, ε and τ are those in the middle of the measured impacts.
+
 | on paper        | in code               | unit        | shape |                                                 |
 |-----------------|-----------------------|-------------|-------|-------------------------------------------------|
 | q, v            | `State`               | m, rad; m/s, rad/s | (n,) each | pose and velocity                        |
@@ -25,7 +29,7 @@ A measurement effect changes the prediction of what is measured, never the measu
 Masses are 1 throughout: planar impacts need the radius of gyration only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -38,6 +42,7 @@ from thesis_lib.contact.space import ContactSpace
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
 FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface", "flight", "measurement")
 Channel = Literal["impact", "meet", "touch", "flight"]
+Coordinate = Literal["x", "t", "trial"]
 Parameters = Mapping[str, float]
 
 
@@ -53,6 +58,7 @@ class Parameter:
         scale: a size that would matter, for steps and starting values.
         starts: further starting values, for effects whose misfit has more than one minimum.
         discrete: the only other value, for effects that are on or off (a mirrored axis); else None.
+        along: "x", "t" or "trial" of one that is itself a place, a time or a release, from `Rig.reference`; else "".
     """
 
     name: str
@@ -63,6 +69,7 @@ class Parameter:
     scale: float
     starts: tuple[float, ...] = ()
     discrete: float | None = None
+    along: Coordinate | Literal[""] = ""
 
 
 @dataclass(frozen=True)
@@ -123,11 +130,23 @@ class State:
 
 
 @dataclass(frozen=True)
+class Reference:
+    """Where effects count from: a place x (m), a time t (s) and a release, in the numbers of the dataset."""
+
+    x: float = 0.0
+    t: float = 0.0
+    trial: float = 0.0
+
+
+ORIGIN = Reference()
+
+
+@dataclass(frozen=True)
 class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
     Between `walls` x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle` neither the angle nor
-    the spin is measured.
+    the spin is measured.  `reference` is where the effects count places, times and releases from.
     """
 
     shape: Shape
@@ -136,6 +155,7 @@ class Rig:
     height: float
     walls: tuple[Wall, ...] = ()
     has_angle: bool = True
+    reference: Reference = ORIGIN
 
     @property
     def k_told(self) -> float:
@@ -183,6 +203,8 @@ class Effect:
         needs_one_surface: whether it means nothing between walls: it is about gravity, or about places in the plane.
         includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
+        along: which of x, t and trial it counts from `rig.reference`.
+        rank: its place among the effects that act together; see `in_order`.
         denies: what of the body it says to be other than believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
         reference: source, with DOI where there is one.
@@ -200,6 +222,8 @@ class Effect:
     needs_one_surface: bool = False
     includes: tuple[str, ...] = ()
     breaks_mirror: bool = False
+    along: tuple[Coordinate, ...] = ()
+    rank: int = 0
     denies: str = ""
     reference: str = ""
 
@@ -289,3 +313,24 @@ class Effect:
         (n, W, 3) in m, m, rad; None if the acceleration is practically constant over a tenth of a second.
         """
         return None
+
+
+def in_order(effects: Iterable[Effect]) -> list[Effect]:
+    """Effects in the order in which they act: by rank, then by family and name.
+
+    A rank is needed where two effects do not commute.  From an impact to the record:
+
+    | rank | effect                      | why there                                                               |
+    |------|-----------------------------|-------------------------------------------------------------------------|
+    | −1   | tangential_restitution      | it asks which impulses of the law stick, before others change them      |
+    | 0    | all others                  | they commute, but for limits such as ε ≤ 1                              |
+    | 1    | anisotropic_friction        | friction of either direction of the slip,                               |
+    | 2    | velocity_dependent_friction | which then depends on its speed                                         |
+    | 3    | tangential_compliance       | the spring that this friction holds                                     |
+    | 4    | contact_torque              | rolling, with what these leave of the spin                              |
+    | 5    | adhesion                    | it takes its energy from the rebound that all else leaves               |
+    | 6    | com_offset                  | the origin circles with the angular acceleration of all forces          |
+    | 8    | moving_surface              | its velocity is along the surface, whose axes others may have turned    |
+    | 10…  | measurement                 | from the tracked point over camera and scale to the axes that are told  |
+    """
+    return sorted(effects, key=lambda effect: (effect.rank, FAMILIES.index(effect.family), effect.name))

@@ -1,11 +1,14 @@
 """Length scale: the lengths that the camera reports, and so the velocities, are too large or too small by a factor.
 
-    x_measured = (1 + s_L) x,   y_measured − H = (1 + s_L) (y − H),   v_measured = (1 + s_L) v;   θ and ω are correct
+    x_measured − x_0 = (1 + s_L) (x − x_0),   y_measured − H = (1 + s_L) (y − H),   v_measured = (1 + s_L) v
+
+θ and ω are correct.
 
 | on paper | in code      | unit | shape |                                                            |
 |----------|--------------|------|-------|------------------------------------------------------------|
 | s_L      | `s_L`        | 1    |       | relative error of the camera's scale                       |
 | H        | `rig.height` | m    |       | height of the surface, where y is correct                  |
+| x_0      | `rig.reference.x` | m |     | place where x is correct                                   |
 """
 
 from thesis_lib.effects.effect import Effect, Parameter
@@ -15,25 +18,25 @@ class LengthScale(Effect):
     name = "length_scale"
     family = "measurement"
     title = "wrong length scale"
-    equation = "x_measured = (1 + s_L) x"
+    equation = "x_measured − x₀ = (1 + s_L) (x − x₀)"
     parameters = (Parameter("s_L", "1", null=0.0, low=-0.5, high=1.0, scale=0.02),)
     channels = ("impact", "touch", "flight")
     needs_one_surface = True
+    along = ("x",)
+    rank = 60
     reference = "camera calibration"
 
     def to_true(self, state, p, rig):
-        return _scaled(state, -p["s_L"] / (1.0 + p["s_L"]), rig.height)
+        return _scaled(state, -p["s_L"] / (1.0 + p["s_L"]), rig)
 
     def to_measured(self, state, p, rig):
-        return _scaled(state, p["s_L"], rig.height)
+        return _scaled(state, p["s_L"], rig)
 
 
-def _scaled(state, s, height):
-    """Lengths times 1 + s, about the surface's origin (0, height)."""
-    factor = 1.0 + s
-    return state.moved(
-        x=state.x * factor, y=state.y + s * (state.y - height), vx=state.vx * factor, vy=state.vy * factor
-    )
+def _scaled(state, s, rig):
+    """Lengths times 1 + s, about the reference's place on the surface."""
+    factor, x, y = 1.0 + s, s * (state.x - rig.reference.x), s * (state.y - rig.height)
+    return state.moved(x=state.x + x, y=state.y + y, vx=state.vx * factor, vy=state.vy * factor)
 
 
 EFFECT = LengthScale()

@@ -34,6 +34,7 @@ class MarkerOffset(Effect):
     )
     channels = ("impact", "touch", "flight")
     needs_angle = True
+    rank = 10
     reference = "rigid-body kinematics"
     breaks_mirror = True
 

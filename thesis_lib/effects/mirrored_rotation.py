@@ -20,6 +20,7 @@ class MirroredRotation(Effect):
     parameters = (Parameter("mirrored", "1", null=0.0, low=0.0, high=1.0, scale=1.0, discrete=1.0),)
     channels = ("impact", "touch")
     needs_angle = True
+    rank = 80
     reference = "handedness of axes"
 
     def to_true(self, state, p, rig):

@@ -2,8 +2,8 @@
 
     τ ← max(τ (1 + g_τ x_c), 0)
 
-x_c is the place of the contact point; τ is then the value at x_c = 0.  τ ~ k^(−1/2) for the stiffness k of a linear
-contact.
+x_c is the place of the contact point, counted from the reference; τ is the value there.  τ ~ k^(−1/2) for the stiffness
+k of a linear contact.
 
 | on paper | in code | unit | shape | meaning                            |
 |----------|---------|------|-------|------------------------------------|
@@ -30,6 +30,7 @@ class PositionDependentContactTime(Effect):
     needs_one_surface = True
     reference = "first order of a smooth dependence on place; stiffness of a spring, Goldsmith 1960, chapter 4"
     breaks_mirror = True
+    along = ("x",)
 
     def contact_time(self, tau, space, state, p, rig):
         return np.maximum(tau * (1.0 + p["g_tau"] * along_surface(state, rig)), 0.0)

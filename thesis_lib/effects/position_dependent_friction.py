@@ -1,8 +1,8 @@
 """Position-dependent friction: the surface is rougher at one end.
 
-    μ ← max(μ (1 + g_μ x), 0)
+    μ ← max(μ (1 + g_μ x_c), 0)
 
-x is the position of the body origin; μ is then the value at x = 0, wherever the drops fall.
+x_c is the place of the contact point, counted from the reference; μ is the value there.
 
 | on paper | in code   | unit | shape |                                    |
 |----------|-----------|------|-------|------------------------------------|
@@ -13,6 +13,7 @@ Breaks mirror symmetry.
 
 import numpy as np
 
+from thesis_lib.effects.contact_place import along_surface
 from thesis_lib.effects.effect import Effect, Parameter
 
 
@@ -20,14 +21,15 @@ class PositionDependentFriction(Effect):
     name = "position_dependent_friction"
     family = "surface"
     title = "friction depends on place"
-    equation = "μ = μ₀ (1 + g_μ x)"
+    equation = "μ = μ₀ (1 + g_μ x_c)"
     parameters = (Parameter("g_mu", "1/m", null=0.0, low=-10.0, high=10.0, scale=0.5),)
     needs_one_surface = True
     reference = "first order of a smooth dependence on place"
     breaks_mirror = True
+    along = ("x",)
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
-        return np.maximum(mu * (1.0 + p["g_mu"] * state.x), 0.0), epsilon
+        return np.maximum(mu * (1.0 + p["g_mu"] * along_surface(state, rig)), 0.0), epsilon
 
 
 EFFECT = PositionDependentFriction()

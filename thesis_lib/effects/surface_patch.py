@@ -11,7 +11,7 @@ known.
 | on paper      | in code                  | unit | shape | meaning                                                   |
 |---------------|--------------------------|------|-------|-----------------------------------------------------------|
 | h_ε, h_μ, h_τ | `h_eps`, `h_mu`, `h_tau` | 1    |       | relative change within the patch, of ε, μ, τ              |
-| x_1, x_2      | `x_1`, `x_2`             | m    |       | edges along the surface                                   |
+| x_1, x_2      | `x_1`, `x_2`             | m    |       | edges along the surface, from the reference               |
 | w             | `w`                      | m    |       | half-width of an edge                                     |
 | P             |                          | 1    | (n,)  | share of the patch in an impact                           |
 
@@ -36,14 +36,15 @@ class SurfacePatch(Effect):
         Parameter("h_eps", "1", null=0.0, low=-1.0, high=3.0, scale=0.1),
         Parameter("h_mu", "1", null=0.0, low=-1.0, high=10.0, scale=0.2),
         Parameter("h_tau", "1", null=0.0, low=-1.0, high=10.0, scale=0.5),
-        Parameter("x_1", "m", null=0.05, low=-10.0, high=10.0, scale=0.02),
-        Parameter("x_2", "m", null=0.15, low=-10.0, high=10.0, scale=0.02),
+        Parameter("x_1", "m", null=0.05, low=-10.0, high=10.0, scale=0.02, along="x"),
+        Parameter("x_2", "m", null=0.15, low=-10.0, high=10.0, scale=0.02, along="x"),
         Parameter("w", "m", null=0.02, low=2e-3, high=0.1, scale=0.01),
     )
     channels = ("impact", "touch")
     needs_one_surface = True
     reference = "Yu, Bauza, Fazeli and Rodriguez 2016 (friction by place), doi:10.1109/IROS.2016.7758091"
     breaks_mirror = True
+    along = ("x",)
 
     def shapes(self, state, rig):
         x = along_surface(state, rig)

@@ -46,6 +46,7 @@ class TangentialCompliance(Effect):
         Parameter("zeta", "1", null=0.2, low=0.02, high=0.9, scale=0.02, starts=(0.2,)),
     )
     needs_angle = True
+    rank = 3
     reference = (
         "Maw, Barber and Fawcett 1976, doi:10.1016/0043-1648(76)90201-5; Stronge 1994, doi:10.1016/0734-743X(94)80027-7"
     )

@@ -23,6 +23,7 @@ class TangentialRestitution(Effect):
     equation = "c_t = clip((1 + e_t) c_t,stick, ±μ c_n)"
     parameters = (Parameter("e_t", "1", null=0.0, low=-1.0, high=1.0, scale=0.2),)
     needs_angle = True
+    rank = -1
     reference = "Walton 1993; Chatterjee and Ruina 1998, doi:10.1115/1.2791929"
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):

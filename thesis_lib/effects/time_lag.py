@@ -23,6 +23,7 @@ class TimeLag(Effect):
     parameters = (Parameter("lag", "s", null=0.0, low=-0.05, high=0.05, scale=2e-3, starts=(-0.01, 0.01)),)
     channels = ("impact", "meet", "touch")
     needs_angle = True
+    rank = 20
     reference = "kinematics"
 
     def to_true(self, state, p, rig):

@@ -28,6 +28,7 @@ class VelocityDependentFriction(Effect):
         Parameter("v_s", "m/s", null=0.5, low=0.05, high=3.0, scale=0.05, starts=(0.5, 1.2)),
     )
     needs_angle = True
+    rank = 2
     reference = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, doi:10.1016/0005-1098(94)90209-7"
 
     def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):

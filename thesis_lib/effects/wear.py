@@ -1,14 +1,14 @@
 """Wear: restitution drifts from one release to the next (worn corners, warming, loosening parts).
 
-    ε ← clip(ε (1 + w i), 0, 1),   i the number of the release, counted from 0
+    ε ← clip(ε (1 + w (i − i_0)), 0, 1),   i the number of the release
 
-Counted from the first release and not from the mean of those at hand: the prediction of one impact must not depend
-on which others are predicted with it.
+ε is that of the release i_0, the middle of those that the model was fitted to, however they are numbered.
 
 | on paper | in code       | unit    | shape |                                                |
 |----------|---------------|---------|-------|------------------------------------------------|
 | w        | `w`           | 1/trial |       | relative change a release; negative: it wears  |
 | i        | `state.trial` | 1       | (n,)  | order in which the releases were made          |
+| i_0      | `rig.reference.trial` | 1 |     | where it is counted from                       |
 """
 
 import numpy as np
@@ -20,12 +20,13 @@ class Wear(Effect):
     name = "wear"
     family = "contact_law"
     title = "wear"
-    equation = "ε = ε₀ (1 + w · trial)"
+    equation = "ε = ε₀ (1 + w (i − i₀))"
     parameters = (Parameter("w", "1/trial", null=0.0, low=-0.02, high=0.02, scale=1e-3),)
+    along = ("trial",)
     reference = "first order of a slow drift (our choice)"
 
     def coefficients(self, mu, epsilon, space, state, p, rig):
-        return mu, np.clip(epsilon * (1.0 + p["w"] * state.trial), 0.0, 1.0)
+        return mu, np.clip(epsilon * (1.0 + p["w"] * (state.trial - rig.reference.trial)), 0.0, 1.0)
 
 
 EFFECT = Wear()

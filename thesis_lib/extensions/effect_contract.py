@@ -7,13 +7,14 @@ without symmetry.
 import inspect
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import FAMILIES, Effect, Impulse, Parameter, Rig, State
+from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Impulse, Parameter, Reference, Rig, State
 from thesis_lib.extensions.contract import Check, NothingYet
 from thesis_lib.extensions.stage_predictor import (
     EPSILON,
@@ -29,6 +30,7 @@ from thesis_lib.extensions.stage_predictor import (
 )
 
 N = 300  # states
+FEW = 40  # where a single one would do
 CHANNELS = ("impact", "meet", "touch", "flight")
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
 IDENTITY = 1e-15  # a null effect may cost one rounding
@@ -36,6 +38,8 @@ IDENTITY = 1e-15  # a null effect may cost one rounding
 # about 100 impacts: what an effect changes at its scale must not lie far below
 RESOLVED = {"impact": 3e-3, "meet": 1e-3, "touch": 1e-4, "flight": 1e-2}
 UNCHANGED = 1e-9  # difference quotients of the flight lose three digits
+ELSEWHERE = Reference(x=3.0, t=1000.0, trial=1000.0)
+SHIFTED = 1e-9  # relative to 1: numbers near 1000 have lost three digits, and edges of 2 mm two more
 MIRRORED, BROKEN = 1e-6, 1.0  # in units of RESOLVED: a symmetry that holds, and one that is broken
 DISK = Rig(Disk(radius=0.03), 0.0212, 9.81, 0.0)
 NOTHING = "it changes nothing yet: write what it does into one of the hooks"
@@ -303,8 +307,45 @@ def mirror_symmetric(effect: Effect) -> str:
     return ""
 
 
+def counts_from_reference(effect: Effect) -> str:
+    """Nothing depends on where places, times and numbers of releases begin, and `along` says what is counted."""
+    rig = RIGS["quadrilateral"]
+    states = random_states(rig, FEW, np.random.default_rng(14))
+    here = _made(effect, states, rig)
+    there = _made(effect, _moved(states, ELSEWHERE), replace(rig, reference=ELSEWHERE), ELSEWHERE)
+    for hook, made in here.items():
+        if why := _differs(there[hook], made, SHIFTED, SHIFTED):
+            return (
+                f"{hook} must not depend on where x, t and trial begin: count them from rig.reference, as in "
+                f"state.x - rig.reference.x; where all begin elsewhere, it {why}"
+            )
+    for name in ("x", "t", "trial"):
+        other = _made(effect, states, replace(rig, reference=Reference(**{name: 0.1})))
+        counted = any(_differs(other[hook], made, 0.0) for hook, made in here.items())
+        if counted and name not in effect.along:
+            return f'it counts {name} from rig.reference: say so with along = ("{name}",)'
+        if name in effect.along and not counted:
+            return f"along names {name}, but nothing is counted from rig.reference.{name}"
+    return ""
+
+
+def _moved(states: State, by: Reference, sign: float = 1.0) -> State:
+    """The states in numbers that begin elsewhere."""
+    return states.moved(**{name: getattr(states, name) + sign * getattr(by, name) for name in ("x", "t", "trial")})
+
+
+def _made(effect: Effect, states: State, rig: Rig, moved: Reference = ORIGIN) -> dict[str, object]:
+    """What the hooks make of states, those that were `moved` in numbers that begin at 0."""
+    p, tau = at_scale(effect), np.full((len(states.x), 1), 0.1)
+    made = {hook: value for hook, (_, value) in hook_calls(effect, p, rig, states).items()}
+    arc = effect.arc(tau, states, p, rig)
+    made |= {"arc": np.zeros(0) if arc is None else arc}
+    made |= {"shapes": np.array([list(start.values()) for start in effect.shapes(states, rig)])}
+    return {hook: _moved(value, moved, -1.0) if isinstance(value, State) else value for hook, value in made.items()}
+
+
 def composes(effect: Effect) -> str:
-    """With each effect of the library predictions are finite, and what comes second does not swallow the first."""
+    """With each effect of the library predictions are finite, and what acts later does not swallow what acts first."""
     rig = RIGS["quadrilateral"]
     states = _states(rig, 13)
 
@@ -315,14 +356,14 @@ def composes(effect: Effect) -> str:
     for name, other in EFFECTS.items():
         if name == effect.name:
             continue
-        first, second, of_other = made(effect, other), made(other, effect), made(other)
+        together, of_other = made(effect, other), made(other)
         for channel in CHANNELS:
-            both, then = getattr(first, channel), getattr(second, channel)
-            if not (np.isfinite(both).all() and np.isfinite(then).all()):
+            both = getattr(together, channel)
+            if not np.isfinite(both).all():
                 return f"together with {name} the {channel} is not finite"
             if channel in effect.channels and not idle and np.array_equal(both, getattr(of_other, channel)):
-                return f"where {name} comes after it, it has no influence on the {channel}"
-            if channel in other.channels and np.array_equal(then, getattr(alone, channel)):
+                return f"together with {name} it has no influence on the {channel}"
+            if channel in other.channels and np.array_equal(both, getattr(alone, channel)):
                 return f"it takes the influence of {name} on the {channel} away: change what its hook is given"
     return ""
 
@@ -338,5 +379,6 @@ EFFECT_CHECKS: tuple[Check[Effect], ...] = (
     Check("acts in the channels that it names and in no other", acts_in_its_channels),
     Check("does nothing where it does not apply", nothing_where_it_does_not_apply),
     Check("gives a mirrored drop the mirrored outcome, or says that it does not", mirror_symmetric),
+    Check("counts places, times and releases from the reference", counts_from_reference),
     Check("works together with every effect of the library", composes),
 )

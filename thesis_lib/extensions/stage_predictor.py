@@ -12,7 +12,7 @@ from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import ContactSpace, contact_space
 from thesis_lib.effects import Effect
-from thesis_lib.effects.effect import Impulse, Rig, State
+from thesis_lib.effects.effect import Impulse, Rig, State, in_order
 
 MU, EPSILON = 0.25, 0.55
 TAU = 5e-4  # s, of a contact of a millisecond
@@ -83,9 +83,13 @@ def predict(
 ) -> Prediction:
     """Predict all four channels from the measured state before the impact; `contact_time` is τ in s.
 
+    The effects act in their own order, whatever that of `active`.
+
     `turned` (n,): how much further than in its pose the body has turned where the impulse acts, in rad.
     """
     n = len(measured.x)
+    given = dict(active)
+    active = [(effect, given[effect]) for effect in in_order(given)]
     true = measured
     for effect, p in reversed(active):
         true = effect.to_true(true, p, rig)

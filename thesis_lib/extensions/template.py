@@ -47,10 +47,11 @@ class {camel}(Effect):
         """μ and ε of each impact, given those of the law: arrays with one value for each impact.
 
         space: v_t, v_n (velocity of the contact point along and into the surface, m/s; v_n < 0), K_tt, K_nn, K_tn.
-        state: x, y, theta, vx, vy, omega of the body (m, rad, m/s, rad/s), trial (number of the release), t (s).
+        state: x, y, theta, vx, vy, omega of the body (m, rad, m/s, rad/s), trial (number of the release), t (s);
+        count x, trial and t from rig.reference, and name them in `along`, as in along = ("x",).
         p: the parameters by name.  rig: shape, k_g (m), gravity (m/s²), height (m).
         """
-        change = 0.0 * space.v_t  # yours goes here: np.abs(space.v_t), np.cos(2.0 * state.theta), state.x, ...
+        change = 0.0 * space.v_t  # yours goes here: np.abs(space.v_t), np.cos(2.0 * state.theta), ...
         return mu, np.clip(epsilon * (1.0 + p["h"] * change), 0.0, 1.0)
 
     # The other stages: to_true, to_measured, meet (camera), to_contact, from_contact, contact_point, gap,

@@ -17,6 +17,7 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table
+from thesis_lib.critique.results.titles import counted_from
 from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.effects import EFFECTS
@@ -365,3 +366,16 @@ def test_what_is_unexplained_is_followed_to_where_it_is_largest(hidden_impacts):
     o = hidden_impacts.observations
     measured = np.abs(o.slope[:, 0, 0] - shape.contact_point(o.value[:, 0, 2])[:, 1] * o.slope[:, 0, 2])
     assert np.median(slip) > np.median(measured)
+
+
+def test_it_says_where_effects_count_from_in_the_numbers_of_the_dataset(told, hidden_impacts):
+    assert told["reference"] == vars(hidden_impacts.training.rig.reference)
+    assert abs(told["reference"]["trial"] - 40.0) < 10.0  # the middle of 80 releases
+    there = {"x": 3.02, "t": 1700000000.25, "trial": 20260114.0}
+    edges = {"x_1": {"value": 0.05}, "x_2": {"value": -0.1}}
+    assert counted_from("wear", there, {"w": {"value": 0.1}}) == "counted from release 20260114"
+    assert counted_from("sensor_drift", there, {}) == "counted from t = 1700000000.25 s"
+    assert (
+        counted_from("surface_patch", there, edges) == "counted from x = 3.02 m, x_1 at x = 3.07 m, x_2 at x = 2.92 m"
+    )
+    assert counted_from("adhesion", there, {}) == counted_from("wear", {}, {}) == ""

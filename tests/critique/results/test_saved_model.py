@@ -13,10 +13,18 @@ from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.residuals import end_of_episodes, states_at_impact
-from thesis_lib.critique.results.saved_model import STATE, SavedModel, load_model, predict, save_model, saved
+from thesis_lib.critique.results.saved_model import (
+    STATE,
+    SavedModel,
+    SavedReference,
+    load_model,
+    predict,
+    save_model,
+    saved,
+)
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Reference, Rig, State
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE
@@ -222,3 +230,19 @@ def test_every_effect_can_be_saved_and_predicts(states, tmp_path):
         save_model(model_with(name, **values), path)
         found = predict(load_model(path), states)
         assert np.isfinite(found[["vx_post", "vy_post", "omega_post"]].to_numpy()).all(), name
+
+
+def test_a_model_knows_where_its_effects_count_from(states, tmp_path):
+    worn = model_with("wear", wear__w=-0.01)
+    there = SavedReference(x=3.0, trial=20260106.0)
+    far = worn.model_copy(update={"rig": worn.rig.model_copy(update={"reference": there})})
+    save_model(far, tmp_path / "far.json")
+    save_model(worn, tmp_path / "near.json")
+    assert "reference" not in (tmp_path / "near.json").read_text()
+    back = load_model(tmp_path / "far.json")
+    assert back.believed.reference == Reference(3.0, 0.0, 20260106.0)
+    after, expected = (predict(model, states.assign(trial=trial)) for model, trial in ((back, 20260116), (worn, 10)))
+    assert after["vy_post"].tolist() == expected["vy_post"].tolist()
+    # at release 0 restitution would stand at 1, and so would it at release 1
+    with pytest.raises(UserError, match="depends on trial"):
+        predict(back, states)

@@ -1,6 +1,7 @@
 """A saved model makes drops that are a dataset like a measured one, and that the critique takes for the model's."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.results.saved_model import SavedModel, load_model, save_model
+from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, load_model, save_model
 from thesis_lib.critique.simulation import simulate_model as module
 from thesis_lib.critique.simulation.simulate_model import measured_releases, proof_releases, simulate_model
 from thesis_lib.datasets import read_dataset
@@ -157,3 +158,33 @@ def test_the_critique_finds_the_parameters_of_the_model_that_made_the_drops(mode
     for name, value in TRUTH.items():
         assert abs(fitted.values[name] - value) < 4.0 * fitted.std[name], name
         assert fitted.std[name] < 0.05
+
+
+def from_elsewhere(model: SavedModel, **reference: float) -> SavedModel:
+    return model.model_copy(update={"rig": model.rig.model_copy(update={"reference": SavedReference(**reference)})})
+
+
+def test_drops_are_numbered_from_0_and_the_middle_one_is_that_of_the_reference():
+    model, plain = model_of(mu=0.3, epsilon=0.55, **{"wear.w": -0.01}), model_of(mu=0.3, epsilon=0.55)
+    near, far, unworn = (
+        simulate_model(one, 9, rng=np.random.default_rng(6)).trajectories
+        for one in (model, from_elsewhere(model, x=3.0, t=1.7e9, trial=20260114.0), plain)
+    )
+    np.testing.assert_array_equal(near, far)
+    same = [
+        near[near["trial"] == i].reset_index(drop=True).equals(unworn[unworn["trial"] == i].reset_index(drop=True))
+        for i in range(9)
+    ]
+    assert same == [i == 4 for i in range(9)]
+
+
+def test_measured_releases_keep_their_places():
+    sloping = model_of(mu=0.3, epsilon=0.55, **{"position_dependent_restitution.g_eps": 0.5})
+    like = injected_impacts("hits", 12, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4})
+    moved = replace(like, impacts=like.impacts.assign(x=like.impacts["x"] + 3.0))
+    here, there = (
+        simulate_model(model, 12, like=data, rng=np.random.default_rng(6)).trajectories
+        for model, data in ((sloping, like), (from_elsewhere(sloping, x=3.0), moved))
+    )
+    np.testing.assert_allclose(there["x"] - 3.0, here["x"], atol=SAME)
+    np.testing.assert_allclose(there["y"], here["y"], atol=SAME)

@@ -184,6 +184,7 @@ def whole_critique(
         if name in (effects or ()):
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
     training, held_out = _split(dataset, observations, settings, rng)
+    observations, training = (part.counted_from(training.middle) for part in (observations, training))
     observations = predictable(observations, training, settings.contact_time and observations.arcs)
     training, held_out = (observations.select(np.unique(part.trial)) for part in (training, held_out))
     world = Drops(training, settings.rivals, settings.contact_time)

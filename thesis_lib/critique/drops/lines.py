@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.samples import Samples, position
 from thesis_lib.datasets.impacts.lines import Lines, lines_through, rank
 
 NODES = 8  # exact to 1e-6 of its size for a path that turns by 2.5 rad in a window of 0.1 s
@@ -63,11 +63,9 @@ class SideLines:
     weights: np.ndarray
 
 
-def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.ndarray) -> np.ndarray:
-    """Insertion index of each instant (of_trial, of_t) into (trial, t), sorted by trial and time."""
-    # one sort key: trials are integers, and times stay below a span
-    span = 2.0 * (max(np.abs(t).max(initial=0.0), np.abs(of_t).max(initial=0.0)) + 1.0)
-    return np.searchsorted(trial * span + t, of_trial * span + of_t)
+def later(t: np.ndarray) -> np.ndarray:
+    """Instants (n,) in s that count as after t: by a nanosecond, or by the last digit of a clock that has less."""
+    return t + np.maximum(LATER, np.spacing(np.abs(t)))
 
 
 def edges_of(hits: Hits, trial: np.ndarray, t: np.ndarray, guard: float = GUARD) -> np.ndarray:
@@ -75,7 +73,7 @@ def edges_of(hits: Hits, trial: np.ndarray, t: np.ndarray, guard: float = GUARD)
 
     Samples within `guard` (s) of a hit belong to no flight.
     """
-    after = hits.before(trial, t + LATER)  # number of the first hit after the impact
+    after = hits.before(trial, later(t))  # number of the first hit after the impact
     earliest, latest = hits.instants(after - 2, trial, -np.inf), hits.instants(after, trial, np.inf)
     return np.stack([earliest + guard, t - guard, t + guard, latest - guard], axis=1)
 

@@ -16,7 +16,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, CONTACT_TIME, OF_FRICTION, TURNED, mobility
 from thesis_lib.critique.drops.sliding import SLIDING, TABLE
-from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State
+from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State, in_order
 
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
 _H_TURNING = 1e-4  # s, for one that turns with the body: off by 1e-6 of ω² at 30 rad/s
@@ -43,6 +43,8 @@ def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) 
 class Model:
     """A law with effects; its parameters are those of the law, `tau` if it `takes_time`, and `effect.parameter`.
 
+    `effects` are in the order in which they were chosen; they act in that of `acting_order`.
+
     A body that `slides` over a table is slowed down by it: its parameters have `a_table`.
     """
 
@@ -68,10 +70,16 @@ class Model:
         """Those that are not on or off."""
         return {name: p for name, p in self.parameters.items() if p.discrete is None}
 
+    @cached_property
+    def acting_order(self) -> list[Effect]:
+        """The effects in the order in which they act, whatever the order of choice; the table is the first."""
+        return [TABLE, *in_order(self.effects)] if self.slides else in_order(self.effects)
+
     def acting(self, *hooks: str) -> list[Effect]:
         """The effects that override one of these hooks."""
-        effects = (*self.effects, TABLE) if self.slides else self.effects
-        return [e for e in effects if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)]
+        return [
+            e for e in self.acting_order if any(getattr(type(e), hook) is not getattr(Effect, hook) for hook in hooks)
+        ]
 
     @cached_property
     def has_varying_flight(self) -> bool:
@@ -309,11 +317,12 @@ class Model:
         return Model(self.law, camera), Model(self.law, body)
 
     def active(self, values: Mapping[str, float]) -> list[tuple[Effect, dict[str, float]]]:
-        """The effects in order, each with the parameters p of its hooks."""
-        active: list[tuple[Effect, dict[str, float]]] = [
-            (effect, {p.name: values[f"{effect.name}.{p.name}"] for p in effect.parameters}) for effect in self.effects
+        """The effects in the order in which they act, each with the parameters p of its hooks."""
+        of_table = {SLIDING.name: values[SLIDING.name]} if self.slides else {}
+        return [
+            (e, of_table if e is TABLE else {p.name: values[f"{e.name}.{p.name}"] for p in e.parameters})
+            for e in self.acting_order
         ]
-        return [(TABLE, {SLIDING.name: values[SLIDING.name]}), *active] if self.slides else active
 
     @staticmethod
     def to_true(state: State, active: Sequence, rig: Rig) -> State:

@@ -12,14 +12,14 @@ import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
 from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, measured_flights
-from thesis_lib.critique.drops.lines import LATER, NODES, Hits, edges_of, position, side_lines
+from thesis_lib.critique.drops.lines import NODES, Hits, edges_of, later, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
-from thesis_lib.effects.effect import Rig
+from thesis_lib.effects.effect import ORIGIN, Reference, Rig
 
 UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
 OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
@@ -82,6 +82,21 @@ class Observations:
         return replace(self.rows(rows), flights=flights)
 
     @property
+    def middle(self) -> Reference:
+        """Mean place, time and number of the impacts, to a millimetre, a millisecond and a release.
+
+        Between walls x tells the wall, and has no middle.
+        """
+        if not len(self):
+            return ORIGIN
+        x = 0.0 if self.rig.walls else float(self.value[:, 0, 0].mean())
+        return Reference(round(x, 3), round(float(self.t.mean()), 3), float(round(self.trial.mean())))
+
+    def counted_from(self, reference: Reference) -> "Observations":
+        """The same, with another reference of the effects."""
+        return replace(self, rig=replace(self.rig, reference=reference))
+
+    @property
     def single(self) -> "Observations":
         """Those of a single hit, with all flights."""
         return self if not self.span.any() else self.rows(np.flatnonzero(self.span == 0.0))
@@ -133,7 +148,7 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         trial=impacts.trial,
         impact=impacts.impact,
         hits=np.ones(n, int),
-        t=np.where(np.isfinite(impacts.t), impacts.t, 0.0),
+        t=np.where(np.isfinite(impacts.t), impacts.t, _mean_of_known(impacts.t)),
         span=np.zeros(n),
         value=np.stack([impacts.q, impacts.q], axis=1),
         slope=np.stack([impacts.v_pre, impacts.v_post], axis=1),
@@ -148,6 +163,11 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         noise_known=impacts.cov is not None,
         found=found,
     )
+
+
+def _mean_of_known(t: np.ndarray) -> float:
+    known = t[np.isfinite(t)]
+    return float(known.mean()) if len(known) else 0.0
 
 
 def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observations:
@@ -218,7 +238,7 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     trial, start, end = (table[name].to_numpy() for name in ("trial", "start", "end"))
     most = table[["n_pre", "n_post"]].to_numpy()
     open_ends = np.full(len(table), np.inf)
-    edges = np.stack([-open_ends, start + LATER, end - LATER, open_ends], axis=1)
+    edges = np.stack([-open_ends, later(start), -later(-end), open_ends], axis=1)
     t = _touch(samples, trial, start, edges, most, rig)
     # a hit that a model makes a little late, because its start is noisy, must not fall behind the state after
     middle = position(samples.trial, samples.t, trial, end) + (most[:, 1] - 1) // 2

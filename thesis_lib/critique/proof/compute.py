@@ -15,9 +15,18 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.sizes import LAW
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Reference
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.provenance import lib_hash
 from thesis_lib.foundation.randomness import generator
+
+# slopes of a coefficient by what is counted from the reference
+SLOPES = {
+    "wear.w": ("epsilon", "trial"),
+    "position_dependent_restitution.g_eps": ("epsilon", "x"),
+    "position_dependent_friction.g_mu": ("mu", "x"),
+    "position_dependent_contact_time.g_tau": ("tau", "x"),
+}
 
 
 class Recovered(NamedTuple):
@@ -103,7 +112,7 @@ def compute(case: Case, code: str = "") -> Row:
 
 def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recovered]:
     """Continuous parameters of the hidden effect by short name."""
-    fitted = critique.discovery.fitted
+    fitted, true = critique.discovery.fitted, counted_from(critique.training.rig.reference, true)
     continuous = {name for name, p in fitted.model.parameters.items() if "." in name and p.discrete is None}
     names = [name for name in true if name in continuous]
     if not names:
@@ -113,3 +122,19 @@ def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recover
         effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in names))
         bound = cramer_rao(Model(LAWS[LAW], effects), true, critique.training)
     return {key.split(".")[1]: Recovered(true[key], fitted.values[key], fitted.std[key], bound[key]) for key in names}
+
+
+def counted_from(reference: Reference, true: Mapping[str, float]) -> dict[str, float]:
+    """Parameters that count from `reference` and say the same as those, by full name, that count from 0.
+
+    c (1 + g x) = c (1 + g x_0) (1 + g / (1 + g x_0) (x − x_0)).
+    """
+    moved = dict(true)
+    for name, (coefficient, along) in SLOPES.items():
+        if name in true:
+            factor = 1.0 + true[name] * getattr(reference, along)
+            moved[name] /= factor
+            if coefficient in true:
+                moved[coefficient] *= factor
+    places = {f"{name}.{p.name}": p.along for name, effect in EFFECTS.items() for p in effect.parameters if p.along}
+    return moved | {name: true[name] - getattr(reference, of) for name, of in places.items() if name in true}

@@ -17,6 +17,7 @@ from thesis_lib.effects import Effect
 SCALES = {"epsilon": (0.2, 3.0), "mu": (0.4, 10.0), "direction": (0.05, 1.0), "couple": (0.1, 2.0)}
 LARGE = {"place": 10.0, "squared_spin": 0.3}  # usual size of factors that are far from 1
 
+PLACE = "from thesis_lib.effects.contact_place import along_surface\n"
 DRIVER = "from thesis_lib.effects.driven_path import driven\n"
 HEAD = '''\
 """{title}.
@@ -39,7 +40,7 @@ Proposed by the critique where no named effect fitted.
 
 import numpy as np
 
-{driven}from thesis_lib.effects.effect import Effect, Parameter
+{imports}from thesis_lib.effects.effect import Effect, Parameter
 '''
 
 CLASS = """
@@ -52,7 +53,7 @@ class {camel}(Effect):
     reference = "proposed by sparse regression on measured impacts; no source yet"
     parameters = (Parameter("a", "1", null=0.0, low={low:g}, high={high:g}, scale={scale:g}),)
     breaks_mirror = {breaks}
-
+{along}
 {hook}
 """
 
@@ -94,16 +95,16 @@ VARIABLES = {
     "k": "k = rig.k_g",
     "r_x": "r_x = rig.shape.contact_point(state.theta)[:, 0]",
     "beta": "at = rig.shape.contact_point(state.theta)\n        beta = np.arctan2(at[:, 1], at[:, 0]) - state.theta",
-    "x": "x = state.x",
-    "trial": "trial = state.trial",
+    "x": "x = along_surface(state, rig)",
+    "trial": "trial = state.trial - rig.reference.trial",
 }
 MEANINGS = {
     "v_t": "v_t, v_n: velocity of the contact point along and into the surface; v = √(v_t² + v_n²); v_0 = 1 m/s.",
     "omega": "ω: angular velocity; k: radius of gyration.",
     "r_x": "r_x: contact point ahead of the centre of mass; k: radius of gyration.",
     "beta": "β: polar angle of the contact point in the axes of the body.",
-    "x": "x: place along the surface; k: radius of gyration.",
-    "trial": "i: number of the release, from 0.",
+    "x": "x: place of the contact point from the middle of the measured impacts; k: radius of gyration.",
+    "trial": "i: number of the release, from the middle of the measured ones.",
 }
 
 
@@ -120,7 +121,7 @@ def source(terms: Sequence[Term], found: str = "") -> str:
             equations="\n".join(f"    {term.equation}" for term in terms),
             symbols="\n".join(symbols),
             found=f"\n{found}" if found else "",
-            driven=DRIVER if any(term.follows for term in terms) else "",
+            imports=PLACE * ("x" in used) + DRIVER * any(term.follows for term in terms),
         )
         .replace('\n\n\n"""', '\n"""')
         .replace('\n\n"""', '\n"""')
@@ -143,6 +144,8 @@ def _class(term: Term) -> str:
         lines = [VARIABLES[name] for name in used]
         body = COEFFICIENTS.format(lines=_block(lines), phi=term.code, returned=RETURNED[term.target])
     about = {"camel": _camel(term), "name": term.name, "title": term.title, "equation": term.equation}
+    counted = ", ".join(f'"{name}"' for name in term.along)
+    about["along"] = f"    along = ({counted}{',' if len(term.along) == 1 else ''})\n" if counted else ""
     return CLASS.format(**about, low=-high, high=high, scale=scale, breaks=term.breaks_mirror, hook=body)
 
 

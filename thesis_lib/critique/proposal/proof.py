@@ -203,7 +203,7 @@ def phi_of(term: Term) -> np.ndarray:
     v_t, v_n = rng.uniform(-1.5, 1.5, CONTACTS), -rng.uniform(0.8, 3.3, CONTACTS)
     values = {"v_t": v_t, "v_n": v_n, "v": np.hypot(v_t, v_n), "omega": omega, "k": ELLIPSE_BODY.radius_of_gyration}
     values |= {"r_x": r_x, "beta": np.arctan2(r_y, r_x) - theta, "x": rng.uniform(-0.3, 0.3, CONTACTS)}
-    return phi(term, values | {"trial": np.arange(CONTACTS) * DROPS / CONTACTS})
+    return phi(term, values | {"trial": (np.arange(CONTACTS) / CONTACTS - 0.5) * DROPS})
 
 
 def as_markdown(table: "pd.DataFrame") -> str:

@@ -16,7 +16,8 @@ products of two are taken only where the law then holds in a mirror, too: even f
 | v         | `v`     | m/s  | (n,)  | its speed, √(v_t² + v_n²)                                              |
 | r_x, k    | `r_x`, `k` | m | (n,), () | contact point ahead of the centre of mass; radius of gyration        |
 | β         | `beta`  | rad  | (n,)  | place on the body, polar angle of the contact point in the body's axes |
-| i         | `trial` | 1    | (n,)  | number of the release                                                  |
+| x         | `x`     | m    | (n,)  | place that is touched, from the reference of the rig                   |
+| i         | `trial` | 1    | (n,)  | number of the release, from that of the reference                      |
 | v_0       | 1 m/s   |      |       | fixed scale, as of the library's own effects of speed                  |
 
 Why these, and not powers without end: they are what a contact of a planar body has before an impact; the sparse
@@ -138,6 +139,11 @@ class Term:
         """Names in the code of φ: those of the module's table."""
         nodes = ast.walk(ast.parse(self.code, mode="eval"))
         return frozenset(node.id for node in nodes if isinstance(node, ast.Name) and node.id != "np")
+
+    @property
+    def along(self) -> tuple[str, ...]:
+        """What it counts from the reference of the rig."""
+        return tuple(name for name in ("x", "trial") if name in self.variables)
 
     @property
     def breaks_mirror(self) -> bool:

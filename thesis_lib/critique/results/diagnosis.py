@@ -8,6 +8,8 @@
 |                 | augmented_model     | law and (μ, ε) with effects; the law may differ from that of base_model     |
 |                 | parameters          | a bound: std null, `bound` lower or upper, `used` in predictions, `range`   |
 |                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
+| reference       | x, t, trial         | m, s, number of a release: effects count from there, and mu, epsilon and    |
+|                 |                     | tau are those there; middle of the training impacts, in the dataset's own   |
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
 |                 | stand_in            | null, or why it is no cause: see `drops/stand_ins.py`                       |
@@ -100,7 +102,8 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     if added := contents():
         content["additions"] = added
     content["summary"] = summary(content)
-    return six_digits(content)
+    # six digits are too few for dates and clocks
+    return six_digits(content) | {"reference": asdict(critique.training.rig.reference)}
 
 
 def parameters(fitted: Fit, of: str = "") -> dict[str, dict]:

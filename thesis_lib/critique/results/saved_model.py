@@ -6,6 +6,7 @@
 import csv
 import io
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Literal, Self
 
@@ -22,7 +23,7 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.sliding import SLIDING
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Reference, Rig, State
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json, write_json
@@ -37,7 +38,8 @@ OPTIONAL = ("trial", "t")  # for effects that change over time
 MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
-_USUAL = (("walls", []), ("has_angle", True))  # of the rig, not written: one surface, and an angle that was measured
+# of the rig, not written: one surface, an angle that was measured, and effects that count from 0
+_USUAL = (("walls", []), ("has_angle", True), ("reference", {"x": 0.0, "t": 0.0, "trial": 0.0}))
 _PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a model depends on them
 
 
@@ -72,6 +74,14 @@ class SavedOrigin(Section):
         return Origin(self.sha256, self.file, self.package, self.version)
 
 
+class SavedReference(Section):
+    """The middle of the impacts that the model was fitted to, in the numbers of the dataset."""
+
+    x: float = Field(0.0, allow_inf_nan=False, description="m, place along the surface")
+    t: float = Field(0.0, allow_inf_nan=False, description="s")
+    trial: float = Field(0.0, allow_inf_nan=False, description="number of the release")
+
+
 class SavedRig(Section):
     """Body and rig as believed: what the parameters belong to."""
 
@@ -81,6 +91,7 @@ class SavedRig(Section):
     height: float = Field(description="m, of the surface")
     walls: tuple[Wall, ...] = Field((), max_length=MOST, description="`surfaces` of dataset.yaml")
     has_angle: bool = Field(True, description="false: theta was not measured")
+    reference: SavedReference = Field(SavedReference(), description="where effects count from; mu, epsilon, tau there")
 
 
 class SavedModel(Section):
@@ -111,7 +122,8 @@ class SavedModel(Section):
     def believed(self) -> Rig:
         """The rig in the form that effects use."""
         rig = self.rig
-        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle)
+        reference = Reference(rig.reference.x, rig.reference.t, rig.reference.trial)
+        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle, reference)
 
 
 def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping] | None = None) -> SavedModel:
@@ -129,6 +141,7 @@ def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping]
     # values of the user are not rounded
     user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
     user |= {"gravity": rig.gravity, "height": rig.height, "has_angle": rig.has_angle}
+    user |= {"reference": asdict(rig.reference)}
     user |= {"walls": [wall.model_dump(mode="json") for wall in rig.walls]}
     return SavedModel.model_validate(rounded | {"rig": user})
 
@@ -241,9 +254,12 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
                     f"{prefix}The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
                     "below the header."
                 )
-    state = State(**{name: columns.get(name, np.zeros(len(states))) for name in (*STATE, *OPTIONAL)})
+    # what is missing is that of the reference: far from it a limit such as ε ≤ 1 would hide what depends on it
+    for name in (name for name in OPTIONAL if name not in states):
+        columns[name] = np.full(len(states), getattr(model.rig.reference, name))
+    state = State(**columns)
     after = _after(model, state)
-    for name in (name for name in OPTIONAL if name not in columns):
+    for name in (name for name in OPTIONAL if name not in states):
         moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
         if not np.array_equal(after, moved, equal_nan=True):
             effects = ", ".join(model.effects)

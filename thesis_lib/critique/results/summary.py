@@ -230,7 +230,7 @@ def origin_text(one: Mapping) -> str:
 def _worst(error: Mapping) -> list[str]:
     if not error["worst"]:
         return []
-    at = ["" if r["t"] is None or np.isnan(r["t"]) else f" at {r['t']:.4g} s" for r in error["worst"]]
+    at = ["" if r["t"] is None or np.isnan(r["t"]) else f" at {r['t']:.3f} s" for r in error["worst"]]
     rows = [f"trial {r['trial']}{when} ({_speed(r['error'])})" for r, when in zip(error["worst"], at)]
     times = error["augmented"] / error["noise_floor"]
     return [

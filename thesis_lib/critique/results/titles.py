@@ -1,5 +1,7 @@
 """Readable names of laws, effects, parameters and features, with handy units."""
 
+from collections.abc import Mapping
+
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES
@@ -39,6 +41,24 @@ def law_title(name: str) -> str:
 def effect_title(name: str) -> str:
     """Title of an effect, or its name if the library does not hold it."""
     return EFFECTS[name].title if name in EFFECTS else name.replace("_", " ")
+
+
+def counted_from(name: str, reference: Mapping[str, float], found: Mapping[str, Mapping]) -> str:
+    """Where an effect counts from, and where the places `found` are in the dataset's numbers; "" if it does not count.
+
+    As "counted from x = 3.02 m, x_1 at x = 3.07 m"; `reference` and the parameters `found` as in diagnosis.json.
+    """
+    effect = EFFECTS.get(name)
+    if effect is None or not reference:
+        return ""
+    words = {"x": "x = {:g} m", "t": "t = {:.12g} s", "trial": "release {:.0f}"}
+    starts = [words[key].format(reference[key]) for key in effect.along]
+    places = [
+        f"{symbol(p.name)} at {words[p.along].format(reference[p.along] + found[p.name]['value'])}"
+        for p in effect.parameters
+        if p.along and p.name in found
+    ]
+    return ", ".join([f"counted from {' and '.join(starts)}", *places]) if starts else ""
 
 
 def new_law(critique: Critique, i: int) -> str:

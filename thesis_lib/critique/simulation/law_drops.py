@@ -21,7 +21,7 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import POSE
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import ORIGIN, Reference, Rig, State
 
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
 REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
@@ -49,9 +49,13 @@ def simulate_law_drops(
     rate: float = 250.0,
     noise: Noise,
     rng: np.random.Generator,
+    reference: Reference = ORIGIN,
 ) -> Dataset:
-    """Trajectories of n drops as a camera records them; gravity in m/s², duration in s, rate in Hz."""
-    rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0)
+    """Trajectories of n drops, numbered from 0, as a camera records them; gravity in m/s², duration in s, rate in Hz.
+
+    The effects count from `reference`.
+    """
+    rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0, reference=reference)
     camera, inner = camera_and_body(model)
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)

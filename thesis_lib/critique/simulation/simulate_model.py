@@ -20,7 +20,7 @@ from thesis_lib.bodies.body import Body, Noise, Surface
 from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.sliding import require_falling
-from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
 from thesis_lib.critique.simulation.law_drops import Releases, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects.effect import State
@@ -81,10 +81,11 @@ def simulate_model(
         n = n or 50
     else:
         say(f"looking for the releases of {like.name}")
-        observations = observe(like)
+        observations = observe(like).counted_from(model.believed.reference)
         releases, duration = measured_releases(model, like, observations)
         rate, noise = like.rate or RATE, _noise(like, observations)
         n = n or len(releases.q)
+    model = _recounted(model, n, duration, model.rig.reference.x if like else 0.0)
     say(f"simulating {n} drops of {duration:.2f} s, engine {engine}")
     options = {"duration": duration, "rate": rate, "noise": noise, "rng": rng}
     if engine == "drake":
@@ -98,7 +99,9 @@ def simulate_model(
     else:
         body = Body(shape=model.rig.shape, radius_of_gyration=model.rig.radius_of_gyration)
         values, gravity, height = model.values, model.rig.gravity, model.rig.height
-        dataset = simulate_law_drops(body, releases, n, model.model, values, gravity=gravity, **options)
+        dataset = simulate_law_drops(
+            body, releases, n, model.model, values, gravity=gravity, reference=model.believed.reference, **options
+        )
         # simulated over y = 0
         table = dataset.trajectories.assign(y=dataset.trajectories["y"] + height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
         header = dataset.header.model_copy(update={"surface": Surface(height=height)})
@@ -106,6 +109,12 @@ def simulate_model(
     effects = ", ".join(model.effects) or "no effects"
     text = f"simulated, not measured: {n} drops by {model.law} with {effects}, engine {engine}"
     return replace(dataset, name="simulated", header=dataset.header.model_copy(update={"description": text}))
+
+
+def _recounted(model: SavedModel, n: int, duration: float, x: float) -> SavedModel:
+    """The model with its reference in the middle of n simulated drops at x (m), which begin at 0 s with number 0."""
+    middle = SavedReference(x=x, t=0.5 * duration, trial=0.5 * (n - 1))
+    return model.model_copy(update={"rig": model.rig.model_copy(update={"reference": middle})})
 
 
 def proof_releases(model: SavedModel) -> Release:
@@ -131,7 +140,7 @@ def measured_releases(model: SavedModel, like: Dataset, observations: Observatio
         duration = float(T.max(initial=0.0)) + AFTER_FALL
     q, v = before.q, before.v
     q, v = q - v * T[:, None] + 0.5 * a * T[:, None] ** 2, v - a * T[:, None]
-    start = State.of(q, v, before.trial, np.zeros(len(T)))
+    start = State.of(q, v, before.trial, before.t - T)
     true = model.model.to_true(start, model.model.active(model.values), o.rig)
     above = true.y - o.rig.height
     good = np.isfinite(above) & (model.rig.shape.gap(above, true.theta) > 0.0)

@@ -93,6 +93,18 @@ class Samples:
         return np.flatnonzero(np.r_[True, self.trial[1:] != self.trial[:-1]][: len(self)])
 
 
+def position(trial: np.ndarray, t: np.ndarray, of_trial: np.ndarray, of_t: np.ndarray) -> np.ndarray:
+    """Insertion index of each instant (of_trial, of_t) into (trial, t), sorted by trial and time."""
+    # one sort key, made of small numbers whatever those of trials and clocks: differences of a nanosecond count
+    trials, number = np.unique(np.concatenate([trial, of_trial]), return_inverse=True)
+    times = np.concatenate([t, of_t])
+    start = np.full(len(trials), np.inf)
+    np.minimum.at(start, number, times)
+    since = times - start[number]
+    key = number * (since.max(initial=0.0) + 1.0) + since
+    return np.searchsorted(key[: len(t)], key[len(t) :])
+
+
 def long_gaps(trial: np.ndarray, t: np.ndarray, header: Header, settings: ArcSettings) -> np.ndarray:
     """Mask (N − 1,) of the steps between samples, sorted by trial and time, in which too much may have happened."""
     within, step = trial[1:] == trial[:-1], np.diff(t)

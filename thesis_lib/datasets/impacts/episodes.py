@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
 from thesis_lib.datasets.impacts.lines import Lines, lines_through
 from thesis_lib.datasets.impacts.misfits import bow, with_stray
 from thesis_lib.datasets.impacts.noise import NoiseEstimate
@@ -93,8 +93,7 @@ def _groups(samples: Samples, hits: pd.DataFrame, settings: ArcSettings) -> np.n
     trial, t, reason = (hits[name].to_numpy() for name in ("trial", "t", "reason"))
     if not len(hits):
         return np.zeros((0, 2), int)
-    span = 2.0 * (np.abs(samples.t).max(initial=0.0) + 1.0)
-    number = np.searchsorted(samples.trial * span + samples.t, trial * span + t)
+    number = position(samples.trial, samples.t, trial, t)
     close = (trial[1:] == trial[:-1]) & (np.diff(number) < MIN_FLIGHT)
     alone = reason == ""
     close &= ~alone[1:] & ~alone[:-1]
@@ -115,8 +114,7 @@ def _flight(
     settings: ArcSettings,
 ) -> _Side:
     """Samples from `edge` (m,) towards `bound` (m,), in s; `way` is −1 before an episode and 1 after it."""
-    span = 2.0 * (np.abs(samples.t).max(initial=0.0) + 1.0)
-    at = np.searchsorted(samples.trial * span + samples.t, trial * span + edge)
+    at = position(samples.trial, samples.t, trial, edge)
     reach = settings.max_window + MOST_SKIPPED + 1
     wanted = at[:, None] + np.arange(-reach, reach + 1)
     index = np.clip(wanted, 0, len(samples) - 1)

@@ -5,6 +5,7 @@
 # pyright: reportCallIssue=false
 
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import pandas as pd
 from markupsafe import Markup
@@ -13,7 +14,7 @@ from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
 from thesis_lib.critique.results.summary import origin_text
-from thesis_lib.critique.results.titles import effect_title, law_title, symbol
+from thesis_lib.critique.results.titles import counted_from, effect_title, law_title, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.report.elements import amount, estimate, fitted, interval, percent, plus_minus, sized, table
@@ -97,7 +98,7 @@ def effects_table(d: Mapping) -> Markup:
         title += f" (from {origin_text(origin[0])})" if origin else ""
         gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(*e['gain']['interval'])}"
         others = alternatives_listed([effect_title(name) for name in e["indistinguishable_from"]]) or "–"
-        size = "; ".join(sizes(e))
+        size = "; ".join([*sizes(e), *filter(None, [counted_from(e["name"], d.get("reference", {}), e["parameters"])])])
         rows.append((title, _family(e["family"]), size, gain, number(e["gain"]["p_value"], 2), others))
     columns = ("effect", "family", "size [95 % interval]", "gain (nats an impact)", "p", "could also be")
     return table("Effects in the order in which they were selected", columns, rows, numeric=(3, 4))
@@ -152,7 +153,9 @@ def parameters_table(critique: Critique) -> Markup:
     for full in dict.fromkeys(name for fit in fits for name in fit.model.parameters):
         effect, _, name = full.rpartition(".")
         ends = [sized(fit.content(full)) if full in fit.values else "–" for fit in fits]
-        rows.append((symbol(name), effect_title(effect) if effect else "base law", *ends))
+        start = counted_from(effect, asdict(critique.training.rig.reference), {})
+        of = f"{effect_title(effect)}{start and f', {start}'}" if effect else "base law"
+        rows.append((symbol(name), of, *ends))
     if len(fits) == 1:
         return table("Parameters [95 % interval]", ("parameter", "of", "value"), rows, numeric=(2,))
     columns = ("parameter", "of", "before", "with all effects")

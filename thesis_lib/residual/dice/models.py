@@ -21,7 +21,7 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Effect
+from thesis_lib.effects.effect import Effect, in_order
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
@@ -70,7 +70,7 @@ def critique_model(saved: SavedModel, side: float) -> DiceModel:
 
     UserError for effects that are neither in `BODY_EFFECTS` nor act on contacts alone.
     """
-    of_contact = [EFFECTS[name] for name in saved.effects if acts_on_contacts_alone(EFFECTS[name])]
+    of_contact = in_order(EFFECTS[name] for name in saved.effects if acts_on_contacts_alone(EFFECTS[name]))
     known = {*BODY_EFFECTS, *(effect.name for effect in of_contact)}
     strange = [name for name in saved.effects if name not in known]
     if strange:

@@ -64,13 +64,13 @@ class AugmentedBase:
     def predict(self, impacts: Impacts) -> np.ndarray:
         """Measured velocity after impact, (n, 3)."""
         m = self.model
-        return m.model.predict(_state(impacts), m.values, m.believed, self._offset(impacts)).v
+        return m.model.predict(self._state(impacts), m.values, m.believed, self._offset(impacts)).v
 
     def seen(self, impacts: Impacts) -> Impacts:
         """Impacts in the frame of the contact: true pose, velocities, contact point and radius of gyration."""
         m = self.model
-        before, r_x, r_y, k_g = m.model.contact(_state(impacts), m.values, m.believed, self._offset(impacts))
-        after, *_ = m.model.contact(_state(impacts, impacts.v_post), m.values, m.believed)
+        before, r_x, r_y, k_g = m.model.contact(self._state(impacts), m.values, m.believed, self._offset(impacts))
+        after, *_ = m.model.contact(self._state(impacts, impacts.v_post), m.values, m.believed)
         # cov=None: covariances belong to the measured quantities
         return replace(
             impacts, q=before.q, v_pre=before.v, v_post=after.v, r=np.stack([r_x, r_y], 1), k_g=k_g, cov=None
@@ -80,11 +80,15 @@ class AugmentedBase:
         """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact; affine in v_post."""
         m = self.model
         active = m.model.active(m.values)
-        state, *_ = m.model.contact(_state(impacts), m.values, m.believed)
+        state, *_ = m.model.contact(self._state(impacts), m.values, m.believed)
         after = state.with_velocity(v_post)
         for effect, p in reversed(active):
             after = effect.from_contact(after, p, m.believed)
         return m.model.to_measured(after, active, m.believed).v
+
+    def _state(self, impacts: Impacts, v: np.ndarray | None = None) -> State:
+        t = np.nan_to_num(impacts.t, nan=self.model.rig.reference.t)
+        return State.of(impacts.q, impacts.v_pre if v is None else v, impacts.trial.astype(float), t)
 
     def _offset(self, impacts: Impacts) -> np.ndarray:
         """Measured contact points minus those of the shape, (n, 2) m."""
@@ -95,8 +99,3 @@ class AugmentedBase:
 
 Base = LawBase | AugmentedBase
 ROUNDED = 1e-6  # of the body's size: tables hold nine digits
-
-
-def _state(impacts: Impacts, v: np.ndarray | None = None) -> State:
-    v = impacts.v_pre if v is None else v
-    return State.of(impacts.q, v, impacts.trial.astype(float), np.nan_to_num(impacts.t))

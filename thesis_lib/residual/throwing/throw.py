@@ -70,14 +70,16 @@ class LawImpact:
         self, space: ContactSpace, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
     ) -> np.ndarray:
         """Impulse per unit mass and couple about r, (n, 3)."""
-        zero = np.zeros(len(q))
-        state, mu, epsilon = State.of(q, v, zero, zero), np.full(len(q), self.mu), np.full(len(q), self.epsilon)
+        assert self.rig is not None
+        zero, middle = np.zeros(len(q)), self.rig.reference
+        state = State.of(q, v, zero + middle.trial, zero + middle.t)
+        mu, epsilon = np.full(len(q), self.mu), np.full(len(q), self.epsilon)
         for effect, p in self.effects:
-            mu, epsilon = effect.coefficients(mu, epsilon, space, state, p, self.rig)  # pyright: ignore[reportArgumentType]
+            mu, epsilon = effect.coefficients(mu, epsilon, space, state, p, self.rig)
         epsilon = np.where(slow, 1.0, epsilon)
         impulse = Impulse(*self.law.impulse(space, mu, epsilon), zero)
         for effect, p in self.effects:
-            impulse = effect.impulse(impulse, space, mu, epsilon, (r[:, 0], r[:, 1]), state, p, self.rig)  # pyright: ignore[reportArgumentType]
+            impulse = effect.impulse(impulse, space, mu, epsilon, (r[:, 0], r[:, 1]), state, p, self.rig)
         return np.stack([impulse.c_t, impulse.c_n, impulse.tau], axis=1)
 
 

@@ -1,0 +1,124 @@
+"""Effects act in one order, whatever the order in which they were chosen, and that order is the physical one."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique.drops.model import Model
+from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.effects.effect import Parameter, State, in_order
+from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, TAU, at_scale, random_states
+
+N = 12
+RIG = RIGS["quadrilateral"]
+ROUNDING = 1e-12
+GRAVITY = np.array([0.0, -RIG.gravity, 0.0])
+
+
+class Own(Effect):
+    """An effect of a user, who knows no ranks."""
+
+    name = "own"
+    family = "contact_law"
+    parameters = (Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1),)
+
+    def coefficients(self, mu, epsilon, space, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["h"]), 0.0, 1.0)
+
+
+def sizes(effects, rng: np.random.Generator) -> dict[str, float]:
+    """Parameters up to three times their scales, within their bounds."""
+    values = {"mu": MU, "epsilon": EPSILON, "tau": TAU}
+    for effect in effects:
+        for p in effect.parameters:
+            size = float(np.clip(p.null + rng.uniform(-3.0, 3.0) * p.scale, p.low, p.high))
+            values[f"{effect.name}.{p.name}"] = size if p.discrete is None else p.discrete
+    return values
+
+
+def everything(effects, values: dict[str, float], states: State) -> np.ndarray:
+    """What a model predicts of impact, touch, jump and flight, in a row."""
+    model = Model(LAWS["anitescu_potra_newton"], tuple(effects), takes_time=True)
+    after, depth = model.strike(states, values, RIG)
+    gap = model.gap(model.to_true(states, model.active(values), RIG), values, RIG)
+    a = model.acceleration(states, values, RIG)
+    return np.concatenate(
+        [after.q, after.v, depth[:, None], gap[:, None], model.jump(states, after, values), a], axis=1
+    )
+
+
+@pytest.mark.parametrize("with_rank", [name for name, effect in EFFECTS.items() if effect.rank])
+def test_any_order_of_choice_gives_the_same_prediction(with_rank: str) -> None:
+    rng = np.random.default_rng(list(EFFECTS).index(with_rank))
+    states = random_states(RIG, N, rng)
+    for other in (*EFFECTS.values(), Own()):
+        if other.name != with_rank:
+            pair = EFFECTS[with_rank], other
+            values = sizes(pair, rng)
+            np.testing.assert_array_equal(
+                everything(pair, values, states), everything(pair[::-1], values, states), err_msg=other.name
+            )
+
+
+def test_any_order_of_all_effects_gives_the_same_order() -> None:
+    effects = [*EFFECTS.values(), Own()]
+    rng = np.random.default_rng(1)
+    orders = [in_order([effects[i] for i in rng.permutation(len(effects))]) for _ in range(20)]
+    assert all(order == orders[0] for order in orders)
+    model = Model(LAWS["mirtich"], tuple(reversed(orders[0])))
+    assert [effect for effect, _ in model.active(sizes(effects, rng))] == orders[0]
+    assert model.effects == tuple(reversed(orders[0]))  # as chosen
+
+
+def test_a_camera_reports_the_tracked_point_and_not_the_centre_in_its_wrong_axes() -> None:
+    """Axes are named last: what is mirrored is the pose of the marker, which circles the other way."""
+    marker, mirror, offset = (EFFECTS[name] for name in ("marker_offset", "mirrored_rotation", "angle_offset"))
+    values = sizes((marker, mirror, offset), np.random.default_rng(2))
+    states = random_states(RIG, N, np.random.default_rng(3))
+    model = Model(LAWS["mirtich"], (offset, mirror, marker))
+    seen = model.to_measured(states, model.active(values), RIG)
+    d, turned = np.array([values["marker_offset.d_x"], values["marker_offset.d_y"]]), values["angle_offset.d_theta"]
+    sin, cos = np.sin(states.theta), np.cos(states.theta)
+    np.testing.assert_allclose(seen.x, states.x + cos * d[0] - sin * d[1], atol=ROUNDING)
+    np.testing.assert_allclose(seen.y, states.y + sin * d[0] + cos * d[1], atol=ROUNDING)
+    np.testing.assert_allclose(seen.theta, turned - states.theta, atol=ROUNDING)
+    np.testing.assert_allclose(seen.omega, -states.omega, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("name", ["wear", "position_dependent_restitution", "velocity_dependent_restitution"])
+def test_adhesion_takes_the_same_energy_whatever_else_lowers_restitution(name: str) -> None:
+    adhesion, other = EFFECTS["adhesion"], EFFECTS[name]
+    states = random_states(RIG, N, np.random.default_rng(4))
+    rebounds = []
+    for on in ((other,), (other, adhesion)):
+        values = {"mu": 0.0, "epsilon": 0.8} | {f"{e.name}.{k}": v for e in on for k, v in at_scale(e).items()}
+        model = Model(LAWS["mirtich"], on)
+        _, r_x, *_ = model.contact(states, values, RIG)
+        after = model.predict(states, values, RIG)
+        rebounds.append((after.vy + r_x * after.omega) ** 2)
+    lost, expected = rebounds[0] - rebounds[1], 0.3**2  # v_s at its scale
+    assert np.all(rebounds[1] > 0.0)
+    np.testing.assert_allclose(lost, expected, atol=ROUNDING)
+
+
+def test_the_origin_circles_a_centre_of_mass_whose_spin_is_damped() -> None:
+    com, drag = EFFECTS["com_offset"], EFFECTS["linear_drag"]
+    values = {"mu": MU, "epsilon": EPSILON, "com_offset.c_x": 2e-3, "com_offset.c_y": 0.0}
+    values |= {"linear_drag.c_v": 0.0, "linear_drag.c_w": 3.0}
+    states = random_states(RIG, N, np.random.default_rng(5))
+    a = Model(LAWS["mirtich"], (drag, com)).acceleration(states, values, RIG)
+    C = 2e-3 * np.stack([np.cos(states.theta), np.sin(states.theta)], axis=1)
+    alpha = -3.0 * states.omega
+    circle = states.omega[:, None] ** 2 * C - alpha[:, None] * np.stack([-C[:, 1], C[:, 0]], axis=1)
+    np.testing.assert_allclose(a, GRAVITY + np.column_stack([circle, alpha]), atol=1e-9)
+
+
+def test_a_contact_that_sticks_springs_back_though_rolling_is_resisted_too() -> None:
+    """Tangential restitution asks the law's own impulse whether it sticks, before others change that impulse."""
+    spring, rolling = EFFECTS["tangential_restitution"], EFFECTS["contact_torque"]
+    states = random_states(RIG, 60, np.random.default_rng(6))
+    after = {}
+    for e_t in (0.0, 0.2):
+        values = {"mu": 1.0, "epsilon": EPSILON, "contact_torque.m_r": 5e-4, "tangential_restitution.e_t": e_t}
+        after[e_t] = Model(LAWS["mirtich"], (rolling, spring)).predict(states, values, RIG).v
+    assert np.mean(np.abs(after[0.2] - after[0.0]).max(axis=1) > 1e-3) > 0.5
