@@ -17,7 +17,7 @@ from thesis_lib.critique.export.export import exported
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.simulate_model import simulate_model
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, require_known
 from thesis_lib.effects.at_wall import AT_ONE_WALL, AtWall
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
@@ -111,6 +111,15 @@ def test_no_effect_has_the_name_of_one_at_a_wall() -> None:
     assert "other_restitution_at_the north" not in EFFECTS
     with pytest.raises(KeyError):
         EFFECTS["other_restitution"]
+
+
+def test_an_effect_at_a_wall_that_is_not_there_is_refused_with_the_walls_that_are() -> None:
+    with pytest.raises(UserError, match="no wall 'nowhere' for the effect other_restitution_at_nowhere: the walls are"):
+        puck = simulate_puck("puck", "nothing", trials=2)
+        criticise(puck, rng=np.random.default_rng(0), effects=["other_restitution_at_nowhere"])
+    require_known(["other_restitution_at_west", "magnus"], CUSHIONS)
+    with pytest.raises(UserError, match="there are no walls"):
+        require_known(["other_friction_at_west"], ())
 
 
 def verdict(dataset: Dataset, seed: int):

@@ -176,7 +176,7 @@ def whole_critique(
 ) -> Critique:
     """As `criticise`, with a verdict; `TooFewImpacts`, a UserError, where impacts are too few for one."""
     settings = settings or CritiqueSettings()
-    require_known(effects or ())
+    require_known(effects or (), dataset.header.surfaces or ())
     _refuse_constant(dataset)
     say("finding impacts")
     observations = observe(dataset, arcs, settings.episodes)
