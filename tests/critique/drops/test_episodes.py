@@ -10,7 +10,7 @@ from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 
 from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops import episodes
+from thesis_lib.critique.drops import covariance, episodes
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.covariance import residual_covariance
@@ -208,6 +208,27 @@ def test_episodes_scatter_as_their_covariance_says():
     # contacts of 1 ms are predicted to 2 mm/s, a third of what noise does to an episode
     assert np.all((spread > 0.5) & (spread < 1.8))
     assert np.mean(np.abs(z[:, :6]) < 5.0) > 0.97
+
+
+def test_an_episode_that_goes_with_the_square_of_the_angle_scatters_with_the_square_of_its_noise(monkeypatch):
+    """No straight line shows it: the variance of κ z² is 2 κ² σ⁴, and that of a linear λ z is λ² σ² beside it."""
+    o = observed()
+    o = o.rows(np.flatnonzero(o.span)[:5])
+    cov = np.zeros_like(o.cov)
+    sigma, spin, curved, straight = 0.02, 3.0, 40.0, 0.1
+    cov[:, 0, 2] = np.diag([sigma**2, spin**2])  # of the angle and the spin before
+    theta = o.value[:, 0, 2]
+
+    def bent(model, values, rig, before, span, single=False):
+        off = before.theta - np.tile(theta, len(span) // len(theta))
+        v = np.stack([curved * off**2, straight * before.omega, 0.0 * off], axis=1)
+        return State.of(before.q * [1.0, 1.0, 0.0], v, before.trial, before.t)
+
+    monkeypatch.setattr(covariance, "end_of_episodes", bent)
+    S = residual_covariance(MODEL, truth(T), replace(o, cov=cov))
+    assert S[:, 0, 0] == pytest.approx(2.0 * curved**2 * sigma**4)
+    assert S[:, 1, 1] == pytest.approx((straight * spin) ** 2)
+    assert np.abs(S[:, 0, 1]).max() < 1e-12
 
 
 def test_episodes_sharpen_the_same_coefficients():
