@@ -1,5 +1,7 @@
 """Arc fits: exact without noise, covariances that mean what they say, symmetries."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bouncing import Flights, ellipse_header, fly
@@ -7,6 +9,7 @@ from bouncing import Flights, ellipse_header, fly
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts.arcs import fit_arcs
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_in_arrays
+from thesis_lib.datasets.impacts.noise import NoiseEstimate, estimate_spread
 
 EXACT_V = 1e-8  # m/s, k rad/s: rounding of positions (1e-16 m) over 0.1 s, times the condition of the fit
 EXACT_T = 1e-9  # s
@@ -120,6 +123,29 @@ def test_contact_spread_is_estimated_and_widens_the_covariance():
     assert LOOSE_CHI2[0] < chi2_per_dof(error, cov) < LOOSE_CHI2[1]
     stiff = find(f, ArcSettings(contact_spread=0.0))
     assert chi2_per_dof(errors(f, stiff)[0][:, 3:], stiff.impacts.cov[:, 3:, 3:]) > 2 * LOOSE_CHI2[1]
+
+
+@pytest.mark.parametrize("noise", [0.5, 1.0, 2.0])
+def test_contact_spread_is_what_arcs_miss_each_other_by_beyond_noise(noise: float):
+    """Misses of two independent parts: however large that of the noise, the other one comes out."""
+    rng, n, spread = np.random.default_rng(12), 20_000, 5e-5
+    dv, assumed = rng.uniform(1.8, 2.2, n), 0.7  # arcs were fitted with less noise than there is
+    of_noise = noise * spread * 2.0  # m, one sigma of each of the two free dimensions
+    parts = spread * dv[:, None] * rng.standard_normal((n, 2)), of_noise * rng.standard_normal((n, 2))
+    miss = np.linalg.norm(sum(parts), axis=1)
+    arcs = SimpleNamespace(
+        v_pre=np.zeros((n, 3)),
+        v_post=np.stack([0.0 * dv, dv, 0.0 * dv], axis=1),
+        n_side=np.full((n, 2), 25),
+        converged=np.ones(n, bool),
+        miss=miss,
+        miss_noise=np.full(n, np.sqrt(2.0) * assumed * of_noise),  # of both dimensions together
+        chi2_meet=(miss / (assumed * of_noise)) ** 2,
+    )
+    sigma = np.array([1e-4, 1e-4, 1e-3])
+    known = NoiseEstimate(1e-4, 1e-3, sigma, sigma, "arcs")
+    found = estimate_spread(arcs, 0.0192, assumed * sigma, known, ArcSettings())
+    assert found == pytest.approx(spread, rel=0.02 * (1.0 + noise**2))  # a median of 20,000 is known to 1 %
 
 
 def test_correlated_noise_widens_the_covariance():
