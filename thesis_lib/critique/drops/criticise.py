@@ -98,6 +98,8 @@ class Critique:
             spread = (OF_NORM if channel == "impact" else OF_MEDIAN) / np.sqrt(count)
             if np.sqrt(misfit) > limit * (1.0 + 2.0 * spread):
                 far.append(channel)
+        if "flight" not in far and self.observations.flights.are_bent:
+            far.append("flight")
         return tuple(far)
 
     @property

@@ -36,6 +36,7 @@ from thesis_lib.datasets.impacts.noise import (
     stated_sigma,
     with_colour,
 )
+from thesis_lib.datasets.impacts.parabolas import bent_sentence, hits_of, parabolas
 from thesis_lib.datasets.impacts.pieces import cut_into_pieces
 from thesis_lib.datasets.impacts.quality import (
     approach_speed,
@@ -201,6 +202,9 @@ def find_in_arrays(
         landed = landed[np.isfinite(landed)]
         down = stays_down(landed, *v_n, noise.used[1], sampling_interval(samples), header.gravity)
     gain = energy_gain(impacts)
+    arcs = arc_table(fits, trial_of, ordinal, used)
+    variance = noise.variance(header.surfaces is not None)
+    flights = parabolas(samples, hits_of(arcs), variance, settings.guard, air)
     slowed = air_sentence(air) if air is not None and bends else ""
     lifted = slowed if air is not None and air.c_l else ""
     said = (lifted, soft and soft.sentence(), gain and gain_sentence(impacts, gain, step), down and down.sentence())
@@ -209,16 +213,18 @@ def find_in_arrays(
         *(text for text in (copied, stamped, cut) if text),
         *([slowed] if slowed and not lifted else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
+        *([bent] if (bent := bent_sentence(len(flights.bent), len(flights.bent) + len(flights.t))) else []),
         *remarks,
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks)),
     )
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
         left_out=left_out[~used].reset_index(drop=True),
-        arcs=arc_table(fits, trial_of, ordinal, used),
+        arcs=arcs,
         noise=noise,
         glitches=glitches,
         samples=samples,
+        parabolas=flights,
         guard=settings.guard,
         low_pass=low_pass,
         remarks=remarks,

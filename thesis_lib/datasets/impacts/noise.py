@@ -60,6 +60,13 @@ class NoiseEstimate:
     )  # accelerations beyond gravity, m/s², rad/s² (`arcs`)
     stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # the header's; NaN if none or not believed
 
+    def variance(self, walls: bool) -> np.ndarray:
+        """Variance (3,) of a sample in m², m², rad², correlation included; among `walls` x and y have the same."""
+        found = self.used**2 * self.colour
+        if walls:
+            found[:2] = found[:2].mean()  # whichever way a wall stands
+        return found
+
 
 def stated_sigma(header: Header) -> np.ndarray:
     """The header's noise (3,) of x, y, θ in m, m, rad; NaN if it states none."""
