@@ -1,5 +1,6 @@
 """Arc fits: exact without noise, covariances that mean what they say, symmetries."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts.arcs import fit_arcs
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_in_arrays
 from thesis_lib.datasets.impacts.noise import NoiseEstimate, estimate_spread
+from thesis_lib.datasets.impacts.parabolas import Hits, parabolas
 
 EXACT_V = 1e-8  # m/s, k rad/s: rounding of positions (1e-16 m) over 0.1 s, times the condition of the fit
 EXACT_T = 1e-9  # s
@@ -207,3 +209,23 @@ def test_settings_out_of_range_are_refused():
         ArcSettings(min_window=30)
     with pytest.raises(ValueError, match="scales"):
         ArcSettings(scales=(1, 3))
+
+
+def test_parabolas_of_flights_have_the_accelerations_that_bodies_have_within_their_errors():
+    rng, n, samples = np.random.default_rng(13), 400, 30
+    header, sigma = ellipse_header(), np.array([3e-4, 3e-4, 3e-3])
+    t = np.tile(np.arange(samples) / 250.0, (n, 1))
+    a = rng.normal([0.5, -9.81, 20.0], [0.3, 0.1, 5.0], (n, 3))[:, None]
+    v = rng.normal(0.0, [1.0, 1.0, 10.0], (n, 3))[:, None]
+    q = [0.0, 0.5, 0.0] + v * t[..., None] + 0.5 * a * t[..., None] ** 2 + sigma * rng.normal(size=(n, samples, 3))
+    trial = np.repeat(np.arange(n), samples)
+    made = make_samples(trial, t.ravel(), q.reshape(-1, 3), header, ArcSettings())
+    hits = Hits(np.arange(n), np.full(n, samples / 250.0), np.ones(n, bool))
+    found = parabolas(made, hits, sigma**2)
+    assert len(found.t) == n and not len(found.bent)
+    z = (found.fitted[:, 2] - a[:, 0]) / np.sqrt(found.variance)
+    assert np.mean(z**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / z.size))
+    assert np.abs(z.mean(axis=0)).max() < 4.0 / np.sqrt(n)
+    assert not len(parabolas(made, Hits(hits.trial, hits.t, ~hits.used), sigma**2).t)  # no flight ends at a poor hit
+    bent = made.q + 2e-3 * np.sin(100.0 * made.t)[:, None] * [1.0, 0.0, 0.0] * (made.trial < 50)[:, None]
+    assert set(parabolas(replace(made, q=bent), hits, sigma**2).bent) == set(range(50))

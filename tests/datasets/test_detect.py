@@ -12,9 +12,11 @@ from scipy.signal import lfilter
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
+from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts import noise
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts, find_in_arrays
 from thesis_lib.datasets.impacts.quality import REASONS
+from thesis_lib.datasets.impacts.stays_down import landing_speeds
 from thesis_lib.foundation.errors import UserError
 
 FOUND = 0.99  # share of measurable impacts; the rest are weak ones with 6 to 9 samples on a side
@@ -279,3 +281,17 @@ def test_measured_dice(planar_dice_dir):
     # many first impacts are two corners within a frame or so
     reasons = found.left_out[found.left_out["impact"] == 0]["reason"].value_counts()
     assert reasons.idxmax() == "second_hit"
+
+
+def test_a_body_lands_with_the_speed_of_its_fall():
+    """Exact falls of a disk onto a floor, on which it stays; frames are 4 ms apart, in which it falls up to 12 mm."""
+    heights, g, radius = np.linspace(0.1, 0.4, 7), 9.81, 0.03
+    header = ellipse_header(body={"shape": {"kind": "disk", "radius": radius}, "radius_of_gyration": 0.02})
+    t = np.arange(150) / 250.0
+    fall = np.maximum(heights[:, None] - 0.5 * g * t**2, 0.0)
+    q = np.stack([0.0 * fall, header.surface.height + radius + fall, 0.0 * fall], axis=2)
+    trial = np.repeat(np.arange(7), len(t))
+    samples = make_samples(trial, np.tile(t, 7), q.reshape(-1, 3), header, ArcSettings())
+    at = np.arange(7) * len(t) + (fall > 0.0).sum(axis=1) - 1
+    landed = landing_speeds(samples, at, np.array([1e-5, 1e-5, 1e-4]), header, ArcSettings())
+    np.testing.assert_allclose(landed, np.sqrt(2.0 * g * heights), rtol=1e-6)

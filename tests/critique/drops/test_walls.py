@@ -6,12 +6,12 @@ import pytest
 from thesis_lib.bodies.walls import wall_of
 from thesis_lib.contact import mirtich
 from thesis_lib.critique import criticise
-from thesis_lib.critique.drops.covariance import spin_covariance
+from thesis_lib.critique.drops.covariance import residual_covariance, spin_covariance
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.drops.unknown_spin import velocity_left, what_is_left
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.export.export import exported
 from thesis_lib.critique.results.saved_model import SavedModel
@@ -43,6 +43,11 @@ def test_a_rim_that_sticks_scatters_by_a_third_of_the_unknown_rim_speed(observat
     assert np.median(cov[:, 0, 0]) == pytest.approx(third, rel=ROUNDED)
     assert cov[:, 0, 0].max() < third * (1.0 + ROUNDED)  # where the widest spins slide all the same
     assert cov[:, 1, 1].max() < 1e-20  # nothing of it across the wall
+    # an error along the wall is then the spin's but for the share of noise, one across it is the model's
+    left = what_is_left(Model(mirtich.LAW, (), True, True), values, observations)
+    noise = residual_covariance(Model(mirtich.LAW, (), True, True), values, observations, observations.t_std) - cov
+    assert np.median(left[:, 0, 0]) == pytest.approx(np.median(noise[:, 0, 0] / (noise + cov)[:, 0, 0]), rel=0.2)
+    assert np.median(left[:, 0, 0]) < 0.1 < 0.9 < np.median(left[:, 1, 1])
 
 
 def test_without_friction_the_spin_does_nothing(observations) -> None:
