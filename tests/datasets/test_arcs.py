@@ -1,5 +1,8 @@
 """Arc fits: exact without noise, covariances that mean what they say, symmetries."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bouncing import Flights, ellipse_header, fly
@@ -7,6 +10,8 @@ from bouncing import Flights, ellipse_header, fly
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts.arcs import fit_arcs
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_in_arrays
+from thesis_lib.datasets.impacts.noise import NoiseEstimate, estimate_spread
+from thesis_lib.datasets.impacts.parabolas import Hits, parabolas
 
 EXACT_V = 1e-8  # m/s, k rad/s: rounding of positions (1e-16 m) over 0.1 s, times the condition of the fit
 EXACT_T = 1e-9  # s
@@ -122,6 +127,29 @@ def test_contact_spread_is_estimated_and_widens_the_covariance():
     assert chi2_per_dof(errors(f, stiff)[0][:, 3:], stiff.impacts.cov[:, 3:, 3:]) > 2 * LOOSE_CHI2[1]
 
 
+@pytest.mark.parametrize("noise", [0.5, 1.0, 2.0])
+def test_contact_spread_is_what_arcs_miss_each_other_by_beyond_noise(noise: float):
+    """Misses of two independent parts: however large that of the noise, the other one comes out."""
+    rng, n, spread = np.random.default_rng(12), 20_000, 5e-5
+    dv, assumed = rng.uniform(1.8, 2.2, n), 0.7  # arcs were fitted with less noise than there is
+    of_noise = noise * spread * 2.0  # m, one sigma of each of the two free dimensions
+    parts = spread * dv[:, None] * rng.standard_normal((n, 2)), of_noise * rng.standard_normal((n, 2))
+    miss = np.linalg.norm(sum(parts), axis=1)
+    arcs = SimpleNamespace(
+        v_pre=np.zeros((n, 3)),
+        v_post=np.stack([0.0 * dv, dv, 0.0 * dv], axis=1),
+        n_side=np.full((n, 2), 25),
+        converged=np.ones(n, bool),
+        miss=miss,
+        miss_noise=np.full(n, np.sqrt(2.0) * assumed * of_noise),  # of both dimensions together
+        chi2_meet=(miss / (assumed * of_noise)) ** 2,
+    )
+    sigma = np.array([1e-4, 1e-4, 1e-3])
+    known = NoiseEstimate(1e-4, 1e-3, sigma, sigma, "arcs")
+    found = estimate_spread(arcs, 0.0192, assumed * sigma, known, ArcSettings())
+    assert found == pytest.approx(spread, rel=0.02 * (1.0 + noise**2))  # a median of 20,000 is known to 1 %
+
+
 def test_correlated_noise_widens_the_covariance():
     f = fly(ellipse_header(), np.random.default_rng(7), 200, position=0.0, angle=0.0)
     rho, rng = 0.6, np.random.default_rng(8)
@@ -181,3 +209,23 @@ def test_settings_out_of_range_are_refused():
         ArcSettings(min_window=30)
     with pytest.raises(ValueError, match="scales"):
         ArcSettings(scales=(1, 3))
+
+
+def test_parabolas_of_flights_have_the_accelerations_that_bodies_have_within_their_errors():
+    rng, n, samples = np.random.default_rng(13), 400, 30
+    header, sigma = ellipse_header(), np.array([3e-4, 3e-4, 3e-3])
+    t = np.tile(np.arange(samples) / 250.0, (n, 1))
+    a = rng.normal([0.5, -9.81, 20.0], [0.3, 0.1, 5.0], (n, 3))[:, None]
+    v = rng.normal(0.0, [1.0, 1.0, 10.0], (n, 3))[:, None]
+    q = [0.0, 0.5, 0.0] + v * t[..., None] + 0.5 * a * t[..., None] ** 2 + sigma * rng.normal(size=(n, samples, 3))
+    trial = np.repeat(np.arange(n), samples)
+    made = make_samples(trial, t.ravel(), q.reshape(-1, 3), header, ArcSettings())
+    hits = Hits(np.arange(n), np.full(n, samples / 250.0), np.ones(n, bool))
+    found = parabolas(made, hits, sigma**2)
+    assert len(found.t) == n and not len(found.bent)
+    z = (found.fitted[:, 2] - a[:, 0]) / np.sqrt(found.variance)
+    assert np.mean(z**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / z.size))
+    assert np.abs(z.mean(axis=0)).max() < 4.0 / np.sqrt(n)
+    assert not len(parabolas(made, Hits(hits.trial, hits.t, ~hits.used), sigma**2).t)  # no flight ends at a poor hit
+    bent = made.q + 2e-3 * np.sin(100.0 * made.t)[:, None] * [1.0, 0.0, 0.0] * (made.trial < 50)[:, None]
+    assert set(parabolas(replace(made, q=bent), hits, sigma**2).bent) == set(range(50))

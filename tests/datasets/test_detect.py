@@ -8,11 +8,15 @@ import numpy as np
 import pandas as pd
 import pytest
 from bouncing import Flights, ellipse_header, fly
+from scipy.signal import lfilter
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
+from thesis_lib.datasets.format.samples import ArcSettings, make_samples
+from thesis_lib.datasets.impacts import noise
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts, find_in_arrays
 from thesis_lib.datasets.impacts.quality import REASONS
+from thesis_lib.datasets.impacts.stays_down import landing_speeds
 from thesis_lib.foundation.errors import UserError
 
 FOUND = 0.99  # share of measurable impacts; the rest are weak ones with 6 to 9 samples on a side
@@ -57,16 +61,18 @@ def test_ordinals_count_all_hits_in_time(found: FoundImpacts):
 
 
 def test_noise_is_estimated_from_the_arcs(found: FoundImpacts):
-    noise = found.noise
-    assert noise.source == "arcs" and noise.contact_spread == 0.0 and not noise.stray.any()
-    assert noise.position == pytest.approx(3e-4, rel=NOISE)
-    assert noise.angle == pytest.approx(3e-3, rel=NOISE)
-    np.testing.assert_array_equal(noise.colour, 1.0)
+    estimate = found.noise
+    assert estimate.source == "arcs" and estimate.contact_spread == 0.0 and not estimate.stray.any()
+    assert estimate.position == pytest.approx(3e-4, rel=NOISE)
+    assert estimate.angle == pytest.approx(3e-3, rel=NOISE)
+    np.testing.assert_array_equal(estimate.colour, 1.0)
     np.testing.assert_allclose(found.impacts.r[:, 1], -(found.impacts.q[:, 1] - 0.012), atol=2e-3)
 
 
-def test_header_noise_is_compared_with_the_arcs(flights: Flights):
-    for position, warns, used in ((3e-4, False, 3e-4), (5e-4, True, 5e-4), (1e-2, True, 3e-4), (3e-6, True, 3e-4)):
+def test_header_noise_is_compared_with_the_arcs():
+    flights = fly(ellipse_header(), np.random.default_rng(23), 60)
+    cases = ((3e-4, False, 3e-4), (3.4e-4, False, 3.4e-4), (4.2e-4, True, 3e-4), (1e-2, True, 3e-4))
+    for position, warns, used in (*cases, (1.8e-4, True, 1.8e-4), (3e-6, True, 3e-4)):
         header = ellipse_header(noise={"position": position, "angle": 3e-3})
         found = find_in_arrays(flights.trial, flights.t, flights.q, header)
         assert any("dataset.yaml states" in text for text in found.warnings) is warns
@@ -75,6 +81,30 @@ def test_header_noise_is_compared_with_the_arcs(flights: Flights):
         assert found.noise.used[2] == found.noise.stated[2] == 3e-3
         assert found.noise.position == pytest.approx(3e-4, rel=NOISE)
         assert matched(flights, found.impacts.trial, found.impacts.t)[1].mean() > 0.999
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.7])
+def test_noise_that_is_stated_too_large_is_as_good_as_none(memory: float):
+    """White or not: where samples scatter less than stated, impacts are those that the samples alone would give."""
+    f = fly(ellipse_header(), np.random.default_rng(21), 60, position=0.0, angle=0.0)
+    white = np.random.default_rng(22).normal(size=f.q.shape) * [3e-4, 3e-4, 3e-3]
+    q = f.exact + lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white, axis=0)
+    header = ellipse_header(noise={"position": 5.9e-4, "angle": 5.9e-3})
+    doubled, unstated = (find_in_arrays(f.trial, f.t, q, h) for h in (header, f.header))
+    np.testing.assert_allclose(doubled.noise.used, unstated.noise.used, rtol=SAME)
+    np.testing.assert_allclose(doubled.impacts.cov, unstated.impacts.cov, rtol=SAME, atol=1e-18)
+    assert sum("the value of the arcs is used" in text for text in doubled.warnings) == 3
+
+
+@pytest.mark.parametrize(("slower", "impacts", "doubted"), [(1.0, 100, True), (1.6, 100, False), (1.0, 3, False)])
+def test_stated_noise_may_hold_errors_slower_than_an_arc_and_what_few_arcs_do_not_show(
+    monkeypatch: pytest.MonkeyPatch, slower: float, impacts: int, doubted: bool
+):
+    monkeypatch.setattr(noise, "_colour_of_flights", lambda *_: (np.full(3, slower), 50))
+    sigma = np.array([3e-4, 3e-4, 3e-3])
+    estimate = noise.NoiseEstimate(3e-4, 3e-3, sigma, 1.4 * sigma, "arcs", stated=1.4 * sigma)
+    fits = SimpleNamespace(flying=SimpleNamespace(n_side=np.full((impacts, 2), 8)))
+    assert noise.overstated(estimate, fits, None, None, 1e-3).all() == doubted
 
 
 def test_order_of_trials_and_of_rows_is_indifferent(flights: Flights, found: FoundImpacts):
@@ -251,3 +281,17 @@ def test_measured_dice(planar_dice_dir):
     # many first impacts are two corners within a frame or so
     reasons = found.left_out[found.left_out["impact"] == 0]["reason"].value_counts()
     assert reasons.idxmax() == "second_hit"
+
+
+def test_a_body_lands_with_the_speed_of_its_fall():
+    """Exact falls of a disk onto a floor, on which it stays; frames are 4 ms apart, in which it falls up to 12 mm."""
+    heights, g, radius = np.linspace(0.1, 0.4, 7), 9.81, 0.03
+    header = ellipse_header(body={"shape": {"kind": "disk", "radius": radius}, "radius_of_gyration": 0.02})
+    t = np.arange(150) / 250.0
+    fall = np.maximum(heights[:, None] - 0.5 * g * t**2, 0.0)
+    q = np.stack([0.0 * fall, header.surface.height + radius + fall, 0.0 * fall], axis=2)
+    trial = np.repeat(np.arange(7), len(t))
+    samples = make_samples(trial, np.tile(t, 7), q.reshape(-1, 3), header, ArcSettings())
+    at = np.arange(7) * len(t) + (fall > 0.0).sum(axis=1) - 1
+    landed = landing_speeds(samples, at, np.array([1e-5, 1e-5, 1e-4]), header, ArcSettings())
+    np.testing.assert_allclose(landed, np.sqrt(2.0 * g * heights), rtol=1e-6)

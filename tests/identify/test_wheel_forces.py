@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.wheel.forces import WheelStatus, fit_wheel, noise_of_third_differences, plain_forces, white
+from thesis_lib.identify.wheel.forces import (
+    WheelStatus,
+    fit_wheel,
+    noise_of_residuals,
+    noise_of_third_differences,
+    plain_forces,
+    white,
+)
 from thesis_lib.identify.wheel.study import (
     WheelStudy,
     motion_by_mass,
@@ -117,6 +124,17 @@ def test_noise_is_seen_through_motion_and_impacts():
     truth = rolled(made(), steps=600)
     states = add_noise(truth, 40.0, np.random.default_rng(5))
     assert noise_of_third_differences(states.q, states.v) == pytest.approx(states.sigma, rel=0.25)
+
+
+def test_noise_is_not_understated_by_what_was_fitted_to_it():
+    """Four parameters fitted to six channels of five samples with unit noise: variances are right on average."""
+    rng, n = np.random.default_rng(7), 5
+    A = rng.standard_normal((2, n, 3, 4)).reshape(-1, 4)  # four parameters that move all channels
+    noise = rng.standard_normal((4000, 6 * n))
+    left = noise - noise @ A @ np.linalg.pinv(A)
+    variance = [noise_of_residuals(r.reshape(2, n, 3), 4) ** 2 for r in left]
+    # 4,000 draws with 26 degrees of freedom tell it to 0.5 %; four of thirty would be 13 %
+    assert np.mean(variance) == pytest.approx(1.0, abs=0.02)
 
 
 def test_whiteness_is_uniform_on_white_noise_and_small_on_a_trend():

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
 from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET, claims, proof, verdict
@@ -36,6 +37,12 @@ def test_missing_effect_and_the_fall_of_the_error_to_the_noise() -> None:
     assert said.startswith("Mirtich leaves out “rounded corners”.")
     assert "falls from 0.500 to 0.10 (0.05 to 0.15)" in said
     assert "not told apart from the noise floor" in said
+
+
+@pytest.mark.parametrize("law", BASES)
+def test_every_law_that_a_critique_may_end_with_has_its_title(law: str) -> None:
+    content = diagnosis("adequate", []) | {"base_model": {"name": law}}
+    assert verdict(content).startswith(f"{BASES[law].title} is adequate")
 
 
 def test_error_that_does_not_fall_and_stays_above_the_noise() -> None:

@@ -4,10 +4,11 @@ A new one is a file with a class derived from `Effect` and an instance of it nam
 """
 
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 
-from thesis_lib.effects.at_wall import effect_at_wall
+from thesis_lib.bodies.walls import Wall
+from thesis_lib.effects.at_wall import AtWall, effect_at_wall
 from thesis_lib.effects.effect import FAMILIES, Effect
 from thesis_lib.foundation.errors import UserError
 
@@ -38,15 +39,19 @@ class _Library(dict[str, Effect]):
 EFFECTS: dict[str, Effect] = _Library(_load())
 
 
-def require_known(names: Iterable[str]) -> None:
-    """Refuse names that are no effect's.
+def require_known(names: Iterable[str], walls: Sequence[Wall] | None = None) -> None:
+    """Refuse names that are no effect's; where the `walls` of the rig are given, those at other walls, too.
 
     Raises:
-        UserError: the first of them, with the names of all effects.
+        UserError: the first of them, with the names of all effects or walls.
     """
     for name in names:
         if name not in EFFECTS:
             raise UserError(f"There is no effect {name!r}; known are {', '.join(EFFECTS)}.")
+        effect, there = EFFECTS[name], [wall.name for wall in walls or ()]
+        if walls is not None and isinstance(effect, AtWall) and effect.wall not in there:
+            known = f"the walls are {', '.join(there)}" if there else "there are no walls (`surfaces` of dataset.yaml)"
+            raise UserError(f"There is no wall {effect.wall!r} for the effect {name}: {known}.")
 
 
 __all__ = ["EFFECTS", "Effect", "require_known"]

@@ -41,14 +41,14 @@ def verdict(diagnosis: Mapping) -> str:
 
 
 def _missing(diagnosis: Mapping, effects: Sequence[Mapping]) -> str:
-    from thesis_lib.contact import LAWS  # late: loads every law; the next loads every effect
+    from thesis_lib.critique.drops.bases import BASES  # late: loads every law; the next loads every effect
     from thesis_lib.effects import EFFECTS
 
     def named(group: Sequence[Mapping]) -> str:
         doubt = " (or what these data cannot tell from it)"
         return listed([f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in group])
 
-    law = LAWS[diagnosis["base_model"]["name"]].title
+    law = BASES[diagnosis["base_model"]["name"]].title
     faults = [effect for effect in effects if effect["family"] == "measurement"]
     physics = [effect for effect in effects if effect not in faults and not effect.get("stand_in")]
     fault = f"; the measurements look faulty: {named(faults)}" if faults else ""

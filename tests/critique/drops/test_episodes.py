@@ -1,5 +1,6 @@
 """Episodes: hits that follow each other too quickly are predicted together, from one measurable flight to the next."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +11,7 @@ from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 
 from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops import episodes
+from thesis_lib.critique.drops import covariance, episodes
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.covariance import residual_covariance
@@ -210,6 +211,27 @@ def test_episodes_scatter_as_their_covariance_says():
     assert np.mean(np.abs(z[:, :6]) < 5.0) > 0.97
 
 
+def test_an_episode_that_goes_with_the_square_of_the_angle_scatters_with_the_square_of_its_noise(monkeypatch):
+    """No straight line shows it: the variance of κ z² is 2 κ² σ⁴, and that of a linear λ z is λ² σ² beside it."""
+    o = observed()
+    o = o.rows(np.flatnonzero(o.span)[:5])
+    cov = np.zeros_like(o.cov)
+    sigma, spin, curved, straight = 0.02, 3.0, 40.0, 0.1
+    cov[:, 0, 2] = np.diag([sigma**2, spin**2])  # of the angle and the spin before
+    theta = o.value[:, 0, 2]
+
+    def bent(model, values, rig, before, span, single=False):
+        off = before.theta - np.tile(theta, len(span) // len(theta))
+        v = np.stack([curved * off**2, straight * before.omega, 0.0 * off], axis=1)
+        return State.of(before.q * [1.0, 1.0, 0.0], v, before.trial, before.t)
+
+    monkeypatch.setattr(covariance, "end_of_episodes", bent)
+    S = residual_covariance(MODEL, truth(T), replace(o, cov=cov))
+    assert S[:, 0, 0] == pytest.approx(2.0 * curved**2 * sigma**4)
+    assert S[:, 1, 1] == pytest.approx((straight * spin) ** 2)
+    assert np.abs(S[:, 0, 1]).max() < 1e-12
+
+
 def test_episodes_sharpen_the_same_coefficients():
     fits = {episodes: fit(MODEL, observed(episodes=episodes)) for episodes in (False, True)}
     for name in ("mu", "epsilon", "tau"):
@@ -233,7 +255,15 @@ def test_what_noise_leaves_open_is_left_out_with_its_spread():
     kept = predictable(noisy, noisy, True)
     gone = kept.found.left_out[kept.found.left_out["reason"] == "unpredictable"]
     assert len(gone) == o.hits.sum() - kept.hits.sum() > 0
-    assert gone["detail"].str.contains("m/s").all()
+    # what is told of the first of them is the spread of its end, in the kinetic norm, over draws of the noise
+    trial, first = gone.iloc[0][["trial", "impact"]]
+    row = noisy.rows(np.flatnonzero((o.trial == trial) & (o.impact == first)))
+    copies, rng = row.rows(np.zeros(400, int)), np.random.default_rng(5)
+    noise = (np.linalg.cholesky(copies.cov) @ rng.standard_normal((*copies.cov.shape[:3], 2, 1)))[..., 0]
+    drawn = replace(copies, value=copies.value + noise[..., 0], slope=copies.slope + noise[..., 1])
+    ends = impact_residuals(MODEL, truth(T), drawn)[:, :3] * [1.0, 1.0, RIG.k_g]
+    told = float(re.search(r"by ([\d.e-]+) m/s", gone.iloc[0]["detail"])[1])
+    assert 0.8 < np.sqrt(((ends - ends.mean(axis=0)) ** 2).sum(axis=1).mean()) / told < 1.25
     assert len(kept.single) == len(o.single)
     assert len(predictable(o, o, True)) > 0.97 * len(o)
 

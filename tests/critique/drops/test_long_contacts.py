@@ -1,6 +1,9 @@
 """Contacts of several milliseconds, whose details bend what is found of other causes."""
 
+from dataclasses import replace
+
 import numpy as np
+import plain_drops
 import pytest
 from scipy.integrate import solve_ivp
 from test_contact_time import BODIES, EPSILON, MU, drops
@@ -130,3 +133,28 @@ def test_the_gap_is_judged_at_the_instant_that_flights_with_drag_give(drag):
     assert 0.0 < np.median(moved) < 0.7 * np.median(there)
     # nothing but what acts in flight moves an instant
     assert not later_instants(*with_effect("time_lag"), o).any()
+
+
+def test_of_what_accelerates_as_much_as_an_arc_can_tell_the_detection_has_allowed_for_one_half():
+    """Two estimates of one acceleration, known equally well: what arcs show, and that there is none, count the same."""
+    o = plain_drops.observed()
+    model, values = (
+        Model(plain_drops.LAW, (EFFECTS["linear_drag"],)),
+        plain_drops.TRUTH | {"linear_drag.c_v": 0.5, "linear_drag.c_w": 0.5},
+    )
+    known = o.found.noise
+    arcs = o.found.used_arcs
+    full = o.rows(np.flatnonzero((arcs["n_pre"] == arcs["n_pre"].max()) & (arcs["n_post"] == arcs["n_post"].max())))
+    tau = np.arange(arcs["n_pre"].max()) / 250.0
+    parabola = np.stack([np.ones_like(tau), tau, 0.5 * tau**2], axis=1)
+    of_arc = np.sqrt(np.linalg.inv(parabola.T @ parabola)[2, 2] * known.colour) * known.used
+
+    def shift(stray: np.ndarray) -> np.ndarray:
+        noise = replace(known, stray=stray)
+        return later_instants(model, values, replace(full, found=replace(full.found, noise=noise)))
+
+    whole, half, none = (shift(factor * of_arc) for factor in (0.0, 1.0, 1e3))
+    assert len(full) > 20 and np.median(np.abs(whole)) > 1e-5  # s
+    # that drag changes along an arc is not allowed for; lines miss a parabola by more a little beyond their ends
+    assert np.median(np.abs(none / whole)) < 0.2
+    assert np.median((half - none) / (whole - none)) == pytest.approx(0.5, abs=0.07)

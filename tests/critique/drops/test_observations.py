@@ -1,17 +1,24 @@
 """Observations: errors are as large as their covariance says, windows stop at hits, tables are taken as they are."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import LAW, TRUTH, drops, observed
 
-from thesis_lib.critique.drops.flights import MIN_FLIGHT
+from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.fit import fit
 from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.results.diagnosis import left_out
+from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.impacts.parabolas import MIN_FLIGHT
 
 GRAVITY = 9.81
 SIGMAS = 4.0  # standard deviations of a reduced chi² (√(2/dof)) by which it may miss 1
@@ -201,3 +208,36 @@ def test_without_stated_noise_only_scatter_is_known(table_only):
 def test_noise_in_the_samples_is_that_of_the_rig():
     assert observed().found.noise.position == pytest.approx(RIG_NOISE.position, rel=0.1)
     assert observed().found.noise.angle == pytest.approx(RIG_NOISE.angle, rel=0.1)
+
+
+def wobbling(share: float) -> Observations:
+    """Drops of which the first ones swing by 1.5 mm as they fly, five times the noise: no hit, and no gravity."""
+    one = drops()
+    table = one.trajectories.copy()
+    x = 1.5e-3 * np.sin(2.0 * np.pi * table["t"] / 0.2)
+    table["x"] += np.where(table["trial"] < share * table["trial"].max(), x, 0.0)
+    return observe(Dataset("wobbling", one.header, table), episodes=False)
+
+
+def test_flights_that_are_no_parabolas_are_counted_and_said():
+    o, few = wobbling(0.25), observed()
+    trials = np.unique(o.flights.bent)
+    assert len(trials) > 5 and np.mean(trials < 10) > 0.8
+    n = len(o.flights) + len(o.flights.bent)
+    (said,) = (text for text in o.found.warnings if "no parabolas" in text)
+    assert said.startswith(f"{len(o.flights.bent)} of {n} flights are no parabolas and are left out")
+    content = {"left_out": left_out(o), "verdict": "adequate"}
+    assert content["left_out"]["flights"] == {"bent": len(o.flights.bent), "n": n}
+    assert said in much_left_out(content)
+    held = o.select(np.arange(8, 40))
+    assert set(held.flights.bent) == {trial for trial in trials if trial >= 8}
+    assert len(few.flights.bent) < 3 and not any("no parabolas" in text for text in few.found.warnings)
+
+
+@pytest.mark.parametrize(("share", "far"), [(0.25, ()), (1.1, ("flight",))])
+def test_where_most_flights_are_no_parabolas_the_model_of_the_flight_is_wrong(share: float, far: tuple):
+    o = wobbling(share)
+    judged = replace(Drops(observed()).judge(fit(Model(LAW), observed(), TRUTH, rounds=1)), excess=1.0)
+    judged = replace(judged, sigmas=dict.fromkeys(judged.sigmas, 1.0))
+    of_all = SimpleNamespace(ladder=(("", None, judged),), settings=CritiqueSettings(), observations=o)
+    assert Critique.misfit_channels.fget(of_all) == far

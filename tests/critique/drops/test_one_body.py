@@ -1,12 +1,17 @@
 """Data that are of one body are taken as such."""
 
+import numpy as np
+import pandas as pd
 import pytest
+from hidden_effects import injected_impacts
 
 from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
+from thesis_lib.critique.drops.one_body import balance_groups, refuse_what_is_not_one_body
 from thesis_lib.critique.proof import next_drops
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, SQUARE, HiddenCauses
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -16,3 +21,26 @@ def test_one_body_with_a_small_cause_is_never_two(seed):
     hidden = HiddenCauses.model_validate({cause: size * CAUSES[cause].size})
     rng = generator(1000 + seed, "next experiment", cause, f"{size:g}").spawn(4)[0]
     refuse_what_is_not_one_body("drops", observe(next_drops._drops(ELLIPSE_BODY, next_drops.RELEASE, 50, hidden, rng)))
+
+
+@pytest.mark.parametrize(("second", "told_apart"), [(0.0, False), (0.8, True)])
+def test_bodies_that_turn_differently_are_two_and_one_misses_its_balance_by_noise_alone(
+    second: float, told_apart: bool
+):
+    """Three impacts in each of 100 trials; angular momentum about the contact point is kept."""
+    made = [
+        injected_impacts("body", 300, seed, "wrong_inertia", {"wrong_inertia.d_I": d_I}, SQUARE)
+        for seed, d_I in ((1, 0.0), (2, second))
+    ]
+    table = pd.concat([part.impacts.assign(trial=part.impacts["trial"] // 3 + 100 * i) for i, part in enumerate(made)])
+    o = observe(Dataset("bodies", made[0].header, impacts=table.reset_index(drop=True)))
+    groups = balance_groups(o)
+    assert groups.told_apart == told_apart
+    if told_apart:
+        assert np.array_equal(groups.second, groups.trials >= 100) or np.array_equal(groups.second, groups.trials < 100)
+        with pytest.raises(
+            UserError, match=r"100 trials \(trial 0-99\) and 100 trials \(trial 100-199\).*k² (0.99|1).* and 1.[78]"
+        ):
+            refuse_what_is_not_one_body("bodies", o)
+    else:
+        assert groups.one == pytest.approx(1.0, abs=0.12)  # a robust spread of 600 is known to 5 %

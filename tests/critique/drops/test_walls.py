@@ -6,18 +6,18 @@ import pytest
 from thesis_lib.bodies.walls import wall_of
 from thesis_lib.contact import mirtich
 from thesis_lib.critique import criticise
-from thesis_lib.critique.drops.covariance import spin_covariance
+from thesis_lib.critique.drops.covariance import residual_covariance, spin_covariance
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.drops.unknown_spin import velocity_left, what_is_left
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.export.export import exported
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.simulate_model import simulate_model
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, require_known
 from thesis_lib.effects.at_wall import AT_ONE_WALL, AtWall
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
@@ -43,6 +43,11 @@ def test_a_rim_that_sticks_scatters_by_a_third_of_the_unknown_rim_speed(observat
     assert np.median(cov[:, 0, 0]) == pytest.approx(third, rel=ROUNDED)
     assert cov[:, 0, 0].max() < third * (1.0 + ROUNDED)  # where the widest spins slide all the same
     assert cov[:, 1, 1].max() < 1e-20  # nothing of it across the wall
+    # an error along the wall is then the spin's but for the share of noise, one across it is the model's
+    left = what_is_left(Model(mirtich.LAW, (), True, True), values, observations)
+    noise = residual_covariance(Model(mirtich.LAW, (), True, True), values, observations, observations.t_std) - cov
+    assert np.median(left[:, 0, 0]) == pytest.approx(np.median(noise[:, 0, 0] / (noise + cov)[:, 0, 0]), rel=0.2)
+    assert np.median(left[:, 0, 0]) < 0.1 < 0.9 < np.median(left[:, 1, 1])
 
 
 def test_without_friction_the_spin_does_nothing(observations) -> None:
@@ -111,6 +116,15 @@ def test_no_effect_has_the_name_of_one_at_a_wall() -> None:
     assert "other_restitution_at_the north" not in EFFECTS
     with pytest.raises(KeyError):
         EFFECTS["other_restitution"]
+
+
+def test_an_effect_at_a_wall_that_is_not_there_is_refused_with_the_walls_that_are() -> None:
+    with pytest.raises(UserError, match="no wall 'nowhere' for the effect other_restitution_at_nowhere: the walls are"):
+        puck = simulate_puck("puck", "nothing", trials=2)
+        criticise(puck, rng=np.random.default_rng(0), effects=["other_restitution_at_nowhere"])
+    require_known(["other_restitution_at_west", "magnus"], CUSHIONS)
+    with pytest.raises(UserError, match="there are no walls"):
+        require_known(["other_friction_at_west"], ())
 
 
 def verdict(dataset: Dataset, seed: int):

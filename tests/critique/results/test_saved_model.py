@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.bodies.walls import Wall
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import duration
@@ -139,6 +140,12 @@ def test_a_contact_of_a_millisecond_is_predicted_from_touch_to_its_end(body, law
     assert taken < error and taken < 0.4 * median_error()
 
 
+def test_an_effect_at_a_wall_that_the_rig_lacks_is_refused(tmp_path):
+    save_model(model_with("other_friction_at_west", other_friction_at_west__d=0.1), tmp_path / "model.json")
+    with pytest.raises(UserError, match=r"no wall 'west' .* there are no walls"):
+        load_model(tmp_path / "model.json")
+
+
 def test_a_contact_time_that_no_contact_has_is_refused(tmp_path):
     path = tmp_path / "model.json"
     for tau in (-1e-4, 1.0):
@@ -162,11 +169,28 @@ def test_an_effect_changes_the_prediction(states):
     assert not np.allclose(plain["vx_post"], moving["vx_post"], atol=1e-3)
 
 
-def test_a_body_that_leaves_is_told(states):
-    states.loc[3, "vy"] = 5.0
-    found = predict(model_with(), states)
-    assert found.loc[3, "status"] == "not_approaching" and found.loc[3, "vy_post"] == 5.0
-    assert (found["status"].drop(3) == "ok").all()
+CAMERA_AND_BODY = {
+    "length_scale": {"length_scale__s_L": 0.013},
+    "marker_offset": {"marker_offset__d_x": 0.0013, "marker_offset__d_y": -0.0007},
+    "com_offset": {"com_offset__c_x": 0.0011, "com_offset__c_y": 0.0007},
+    "moving_surface": {"moving_surface__V": 0.5},
+}
+FLOOR = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0))
+
+
+@pytest.mark.parametrize("tau", [None, 0.0, 1e-3])
+@pytest.mark.parametrize("effect", CAMERA_AND_BODY)
+def test_a_body_that_leaves_keeps_its_velocity_and_is_told(states, effect, tau):
+    """By the contact's own v_n, whatever camera the velocities pass, at a floor and at a wall."""
+    states.loc[::2, "vy"] *= -1.0
+    leaves = np.arange(len(states)) % 2 == 0
+    model = model_with(effect, **CAMERA_AND_BODY[effect], **({} if tau is None else {"tau": tau}))
+    between = model.model_copy(update={"rig": model.rig.model_copy(update={"gravity": 0.0, "walls": (FLOOR,)})})
+    for one in (model, between):
+        found = predict(one, states)
+        assert found["status"].tolist() == np.where(leaves, "not_approaching", "ok").tolist()
+        assert np.array_equal(found.loc[leaves, list(V_POST)], states.loc[leaves, ["vx", "vy", "omega"]])
+        assert (found.loc[~leaves, "vy_post"] > states.loc[~leaves, "vy"]).all()
 
 
 def test_an_effect_that_needs_the_trial_asks_for_it(states):

@@ -1,5 +1,7 @@
 """Hierarchical model abstractions on made pushes: what is inferred, predicted, sampled, and how noise is found."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pushes_for_tests import FORCE, KINDS, POSE, START_POSE, TOWER, make_samples, sample_push
@@ -7,7 +9,7 @@ from scipy.stats import norm
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import Scaling, bayes, log_likelihood, mix, push_groups
+from thesis_lib.jenga.learners.learner import Prediction, Scaling, bayes, log_likelihood, mix, push_groups
 from thesis_lib.jenga.learners.network import Network
 from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, NetworkSettings
 
@@ -113,6 +115,31 @@ def test_noise_of_readings_is_recovered(scale: float) -> None:
     np.testing.assert_allclose(ratio[[0, 2]], 1.0, atol=0.25)
     # an action changes f_t at once, which differences cannot tell from noise: the networks' error bounds it from above
     assert 0.8 < ratio[1] < 2.5
+
+
+class Blind(Hma):
+    """One abstraction whose prediction is as wrong as can be, so that it bounds no noise."""
+
+    def predict(self, state, action, context, belief):
+        return Prediction(state[:, None] + 1e3, np.ones((len(state), 1, 7)), belief)
+
+
+@pytest.mark.parametrize("process", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("sensor", [0.5, 1.5])
+def test_noise_of_the_sensors_is_told_from_that_of_the_process(sensor: float, process: float) -> None:
+    """A random walk of known steps, read with known noise: what is read twice differs by the sensors alone."""
+    rng, n = np.random.default_rng(14), 20_000
+    true = np.cumsum(process * rng.normal(size=(n + 1, 7)), axis=0)
+    read = true + sensor * rng.normal(size=true.shape)
+    push = np.arange(n) // 100
+    nothing = {"action": np.zeros((n, 2)), "context": np.tile([5.0, 0.0], (n, 1)), "truth": np.zeros(n, int)}
+    same = {"tower": np.zeros(n, int), "block": np.zeros(n, int)}
+    walk = SimpleNamespace(push=push, state=read[:-1], next_state=read[1:], **nothing, **same)
+    learner = Blind(FAST)
+    learner.resp = np.ones((n, 1))
+    np.testing.assert_allclose(
+        learner._noise(walk) / sensor**2, 1.0, atol=0.15 * max(1.0, (process / sensor) ** 2) ** 0.5
+    )
 
 
 def test_one_shot_learning_gives_the_same_interface(others) -> None:

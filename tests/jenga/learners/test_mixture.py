@@ -59,6 +59,25 @@ def test_kinds_of_pushes_with_words_of_their_own_are_found() -> None:
     np.testing.assert_allclose(np.sort(mixture.shares), np.sort([4, 4, 5]) / 13, atol=0.04)
 
 
+def test_of_windows_that_overlap_each_says_a_part_of_what_a_window_alone_says() -> None:
+    """The same windows with half of the evidence each: words of an abstraction weigh less against the prior, and the
+    likelihood of a push is the root of the product of its windows' densities."""
+    rng = np.random.default_rng(12)
+    features, push, _ = _pushes([[[0, 0, 0, 0, 0], [5, 0, 0, 0, 0]], [[0, 0, 0, 0, 0], [0, 5, 0, 0, 0]]], [6, 6], rng)
+    words = []
+    for overlap in (1.0, 2.0):
+        settings = SETTINGS.model_copy(update={"overlap": overlap})
+        mixture = fit_mixture(features, push, settings, np.random.default_rng(0))
+        of_push = mixture.resp[::12]
+        expected = np.exp(mixture.log_density(features).reshape(12, 12, 2).sum(axis=1) / overlap) * mixture.shares
+        np.testing.assert_allclose(of_push, expected / expected.sum(axis=1, keepdims=True), atol=1e-9)
+        members = 12 * of_push.round().sum(axis=0)[:, None]  # windows of each abstraction
+        prior = settings.topic_prior
+        words.append(overlap * (mixture.topics * (members / overlap + prior) - prior * mixture.weights))
+    np.testing.assert_allclose(words[1], words[0], atol=1e-6)
+    np.testing.assert_allclose(words[0].sum(axis=1), 72.0)
+
+
 def test_abstractions_may_share_a_word() -> None:
     """Hard and stuck blocks begin alike: one component in both, two abstractions nevertheless."""
     rng = np.random.default_rng(3)

@@ -66,6 +66,17 @@ def test_the_belief_at_rest_is_a_distribution_over_sides_and_positions():
     assert belief.most_likely_face == 0
 
 
+@pytest.mark.parametrize("n", [1, 3, 400])
+def test_how_finely_sides_are_counted_changes_no_probability(n: int):
+    """The prior is worth one particle, whatever the number of sides: two sides read as one have their joint share."""
+    fine = np.random.default_rng(6).choice(8, n, p=[0.6, 0.0, 0.2, 0.1, 0.1, 0.0, 0.0, 0.0])
+    of_fine, of_coarse = (
+        RestBelief(np.zeros(n), face, sides).face_probability for face, sides in ((fine, 8), (fine // 2, 4))
+    )
+    assert of_fine.reshape(4, 2).sum(axis=1) == pytest.approx(of_coarse)
+    assert of_fine[np.bincount(fine, minlength=8) == 0].sum() < 1.0 / (n + 1.0)
+
+
 def test_the_likelihood_is_highest_where_the_particles_are():
     belief = rest()
     likely, _ = belief.log_likelihood(0.0, 0)

@@ -15,7 +15,7 @@ from thesis_lib.residual.learners.gaussian_process import GaussianProcessSetting
 from thesis_lib.residual.throwing.belief import covariance_root
 from thesis_lib.residual.throwing.compliant_contact import CompliantContact
 from thesis_lib.residual.throwing.flight import first_touch, fly
-from thesis_lib.residual.throwing.propagation import Sampled, ScatteredLaw, draw, wrench_map
+from thesis_lib.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, draw, wrench_map
 from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, push, simulate_throws
 
@@ -76,6 +76,25 @@ def test_no_scatter_is_the_law():
     for contact in (Sampled(BODY, LAW), ScatteredLaw(BODY, LAW, relative=np.zeros((3, 3)))):
         out = simulate_throws(BODY, q, v, contact, 0.15, ThrowSettings(), np.random.default_rng(1))
         assert out.q == pytest.approx(certain.q)
+
+
+class Dented(Sampled):
+    """A contact that takes time, and ends somewhere near the surface."""
+
+    def distribution(self, q, v, r, slow):
+        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        cov[:, 1, 1] = PENETRATION**2
+        mean[:, 4] *= 0.9  # some energy is left for poses that are higher
+        return mean, cov, took + 0.01, in_range
+
+
+def test_a_sample_that_ends_below_the_surface_is_lifted_onto_it():
+    q, v, r, slow = touching(1000)
+    out = draw(Dented(BODY, LAW), q, v, r, slow, np.random.default_rng(0))
+    gap = BODY.gap(out.q)
+    on_it, above = np.abs(gap) < 1e-12, gap > 1e-12
+    assert (on_it | above).all()
+    assert min(on_it.mean(), above.mean()) > 0.3  # a dent of a millimetre is no reason to draw again
 
 
 def test_the_wrench_map_is_what_an_impulse_does():

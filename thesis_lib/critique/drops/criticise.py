@@ -98,6 +98,8 @@ class Critique:
             spread = (OF_NORM if channel == "impact" else OF_MEDIAN) / np.sqrt(count)
             if np.sqrt(misfit) > limit * (1.0 + 2.0 * spread):
                 far.append(channel)
+        if "flight" not in far and self.observations.flights.are_bent:
+            far.append("flight")
         return tuple(far)
 
     @property
@@ -176,7 +178,7 @@ def whole_critique(
 ) -> Critique:
     """As `criticise`, with a verdict; `TooFewImpacts`, a UserError, where impacts are too few for one."""
     settings = settings or CritiqueSettings()
-    require_known(effects or ())
+    require_known(effects or (), dataset.header.surfaces or ())
     _refuse_constant(dataset)
     say("finding impacts")
     observations = observe(dataset, arcs, settings.episodes)

@@ -64,8 +64,7 @@ def contact(model: Model, values: Mapping[str, float], rig: Rig, touch: State) -
     that do not come down stay as they are.
     """
     down = touch.moved(y=touch.y - model.gap(touch, values, rig))
-    seen, r_x, *_ = model.contact_at(down, model.active(values), rig)
-    span = np.minimum(duration(1.0, values["epsilon"]) * model.delay(down, values, rig), LONGEST)
+    span = np.clip(duration(1.0, values["epsilon"]) * model.delay(down, values, rig), 10.0 * _NOW, LONGEST)
     for _ in range(2):  # another corner may hit before the body is back at the surface
         played = _Play(model, values, rig, down, span, MOST_HITS, touches=True)
         end = played.outcome().after
@@ -73,7 +72,7 @@ def contact(model: Model, values: Mapping[str, float], rig: Rig, touch: State) -
         end = end.flown(played.acceleration(end, left, np.arange(len(left))), left)
         a, rise = played.rise(end)
         end, span = end.flown(a, rise), span + left + rise
-    comes = (seen.vy + r_x * seen.omega < 0.0) & (played.hits > 0)
+    comes = model.approaches(down, model.active(values), rig) & (played.hits > 0)
     q, v = (np.where(comes[:, None], now, then) for now, then in ((end.q, touch.q), (end.v, touch.v)))
     return State.of(q, v, touch.trial, np.where(comes, end.t, touch.t))
 

@@ -21,34 +21,10 @@ from numpy.polynomial.legendre import legvander
 
 from thesis_lib.datasets.format.samples import Samples, position
 from thesis_lib.datasets.impacts.lines import Lines, lines_through, rank
+from thesis_lib.datasets.impacts.parabolas import GUARD, Hits
 
 NODES = 8  # exact to 1e-6 of its size for a path that turns by 2.5 rad in a window of 0.1 s
-GUARD = 1e-3  # s; samples this near to an impact may lie in the contact
 LATER = 1e-9  # s; an instant this much after a hit counts as after it
-
-
-@dataclass(frozen=True)
-class Hits:
-    """All detected hits, sorted by trial and time: trial, t in s, used (h,)."""
-
-    trial: np.ndarray
-    t: np.ndarray
-    used: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    def before(self, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """Number of hits before each instant, over all trials in order."""
-        return position(self.trial, self.t, trial, t)
-
-    def instants(self, number: np.ndarray, trial: np.ndarray, otherwise: float) -> np.ndarray:
-        """Times in s of the hits of these numbers; `otherwise` if the trial has no such hit."""
-        times = np.full(len(number), otherwise)
-        rows = np.flatnonzero((number >= 0) & (number < len(self)))
-        rows = rows[self.trial[number[rows]] == trial[rows]]
-        times[rows] = self.t[number[rows]]
-        return times
 
 
 @dataclass(frozen=True)

@@ -169,6 +169,12 @@ class Model:
             k_g = effect.radius_of_gyration(k_g, p)
         return seen.moved(theta=seen.theta - turned) if is_turned else seen, r_x, r_y, k_g
 
+    @staticmethod
+    def approaches(true: State, active: Sequence, rig: Rig) -> np.ndarray:
+        """Mask (n,) of bodies in true states whose contact point comes down, as the contact sees it: v_n < 0."""
+        seen, r_x, *_ = Model.contact_at(true, active, rig)
+        return seen.vy + r_x * seen.omega < 0.0
+
     def predict(
         self,
         measured: State,

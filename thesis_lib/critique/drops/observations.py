@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
-from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, measured_flights
-from thesis_lib.critique.drops.lines import NODES, Hits, edges_of, later, side_lines
+from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, flights_of
+from thesis_lib.critique.drops.lines import NODES, edges_of, later, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
@@ -78,8 +78,7 @@ class Observations:
     def select(self, trials: np.ndarray) -> "Observations":
         """Impacts and flights of the given trials."""
         rows = np.flatnonzero(np.isin(self.trial, trials))
-        flights = self.flights.select(np.flatnonzero(np.isin(self.flights.state.trial, trials)))
-        return replace(self.rows(rows), flights=flights)
+        return replace(self.rows(rows), flights=self.flights.of_trials(trials))
 
     @property
     def middle(self) -> Reference:
@@ -172,17 +171,15 @@ def _mean_of_known(t: np.ndarray) -> float:
 
 def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observations:
     impacts = found.impacts
-    table = found.arcs.sort_values(["trial", "t"])
-    hits = Hits(table["trial"].to_numpy(), table["t"].to_numpy(), table["used"].to_numpy(bool))
     # a window that detection cut short at a bent arc stays short
     most = found.used_arcs[["n_pre", "n_post"]].to_numpy()
-    lines = side_lines(samples, impacts.trial, impacts.t, edges_of(hits, impacts.trial, impacts.t, found.guard), most)
-    variance = found.noise.used**2 * found.noise.colour
-    if rig.walls:
-        variance[:2] = variance[:2].mean()  # whichever way a wall stands
+    lines = side_lines(
+        samples, impacts.trial, impacts.t, edges_of(found.hits, impacts.trial, impacts.t, found.guard), most
+    )
+    variance = found.noise.variance(bool(rig.walls))
     cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
     rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
-    flights = measured_flights(samples, hits, variance, found.guard, found.air)
+    flights = flights_of(found.parabolas)
     if found.step:
         flights = replace(flights, variance=flights.variance + (OF_STEPS * rig.gravity) ** 2)
     return Observations(
@@ -248,7 +245,7 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
         name: np.stack([getattr(before, name)[:, 0], getattr(after, name)[:, 1]], axis=1)
         for name in ("value", "slope", "bow", "unit_cov", "nodes", "weights")
     }
-    variance = found.noise.used**2 * found.noise.colour
+    variance = found.noise.variance(False)
     cov = lines.pop("unit_cov")[:, :, None] * variance[None, None, :, None, None]
     n = len(table)
     episodes = {

@@ -76,7 +76,8 @@ def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
 
 def _two_bodies(name: str, kind: str, groups: Groups, o: Observations) -> str:
     a, b = groups.coefficients
-    sizes = f"{1.0 + a[0]:.3g} and {1.0 + b[0]:.3g} times"
+    sign = 1.0 if kind == "touch" else -1.0  # s, but δ = 1 − k²/k²_believed
+    sizes = f"{1.0 + sign * a[0]:.3g} and {1.0 + sign * b[0]:.3g} times"
     offset = 1e3 * float(np.hypot(*(b[1:3] - a[1:3])))
     differ = f"centres of mass {offset:.2g} mm apart"
     if kind == "touch":

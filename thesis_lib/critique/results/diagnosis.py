@@ -19,6 +19,7 @@
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
+| left_out        | flights             | `bent`, how many of all `n` flights are no parabolas: they have no say      |
 | remaining       | channels            | those with a misfit far above noise                                         |
 |                 | depends_on          | states from which a part of it can be learned; empty if none can            |
 |                 | restitution         | null, or range of ε where it alone differs by trial or impact, by nothing   |
@@ -176,10 +177,12 @@ def _worst(critique: Critique) -> list[dict]:
 
 
 def left_out(observations: Observations) -> dict:
-    """Share and reasons of the detected impacts that are not used."""
+    """Share and reasons of the detected impacts that are not used, and the number of flights without a say."""
     table = left_out_impacts(observations)
     reasons = {str(k): int(v) for k, v in sorted(table["reason"].value_counts().items())}
     # what hit no wall says nothing about the impacts that did
     missing = len(table) - reasons.get(OFF_WALL, 0)
     total = missing + len(observations)
-    return {"share": missing / total if total else 0.0, "reasons": reasons}
+    bent = len(observations.flights.bent)
+    flights = {"bent": bent, "n": bent + len(observations.flights)}
+    return {"share": missing / total if total else 0.0, "reasons": reasons, "flights": flights}

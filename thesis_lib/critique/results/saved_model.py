@@ -22,7 +22,7 @@ from thesis_lib.critique.drops.episodes import contact
 from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.sliding import SLIDING
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, require_known
 from thesis_lib.effects.effect import Reference, Rig, State
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
@@ -191,6 +191,10 @@ def load_model(path: str | Path) -> SavedModel:
                 "python -m thesis_lib effects lists them, and --effects FILE.py adds those of a file of yours"
             )
             raise UserError(f"{path}: there is no effect {name[:60]!r}; {remedy}.")
+    try:
+        require_known(model.effects, model.rig.walls)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
     needed = set(model.model.parameters)
     if needed != set(model.parameters):
         wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
@@ -258,34 +262,37 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
     for name in (name for name in OPTIONAL if name not in states):
         columns[name] = np.full(len(states), getattr(model.rig.reference, name))
     state = State(**columns)
-    after = _after(model, state)
+    after, approaches = _after(model, state)
     for name in (name for name in OPTIONAL if name not in states):
-        moved = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
+        moved, _ = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
         if not np.array_equal(after, moved, equal_nan=True):
             effects = ", ".join(model.effects)
             raise UserError(f"{prefix}This model depends on {name} ({effects}): add the column {name} to the states.")
-    status = np.where((after == state.v).all(axis=1), "not_approaching", "ok")
+    status = np.where(approaches, "ok", "not_approaching")
     status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
     return states.assign(**dict(zip(POST, after.T)), status=status)
 
 
-def _after(model: SavedModel, state: State) -> np.ndarray:
-    """Velocity (n, 3) in m/s, m/s, rad/s at the end of the contact; that of the state where none begins."""
-    if not (walls := model.rig.walls):
-        return _after_on_floor(model, state)
-    wall = wall_ahead(walls, model.rig.shape, state.q, state.v)
-    R = turns(walls, wall)
-    level = State.of(in_wall_frame(walls, wall, state.q), np.einsum("nij,nj->ni", R, state.v), state.trial, state.t)
-    after = _after_on_floor(model, level)
-    untouched = (after == level.v).all(axis=1)
-    return np.where(untouched[:, None], state.v, np.einsum("nji,nj->ni", R, after))
+def _after(model: SavedModel, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity (n, 3) in m/s, m/s, rad/s at the end of the contact, and a mask (n,) of the bodies that approach it.
 
-
-def _after_on_floor(model: SavedModel, state: State) -> np.ndarray:
-    """As `_after`, in the frame of the surface that is hit; at once, if contacts take no time."""
+    The others keep the velocity of the state.
+    """
+    walls, level = model.rig.walls, state
+    if walls:
+        wall = wall_ahead(walls, model.rig.shape, state.q, state.v)
+        R = turns(walls, wall)
+        v = np.einsum("nij,nj->ni", R, state.v)
+        level = State.of(in_wall_frame(walls, wall, state.q), v, state.trial, state.t)
     fitted, values, rig = model.model, model.values, model.believed
-    if not fitted.takes_time:
-        return fitted.predict(state, values, rig).v
     active = fitted.active(values)
-    end = contact(fitted, values, rig, fitted.to_true(state, active, rig))
-    return fitted.to_measured(end, active, rig).v
+    true = fitted.to_true(level, active, rig)
+    if fitted.takes_time:
+        after = fitted.to_measured(contact(fitted, values, rig, true), active, rig).v
+    else:
+        after = fitted.predict(level, values, rig).v
+    if walls:
+        after = np.einsum("nji,nj->ni", R, after)
+    # what a body that moves away has is not rounded on the way through the camera
+    approaches = fitted.approaches(true, active, rig)
+    return np.where((approaches | np.isnan(after).any(axis=1))[:, None], after, state.v), approaches

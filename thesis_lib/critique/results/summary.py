@@ -19,6 +19,7 @@ from thesis_lib.critique.drops.words import (
     feature_text,
     reasons_listed,
 )
+from thesis_lib.datasets.impacts.parabolas import bent_sentence
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed
 
@@ -89,13 +90,14 @@ def _low_pass(content: Mapping) -> list[str]:
 
 
 def much_left_out(content: Mapping) -> list[str]:
-    """How many impacts were left out, if these are many."""
-    share = content["left_out"]["share"]
+    """How many impacts and flights were left out, if these are many."""
+    share, flights = content["left_out"]["share"], content["left_out"].get("flights", {"bent": 0, "n": 0})
+    bent = [text] if (text := bent_sentence(flights["bent"], flights["n"])) else []
     if share <= MUCH_LEFT_OUT:
-        return []
+        return bent
     why = reasons_listed({name: n for name, n in content["left_out"]["reasons"].items() if name != OFF_WALL})
     said = "the verdict holds" if content["verdict"] else "all holds"
-    return [f"{100 * share:.0f} % of the detected impacts were left out ({why}), so {said} for the others only."]
+    return [f"{100 * share:.0f} % of the detected impacts were left out ({why}), so {said} for the others only.", *bent]
 
 
 def _adequate(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequence) -> list[str]:

@@ -32,9 +32,11 @@ from thesis_lib.datasets.impacts.noise import (
     estimate_spread,
     noise_from_arcs,
     noise_warnings,
+    overstated,
     stated_sigma,
     with_colour,
 )
+from thesis_lib.datasets.impacts.parabolas import bent_sentence, hits_of, parabolas
 from thesis_lib.datasets.impacts.pieces import cut_into_pieces
 from thesis_lib.datasets.impacts.quality import (
     approach_speed,
@@ -96,15 +98,23 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
 
 
 def find_in_arrays(
-    trial: np.ndarray, t: np.ndarray, q: np.ndarray, header: Header, settings: ArcSettings | None = None
+    trial: np.ndarray,
+    t: np.ndarray,
+    q: np.ndarray,
+    header: Header,
+    settings: ArcSettings | None = None,
+    believed: np.ndarray | None = None,
 ) -> FoundImpacts:
-    """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped."""
-    settings = settings or ArcSettings()
+    """Impacts from poses in any order: `trial` (N,), `t` (N,) in s, `q` (N, 3) in m, m, rad with θ unwrapped.
+
+    `believed` (3,) is the header's noise, NaN where it is not believed; None: it is, unless the samples show less.
+    """
+    settings = given = settings or ArcSettings()
     everything, copied = without_copies(make_samples(trial, t, q, header, settings))
     # pictures that were taken at a lower rate than stated may have been shown late
     clock = header.model_copy(update={"rate": None}) if copied else header
     everything, stamped = exposure_times(everything, clock, settings)
-    stated, on_table = stated_sigma(header), header.gravity == 0.0
+    stated, on_table = stated_sigma(header) if believed is None else believed, header.gravity == 0.0
     rough = np.fmax(noise_from_differences(everything), SIGMA_FLOOR)
     if on_table:
         everything = without_rests(everything, np.fmax(stated, rough))
@@ -146,9 +156,9 @@ def find_in_arrays(
             # the filter lowered all free fall alike
             everything = everything.raised(0.5 * header.gravity * low_pass.second_moment)
             samples, at, fits, noise, glitch, sigma = search(settings, least)
-    noise = with_colour(
-        noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0, on_table=header.gravity == 0.0
-    )
+    noise = with_colour(noise, fits, samples, at, settings.guard, smoothed=rounded > 0.0, on_table=on_table)
+    if (doubted := overstated(noise, fits, samples, at, settings.guard)).any():
+        return find_in_arrays(trial, t, q, header, given, np.where(doubted, np.nan, stated))
     glitches = _reported_glitches(everything, glitch)
 
     if not settings.stray_acceleration:
@@ -192,6 +202,9 @@ def find_in_arrays(
         landed = landed[np.isfinite(landed)]
         down = stays_down(landed, *v_n, noise.used[1], sampling_interval(samples), header.gravity)
     gain = energy_gain(impacts)
+    arcs = arc_table(fits, trial_of, ordinal, used)
+    variance = noise.variance(header.surfaces is not None)
+    flights = parabolas(samples, hits_of(arcs), variance, settings.guard, air)
     slowed = air_sentence(air) if air is not None and bends else ""
     lifted = slowed if air is not None and air.c_l else ""
     said = (lifted, soft and soft.sentence(), gain and gain_sentence(impacts, gain, step), down and down.sentence())
@@ -200,16 +213,18 @@ def find_in_arrays(
         *(text for text in (copied, stamped, cut) if text),
         *([slowed] if slowed and not lifted else []),
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
+        *([bent] if (bent := bent_sentence(len(flights.bent), len(flights.bent) + len(flights.t))) else []),
         *remarks,
         *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks)),
     )
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
         left_out=left_out[~used].reset_index(drop=True),
-        arcs=arc_table(fits, trial_of, ordinal, used),
+        arcs=arcs,
         noise=noise,
         glitches=glitches,
         samples=samples,
+        parabolas=flights,
         guard=settings.guard,
         low_pass=low_pass,
         remarks=remarks,
@@ -218,7 +233,7 @@ def find_in_arrays(
         step=step,
         gain=gain,
         air=air,
-        warnings=(*warnings, *noise_warnings(noise, stated, glitches, settings, header.gravity > 0.0)),
+        warnings=(*warnings, *noise_warnings(noise, stated_sigma(header), glitches, settings, header.gravity > 0.0)),
     )
 
 

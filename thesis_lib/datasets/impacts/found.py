@@ -12,6 +12,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.arcs import ArcFits
 from thesis_lib.datasets.impacts.low_pass import LowPass
 from thesis_lib.datasets.impacts.noise import NoiseEstimate
+from thesis_lib.datasets.impacts.parabolas import NO_PARABOLAS, Hits, Parabolas, hits_of
 from thesis_lib.datasets.impacts.stays_down import StaysDown
 
 LEFT_OUT_COLUMNS = ("trial", "impact", "t", "reason", "detail")
@@ -34,6 +35,7 @@ class FoundImpacts:
     glitches: pd.DataFrame  # columns trial, t: samples masked as tracking glitches
     # the poses searched, sorted, without glitches and ends of records that stand out; None if impacts.csv was used
     samples: Samples | None = None
+    parabolas: Parabolas = NO_PARABOLAS  # through the flights between impacts
     guard: float = ArcSettings().guard  # s; samples nearer to an impact belong to neither flight
     low_pass: LowPass | None = None  # the filter that smoothed the samples, if corners at impacts show one
     remarks: tuple[str, ...] = ()  # sentences on what the body does that no impact law does
@@ -43,6 +45,11 @@ class FoundImpacts:
     air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
     gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
     warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
+
+    @property
+    def hits(self) -> Hits:
+        """All that were detected, by trial and time."""
+        return hits_of(self.arcs)
 
     @property
     def used_arcs(self) -> pd.DataFrame:

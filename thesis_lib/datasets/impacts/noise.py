@@ -7,6 +7,11 @@ than white noise of the same size would:
     var = colour × var_white,    colour = (1 + ρ)/(1 − ρ)        (AR(1) noise, lag-one correlation ρ)
 
 Where samples were smoothed, or the spectrum of long flights contradicts this, the colour is that of `colour`.
+
+Noise that dataset.yaml states is independent for each sample, so that the arcs show all of it.  A value twice too large
+would halve all misfits, and any model would do; one that exceeds the scatter clearly gives way to it (`overstated`).
+Calibration errors, and drifts slower than a flight, are the same for all samples of an impact: they make no velocity
+less certain, and are causes to be found, not noise.  Errors in between, slower than an arc, do; long flights show them.
 """
 
 from dataclasses import dataclass, field, replace
@@ -35,6 +40,7 @@ _LONG_FLIGHT = 4  # arcs; errors slower than these are no noise of the arcs
 _MOVING = 0.1  # m/s
 _CLEARLY = 3.0  # standard errors of a median
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
+_OVERSTATED = 1.2  # ratio of stated noise to that of the samples; misfits are then 0.83 of what they should be
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,14 @@ class NoiseEstimate:
     stray: np.ndarray = field(
         default_factory=lambda: np.zeros(3)
     )  # accelerations beyond gravity, m/s², rad/s² (`arcs`)
-    stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # the header's; NaN if none or contradicted
+    stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # the header's; NaN if none or not believed
+
+    def variance(self, walls: bool) -> np.ndarray:
+        """Variance (3,) of a sample in m², m², rad², correlation included; among `walls` x and y have the same."""
+        found = self.used**2 * self.colour
+        if walls:
+            found[:2] = found[:2].mean()  # whichever way a wall stands
+        return found
 
 
 def stated_sigma(header: Header) -> np.ndarray:
@@ -119,9 +132,41 @@ def with_colour(
     beyond AR(1) may be a motion that no parabola describes.  `at` (n,) are the samples before the hits; samples within
     `guard` (s) of one belong to no flight.
     """
+    colour, flights = _colour_of_flights(noise, fits, samples, at, guard)
+    if not flights:
+        return noise
+    worse = 1.0 + max(_WORSE, 4.0 / np.sqrt(flights))  # 2 standard errors, twice
+    slow = (noise.lag1 > _SHORT_MEMORY).any() or ((noise.colour == 1.0).all() and np.median(colour) > worse)
+    if not (smoothed or slow):
+        return noise
+    return replace(noise, colour=colour, stray=_stray_acceleration(fits, noise.used, colour, on_table))
+
+
+def overstated(noise: NoiseEstimate, fits: ArcFits, samples: Samples, at: np.ndarray, guard: float) -> np.ndarray:
+    """Mask (3,) of stated noise with which impacts would seem less certain than they are.
+
+    It clearly exceeds the scatter about the arcs, and the errors slower than these that long flights show do not make
+    up for it.  Arguments as of `with_colour`.
+    """
+    sides = fits.flying.n_side
+    dof = max(float((sides[sides >= _MIN_ARC_SAMPLES] - 3.0).sum()), 1.0)
+    # a median of mean squares has 1.25 times the standard error of their mean
+    clearly = max(_OVERSTATED, 1.0 + _CLEARLY * 1.25 / np.sqrt(2.0 * dof))
+    ratio = noise.stated / np.fmax(noise.sigma, SIGMA_FLOOR)
+    if noise.source != "arcs" or not (ratio > clearly).any():
+        return np.zeros(3, bool)
+    colour, flights = _colour_of_flights(noise, fits, samples, at, guard)
+    slower = np.maximum(colour / noise.colour, 1.0) if flights else 1.0
+    return ratio > clearly * np.sqrt(slower)
+
+
+def _colour_of_flights(
+    noise: NoiseEstimate, fits: ArcFits, samples: Samples, at: np.ndarray, guard: float
+) -> tuple[np.ndarray, int]:
+    """Colour (3,) from the spectrum of long flights, and the number of these: 0 where they do not show it."""
     sides = fits.n_side[fits.n_side >= _MIN_ARC_SAMPLES]
     if noise.source != "arcs" or not len(sides):
-        return noise
+        return np.ones(3), 0
     n = int(np.median(sides))
     flights = long_flights(samples, at, fits.t, guard, longest=_LONG_FLIGHT * n)
     sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
@@ -129,14 +174,9 @@ def with_colour(
     rough = [np.abs(np.diff(poses, n=3, axis=1) / (sigma * np.sqrt(20.0))).max((1, 2)) for poses in flights]
     flights = [poses[worst < _WRONG] for poses, worst in zip(flights, rough)]
     if not flights or min(map(len, flights)) < _MIN_ARCS:
-        return noise
+        return np.ones(3), 0
     white = sigma**2 * 12.0 / (n * (n**2 - 1.0))
-    colour = np.maximum(slope_variance(flights, n) / white, 1.0)
-    worse = 1.0 + max(_WORSE, 4.0 / np.sqrt(len(flights[0])))  # 2 standard errors, twice
-    slow = (noise.lag1 > _SHORT_MEMORY).any() or ((noise.colour == 1.0).all() and np.median(colour) > worse)
-    if not (smoothed or slow):
-        return noise
-    return replace(noise, colour=colour, stray=_stray_acceleration(fits, noise.used, colour, on_table))
+    return np.maximum(slope_variance(flights, n) / white, 1.0), len(flights[0])
 
 
 def _contradicted(sigma: np.ndarray, stated: np.ndarray, colour: np.ndarray) -> np.ndarray:
@@ -207,7 +247,8 @@ def noise_warnings(
     units = {"x": "m", "y": "m", "theta": "rad"}
     for (name, unit), scatter, said, believed in zip(units.items(), noise.sigma, stated, noise.stated):
         ratio = scatter / said
-        if np.isfinite(ratio) and not 1.0 / settings.noise_ratio <= ratio <= settings.noise_ratio:
+        far = not 1.0 / settings.noise_ratio <= ratio <= settings.noise_ratio
+        if np.isfinite(ratio) and (far or np.isnan(believed)):
             sentences.append(
                 f"dataset.yaml states noise of {said:.3g} {unit} for {name}, but its samples scatter by {scatter:.3g} "
                 f"{unit} about the arcs; the {'value of the arcs' if np.isnan(believed) else 'stated value'} is used. "

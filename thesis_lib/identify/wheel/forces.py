@@ -165,8 +165,7 @@ def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: f
         again = _stages(fit, fit.around(start, rough, stage), rough, stage)
         if again[1] < chi2_n:
             best, chi2_n, p_white = again
-    residuals = best.fun.reshape(2, n, 3)
-    sigma = rough * np.sqrt(np.sum(residuals**2, axis=1) / (n - len(best.x) / 6.0))
+    sigma = rough * noise_of_residuals(best.fun.reshape(2, n, 3), len(best.x))
     if best.success:
         best = fit.minimise(best.x, sigma, n - 1)
     covariance = np.linalg.inv(best.jac.T @ best.jac)
@@ -199,6 +198,11 @@ def _stages(fit: "_Fit", starts: list[np.ndarray], sigma: np.ndarray, stage: int
 def _believed(chi2_n: float, p_white: float, n: int) -> bool:
     # σ from the median of n differences spreads by 1.7 / √n (their correlation included), its square by twice that
     return chi2_n <= 1.0 + CHI2_SIGMAS * 2.0 * 1.7 / np.sqrt(6.0 * n) and p_white >= P_WHITE
+
+
+def noise_of_residuals(residuals: np.ndarray, parameters: int) -> np.ndarray:
+    """σ (2, 3) of the channels of residuals (2, n, 3), which share the `parameters` that were fitted to all of them."""
+    return np.sqrt(np.sum(residuals**2, axis=1) / (residuals.shape[1] - parameters / 6.0))
 
 
 def white(residuals: np.ndarray) -> float:

@@ -1,0 +1,145 @@
+"""Parabolas through all samples of the flights between impacts.
+
+    q(τ) = q_0 + v τ + a τ²/2,    τ = t − mean of t in the flight,    Σ_k B_k B_kᵀ (q_0, v, a)ᵀ = Σ_k B_k q(t_k)
+
+with B = (1, τ, τ²/2).  The variance of a is σ² times the last diagonal element of (Σ_k B_k B_kᵀ)⁻¹, with σ² (3,) the
+noise of a sample in m² or rad², correlation included.
+
+A flight that is no parabola holds a hit that was not detected, or something else than gravity bends it.  Its
+acceleration means nothing; how many there are is evidence against a body that only falls (`bent_sentence`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.format.air import Air
+from thesis_lib.datasets.format.samples import Samples, position
+
+GUARD = 1e-3  # s; samples this near to an impact may lie in the contact
+MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
+MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola
+MOST = 0.5  # share of the flights that are parabolas unless something bends them all
+FEW, SOME = 0.05, 3  # share and number of flights that are no parabolas which need no mention: undetected hits
+
+
+@dataclass(frozen=True)
+class Hits:
+    """All detected hits, sorted by trial and time: trial, t in s, used (h,)."""
+
+    trial: np.ndarray
+    t: np.ndarray
+    used: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def before(self, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Number of hits before each instant, over all trials in order."""
+        return position(self.trial, self.t, trial, t)
+
+    def instants(self, number: np.ndarray, trial: np.ndarray, otherwise: float) -> np.ndarray:
+        """Times in s of the hits of these numbers; `otherwise` if the trial has no such hit."""
+        times = np.full(len(number), otherwise)
+        rows = np.flatnonzero((number >= 0) & (number < len(self)))
+        rows = rows[self.trial[number[rows]] == trial[rows]]
+        times[rows] = self.t[number[rows]]
+        return times
+
+
+@dataclass(frozen=True)
+class Parabolas:
+    """m flights that are parabolas, and the trials of those that are none.
+
+    Attributes:
+        trial, t, span: (m,) trial, mid-flight, and s from the first sample to the last.
+        fitted: (m, 3, 3) q_0, v, a by channel at mid-flight, in m, m/s, m/s² and rad, rad/s, rad/s².
+        variance: (m, 3) of the acceleration.
+        bent: (b,) trials of the flights that are no parabolas.
+    """
+
+    trial: np.ndarray
+    t: np.ndarray
+    span: np.ndarray
+    fitted: np.ndarray
+    variance: np.ndarray
+    bent: np.ndarray
+
+
+NO_PARABOLAS = Parabolas(*(np.zeros((0,) + shape) for shape in ((), (), (), (3, 3), (3,), ())))
+
+
+def hits_of(arcs: pd.DataFrame) -> Hits:
+    """The hits in a table with columns trial, t and used."""
+    table = arcs.sort_values(["trial", "t"])
+    return Hits(table["trial"].to_numpy(), table["t"].to_numpy(), table["used"].to_numpy(bool))
+
+
+def parabolas(
+    samples: Samples, hits: Hits, variance: np.ndarray, guard: float = GUARD, air: Air | None = None
+) -> Parabolas:
+    """Parabolas of the flights with at least `MIN_FLIGHT` samples, whose noise has `variance` (3,) in m², rad².
+
+    Where the `air` bends most of them, what it has made of a flight is taken off before it is tested for a parabola.
+
+    A flight must end at a hit that is used: after the last hit of a trial the body may rest, and a poorly known instant
+    mixes samples of two flights.  Samples within `guard` (s) of a hit belong to no flight.
+    """
+    next_hit = hits.before(samples.trial, samples.t)
+    near = np.zeros(len(samples), bool)
+    for hit in (next_hit - 1, next_hit):
+        near |= np.abs(hits.instants(hit, samples.trial, np.inf) - samples.t) < guard
+    samples, next_hit = samples.select(~near), next_hit[~near]
+    trial, t, q = samples.trial, samples.t, samples.q
+
+    # samples are sorted: a flight begins at a new trial or after a hit
+    begins = np.r_[True, (trial[1:] != trial[:-1]) | (next_hit[1:] != next_hit[:-1])][: len(t)]
+    first, flight = np.flatnonzero(begins), np.cumsum(begins) - 1
+    count, end = np.bincount(flight), next_hit[first]
+    ended = end < len(hits)
+    ended[ended] = (hits.trial[end[ended]] == trial[first[ended]]) & hits.used[end[ended]]
+    rows = np.flatnonzero((count >= MIN_FLIGHT) & ended)
+
+    def totals(values: np.ndarray) -> np.ndarray:
+        return np.bincount(flight, values, minlength=len(count))
+
+    middle = totals(t) / count
+    tau = t - middle[flight]
+    B = np.stack([np.ones(len(t)), tau, 0.5 * tau**2], axis=1)
+    powers = [totals(tau**k)[rows] for k in range(5)]
+    half = np.array([1.0, 1.0, 0.5])
+    normal = np.array([[half[i] * half[j] * powers[i + j] for j in range(3)] for i in range(3)])
+    right = np.array([[totals(B[:, k] * q[:, c])[rows] for c in range(3)] for k in range(3)])
+    inverse = np.linalg.inv(np.moveaxis(normal, -1, 0))
+    fitted = inverse @ np.moveaxis(right, -1, 0)  # (flights, [q_0, v, a], channel)
+
+    number = np.full(len(count), -1)
+    number[rows] = np.arange(len(rows))
+    inside = number[flight] >= 0
+    i = number[flight[inside]]
+
+    def are_straight(path: np.ndarray, parabolas: np.ndarray) -> np.ndarray:
+        residual = path[inside] - np.einsum("nk,nkc->nc", B[inside], parabolas[i])
+        squares = np.stack([np.bincount(i, residual[:, c] ** 2, len(rows)) for c in range(3)], axis=1) / variance
+        return squares.sum(axis=1) / (3.0 * (count[rows] - 3.0)) < MAX_CHI2
+
+    straight = are_straight(q, fitted)
+    if air is not None and len(rows) and straight.mean() < MOST:
+        free = replace(samples, air=air).without_air()
+        right = np.array([[totals(B[:, k] * free[:, c])[rows] for c in range(3)] for k in range(3)])
+        straight = are_straight(free, inverse @ np.moveaxis(right, -1, 0))
+    bent, rows, fitted, inverse = rows[~straight], rows[straight], fitted[straight], inverse[straight]
+    span = t[first[rows] + count[rows] - 1] - t[first[rows]]
+    unit = inverse[:, 2, 2][:, None]
+    return Parabolas(trial[first[rows]], middle[rows], span, fitted, unit * variance, trial[first[bent]])
+
+
+def bent_sentence(bent: int, all_of_them: int) -> str:
+    """How many flights are no parabolas, if these are more than a few; else ""."""
+    if bent < SOME or bent <= FEW * all_of_them:
+        return ""
+    return (
+        f"{bent} of {all_of_them} flights are no parabolas and are left out: they hold hits that were not detected, or "
+        "something else than gravity bends them. What is said of flights holds for the others."
+    )
