@@ -30,6 +30,7 @@ from thesis_lib.critique.drops.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Impulse, Rig, State
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
+from thesis_lib.engines.parameters import PLANAR
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
 STEPS = 64  # in one central contact: errors of contacts of 3 ms are then a twentieth of a rig's noise
@@ -112,14 +113,14 @@ def press(
     points = points.reshape(6, corners, n)
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
-    of_friction = np.full(n, next((values.get(p.name, p.null) for p in model.of_friction), 0.0))
+    ratio, regularisation = _of_friction(model, values, n)
     spring, soft = (_parameters(model.law, active, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
     share, slopes = _chord(model.law, soft, tau[:n], at_corner.shape, tiled.theta)
     falling = _acceleration(model, model.active(values), true, rig)
     pressed = _Pressed(
         *integrate(
-            (force.kind, force.exponent, of_friction, _central_pressure(rig.shape) if is_field else 1.0),
+            (force.kind, force.exponent, ratio, regularisation, _central_pressure(rig.shape) if is_field else 1.0),
             points,
             (np.full(corners * n, k_g**-2.0)[:n], falling, np.ascontiguousarray(true.theta)),
             _outline(rig.shape, corners),
@@ -157,6 +158,13 @@ def _acceleration(model: Model, active: Sequence[tuple[Effect, Mapping]], true: 
     for effect, p in active:
         now, later = effect.to_contact(now, p, rig), effect.to_contact(later, p, rig)
     return (later.v - now.v) / INSTANT
+
+
+def _of_friction(model: Model, values: Mapping[str, float], n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first parameter of friction beside μ, and R m of a convex contact, (n,); 0 of a law without."""
+    own = [np.full(n, values.get(p.name, p.null)) for p in model.of_friction]
+    first, impedance = own + [np.zeros(n)] * (1 - len(own)) + [np.ones(n)] * (2 - max(len(own), 1))
+    return first, PLANAR * (1.0 - impedance) / impedance
 
 
 def _central_pressure(shape: Shape) -> float:
