@@ -128,7 +128,7 @@ def model_of(name, body, numbers, tilt=0.0, height=0.0, extra=None, ratio=10.0):
     loss = law.force.loss(np.array([epsilon]))
     values = {"mu": mu, "epsilon": epsilon, "tau": T * float((law.force.centroid(loss) / law.force.duration(loss))[0])}
     values |= {"com_offset.c_x": numbers.get("c_x", 0.0), "com_offset.c_y": numbers.get("c_y", 0.0)}
-    values |= {"surface_tilt.phi": tilt, "damping_ratio": ratio, **(extra or {})}
+    values |= {"surface_tilt.phi": tilt, "damping_ratio": ratio, "impedance": impedance, **(extra or {})}
     names = tuple(dict.fromkeys(key.split(".")[0] for key in values if "." in key))
     model = Model(law, tuple(EFFECTS[key] for key in names), takes_time=True)
     parameters = {key: {"value": values[key], "unit": p.unit} for key, p in model.parameters.items()}

@@ -6,10 +6,11 @@ what is compiled must stand here, since numba does not see changes of functions 
 Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass in v₀²/L.  Steps of the motion are half a
 drift, a kick and half a drift.  Dampers and springs act at the velocity in the middle of the step; friction ends the
 slip within the step, or turns with it, at most μ f_n, shared by the corners that press.  So errors fall with the square
-of the step.  Forces of convex contacts are found together, each contact's from the others' in turn.  Where the contact gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ
-carry the friction, at most μ f_n; k_n is the slope of the loading force.  A pressure field presses on the whole chord
-that the surface cuts off, with a pressure that grows with the distance from the body's outline; its friction is at most
-(2/π) arctan(|s|/v_s) μ f_n at the slip s, half of Coulomb's at v_s.
+of the step.  Forces of convex contacts are found together, each contact's from the others' in turn.  Where the contact
+gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ carry the friction, at most μ f_n; k_n
+is the slope of the loading force.  A pressure field presses on the whole chord that the surface cuts off, with a
+pressure that grows with the distance from the body's outline; its friction is at most (2/π) arctan(|s|/v_s) μ f_n at
+the slip s, half of Coulomb's at v_s.
 """
 
 import numpy as np
@@ -211,7 +212,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
 
     Args:
         force: kind, exponent, damping along the surface over that across it (n,) of a convex contact or the slip
-            v_s (n,) in m/s of a pressure field, R m (n,) of a convex contact, and a pressure field's `central_pressure`.
+            v_s (n,) in m/s of a pressure field, R m (n,) of a convex contact, `central_pressure` of a pressure field.
         points: r_x, r_y, gap in m, μ, D and L in m of each point, (6, p, n).
         body: 1/k² (n,) in 1/m², acceleration in flight (n, 3) in m/s² and rad/s², angle θ (n,) in rad.
         outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices

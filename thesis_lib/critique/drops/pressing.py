@@ -6,8 +6,9 @@ the units of `thesis_lib/contact/compliant/normal_force.py`.  What accelerates t
 too.  Per unit mass, with x the depth over L,
 
     normal     f_n = f(x, x', x_m; D) v₀²/L,   D and L from ε and τ of a central contact
-    friction   what ends the slip within the step, at most μ f_n; of a convex contact a damper, at most μ f_n
+    friction   what ends the slip within the step, at most μ f_n
 
+Both forces of a convex contact follow from its program.
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
 the law is added to the impulse of each corner, at the velocity with which it touched; but `tangential_compliance` is a
@@ -26,6 +27,7 @@ from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integ
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
+from thesis_lib.critique.drops.contact_time import IMPEDANCE
 from thesis_lib.critique.drops.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Impulse, Rig, State
 from thesis_lib.effects.soft_body import SoftBody, lean
@@ -161,9 +163,9 @@ def _acceleration(model: Model, active: Sequence[tuple[Effect, Mapping]], true: 
 
 
 def _of_friction(model: Model, values: Mapping[str, float], n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first parameter of friction beside μ, and R m of a convex contact, (n,); 0 of a law without."""
-    own = [np.full(n, values.get(p.name, p.null)) for p in model.of_friction]
-    first, impedance = own + [np.zeros(n)] * (1 - len(own)) + [np.ones(n)] * (2 - max(len(own), 1))
+    """Damping ratio or stiction tolerance, and R m of a convex contact, (n,); 0 of a law without."""
+    own = {p.name: np.full(n, values.get(p.name, p.null)) for p in model.of_friction}
+    first, impedance = next(iter(own.values()), np.zeros(n)), own.get(IMPEDANCE.name, np.ones(n))
     return first, PLANAR * (1.0 - impedance) / impedance
 
 
