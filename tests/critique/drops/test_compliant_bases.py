@@ -1,5 +1,7 @@
 """Compliant bases: their integrated contacts, the limit of short ones, and where the search takes them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig, State
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import simulate_drake_drops
 from thesis_lib.simulate.drake.plant import STICTION
@@ -109,6 +112,33 @@ def test_a_convex_contact_is_that_of_mujoco(body, impedance, ratio):
     # Coulomb's friction, another strength of it, or another impedance is another contact
     other = {"impedance": 0.3} if ratio * impedance != 0.1 else {"damping_ratio": 3.0}
     assert min(error("damped_contact"), error("convex_contact", **other)) > 5.0 * error("convex_contact")
+
+
+def usual(contact: MujocoContact, drops: int) -> Dataset:
+    """Noisy drops of a square with MuJoCo's default solimp and impratio."""
+    rng = np.random.default_rng(7)
+    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, drops, contact=contact, noise=RIG_NOISE, rng=rng)
+    return Dataset("usual", made.header, made.trajectories)
+
+
+DEFAULT = {"impedance": 0.9, "deep_impedance": 0.95, "impratio": 1.0, "steps": 100}
+
+
+def test_mujoco_s_usual_impedance_is_fitted():
+    o = observe(usual(MujocoContact(contact_time=8e-4, **DEFAULT), 40))
+    fitted = fit(Model(BASES["convex_contact"], takes_time=True), o)
+    assert 0.88 < fitted.values["impedance"] < 0.95
+    # 2: what 0.9 to 0.95 over the depth leave, in a few dozen impacts
+    own = replace(fitted, values=fitted.values | {"impedance": 0.01})
+    assert Drops(o).judge(fitted).excess < 2.0 < 4.0 < Drops(o).judge(own).excess
+
+
+def test_mujoco_s_default_solref_is_too_soft_for_an_impact():
+    # solref (0.02, 1): critically damped, so that ω T = 2 and ε = exp(−2)
+    soft = {"contact_time": 0.04 * np.sqrt(0.95), "epsilon": np.exp(-2.0)}
+    contact = MujocoContact.model_construct(**MujocoContact(**DEFAULT).model_dump() | soft)
+    with pytest.raises(UserError, match=r"Contacts last about .* contact is soft, as that of foam or of a simulator"):
+        criticise(usual(contact, 15), rng=np.random.default_rng(0))
 
 
 def test_a_clock_so_late_that_bodies_do_not_come_off_can_be_weighed():
