@@ -25,6 +25,7 @@ curve the factor √(R² − 1) / √8 scales them to R times the floor, as if s
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -172,7 +173,7 @@ class Case:
         return body.model_copy(update={"mass": float(np.exp(generator(self.seed, "usual mass").uniform(low, high)))})
 
     @property
-    def contact(self) -> dict[str, float]:
+    def contact(self) -> dict[str, Any]:
         """Settings of MuJoCo's contact beside its time."""
         if self.source != "mujoco_usual":
             return {"steps": MUJOCO_STEPS}
