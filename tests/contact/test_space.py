@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.contact.space import (
+    ContactSpace,
     admissible,
     contact_space,
     energy_ellipse,
@@ -169,3 +171,13 @@ def test_rows_can_be_selected(draw):
     some = draw.space[rows]
     for name in ("v_t", "v_n", "K_tt", "K_nn", "K_tn", "det"):
         np.testing.assert_array_equal(getattr(some, name), getattr(draw.space, name)[rows])
+
+
+def test_what_holds_after_the_first_slip_is_the_friction_of_that_time():
+    # a jam: to stick, the point needs c_t = -0.6 c_n
+    space = ContactSpace(*(np.full(2, a) for a in (0.5, -1.0, 1.0, 2.0, 0.6)))
+    before, after = np.array([0.9, 0.3]), np.array([0.3, 0.9])
+    with np.errstate(all="ignore"):  # a slip that never ends
+        path = slip_path(space, before, after)
+    np.testing.assert_allclose(path.slope, -before)
+    np.testing.assert_allclose(path.slope2, [-0.3, -0.6])  # slides on where friction has become too weak, else sticks

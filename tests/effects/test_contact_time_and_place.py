@@ -104,12 +104,13 @@ def test_starts_of_a_patch_are_where_the_body_has_hit() -> None:
 
 @pytest.mark.parametrize("kind", ["ellipse", "square"])
 def test_a_soft_body_is_pressed_in_the_middle_of_its_chord(kind) -> None:
-    theta, speed, lam = 0.6, 2.0, 5e-4
+    theta, omega, lam = 0.6, 30.0, 5e-4
     shape = Ellipse(semi_axes=(0.035, 0.025)) if kind == "ellipse" else SQUARE.shape
     rig = Rig(shape, 0.02, 9.81, 0.0)
     effect, p = on("soft_body", lam=lam)[0]
-    state = one_state(theta=theta, vy=-speed)
+    state = one_state(theta=theta, vy=-2.0, omega=omega)
     lowest = rig.shape.contact_point(state.theta)
+    speed = 2.0 - lowest[0, 0] * omega  # of the contact point: the spin has its share
     r_x, r_y = effect.contact_point(lowest[:, 0], lowest[:, 1], state, p, rig)
     assert r_y[0] == pytest.approx(lowest[0, 1] + lam * speed)
     # the ends of the chord: points of the outline at that height
@@ -119,5 +120,5 @@ def test_a_soft_body_is_pressed_in_the_middle_of_its_chord(kind) -> None:
     ends = x[at] + (r_y[0] - y[at]) / (y[at + 1] - y[at]) * (x[at + 1] - x[at])
     assert len(ends) == 2 and r_x[0] == pytest.approx(ends.mean(), abs=1e-6)
     # a body that leaves is not pressed
-    up = one_state(theta=theta, vy=speed)
+    up = one_state(theta=theta, vy=-2.0, omega=omega + 2.0 * speed / lowest[0, 0])
     assert np.array_equal(effect.contact_point(lowest[:, 0], lowest[:, 1], up, p, rig), lowest.T)

@@ -31,7 +31,6 @@ _STEP = _NODES[1]
 # f_n / p_c: mean over each step, and at its end
 _MEAN = np.concatenate([-np.diff(np.cos(_NODES)), np.diff(np.sin(_NODES))]) / _STEP
 _END = np.concatenate([np.sin(_NODES[1:]), np.cos(_NODES[1:])])
-_END[-1] = 0.0
 _SHORTEST = 1e-6  # of restitution against compression, for ε = 0
 _CRITICAL = 1e-12  # least 1 − ζ²: critical damping, ζ = 1, is the strongest
 

@@ -59,7 +59,7 @@ from thesis_lib.simulate.rig.hidden_causes import (
 RIG = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
 T = 1e-3  # s
 bullet = pytest.mark.skipif(not find_spec("pybullet"), reason=f"Bullet is optional: pip install {PACKAGE}")
-VALUES = {"mu": 0.2, "epsilon": 0.6, "damping_ratio": 10.0}
+VALUES = {"mu": 0.2, "epsilon": 0.6, "damping_ratio": 10.0, "impedance": 0.9}
 OFFSET = 1e-3  # m
 
 
@@ -86,7 +86,8 @@ def test_mujoco_resolves_the_contact_with_those_numbers(effects):
     touch, names = at_touch(12), ["com_offset", "wrong_inertia"] if effects else []
     after, took = press_in_engine(model_of("mujoco", *names), values_of("mujoco", **effects), RIG, touch)
     causes = HiddenCauses(**{CAUSE_OF[key]: value for key, value in effects.items()})
-    contact = MujocoContact(contact_time=T, impratio=10.0, steps=STEPS, mu=VALUES["mu"], epsilon=VALUES["epsilon"])
+    own = {"mu": VALUES["mu"], "epsilon": VALUES["epsilon"], "impedance": VALUES["impedance"]}
+    contact = MujocoContact(contact_time=T, impratio=10.0, steps=STEPS, **own)
     body = Body(shape=RIG.shape, mass=MASS, radius_of_gyration=RIG.k_g)
     expected = impacts(MujocoEngine(body, 12, contact=contact, causes=causes), touch.q, touch.v)
     np.testing.assert_allclose(after.v, expected.v, atol=1e-6)

@@ -67,12 +67,14 @@ def steep(body, theta):
     return off.min(axis=1) > WIDE
 
 
-def predicted(name, body, q, v, mu, epsilon, contact_time, c_x=0.0, c_y=0.0, **causes):
+def predicted(name, body, q, v, mu, epsilon, contact_time, c_x=0.0, c_y=0.0, impedance=0.01, **causes):
     """Velocities (n, 3) by the engine with these numbers."""
     causes = HiddenCauses(com_offset_x=c_x, com_offset_y=c_y, **causes)
     contact = {"mu": mu, "epsilon": epsilon, "contact_time": contact_time}
     if name == "mujoco":
-        engine = MujocoEngine(body, len(q), contact=MujocoContact(**contact, steps=STEPS), causes=causes)
+        engine = MujocoEngine(
+            body, len(q), contact=MujocoContact(**contact, impedance=impedance, steps=STEPS), causes=causes
+        )
     else:
         engine = DrakeEngine(body, len(q), contact=CompliantContact(**contact), causes=causes)
     return episodes(engine, q, v, np.full(len(q), SPAN)).v
@@ -119,7 +121,7 @@ def fitted(name, drops):
     return dict(zip(("mu", "epsilon", "contact_time", "c_x", "c_y"), numbers(found.x)))
 
 
-def model_of(name, body, numbers, tilt=0.0, height=0.0, extra=None, ratio=10.0):
+def model_of(name, body, numbers, tilt=0.0, height=0.0, extra=None, ratio=10.0, impedance=0.01):
     """The model.json of an engine with these numbers."""
     mu, epsilon, T = (numbers[key] for key in ("mu", "epsilon", "contact_time"))
     law = BASES[LAW[name]]
@@ -128,7 +130,7 @@ def model_of(name, body, numbers, tilt=0.0, height=0.0, extra=None, ratio=10.0):
     loss = law.force.loss(np.array([epsilon]))
     values = {"mu": mu, "epsilon": epsilon, "tau": T * float((law.force.centroid(loss) / law.force.duration(loss))[0])}
     values |= {"com_offset.c_x": numbers.get("c_x", 0.0), "com_offset.c_y": numbers.get("c_y", 0.0)}
-    values |= {"surface_tilt.phi": tilt, "damping_ratio": ratio, **(extra or {})}
+    values |= {"surface_tilt.phi": tilt, "damping_ratio": ratio, "impedance": impedance, **(extra or {})}
     names = tuple(dict.fromkeys(key.split(".")[0] for key in values if "." in key))
     model = Model(law, tuple(EFFECTS[key] for key in names), takes_time=True)
     parameters = {key: {"value": values[key], "unit": p.unit} for key, p in model.parameters.items()}

@@ -36,15 +36,17 @@ def states(body, n, seed=5):
     return q - LEAD * v, v
 
 
-def off(name, target, tmp_path, numbers=NUMBERS, hidden=None, extra=None, n=12, depth=None, fine=True):
+def off(name, target, tmp_path, numbers=NUMBERS, hidden=None, extra=None, n=12, depth=None, fine=True, impedance=0.01):
     """Distances (n,) in m/s between what the file and what the planar engine make of the same states."""
     body, hidden, height = ALL[name], hidden or {}, 0.05
     engine = "mujoco" if target == "mjcf" else "drake"
-    model = model_of(engine, body, numbers, tilt=hidden.get("tilt", 0.0), height=height, extra=extra)
+    model = model_of(
+        engine, body, numbers, tilt=hidden.get("tilt", 0.0), height=height, extra=extra, impedance=impedance
+    )
     q, v = states(body, n)
     # the planar engine has its surface at 0; what is hidden may be under it
     q[:, 1] += 0.002 + 0.04 * 0.03
-    own = predicted(engine, body, q, v, **numbers, **hidden)
+    own = predicted(engine, body, q, v, **numbers, **hidden, impedance=impedance)
     lift = height + (extra or {}).get("surface_height.h", 0.0)
     text = exported(model, target, mass=MASS, depth=depth).content.decode()
     if target == "mjcf":
@@ -61,6 +63,12 @@ def off(name, target, tmp_path, numbers=NUMBERS, hidden=None, extra=None, n=12, 
 def test_a_file_does_what_the_engine_does(name, target, tmp_path):
     apart = off(name, target, tmp_path)
     assert np.median(apart) < CLOSE[target][0] and apart.max() < CLOSE[target][1], apart
+
+
+def test_a_file_has_the_impedance_that_was_fitted(tmp_path):
+    # one of a box's edges touches in two points, which share what the planar corner asks for
+    apart = off("square", "mjcf", tmp_path, impedance=0.9)
+    assert np.median(apart) < CLOSE["mjcf"][0], apart
 
 
 @pytest.mark.parametrize("target", ["mjcf", "sdf"])

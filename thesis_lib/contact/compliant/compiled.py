@@ -6,11 +6,11 @@ what is compiled must stand here, since numba does not see changes of functions 
 Units are those of `normal_force`: depth x in L, rate x' in v₀, force per mass in v₀²/L.  Steps of the motion are half a
 drift, a kick and half a drift.  Dampers and springs act at the velocity in the middle of the step; friction ends the
 slip within the step, or turns with it, at most μ f_n, shared by the corners that press.  So errors fall with the square
-of the step.  In a convex contact friction is a damper, at most μ f_n, and both forces hold a little against the
-acceleration, too.  Where the contact gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ
-carry the friction, at most μ f_n; k_n is the slope of the loading force.  A pressure field presses on the whole chord
-that the surface cuts off, with a pressure that grows with the distance from the body's outline; its friction is at most
-(2/π) arctan(|s|/v_s) μ f_n at the slip s, half of Coulomb's at v_s.
+of the step.  Forces of convex contacts are found together, each contact's from the others' in turn.  Where the contact
+gives way along the surface, a spring of stiffness k_n/η and a damper of ratio ζ carry the friction, at most μ f_n; k_n
+is the slope of the loading force.  A pressure field presses on the whole chord that the surface cuts off, with a
+pressure that grows with the distance from the body's outline; its friction is at most (2/π) arctan(|s|/v_s) μ f_n at
+the slip s, half of Coulomb's at v_s.
 """
 
 import numpy as np
@@ -18,8 +18,7 @@ from numba import njit
 
 HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX, PRESSURE_FIELD = range(5)
 SPEED = 1.0  # m/s, v₀
-# of a convex contact: the weight of the acceleration in b v + k x + a = −R f, over R across the surface (d = 0.01)
-IMPEDANCE = 0.01 / 0.99
+SWEEPS, SETTLED = 50, 1e-7  # over convex contacts that press at once, and their relative change at the last
 RESOLVED = 0.25  # (ω h)² of a tangential spring
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 THIN = 1e-9  # depth over L of a contact that has just begun
@@ -58,11 +57,63 @@ def pushes(kind, exponent, depth, rate, deepest, loss):
 
 
 @compiled
-def _lifted(force, depth, rate, loss, slip, mu, ratio):
-    """f of a convex contact, from that of its damper and the slip |s| in v₀."""
-    if depth >= 0.0 and ratio * loss * slip > mu * force:
-        return max(depth + loss * (rate + mu * slip), 0.0) / (1.0 + mu * mu / ratio)
-    return force
+def _cone(normal, both, along, c_n, c_t, mu):
+    """(f_n, f_t) that minimise ½ fᵀ Q f − fᵀ c in |f_t| ≤ μ f_n, with Q of `normal`, `both` and `along`, on a side of
+    the cone or at its tip."""
+    best, f_n, f_t = 0.0, 0.0, 0.0
+    for side in (-mu, mu):
+        c = c_n + side * c_t
+        square = normal + 2.0 * side * both + side * side * along
+        if c > 0.0 and c * c > best * square:
+            best, f_n, f_t = c * c / square, c / square, side * c / square
+    return f_n, f_t
+
+
+@compiled
+def _convex(h, w, rho, ratio, velocity, falls, points, f_n, f_t):
+    """Forces per mass of convex contacts, into f_n and f_t (p,), which hold those of the step before.
+
+    They are those of velocities in the middle of a step of h; `velocity` are those at its start, `falls` the
+    accelerations of the body without contact (3,), and `points` r_x, r_y, depth, μ, B and K of each contact point.
+    """
+    r_xs, r_ys, depths, mus, Bs, Ks = points
+    v_x, v_y, omega = velocity
+    a_x, a_y, alpha = falls
+    p = len(depths)
+    pressing = 0
+    for k in range(p):
+        if depths[k] <= 0.0:
+            f_n[k] = f_t[k] = 0.0
+        pressing += depths[k] > 0.0
+        a_x, a_y = a_x + f_t[k], a_y + f_n[k]
+        alpha += w * (r_xs[k] * f_n[k] - r_ys[k] * f_t[k])
+    for _ in range(SWEEPS if pressing > 1 else 1):
+        moved = 0.0
+        for k in range(p):
+            if depths[k] <= 0.0:
+                continue
+            r_x, r_y, mu, B = r_xs[k], r_ys[k], mus[k], Bs[k]
+            A_n, A_t, A = 1.0 + r_x * r_x * w, 1.0 + r_y * r_y * w, -r_x * r_y * w
+            u_n = a_y + r_x * alpha - A_n * f_n[k] - A * f_t[k]
+            u_t = a_x - r_y * alpha - A_t * f_t[k] - A * f_n[k]
+            half = 1.0 + 0.5 * B * h
+            slip = v_x - r_y * omega
+            c_n = Ks[k] * depths[k] - B * (v_y + r_x * omega) - half * u_n
+            normal, along, both = half * A_n + rho, half * A_t + rho / ratio, half * A
+            # sticking: at the middle of a step that resolves it, or it would swing; else at its end
+            late = half if B * h * A_t < along else 1.0 + B * h
+            c_t, holds = -B * slip - late * u_t, late * A_t + rho / ratio
+            det = normal * holds - both * late * A
+            n = (c_n * holds - both * c_t) / det
+            t = (normal * c_t - late * A * c_n) / det
+            if n < 0.0 or abs(t) > mu * n:
+                n, t = _cone(normal, both, along, c_n, -B * slip - half * u_t, mu)
+            d_n, d_t = n - f_n[k], t - f_t[k]
+            a_x, a_y, alpha = a_x + d_t, a_y + d_n, alpha + w * (r_x * d_n - r_y * d_t)
+            f_n[k], f_t[k] = n, t
+            moved = max(moved, abs(d_n) + abs(d_t))
+        if moved <= SETTLED * (np.sum(f_n) + 1e-12):
+            break
 
 
 @compiled
@@ -161,7 +212,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
 
     Args:
         force: kind, exponent, damping along the surface over that across it (n,) of a convex contact or the slip
-            v_s (n,) in m/s of a pressure field, and its `central_pressure`.
+            v_s (n,) in m/s of a pressure field, R m (n,) of a convex contact, `central_pressure` of a pressure field.
         points: r_x, r_y, gap in m, μ, D and L in m of each point, (6, p, n).
         body: 1/k² (n,) in 1/m², acceleration in flight (n, 3) in m/s² and rad/s², angle θ (n,) in rad.
         outline: whether the lowest point moves over the body as it turns, squares (2,) of its semi-axes in m², vertices
@@ -177,7 +228,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
         Shift (n, 3) in m and rad, velocity (n, 3), time (n,) in s, and of each point (p, n) the impulses along the
         surface and across it, per mass, in m/s.
     """
-    kind, exponent, ratios, central = force
+    kind, exponent, ratios, rhos, central = force
     r_xs, r_ys, gaps, mus, losses, lengths = points
     ws, accelerations, thetas = body
     smooth, axes, vertices = outline
@@ -187,13 +238,13 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
     shift, after, elapsed = np.zeros((n, 3)), velocity.copy(), np.zeros(n)
     c_t, c_n = np.zeros((p, n)), np.zeros((p, n))
     r_x, r_y, push, depths, deepest = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
-    stretch, share = np.zeros(p), np.zeros(p)
+    stretch, share, f_n, f_t, convex = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((6, p))
     for i in range(n):
-        h, w, ratio = step[i], ws[i], ratios[i]
+        h, w, ratio, rho = step[i], ws[i], ratios[i], rhos[i]
         a_x, a_y, a_omega = accelerations[i]
         x = y = turn = t = 0.0
         v_x, v_y, omega = velocity[i]
-        deepest[:], stretch[:], share[:] = 0.0, 0.0, 0.0
+        deepest[:], stretch[:], share[:], f_n[:], f_t[:] = 0.0, 0.0, 0.0, 0.0, 0.0
         # where the contact point is beside the lowest one of a smooth body
         beside = _lowest(axes, vertices, thetas[i]) if smooth else (0.0, 0.0)
         for _ in range(most[i]):
@@ -213,23 +264,18 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 r_y[k] += inside
                 deepest[k] = max(deepest[k], depth)
                 length, loss = lengths[k, i], losses[k, i]
+                if kind == CONVEX:
+                    depths[k] = max(depth, 0.0)
+                    convex[:, k] = r_x[k], r_y[k], depths[k], mus[k, i], loss * SPEED / length, (SPEED / length) ** 2
+                    convex[4:, k] *= 1.0 + rho
+                    continue
                 deep, fast = depth / length, -(v_y + r_x[k] * omega) / SPEED
                 f, slope = _push(kind, exponent, deep, fast, deepest[k] / length, loss)
                 # what the force changes at its point until the middle of the step, with friction as in the step before
                 turns = (r_x[k] - share[k] * r_y[k]) * w
                 mobility = 1.0 + r_x[k] * turns
-                yields = 0.0
-                if kind == CONVEX:
-                    yields = IMPEDANCE
-                    slip = v_x - r_y[k] * omega
-                    lifted = _lifted(f, deep, fast, loss, abs(slip) / SPEED, mus[k, i], ratio)
-                    if lifted != f:
-                        slope /= 1.0 + mus[k, i] ** 2 / ratio
-                        yields /= 1.0 + mus[k, i] ** 2 / ratio
-                        mobility -= mus[k, i] * np.sign(slip) * (share[k] - r_y[k] * turns)
-                    f = lifted * (1.0 + IMPEDANCE)
                 kick = h * SPEED**2 / length
-                push[k] = kick * f / (1.0 + (0.5 * kick * slope + yields) * mobility)
+                push[k] = kick * f / (1.0 + 0.5 * kick * slope * mobility)
                 if kind == PRESSURE_FIELD and depth > 0.0:
                     r_y[k] += depth
                     aside, angle = r_x[k] - under[0], thetas[i] + turn
@@ -247,6 +293,13 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 pressing += push[k] > 0.0
                 gained += push[k]
                 turned += r_x[k] * push[k]
+            if kind == CONVEX:
+                _convex(h, w, rho, ratio, (v_x, v_y, omega), (a_x, a_y, a_omega), convex, f_n, f_t)
+                for k in range(p):
+                    push[k] = h * f_n[k]
+                    pressing += push[k] > 0.0
+                    gained += push[k]
+                    turned += r_x[k] * push[k]
             before = omega
             v_x, v_y = v_x + h * a_x, v_y + gained + h * a_y
             omega += w * turned + h * a_omega
@@ -257,7 +310,9 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                 if kind == PRESSURE_FIELD and ratio > 0.0:
                     limit *= 2.0 / np.pi * np.arctan(abs(slid) / ratio)
                 pulled = slip - slid  # by the forces across the surface
-                if etas[i] > 0.0 and push[k] > 0.0:
+                if kind == CONVEX:
+                    drag = h * f_t[k]
+                elif etas[i] > 0.0 and push[k] > 0.0:
                     thick = exponent * _power(max(deepest[k] / lengths[k, i], THIN), exponent - 1.0)
                     stiffness = (SPEED / lengths[k, i]) ** 2 * thick / etas[i]
                     damping = 2.0 * zetas[i] * np.sqrt(stiffness / mobility)
@@ -275,13 +330,7 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                     # friction first holds against the slip, then, where it is too weak, in the other direction
                     most_change = limit / ends
                     turns_round = slid * pulled < 0.0 and most_change < abs(pulled) > abs(slid) - most_change
-                    if kind == CONVEX:
-                        slows = (1.0 + IMPEDANCE) * ratio * losses[k, i] * h * SPEED / lengths[k, i]
-                        # at the middle of a step that resolves it, or it would swing; else at its end
-                        weight = (0.5 if slows < ends else 1.0) * slows + ratio * IMPEDANCE
-                        drag = -(slows * slid + weight * pulled) / (1.0 + weight / ends)
-                        drag = min(max(drag, -limit), limit)
-                    elif turns_round:
+                    if turns_round:
                         drag = np.sign(slid) * limit * (1.0 - 2.0 * abs(slid) / (abs(pulled) + most_change))
                     else:
                         drag = min(max(-slip * ends, -limit), limit)

@@ -21,14 +21,21 @@ A contact at another speed v or of another mass 1/b has the same motion in other
 | Hunt-Crossley | D v/v₀   | is less in faster contacts          | s(D v/v₀) L'/v |
 
 A convex contact is a linear damper whose friction is found together with it by a convex program, as simulators for
-control do.  Friction is a damper too, `ratio` times as strong as that of the normal force, within |f_t| ≤ μ f_n.  Where
-it slides, with the slip s in units of v₀, the program lifts the body,
+control do.  With v the velocity of the contact points and A their inverse inertia, M⁻¹ = 1 of a central contact, the
+forces f of all points are those that minimise
 
-    f = (x + D (x' + μ |s|))₊ / (1 + μ²/ratio)    where ratio D |s| > μ f
+    ½ fᵀ (A + R) f + fᵀ (a − a*)  in  |f_t| ≤ μ f_n,    a*_n = (1 + R)(x − D v_n),  a*_t = −(1 + R) D v_t
+
+in which a is the acceleration without contact and R_n = R, R_t = R/ratio.  So f_n of a central contact is x + D x'.
+Where R is large, force depends on depth and rate alone; friction is a damper too, `ratio` times as strong as that of
+the normal force.  Where R is small, the contact points get the acceleration a* whatever mass is behind them.  Where it
+slides, the program lifts the body.  MuJoCo's R is (1 − d)/d with its impedance d and its own estimate of A, 2/3 of a
+body that cannot leave its plane.
 
 Sources: Walton and Braun 1986, doi:10.1122/1.549893; Schwager and Pöschel 2007, doi:10.1007/s10035-007-0065-z; Hunt and
 Crossley 1975, doi:10.1115/1.3423596; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731 (Hertz); Todorov 2014,
-doi:10.1109/ICRA.2014.6907751 (convex contact); Elandt et al. 2019, doi:10.1109/IROS40897.2019.8968548 (n = 2).
+doi:10.1109/ICRA.2014.6907751 (convex contact; a* and R in MuJoCo's documentation, "Computation", "Constraint model");
+Elandt et al. 2019, doi:10.1109/IROS40897.2019.8968548 (n = 2).
 """
 
 from dataclasses import dataclass

@@ -36,10 +36,13 @@ BASE_PARAMETERS = (
 )
 CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-3)
 # of a convex contact: damping of the slip over that of the normal force
-DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.5, high=500.0, scale=1.0)
+DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.01, high=500.0, scale=1.0)
+# of a convex contact: near 0 its force is that of a spring and a damper, near 1 it gives the contact the same motion
+# whatever mass stands behind it; d of MuJoCo's solimp, for a body that cannot leave its plane
+IMPEDANCE = Parameter("impedance", "1", null=0.01, low=1e-3, high=0.9999, scale=0.1)
 # of a pressure field: the slip at which friction is half of Coulomb's
 STICTION_TOLERANCE = Parameter("stiction_tolerance", "m/s", null=1e-3, low=0.0, high=0.05, scale=1e-3)
-OF_FRICTION = {ConvexDamper: (DAMPING_RATIO,), PressureField: (STICTION_TOLERANCE,)}
+OF_FRICTION = {ConvexDamper: (DAMPING_RATIO, IMPEDANCE), PressureField: (STICTION_TOLERANCE,)}
 LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact is no spring under a mass
 TURNED = 0.25  # of t̄ Δω: turning of the body until the impulse acts, beyond that of the arc before
 

@@ -17,7 +17,7 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.contact_time import DAMPING_RATIO
+from thesis_lib.critique.drops.contact_time import DAMPING_RATIO, IMPEDANCE
 from thesis_lib.critique.drops.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Rig, State
 from thesis_lib.engines.engine import OUTSIDE, Press, impacts
@@ -60,7 +60,7 @@ def default_values(engine: str, mass: float) -> dict[str, float]:
     assert force is not None  # the stand-in's
     if engine == "mujoco":
         mu, epsilon, lasting = of_mujoco(MUJOCO_DEFAULT)
-        ratio = {DAMPING_RATIO.name: MUJOCO_DEFAULT.impratio}
+        ratio = {DAMPING_RATIO.name: MUJOCO_DEFAULT.impratio, IMPEDANCE.name: MUJOCO_DEFAULT.solimp[1]}
     elif engine == "bullet":
         (mu, epsilon, lasting), ratio = BULLET_DEFAULT, {}
     else:
@@ -131,8 +131,8 @@ def _coefficients(
 
 def _groups(
     model: Model, values: Mapping[str, float], mu: np.ndarray, epsilon: np.ndarray
-) -> Iterator[tuple[np.ndarray, tuple[float, float, dict]]]:
-    """Rows of bodies that share an engine, and its settings: contact time in s, impratio, causes."""
+) -> Iterator[tuple[np.ndarray, tuple[float, float, float, dict]]]:
+    """Rows of bodies that share an engine, and its settings: contact time in s, impratio, impedance, causes."""
     n, law = len(mu), model.law
     assert law.force is not None
     names = [name for name in CAUSE_OF if name in values]
@@ -140,23 +140,25 @@ def _groups(
     lasting = np.full(n, INSTANT)
     if "tau" in values:
         lasting = np.full(n, values["tau"]) * law.force.duration(loss) / law.force.centroid(loss)
-    ratio = np.full(n, values.get(DAMPING_RATIO.name, DAMPING_RATIO.null))
+    friction = [np.full(n, values.get(p.name, p.null)) for p in (DAMPING_RATIO, IMPEDANCE)]
     own = (mu, epsilon) if not law.engine.startswith("mujoco") else (np.zeros(n), np.zeros(n))
-    columns = [np.clip(lasting, SHORTEST, LONGEST), ratio, *own, *(np.full(n, values[name]) for name in names)]
+    columns = [np.clip(lasting, SHORTEST, LONGEST), *friction, *own, *(np.full(n, values[name]) for name in names)]
     different, group = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
-    for k, (T, impratio, _, _, *sizes) in enumerate(different.tolist()):
-        yield np.flatnonzero(group.ravel() == k), (T, impratio, dict(zip((CAUSE_OF[name] for name in names), sizes)))
+    for k, (T, impratio, impedance, _, _, *sizes) in enumerate(different.tolist()):
+        causes = dict(zip((CAUSE_OF[name] for name in names), sizes))
+        yield np.flatnonzero(group.ravel() == k), (T, impratio, impedance, causes)
 
 
-def _engine(law: Law, rig: Rig, mu: np.ndarray, epsilon: np.ndarray, settings: tuple[float, float, dict]) -> Press:
-    T, impratio, sizes = settings
+def _engine(
+    law: Law, rig: Rig, mu: np.ndarray, epsilon: np.ndarray, settings: tuple[float, float, float, dict]
+) -> Press:
+    T, impratio, impedance, sizes = settings
     body = Body(shape=rig.shape, mass=MASS, radius_of_gyration=rig.k_g)  # pyright: ignore[reportArgumentType]
     causes, n, least = HiddenCauses(**sizes), len(mu), 1e-3
     if law.engine.startswith("mujoco"):
         from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
         from thesis_lib.simulate.mujoco.contact import MujocoContact
 
-        impedance = MUJOCO_DEFAULT.solimp[1] if law.engine.endswith(DEFAULT) else MujocoContact().impedance
         contact = MujocoContact.model_construct(
             contact_time=T, impratio=max(impratio, 1.0), impedance=impedance, steps=STEPS
         )

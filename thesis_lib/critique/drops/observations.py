@@ -197,7 +197,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
         flights=flights,
         noise_known=True,
         found=replace(found, impacts=impacts.select(rows)),
-        touch_std=UNKNOWN * found.step * float(np.abs(impacts.v_pre[:, 1]).max()) if found.step else 0.0,
+        touch_std=UNKNOWN * found.step * float(np.abs(impacts.v_pre[:, 1]).max(initial=0.0)) if found.step else 0.0,
     )
 
 

@@ -6,8 +6,9 @@ the units of `thesis_lib/contact/compliant/normal_force.py`.  What accelerates t
 too.  Per unit mass, with x the depth over L,
 
     normal     f_n = f(x, x', x_m; D) v₀²/L,   D and L from ε and τ of a central contact
-    friction   what ends the slip within the step, at most μ f_n; of a convex contact a damper, at most μ f_n
+    friction   what ends the slip within the step, at most μ f_n
 
+Both forces of a convex contact follow from its program.
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
 the law is added to the impulse of each corner, at the velocity with which it touched; but `tangential_compliance` is a
@@ -26,10 +27,12 @@ from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integ
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import ContactSpace
+from thesis_lib.critique.drops.contact_time import IMPEDANCE
 from thesis_lib.critique.drops.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Impulse, Rig, State
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
+from thesis_lib.engines.parameters import PLANAR
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
 STEPS = 64  # in one central contact: errors of contacts of 3 ms are then a twentieth of a rig's noise
@@ -112,14 +115,14 @@ def press(
     points = points.reshape(6, corners, n)
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
-    of_friction = np.full(n, next((values.get(p.name, p.null) for p in model.of_friction), 0.0))
+    ratio, regularisation = _of_friction(model, values, n)
     spring, soft = (_parameters(model.law, active, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
     share, slopes = _chord(model.law, soft, tau[:n], at_corner.shape, tiled.theta)
     falling = _acceleration(model, model.active(values), true, rig)
     pressed = _Pressed(
         *integrate(
-            (force.kind, force.exponent, of_friction, _central_pressure(rig.shape) if is_field else 1.0),
+            (force.kind, force.exponent, ratio, regularisation, _central_pressure(rig.shape) if is_field else 1.0),
             points,
             (np.full(corners * n, k_g**-2.0)[:n], falling, np.ascontiguousarray(true.theta)),
             _outline(rig.shape, corners),
@@ -157,6 +160,13 @@ def _acceleration(model: Model, active: Sequence[tuple[Effect, Mapping]], true: 
     for effect, p in active:
         now, later = effect.to_contact(now, p, rig), effect.to_contact(later, p, rig)
     return (later.v - now.v) / INSTANT
+
+
+def _of_friction(model: Model, values: Mapping[str, float], n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Damping ratio or stiction tolerance, and R m of a convex contact, (n,); 0 of a law without."""
+    own = {p.name: np.full(n, values.get(p.name, p.null)) for p in model.of_friction}
+    first, impedance = next(iter(own.values()), np.zeros(n)), own.get(IMPEDANCE.name, np.ones(n))
+    return first, PLANAR * (1.0 - impedance) / impedance
 
 
 def _central_pressure(shape: Shape) -> float:

@@ -1,8 +1,9 @@
 """A body and its surface as MJCF, for MuJoCo.
 
 An ellipse is an ellipsoid, a disk a cylinder, a rectangle along the axes a box, any other polygon a mesh of its prism.
-Round corners are capsules along the edges of the prism, which itself is then there to be seen only.  The contact is a
-spring and a damper of their own (a small impedance), with `priority`, so that the surface's numbers do not mix in.
+Round corners are capsules along the edges of the prism, which itself is then there to be seen only.  The contact has
+the impedance that was fitted, or else is a spring and a damper of their own, with `priority`, so that the surface's
+numbers do not mix in.
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ from thesis_lib.engines.parameters import MujocoNumbers, mujoco_numbers
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.forces import rounded_centres
 
-IMPEDANCE = 0.01  # near 0: the force depends on depth and rate alone, as materials have it
+IMPEDANCE = 0.01  # where none was fitted; near 0 the force depends on depth and rate alone, as materials have it
 IMPRATIO = 10.0  # where no damping ratio of friction was fitted: slip decays within a tenth of the contact
 # in one contact time, by Runge-Kutta: the touch falls anywhere in a step, and the damper acts late by half of one.
 # 50 steps move the velocity after an impact by 8 mm/s, 200 by 1 mm/s
@@ -30,7 +31,8 @@ def points(solid: Solid) -> int:
 def numbers(solid: Solid, of: int) -> MujocoNumbers:
     """The contact of a body that touches in so many points."""
     ratio = IMPRATIO if solid.damping_ratio is None else solid.damping_ratio
-    return mujoco_numbers(solid.mu, solid.epsilon, solid.contact_time, impedance=IMPEDANCE, impratio=ratio, points=of)
+    d = solid.impedance or IMPEDANCE
+    return mujoco_numbers(solid.mu, solid.epsilon, solid.contact_time, impedance=d, impratio=ratio, points=of)
 
 
 def contact_story(solid: Solid, of: int) -> list[str]:
@@ -39,6 +41,7 @@ def contact_story(solid: Solid, of: int) -> list[str]:
     lines = [
         f"solref, solimp: that restitution and contact time, of {of} contact point{'s' * (of > 1)} that share it;",
         "  MuJoCo's contact is a spring and a damper: off the centre epsilon is less, at any speed the same",
+        f"solimp: {'fitted (impedance)' if solid.impedance else 'not fitted: a spring and a damper of their own'}",
         f"impratio: damping of the slip over that of the normal force, {ratio}",
         f"timestep: {STEPS} steps in one contact time",
     ]

@@ -20,7 +20,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.compliant.normal_force import HuntCrossley
-from thesis_lib.critique.drops.contact_time import CONTACT_TIME, DAMPING_RATIO, duration
+from thesis_lib.critique.drops.contact_time import CONTACT_TIME, DAMPING_RATIO, IMPEDANCE, duration
 from thesis_lib.critique.export.effects import reason, written
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
@@ -34,7 +34,8 @@ ALIGNED = 1e-9  # m, how far corners may be from those of a box
 
 @dataclass(frozen=True)
 class Solid:
-    """A body over its surface; `speed` in m/s is that of ε, None if ε holds at any; `damping_ratio` None: not fitted.
+    """A body over its surface; `speed` in m/s is that of ε, None if ε holds at any; `damping_ratio` and `impedance`
+    None: not fitted.
 
     `expressed` and `left_out` say, by name, what the file holds and what it cannot.
     """
@@ -53,6 +54,7 @@ class Solid:
     time_known: bool
     speed: float | None
     damping_ratio: float | None
+    impedance: float | None
     gravity: float
     tilt: float
     height: float
@@ -114,6 +116,7 @@ def solid(model: SavedModel, target: str, mass: float | None = None, depth: floa
         left_out.append(("stiction_tolerance", "a property of Drake's plant: plant.set_stiction_tolerance(...)"))
     if DAMPING_RATIO.name in values and target != "mjcf":
         left_out.append((DAMPING_RATIO.name, "the friction of a convex program; Drake's is Coulomb's"))
+        left_out.append((IMPEDANCE.name, "MuJoCo's alone: Drake's spring and damper do not know the mass behind them"))
     if model.scatter:
         left_out.append(("scatter", f"{model.scatter:g} m/s after impact that no effect explains"))
     return Solid(
@@ -131,6 +134,7 @@ def solid(model: SavedModel, target: str, mass: float | None = None, depth: floa
         time_known=bool(time),
         speed=speed,
         damping_ratio=values.get(DAMPING_RATIO.name),
+        impedance=values.get(IMPEDANCE.name),
         gravity=model.rig.gravity + of("wrong_gravity.dg"),
         tilt=of("surface_tilt.phi"),
         height=model.rig.height + of("surface_height.h"),

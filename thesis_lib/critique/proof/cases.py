@@ -10,9 +10,13 @@ A source of truth is what makes the drops:
 | drake_point        | Drake's spring with Hunt and Crossley's dissipation | simulate/drake     |
 | drake_hydroelastic | Drake's pressure field in a soft body               | simulate/drake     |
 | mujoco             | MuJoCo's spring, damper and viscous friction        | simulate/mujoco    |
+| mujoco_usual       | the same with settings that people use              | simulate/mujoco    |
 
 Only in "law" the effect acts by its own law; elsewhere it follows from its cause.  In Drake's own contact restitution
 falls with the speed and the body gives way: who names that with nothing hidden is right (`by_itself`).
+
+In "mujoco_usual" nothing is hidden.  Its seed draws body mass, friction, restitution, solimp and impratio (`USUAL`);
+a contact then knows how much mass stands behind it.
 
 Sizes raise the base law's error (for effects in flight the misfit of arcs, for the touch that of gaps) to about three
 times the noise floor.  They were fixed on seeds in `DEVELOPMENT`; the table uses `SEEDS` and above.  Sources with
@@ -21,6 +25,7 @@ curve the factor √(R² − 1) / √8 scales them to R times the floor, as if s
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +60,7 @@ CONTACT_TIMES = {
     "drake_point": 1e-3,
     "drake_hydroelastic": 1e-3,
     "mujoco": 1e-3,
+    "mujoco_usual": 1e-3,
 }
 SOURCES = tuple(CONTACT_TIMES)
 RIGID = ("law", "mechanism", "drake")  # contacts far shorter than real ones: the first table of the proof
@@ -68,6 +74,10 @@ DEVELOPMENT = range(0, 1000)  # seeds for tuning; never in the table
 SEEDS = 1000  # first seed of the table
 FRESH = 2000  # first seed of the headline table
 MUJOCO_STEPS = 60  # in one contact: the instant of the touch within a step then moves ε by a third of a per cent
+USUAL_STEPS = 200  # ... by a tenth
+# solimp's impedance at the touch and deep, 0.9 and 0.95 by default, and impratio
+USUAL = {"impedance": ((0.9, 0.95), (0.9, 0.9), (0.99, 0.99), (0.9999, 0.9999)), "impratio": (1.0, 10.0, 100.0)}
+USUAL_MASS, USUAL_FRICTION, USUAL_RESTITUTION = (0.02, 1.0), (0.1, 0.4), (0.3, 0.8)  # kg, 1, 1
 
 # two causes at once, from different families; a pair of the source "law" has the effects that describe them
 PAIRS = (
@@ -156,8 +166,29 @@ class Case:
 
     @property
     def body(self) -> Body:
-        """The body of the case's shape."""
-        return BODIES[self.shape]
+        """The body of the case's shape; in "mujoco_usual" with a mass of its own."""
+        body = BODIES[self.shape]
+        if self.source != "mujoco_usual":
+            return body
+        low, high = np.log(USUAL_MASS)
+        return body.model_copy(update={"mass": float(np.exp(generator(self.seed, "usual mass").uniform(low, high)))})
+
+    @property
+    def contact(self) -> dict[str, Any]:
+        """Settings of MuJoCo's contact beside its time."""
+        if self.source != "mujoco_usual":
+            return {"steps": MUJOCO_STEPS}
+        rng = generator(self.seed, "usual contact")
+        pairs, ratios = USUAL["impedance"], USUAL["impratio"]
+        impedance, deep = pairs[rng.integers(len(pairs))]
+        return {
+            "impedance": impedance,
+            "deep_impedance": deep,
+            "impratio": ratios[rng.integers(len(ratios))],
+            "mu": float(rng.uniform(*USUAL_FRICTION)),
+            "epsilon": float(rng.uniform(*USUAL_RESTITUTION)),
+            "steps": USUAL_STEPS,
+        }
 
     def size(self, name: str) -> float:
         """Size of the hidden cause `name`, in its unit, at the case's ratio."""
@@ -187,6 +218,8 @@ def truths(source: str) -> list[str]:
         return [NOTHING, *SURFACES[SURFACES_OF[source]]]
     if source == "mujoco":
         return [NOTHING, *MUJOCO]
+    if source == "mujoco_usual":
+        return [NOTHING]
     if source == "law":  # impacts of a law are instants
         return [NOTHING, *(name for name, effect in EFFECTS.items() if not effect.needs_contact_time)]
     return [NOTHING, *CAUSES]
@@ -220,11 +253,11 @@ def simulate(case: Case, sizes: dict[str, float], rng: np.random.Generator) -> D
     """Drops of a case's source, body, contact time and noise, with hidden causes of given `sizes`."""
     hidden: dict = {name: True if name == "mirrored" else size for name, size in sizes.items()}
     body, n, noise = case.body, case.drops, _noise(case)
-    if case.source == "mujoco":
+    if case.source.startswith("mujoco"):
         from thesis_lib.simulate.mujoco.contact import MujocoContact
         from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
 
-        own, causes = MujocoContact(contact_time=case.contact_time, steps=MUJOCO_STEPS), MujocoCauses(**hidden)
+        own, causes = MujocoContact(contact_time=case.contact_time, **case.contact), MujocoCauses(**hidden)
         return simulate_mujoco_drops(body, PROOF_RELEASE, n, contact=own, hidden=causes, noise=noise, rng=rng)
     contact, causes = CompliantContact(contact_time=case.contact_time), HiddenCauses(**hidden)
     if case.source in SURFACES_OF:

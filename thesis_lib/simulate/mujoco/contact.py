@@ -38,6 +38,7 @@ from pydantic import Field
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
 COARSEST = 20  # steps in one contact time; at 20 the instant of the touch within a step moves ε by 1 %
+GROWS = (1e-3, 0.5, 2.0)  # width in m, midpoint and power of solimp, MuJoCo's defaults
 MOST_DAMPED = 20.0  # ζ; ε is then 0.0006
 
 
@@ -48,8 +49,16 @@ class MujocoContact(CompliantContact):
     impedance: float = Field(
         0.01, ge=1e-4, le=0.9999, description="d of solimp, 1; near 0: a spring and a damper of their own"
     )
+    deep_impedance: float | None = Field(
+        None, ge=1e-4, le=0.9999, description="d of a contact 1 mm deep or more; null: as at the touch"
+    )
     # slip then decays ten times as fast as the damper of the normal force would have it: within a tenth of the contact
     impratio: float = Field(10.0, ge=1, le=1000, description="impedance of friction over that of the normal force, 1")
+
+    @property
+    def solimp(self) -> tuple[float, ...]:
+        """MuJoCo's five numbers of the impedance: at the touch, deep, and how it grows between."""
+        return (self.impedance, self.deep_impedance or self.impedance, *GROWS)
 
 
 def damped_bounce(damping_ratio: float) -> tuple[float, float]:

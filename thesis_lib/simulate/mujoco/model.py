@@ -58,11 +58,11 @@ def drop_model(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: flo
 
 
 def share(model: mujoco.MjModel, contact: MujocoContact) -> float:
-    """d' of a central impact over d (1), from MuJoCo's estimate of the inverse mass."""
+    """d' of a deep central impact over d (1), from MuJoCo's estimate of the inverse mass."""
     body = model.body("body").id
     mass = model.body_subtreemass[body]
     estimate = model.body_invweight0[body, 0] + model.body_invweight0[model.geom("plate").bodyid[0], 0]
-    d = contact.impedance
+    d = contact.solimp[1]
     return float(1.0 / (d + (1.0 - d) * estimate * mass))
 
 
@@ -74,7 +74,7 @@ def _xml(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: float) ->
     geoms, corners = _geoms(body, m)
     pairs = "".join(
         f'<pair geom1="plate" geom2="corner{i}" condim="3" friction="{_n(contact.mu, contact.mu, 0, 0, 0)}" '
-        f'solimp="{_n(contact.impedance, contact.impedance, 1e-3, 0.5, 2)}"/>'
+        f'solimp="{_n(*contact.solimp)}"/>'
         for i in range(corners)
     )
     return f"""<mujoco>
