@@ -23,7 +23,7 @@ class Header(Section):
     )
     gravity: NotNegative = Field(9.81, description="m/s²; 0 for a motion over a level table, seen from above")
     rate: Positive | None = Field(None, description="Hz, of trajectories")
-    noise: Noise | None = Field(None, description="optional: else estimated from the arcs, as where it exceeds their scatter")
+    noise: Noise | None = Field(None, description="optional; the arcs decide without it, and where they scatter less")
     spin: Positive | None = Field(
         None, description="rad/s, one sigma of the spin before an impact, where theta is not measured"
     )
