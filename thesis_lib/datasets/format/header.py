@@ -23,7 +23,7 @@ class Header(Section):
     )
     gravity: NotNegative = Field(9.81, description="m/s²; 0 for a motion over a level table, seen from above")
     rate: Positive | None = Field(None, description="Hz, of trajectories")
-    noise: Noise | None = Field(None, description="else, or where it exceeds their scatter: from the arcs")
+    noise: Noise | None = Field(None, description="optional; the arcs decide without it, and where they scatter less")
     spin: Positive | None = Field(
         None, description="rad/s, one sigma of the spin before an impact, where theta is not measured"
     )
