@@ -38,6 +38,7 @@ from thesis_lib.contact.space import ContactSpace
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
 FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface", "flight", "measurement")
 Channel = Literal["impact", "meet", "touch", "flight"]
+Coordinate = Literal["x", "t", "trial"]
 Parameters = Mapping[str, float]
 
 
@@ -123,11 +124,20 @@ class State:
 
 
 @dataclass(frozen=True)
+class Reference:
+    """Where effects count from: a place x (m), a time t (s) and a number of a release, as in the dataset."""
+
+    x: float = 0.0
+    t: float = 0.0
+    trial: float = 0.0
+
+
+@dataclass(frozen=True)
 class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
     Between `walls` x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle` neither the angle nor
-    the spin is measured.
+    the spin is measured.  `reference` is where the effects count places, times and releases from.
     """
 
     shape: Shape
@@ -136,6 +146,7 @@ class Rig:
     height: float
     walls: tuple[Wall, ...] = ()
     has_angle: bool = True
+    reference: Reference = Reference()
 
     @property
     def k_told(self) -> float:
@@ -183,6 +194,9 @@ class Effect:
         needs_one_surface: whether it means nothing between walls: it is about gravity, or about places in the plane.
         includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
+        bends: whether the camera reports a parabola as a curve of another kind: its map is no linear one of the pose.
+        along: which of x, t and trial it counts from `rig.reference`.
+        rank: its place among the effects that act together.
         denies: what of the body it says to be other than believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
         reference: source, with DOI where there is one.
@@ -200,6 +214,9 @@ class Effect:
     needs_one_surface: bool = False
     includes: tuple[str, ...] = ()
     breaks_mirror: bool = False
+    bends: bool = False
+    along: tuple[Coordinate, ...] = ()
+    rank: int = 0
     denies: str = ""
     reference: str = ""
 
@@ -284,8 +301,9 @@ class Effect:
         return a
 
     def arc(self, tau: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray | None:
-        """What the path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
+        """What the true path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
 
-        (n, W, 3) in m, m, rad; None if the acceleration is practically constant over a tenth of a second.
+        (n, W, 3) in m, m, rad; None if the acceleration is practically constant over a tenth of a second.  What the
+        camera bends (`bends`) follows from its map.
         """
         return None
