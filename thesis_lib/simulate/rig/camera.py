@@ -7,7 +7,7 @@
     pose            z ← e^{iβ} z,   β = roll + slope,   z = x + i y; what turns about the origin turns θ, too
     skew            x ← x + s y
     pitch           (x, y) ← (x, y) / (1 + p y), as of a camera that looks up or down
-    lens            about (0, h):  z ← z + k |z|² z,  and tangential  (x, y) ← (x, y) + p (2 x y, x² + 3 y²)
+    lens            about (0, h):  z ← z + k |z|² z
 
 A wobble after an impact displaces the tracked frame along the direction of its x axis at the impact, by w = a Δv_n
 cos(β − axis) exp(−t/T) sin(2π f t).  Here t is the time since the impact and β the place that was hit, as the lever out
@@ -53,10 +53,7 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
         z = z * np.exp(1j * beta)
     z = z + m.camera_skew * z.imag
     z = z * (1.0 / (1.0 + m.camera_pitch * z.imag))
-    if m.lens or m.lens_decentering:
-        d = z - middle
-        aside = 2.0 * d.real * d.imag + 1j * (d.real**2 + 3.0 * d.imag**2)
-        z = z + m.lens * np.abs(d) ** 2 * d + m.lens_decentering * aside
+    z = z + m.lens * np.abs(z - middle) ** 2 * (z - middle)
     theta = lagged_theta + beta
     theta = (-theta if m.mirrored else theta) + m.angle_offset
     x, y = (1.0 + m.length_scale) * z.real + m.drift * times, (1.0 + m.length_scale) * z.imag

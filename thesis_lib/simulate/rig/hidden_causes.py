@@ -117,7 +117,6 @@ class HiddenCauses(Section):
     lens: float = _off("k of radial distortion x + k |x|² x about the middle of the picture, 1/m²")
     # outside the library of effects
     camera_pitch: float = _off("p of a camera that looks up or down: x and y in the picture over 1 + p y, 1/m")
-    lens_decentering: float = _off("p of tangential distortion, x + p (2 x y, x² + 3 y²) about that middle, 1/m")
     lens_height: float = Field(0.25, description="height of the middle of the picture, m", allow_inf_nan=False)
     plate_amplitude: float = _off("of a plate that vibrates in y, with a random phase each trial, m", ge=0)
     plate_frequency: float = Field(30.0, gt=0, description="Hz")
@@ -169,7 +168,7 @@ CAUSES: dict[str, Cause] = {
     "tilt": Cause(("surface_tilt",), 0.065, "phi"),
     "surface_height": Cause(("surface_height",), 0.00028, "h"),
     "plate_velocity": Cause(("moving_surface",), 0.056, "V"),
-    "plate_curvature": Cause(("curved_surface",), 0.1, "kappa"),
+    "plate_curvature": Cause(("curved_surface",), 0.026, "kappa"),
     "friction_slope": Cause(("position_dependent_friction",), 0.26, "g_mu"),
     "restitution_slope": Cause(("position_dependent_restitution",), 0.13, "g_eps"),
     "restitution_patch": Cause(("surface_patch",), 0.1),
@@ -192,12 +191,11 @@ CAUSES: dict[str, Cause] = {
     "drift": Cause(("sensor_drift",), 0.049, "d_x"),
     "marker_offset_x": Cause(("marker_offset",), 0.0008, "d_x"),
     "marker_offset_y": Cause(("marker_offset",), 0.0008, "d_y"),
-    "camera_roll": Cause(("camera_pose",), 0.01, "roll"),
-    "camera_slope": Cause(("camera_pose",), 0.01, "slope"),
-    "camera_skew": Cause(("camera_skew",), 0.01, "s"),
-    "lens": Cause(("lens",), 0.15, "k_1"),
-    "camera_pitch": Cause((), 0.1),
-    "lens_decentering": Cause((), 0.05),
+    "camera_roll": Cause(("camera_pose",), 0.0055, "roll"),
+    "camera_slope": Cause(("camera_pose",), 0.0054, "slope"),
+    "camera_skew": Cause(("camera_skew",), 0.016, "s"),
+    "lens": Cause(("lens",), 0.17, "k_1"),
+    "camera_pitch": Cause((), 0.089),
     "plate_amplitude": Cause((), 0.00011),
     "loose_mass": Cause((), 0.17),
     "wobble": Cause((), 0.00076),
