@@ -21,6 +21,7 @@ class MovingSurface(Effect):
     parameters = (Parameter("V", "m/s", null=0.0, low=-3.0, high=3.0, scale=0.1),)
     needs_one_surface = True
     needs_angle = True
+    rank = 8
     reference = "Galilean invariance"
     breaks_mirror = True
 
