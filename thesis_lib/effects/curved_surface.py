@@ -34,6 +34,7 @@ class CurvedSurface(Effect):
     reference = "differential geometry of a plane curve, to second order"
     breaks_mirror = True
     along = ("x",)
+    rank = 7
 
     def shapes(self, state, rig):
         return [{"x_0": x} for x in (-0.2, 0.0, 0.2)]

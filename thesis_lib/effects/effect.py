@@ -333,6 +333,7 @@ def in_order(effects: Iterable[Effect]) -> list[Effect]:
     | 4    | contact_torque              | rolling, with what these leave of the spin                              |
     | 5    | adhesion                    | it takes its energy from the rebound that all else leaves               |
     | 6    | com_offset                  | the origin circles with the angular acceleration of all forces          |
+    | 7    | curved_surface              | the axes of the surface, for the centre of mass                         |
     | 8    | moving_surface              | its velocity is along the surface, whose axes others may have turned    |
     | 10…  | measurement                 | from the tracked point over camera and scale to the axes that are told  |
     """
