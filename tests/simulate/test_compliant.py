@@ -38,6 +38,7 @@ PRE, POST = ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_pos
 POSE = ["x", "y", "theta"]
 SHARED = {"tangential_damping", "stribeck_speed", "adhesion_range", "orientation_axis", "patch_centre", "patch_width"}
 SHARED |= {"plate_frequency", "loose_frequency", "loose_damping", "wobble_frequency", "wobble_decay"}
+SHARED |= {"lens_height"}
 
 
 def run(n=20, body=ELLIPSE, release=PROOF_RELEASE, seed=0, hidden=None, contact=None, **options):

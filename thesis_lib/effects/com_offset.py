@@ -58,22 +58,10 @@ class ComOffset(Effect):
     def arc(self, tau, state, p, rig):
         # the origin's circle about the centre of mass
         C_x, C_y = (C[:, None] for C in _turned(state, p))
-        return -beyond_parabola(state.omega[:, None] * tau, C_x, C_y)
-
-
-def beyond_parabola(turn: np.ndarray, C_x: np.ndarray, C_y: np.ndarray) -> np.ndarray:
-    """A circle from (C_x, C_y) through the angles `turn`, beyond its tangent and its curvature there.
-
-    Args:
-        turn: (n, W) in rad.
-        C_x, C_y: (n, 1) in m, from the centre of the circle.
-
-    Returns:
-        (n, W, 3) in m, m, rad.
-    """
-    along, across = np.cos(turn) - 1.0 + 0.5 * turn * turn, np.sin(turn) - turn
-    x, y = along * C_x - across * C_y, across * C_x + along * C_y
-    return np.stack([x, y, np.zeros_like(x)], axis=-1)
+        turn = state.omega[:, None] * tau
+        along, across = 1.0 - np.cos(turn) - 0.5 * turn * turn, turn - np.sin(turn)
+        x, y = along * C_x - across * C_y, across * C_x + along * C_y
+        return np.stack([x, y, np.zeros_like(x)], axis=-1)
 
 
 def _turned(state, p):

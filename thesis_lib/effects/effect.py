@@ -203,6 +203,7 @@ class Effect:
         needs_one_surface: whether it means nothing between walls: it is about gravity, or about places in the plane.
         includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
+        bends: whether the camera reports a parabola as a curve of another kind: its map is no linear one of the pose.
         along: which of x, t and trial it counts from `rig.reference`.
         rank: its place among the effects that act together; see `in_order`.
         denies: what of the body it says to be other than believed: "inertia", "size" or "centre of mass", each
@@ -222,6 +223,7 @@ class Effect:
     needs_one_surface: bool = False
     includes: tuple[str, ...] = ()
     breaks_mirror: bool = False
+    bends: bool = False
     along: tuple[Coordinate, ...] = ()
     rank: int = 0
     denies: str = ""
@@ -308,9 +310,10 @@ class Effect:
         return a
 
     def arc(self, tau: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray | None:
-        """What the path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
+        """What the true path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
 
-        (n, W, 3) in m, m, rad; None if the acceleration is practically constant over a tenth of a second.
+        (n, W, 3) in m, m, rad; None if the acceleration is practically constant over a tenth of a second.  What the
+        camera bends (`bends`) follows from its map.
         """
         return None
 
@@ -330,6 +333,7 @@ def in_order(effects: Iterable[Effect]) -> list[Effect]:
     | 4    | contact_torque              | rolling, with what these leave of the spin                              |
     | 5    | adhesion                    | it takes its energy from the rebound that all else leaves               |
     | 6    | com_offset                  | the origin circles with the angular acceleration of all forces          |
+    | 7    | curved_surface              | the axes of the surface, for the centre of mass                         |
     | 8    | moving_surface              | its velocity is along the surface, whose axes others may have turned    |
     | 10…  | measurement                 | from the tracked point over camera and scale to the axes that are told  |
     """

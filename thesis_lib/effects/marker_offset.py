@@ -5,7 +5,6 @@ With d the tracked point minus the body's centre in the body frame and D = R(θ)
     pose        x_measured = x + D
     velocity    v_measured = v + ω × D,   ω × D = ω (−D_y, D_x)
     flight      a_measured = a − ω² D + α × D      (the tracked point circles the centre, which flies a parabola)
-    arc         (R(ω τ) − 1 − ω τ R(π/2) + (ω τ)²/2) D, what the circle has beyond that at time τ
 
 | on paper | in code      | unit | shape |                                                                    |
 |----------|--------------|------|-------|--------------------------------------------------------------------|
@@ -19,7 +18,6 @@ D_y.  A marker frame that is turned is an angle_offset.
 
 import numpy as np
 
-from thesis_lib.effects.com_offset import beyond_parabola
 from thesis_lib.effects.effect import Effect, Parameter
 
 
@@ -37,15 +35,13 @@ class MarkerOffset(Effect):
     rank = 10
     reference = "rigid-body kinematics"
     breaks_mirror = True
+    bends = True
 
     def to_true(self, state, p, rig):
         return _seen_at(state, p, -1.0)
 
     def to_measured(self, state, p, rig):
         return _seen_at(state, p, 1.0)
-
-    def arc(self, tau, state, p, rig):
-        return beyond_parabola(state.omega[:, None] * tau, *(D[:, None] for D in _turned(state, p)))
 
 
 def _seen_at(state, p, sign):

@@ -42,6 +42,8 @@ ELSEWHERE = Reference(x=3.0, t=1000.0, trial=1000.0)
 SHIFTED = 1e-9  # relative to 1: numbers near 1000 have lost three digits, and edges of 2 mm two more
 MIRRORED, BROKEN = 1e-6, 1.0  # in units of RESOLVED: a symmetry that holds, and one that is broken
 DISK = Rig(Disk(radius=0.03), 0.0212, 9.81, 0.0)
+PATH = (-0.1, -0.1 + 0.1 / 3, -0.1 / 3, 0.0)  # s, evenly spaced: the third difference of a parabola is none
+STRAIGHT = 1e-9  # m and rad
 NOTHING = "it changes nothing yet: write what it does into one of the hooks"
 
 
@@ -171,6 +173,20 @@ def has_inverses(effect: Effect) -> str:
                 returned = getattr(effect, other)(getattr(effect, one)(states, p, rig), p, rig)
                 if why := _differs(returned, states, ROUNDING, ROUNDING):
                     return f"{other} must undo {one}, but the state {why}"
+    return ""
+
+
+def bends_what_it_says(effect: Effect) -> str:
+    """Only a camera that says so reports a parabola, with an even turn, as another curve."""
+    p, rig = at_scale(effect), RIGS["quadrilateral"]
+    states = _states(rig, 9)
+    fall = np.tile([0.0, -rig.gravity, 0.0], (N, 1))
+    q = [effect.to_measured(states.flown(fall, h), p, rig).q for h in PATH]
+    bent = float(np.abs(q[3] - 3.0 * q[2] + 3.0 * q[1] - q[0]).max())
+    if effect.bends and not bent > STRAIGHT:
+        return "it says bends = True, but the camera reports parabolas as parabolas; take that line out"
+    if not effect.bends and bent > STRAIGHT:
+        return f"the camera reports a parabola as another curve (by {bent:.2g} m within 0.1 s): say bends = True"
     return ""
 
 
@@ -373,6 +389,7 @@ EFFECT_CHECKS: tuple[Check[Effect], ...] = (
     Check("explains its symbols and names a source", described, describes=True),
     Check("changes nothing at its null", absent_at_null),
     Check("undoes itself", has_inverses),
+    Check("says whether the camera bends parabolas", bends_what_it_says),
     Check("leaves its arguments as they are", keeps_arguments),
     Check("takes a value for each body", takes_arrays),
     Check("stays finite within its bounds", finite_in_bounds),

@@ -6,6 +6,7 @@ derives it.
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,7 +20,8 @@ from thesis_lib.critique.drops.sliding import SLIDING, TABLE
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State, in_order
 
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
-_H_TURNING = 1e-4  # s, for one that turns with the body: off by 1e-6 of ω² at 30 rad/s
+_H_PATH = 0.02  # s, for the change of the acceleration over a tenth of a second
+_H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad/s
 
 
 def inward(p: Parameter, value: float, step: float) -> float:
@@ -37,6 +39,14 @@ def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) 
         K_nn=1.0 + r_x * r_x * w,
         K_tn=-r_x * r_y * w,
     )
+
+
+def _without_camera(effect: Effect) -> Effect:
+    """What an effect of the measurement does to the body, as gravity is oblique to a camera's axes."""
+    inner = copy(effect)
+    exact = {"to_true": Effect.to_true, "to_measured": Effect.to_measured}
+    inner.__class__ = type(type(effect).__name__, (type(effect),), exact)
+    return inner
 
 
 @dataclass(frozen=True)
@@ -83,8 +93,8 @@ class Model:
 
     @cached_property
     def has_varying_flight(self) -> bool:
-        """Whether the acceleration in flight may change with the velocity."""
-        return bool(self.acting("acceleration")) or self.camera_circles
+        """Whether the true acceleration in flight may change with the velocity."""
+        return bool(self.acting("acceleration"))
 
     @cached_property
     def camera_is_exact(self) -> bool:
@@ -92,14 +102,14 @@ class Model:
         return not self.acting("to_true", "to_measured")
 
     @cached_property
-    def camera_circles(self) -> bool:
-        """Whether the camera follows a point that circles the body's, so that parabolas are reported as bent."""
-        return any(type(effect).arc is not Effect.arc for effect in self.acting("to_true", "to_measured"))
+    def camera_bends(self) -> bool:
+        """Whether the camera reports parabolas as other curves, so that paths have to be followed through it."""
+        return any(effect.bends for effect in self.acting("to_true", "to_measured"))
 
     @cached_property
     def has_arc(self) -> bool:
-        """Whether paths in flight may differ from parabolas."""
-        return bool(self.acting("arc"))
+        """Whether measured paths in flight may differ from parabolas."""
+        return bool(self.acting("arc")) or self.camera_bends
 
     @cached_property
     def flight_parameters(self) -> list[str]:
@@ -280,9 +290,9 @@ class Model:
             return self.true_acceleration(measured, active, rig)
         true = self.to_true(measured, active, rig)
         a = self.true_acceleration(true, active, rig)
-        if self.camera_circles:
-            near = [self.to_measured(true.flown(a, h), active, rig).v for h in (-_H_TURNING, _H_TURNING)]
-            return (near[1] - near[0]) / (2.0 * _H_TURNING)
+        if self.camera_bends:
+            near = [self.to_measured(true.flown(a, h), active, rig).v for h in (-_H_BENT, _H_BENT)]
+            return (near[1] - near[0]) / (2.0 * _H_BENT)
         # the camera's map is linear in the velocity, so that a difference quotient is exact
         later = true.with_velocity(true.v + _H * a)
         return (self.to_measured(later, active, rig).v - self.to_measured(true, active, rig).v) / _H
@@ -296,11 +306,41 @@ class Model:
         return a
 
     def arc(self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray | None:
-        """Flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
+        """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
         active = self.active(values)
-        true = self.to_true(measured, active, rig)
+        return self._true_arc(tau, self.to_true(measured, active, rig), active, rig)
+
+    @staticmethod
+    def _true_arc(tau: np.ndarray, true: State, active: Sequence, rig: Rig) -> np.ndarray | None:
+        """As `arc`, from a true state."""
         parts = [part for effect, p in active if (part := effect.arc(tau, true, p, rig)) is not None]
         return sum(parts[1:], parts[0]) if parts else None
+
+    def path(self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+        """Poses (n, W, 3) that the camera reports at times τ (n, W) in s from `measured`, in m, m, rad.
+
+        The flight is true to third order in τ: its acceleration changes with the velocity.
+        """
+        active = self.active(values)
+        true = self.to_true(measured, active, rig)
+        a = self.true_acceleration(true, active, rig)
+        beyond = self._true_arc(tau, true, active, rig)
+        if self.has_varying_flight:
+            early, late = (
+                self.true_acceleration(true.with_velocity(true.v + h * a), active, rig) for h in (-_H_PATH, _H_PATH)
+            )
+            cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)
+            beyond = cubic if beyond is None else beyond + cubic
+        rows = np.repeat(np.arange(len(tau)), tau.shape[1])
+        at = true.select(rows).flown(a[rows], tau.ravel())
+        if beyond is not None:
+            q = at.q + beyond.reshape(-1, 3)
+            at = at.moved(x=q[:, 0], y=q[:, 1], theta=q[:, 2])
+        each = [
+            (effect, {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in p.items()})
+            for effect, p in active
+        ]
+        return self.to_measured(at, each, rig).q.reshape(*tau.shape, 3)
 
     def gap(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Gap (n,) in m between true body and surface: that of the believed shape less the effects' share."""
@@ -317,9 +357,10 @@ class Model:
         return jump
 
     def camera_and_body(self) -> tuple["Model", "Model"]:
-        """The model with measurement effects only, and the one with all others; neither takes time."""
+        """The model with measurement effects only, and the one with all that acts on the body; neither takes time."""
         camera = tuple(e for e in self.effects if e.family == "measurement")
-        body = tuple(e for e in self.effects if e.family != "measurement")
+        rest = Model(self.law, camera).acting("acceleration")
+        body = tuple(_without_camera(e) if e in rest else e for e in self.effects if e not in camera or e in rest)
         return Model(self.law, camera), Model(self.law, body)
 
     def active(self, values: Mapping[str, float]) -> list[tuple[Effect, dict[str, float]]]:

@@ -260,7 +260,8 @@ class _Search(Generic[E, F, J]):
         gains |= {name: fit.score - best.score for name, fit in near.items()}
         below = None
         p_values = {name: tests.p_value(gains[name]) for name in near}
-        finalists = [name for name in self.ranked(near, fitted)[:JUDGED] if forced or p_values[name] <= settings.alpha]
+        names = [name for name in self.ranked(near, fitted) if not self.is_simpler_as_good(name, near)]
+        finalists = [name for name in names[:JUDGED] if forced or p_values[name] <= settings.alpha]
         for name, judgement in self.evidence.judged_in_turn(near, finalists):
             e, p_value = near[name].effects[-1], p_values[name]
             gain = self.evidence.gain(judgement, judged, "gain", *on, name)
@@ -277,6 +278,11 @@ class _Search(Generic[E, F, J]):
                 others = self.evidence.alternatives(name, gains, tests)
                 return Step(e, others, clears, p_value, gain, near[name], judgement, tests), None
         return None, below
+
+    def is_simpler_as_good(self, name: str, near: Mapping[str, F]) -> bool:
+        """Whether an effect that this one is at some of its parameters fits as well."""
+        enough = near[name].score - self.settings.tell_apart
+        return any(self.world.includes(name, other) and near[other].score > enough for other in near if other != name)
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
         """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""

@@ -7,6 +7,7 @@ import numpy as np
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import Wall
+from thesis_lib.datasets.checks.gap_line import STEEP, gap_line
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import Problem
 
@@ -84,6 +85,11 @@ def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
     ratio = float(np.median(centre / reach))
     if 1.0 / GROSS_SIZE < ratio < GROSS_SIZE:
         return []
+    line = gap_line(shape, height, q)
+    if line is not None and line.angle:
+        # a critique finds a small angle by itself
+        steep = abs(line.angle) > STEEP
+        return [Problem(FILE, "surface", line.said().rstrip("."), line.remedy())] if steep else []
     offset = float(np.median(centre - reach))
 
     def scatter(rest: np.ndarray) -> float:

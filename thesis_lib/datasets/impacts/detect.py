@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from thesis_lib.datasets.checks.gap_line import GapLine, gap_line
 from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
 from thesis_lib.datasets.format.header import Header
@@ -193,9 +194,11 @@ def find_in_arrays(
         flags=flags[used],
     )
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, (trial_of, ordinal, fits.t, reasons, details))))
-    soft, down = None, None
+    soft, down, line = None, None, None
     if falls:
-        gap = header.body.shape.gap(samples.q[:, 1], samples.q[:, 2], header.surface.height)
+        shape, height = header.body.shape, header.surface.height
+        line = None if step else gap_line(shape, height, fits.q[used])
+        gap = shape.gap(samples.q[:, 1], samples.q[:, 2], height) if line is None else line.gap(shape, samples.q)
         soft = lasting_contacts(samples, gap, noise.used[1], header.gravity)
         bounced = contact_measures(impacts)
         v_n = bounced.v_c_pre[:, 1], bounced.v_c_post[:, 1]
@@ -215,7 +218,9 @@ def find_in_arrays(
         *(rounding_warning(guard, usual, lasting, sampling_interval(samples), low_pass) if rounded > usual else ()),
         *([bent] if (bent := bent_sentence(len(flights.bent), len(flights.bent) + len(flights.t))) else []),
         *remarks,
-        *_detection_warnings(fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks)),
+        *_detection_warnings(
+            fits, used, reasons, flags, header, np.unique(samples.trial), step, soft, bool(remarks), line
+        ),
     )
     return FoundImpacts(
         impacts=flag_physics(impacts, settings.mu_max),
@@ -301,10 +306,11 @@ def _detection_warnings(
     step: float,
     soft: LastingContacts | None,
     known: bool,
+    line: GapLine | None,
 ) -> tuple[str, ...]:
     """Sentences for the user if nothing was found, or if most impacts happen off the surface.
 
-    `known`: a remark says already why no impact can be used.
+    `known`: a remark says already why no impact can be used; `line`: a surface that slopes or is bent.
     """
     advice = "Check that y points up and is in m, the times, and that the records hold the impacts with some flight."
     if not len(fits):
@@ -313,6 +319,8 @@ def _detection_warnings(
         names, counts = np.unique(reasons.astype(str), return_counts=True)
         why = ", ".join(f"{name} {count}" for name, count in zip(names, counts))
         return (f"None of the {len(fits)} impacts found can be used ({why}).{'' if known else f' {advice}'}",)
+    if line is not None and not soft:
+        return (f"{line.said()} {line.remedy()}",)
     off = has_flag_text(flags[used], "no_touch")
     if off.mean() <= _MOST or soft:
         return ()

@@ -47,8 +47,8 @@ class World(NamedTuple):
 
 
 @compiled
-def place(world, theta, r_x, r_y):
-    """Contact points (p,) from the true centre of mass at the angle θ, into r_x and r_y in m."""
+def place(world, theta, x, r_x, r_y):
+    """Contact points (p,) from the true centre of mass at the angle θ and the place x, into r_x and r_y in m."""
     cos, sin = np.cos(theta), np.sin(theta)
     if len(world.vertices):
         for k in range(len(world.vertices)):
@@ -56,9 +56,17 @@ def place(world, theta, r_x, r_y):
             r_x[k], r_y[k] = cos * x - sin * y, sin * x + cos * y - world.causes.corner_radius
         return
     a2, b2 = world.axes[0] ** 2, world.axes[1] ** 2
-    h, larger = np.sqrt(a2 * sin**2 + b2 * cos**2), 1.0 + world.causes.size_error
-    c_x, c_y = _origin(world, theta)
-    r_x[0], r_y[0] = -(a2 - b2) * sin * cos / h * larger - c_x, -h * larger - c_y
+    larger, (c_x, c_y) = 1.0 + world.causes.size_error, _origin(world, theta)
+    r_x[0], curvature = 0.0, world.causes.plate_curvature
+    for _ in range(3 if curvature else 1):
+        # the lowest point over the slope at the place of the contact itself
+        psi = curvature * (x + r_x[0])
+        cos, sin = np.cos(theta - psi), np.sin(theta - psi)
+        h = np.sqrt(a2 * sin**2 + b2 * cos**2)
+        along, across = -(a2 - b2) * sin * cos / h * larger, -h * larger
+        if psi:
+            along, across = np.cos(psi) * along - np.sin(psi) * across, np.sin(psi) * along + np.cos(psi) * across
+        r_x[0], r_y[0] = along - c_x, across - c_y
 
 
 @compiled
@@ -77,11 +85,17 @@ def _lowest(r_y):
 
 
 @compiled
+def _rise(world, x):
+    """Height in m of a curved plate at x over its middle, and its slope there."""
+    return 0.5 * world.causes.plate_curvature * x * x, world.causes.plate_curvature * x
+
+
+@compiled
 def lowest_points(world, theta):
     """Lowest contact point (n, 2) in m from the true centre of mass at angles θ (n,)."""
     (r_x, r_y), r = np.empty((2, max(len(world.vertices), 1))), np.empty((len(theta), 2))
     for i in range(len(theta)):
-        place(world, theta[i], r_x, r_y)
+        place(world, theta[i], 0.0, r_x, r_y)
         k = _lowest(r_y)
         r[i, 0], r[i, 1] = r_x[k], r_y[k]
     return r
@@ -196,19 +210,22 @@ def _step(world, phase, q, v, t, r, memory, a, speed, trial):
     deepest, bristle, epsilon, mu, stiffness = memory
     acts_on, lever, size = world.law[0], 0.0, 0.0
     if acts_on > ON_EPSILON:
-        place(world, q[2], r_x, r_y)
+        place(world, q[2], q[0], r_x, r_y)
         phi, lever = _phi(world, q, v, speed, trial, r_x, r_y)
         size = world.law[2] * phi
         if acts_on == ON_MU:
             mu[:] = world.mu * max(1.0 + size, 0.0)
     _drift(q, v, 0.5 * h, q)
-    place(world, q[2], r_x, r_y)
+    place(world, q[2], q[0], r_x, r_y)
     height, rise = plate(world.causes, t + 0.5 * h, phase)
     accelerate(world, q, v, a)
-    total = turning = pushed = 0.0
+    total = aside = turning = pushed = 0.0
     pressing, free = 0, True
     for k in range(len(r_x)):
-        depth, rate = height - q[1] - r_y[k], rise - v[1] - r_x[k] * v[2]
+        over_middle, slope = _rise(world, q[0] + r_x[k])
+        cos = 1.0 / np.sqrt(1.0 + slope * slope)
+        depth = cos * (height + over_middle - q[1] - r_y[k])
+        rate = cos * (rise - v[1] - r_x[k] * v[2] + slope * (v[0] - r_y[k] * v[2]))
         deepest[k] = max(deepest[k], depth)
         pushes[k], pull, over = _normal(world, depth, rate, deepest[k], epsilon[k], stiffness[k])
         if over:
@@ -216,21 +233,31 @@ def _step(world, phase, q, v, t, r, memory, a, speed, trial):
         free &= over
         pressing += pushes[k] > 0.0
         pushed += pushes[k]
-        total += pushes[k] - pull
-        turning += r_x[k] * (pushes[k] - pull)
+        force = cos * (pushes[k] - pull)
+        total += force
+        aside -= slope * force
+        turning += (r_x[k] + slope * r_y[k]) * force
     _drift(v, a, h, v)
+    v[0] += h / world.mass * aside
     v[1] += h / world.mass * total
     v[2] += h * w * turning
-    dragged = turning = 0.0
+    dragged = lifted = turning = 0.0
     for k in range(len(r_x)):
-        slip, mobility = v[0] - r_y[k] * v[2] - world.causes.plate_velocity, 1.0 / world.mass + r_y[k] ** 2 * w
+        slope = _rise(world, q[0] + r_x[k])[1]
+        cos = 1.0 / np.sqrt(1.0 + slope * slope)
+        arm = cos * (r_y[k] - slope * r_x[k])
+        slip = cos * (v[0] + slope * v[1]) - arm * v[2] - world.causes.plate_velocity
+        mobility = 1.0 / world.mass + arm**2 * w
         force, bristle[k] = _friction(
             world, slip, mobility, pushes[k], pressing, mu[k], stiffness[k], deepest[k], bristle[k]
         )
-        dragged += force
-        turning += r_y[k] * force
+        dragged += cos * force
+        lifted += slope * cos * force
+        turning += arm * force
     v[0] += h / world.mass * dragged
+    v[1] += h / world.mass * lifted
     v[2] -= h * w * turning
+    dragged, total = dragged + aside, total + lifted
     if world.causes.rolling_lever:
         v[2] -= np.sign(v[2]) * min(h * w * world.causes.rolling_lever * pushed, abs(v[2]))
     _drift(q, v, 0.5 * h, q)
@@ -273,8 +300,11 @@ def _fly(world, q, v, h, room, ahead, faster):
 
 @compiled
 def _gap(world, q, t, phase, r_x, r_y):
-    place(world, q[2], r_x, r_y)
-    return q[1] + r_y[_lowest(r_y)] - plate(world.causes, t, phase)[0]
+    place(world, q[2], q[0], r_x, r_y)
+    least = np.inf
+    for k in range(len(r_x)):
+        least = min(least, q[1] + r_y[k] - _rise(world, q[0] + r_x[k])[0])
+    return least - plate(world.causes, t, phase)[0]
 
 
 @compiled
@@ -325,7 +355,7 @@ def falls(world, steps, q0, v0, ticks, phases, epsilons):
             _fly(world, q, v, high, room, ahead, faster)
             t += high
             _copy(ahead, faster, q, v)
-            place(world, q[2], r_x, r_y)
+            place(world, q[2], q[0], r_x, r_y)
             memory[:2] = 0.0
             touch(world, q, epsilons[i], r_x, r_y, memory[2], memory[3], memory[4])
             low = _lowest(r_y)

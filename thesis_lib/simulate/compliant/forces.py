@@ -57,7 +57,7 @@ class Mechanics:
         self.stiffness = contact.stiffness(body.mass)
         self.com = np.array([m.com_offset_x, m.com_offset_y])
         g = gravity + m.gravity_error
-        self.gravity = g * np.array([np.sin(m.tilt), -np.cos(m.tilt)])
+        self.gravity = g * np.array([np.sin(m.gravity_angle), -np.cos(m.gravity_angle)])
         ramp = np.arange(n) / max(n - 1, 1) - 0.5
         self.epsilon = contact.epsilon * (1.0 + m.wear * ramp)
         self.vertices, axes = None, (1.0, 1.0)
@@ -133,7 +133,7 @@ class Mechanics:
         of = np.empty((3, len(q), self.points))
         r_x, r_y = np.empty((2, self.points))
         for i, (pose, epsilon) in enumerate(zip(np.ascontiguousarray(q), self.epsilon[rows])):
-            compiled.place(self.world, pose[2], r_x, r_y)
+            compiled.place(self.world, pose[2], pose[0], r_x, r_y)
             compiled.touch(self.world, pose, epsilon, r_x, r_y, *of[:, i])
         return Touch(*of)
 

@@ -42,6 +42,7 @@ WEAR_NODES = 5  # pads from which those of worn plates are interpolated
 WITHOUT_ELEMENT = (
     *("stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy", "orientation_restitution"),
     *("friction_slope", "restitution_slope", "stiffness_slope", "soft_spot", "stiffness_patch"),
+    "plate_curvature",
     *(f"{what}_{shape}" for what in ("restitution", "friction") for shape in ("patch", "bump", "step")),
 )
 SUPPORTED: tuple[str, ...] = tuple(name for name in CAUSES if name not in WITHOUT_ELEMENT)

@@ -12,7 +12,7 @@ contact (`hydroelastic`).  Every cause is a property of the rig or the body:
 
 | cause                               | in the plant                                                             |
 |-------------------------------------|--------------------------------------------------------------------------|
-| tilt, gravity_error                 | gravity vector, on the body; what carries the plate is weightless        |
+| tilt, camera_slope, gravity_error   | gravity vector, on the body; what carries the plate is weightless        |
 | com_offset, inertia_error           | where the shape sits on the frame of the centre of mass; inertia         |
 | size_error, corner_radius           | geometry of the body                                                     |
 | surface_height                      | height of the pad                                                        |
@@ -138,7 +138,7 @@ def drop_plant(
         plant.RegisterCollisionGeometry(carrier, pose, HalfSpace(), "surface", of_plate)
 
     g = gravity + m.gravity_error
-    plant.mutable_gravity_field().set_gravity_vector([g * np.sin(m.tilt), -g * np.cos(m.tilt), 0.0])
+    plant.mutable_gravity_field().set_gravity_vector([g * np.sin(m.gravity_angle), -g * np.cos(m.gravity_angle), 0.0])
     plant.set_gravity_enabled(plate, False)
     plant.Finalize()
     plant.set_stiction_tolerance(STICTION)

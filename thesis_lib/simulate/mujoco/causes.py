@@ -12,6 +12,7 @@ from thesis_lib.simulate.rig.hidden_causes import CAUSES, Cause, HiddenCauses
 # causes without an element in MuJoCo: nothing there has the same meaning
 WITHOUT_ELEMENT = (
     *("tangential_compliance", "hunt_crossley", "stribeck", "friction_anisotropy", "rolling_lever", "adhesion_energy"),
+    "plate_curvature",
 )
 # causes that change friction or solref of the pairs before each contact
 BY_PLACE = (

@@ -1,6 +1,13 @@
-"""Camera reports of true poses: faults, noise, and the wobble of a body out of its plane.
+"""Camera reports of true poses: faults, optics, noise, and the wobble of a body out of its plane.
 
-    x_m = (1 + s) (x + D_x) + d t,   y_m = (1 + s) (y + D_y),   θ_m(t) = ± θ(t − lag) + δ,   D = R(θ) (d_x, d_y)
+    x_m = (1 + s) X + d t,   y_m = (1 + s) Y,   θ_m(t) = ± (θ(t − lag) + β) + δ
+
+(X, Y) is where the optics show the tracked point x + R(θ) (d_x, d_y), in this order:
+
+    pose            z ← e^{iβ} z,   β = roll + slope,   z = x + i y; what turns about the origin turns θ, too
+    skew            x ← x + s y
+    pitch           (x, y) ← (x, y) / (1 + p y), as of a camera that looks up or down
+    lens            about (0, h):  z ← z + k |z|² z
 
 A wobble after an impact displaces the tracked frame along the direction of its x axis at the impact, by w = a Δv_n
 cos(β − axis) exp(−t/T) sin(2π f t).  Here t is the time since the impact and β the place that was hit, as the lever out
@@ -39,12 +46,17 @@ def reported(poses: np.ndarray, lagged_theta: np.ndarray, times: np.ndarray, m: 
     `poses` are the true poses at `times` (samples,) in s, `lagged_theta` (n, samples) the true θ in rad at `times` less
     the lag.
     """
-    sin, cos = np.sin(poses[..., 2]), np.cos(poses[..., 2])
-    D_x = cos * m.marker_offset_x - sin * m.marker_offset_y
-    D_y = sin * m.marker_offset_x + cos * m.marker_offset_y
-    x = (1.0 + m.length_scale) * (poses[..., 0] + D_x) + m.drift * times
-    y = (1.0 + m.length_scale) * (poses[..., 1] + D_y)
-    theta = (-lagged_theta if m.mirrored else lagged_theta) + m.angle_offset
+    beta, middle = m.camera_roll + m.camera_slope, 1j * m.lens_height
+    z = poses[..., 0] + 1j * poses[..., 1]
+    z = z + np.exp(1j * poses[..., 2]) * (m.marker_offset_x + 1j * m.marker_offset_y)
+    if beta:
+        z = z * np.exp(1j * beta)
+    z = z + m.camera_skew * z.imag
+    z = z * (1.0 / (1.0 + m.camera_pitch * z.imag))
+    z = z + m.lens * np.abs(z - middle) ** 2 * (z - middle)
+    theta = lagged_theta + beta
+    theta = (-theta if m.mirrored else theta) + m.angle_offset
+    x, y = (1.0 + m.length_scale) * z.real + m.drift * times, (1.0 + m.length_scale) * z.imag
     return np.stack([x, y, theta], axis=-1)
 
 

@@ -83,6 +83,7 @@ class HiddenCauses(Section):
     # surface
     tilt: float = _off("φ of gravity g (sin φ, −cos φ) in the axes of the surface, rad")
     surface_height: float = _off("true minus believed height of the surface, m")
+    plate_curvature: float = _off("κ of a plate of the height κ x²/2, 1/m")
     plate_velocity: float = _off("velocity of the plate along x, m/s")
     friction_slope: float = _off("b of μ (1 + b x), 1/m")
     restitution_slope: float = _off("b of ε (1 + b x), 1/m")
@@ -110,7 +111,13 @@ class HiddenCauses(Section):
     drift: float = _off("measured x grows by this, m/s")
     marker_offset_x: float = _off("tracked point minus the body's origin, body frame, m")
     marker_offset_y: float = _off("tracked point minus the body's origin, body frame, m")
+    camera_roll: float = _off("angle by which the camera turns the picture, rad", ge=-1, le=1)
+    camera_slope: float = _off("angle of the surface over the horizontal before a level camera, rad", ge=-1, le=1)
+    camera_skew: float = _off("measured x grows by this times the height, 1")
+    lens: float = _off("k of radial distortion x + k |x|² x about the middle of the picture, 1/m²")
     # outside the library of effects
+    camera_pitch: float = _off("p of a camera that looks up or down: x and y in the picture over 1 + p y, 1/m")
+    lens_height: float = Field(0.25, description="height of the middle of the picture, m", allow_inf_nan=False)
     plate_amplitude: float = _off("of a plate that vibrates in y, with a random phase each trial, m", ge=0)
     plate_frequency: float = Field(30.0, gt=0, description="Hz")
     loose_mass: float = _off("share of the mass that hangs inside on a spring and a damper, 1", ge=0, le=0.9)
@@ -119,6 +126,11 @@ class HiddenCauses(Section):
     wobble: float = _off("amplitude of an out-of-plane wobble over Δv_n of its impact, m per m/s", ge=0)
     wobble_frequency: float = Field(12.0, gt=0, description="Hz")
     wobble_decay: float = Field(0.15, gt=0, description="time constant, s")
+
+    @property
+    def gravity_angle(self) -> float:
+        """φ in rad of gravity g (sin φ, −cos φ) in the axes of the surface."""
+        return self.tilt - self.camera_slope
 
 
 @dataclass(frozen=True)
@@ -156,6 +168,7 @@ CAUSES: dict[str, Cause] = {
     "tilt": Cause(("surface_tilt",), 0.065, "phi"),
     "surface_height": Cause(("surface_height",), 0.00028, "h"),
     "plate_velocity": Cause(("moving_surface",), 0.056, "V"),
+    "plate_curvature": Cause(("curved_surface",), 0.026, "kappa"),
     "friction_slope": Cause(("position_dependent_friction",), 0.26, "g_mu"),
     "restitution_slope": Cause(("position_dependent_restitution",), 0.13, "g_eps"),
     "restitution_patch": Cause(("surface_patch",), 0.1),
@@ -178,6 +191,11 @@ CAUSES: dict[str, Cause] = {
     "drift": Cause(("sensor_drift",), 0.049, "d_x"),
     "marker_offset_x": Cause(("marker_offset",), 0.0008, "d_x"),
     "marker_offset_y": Cause(("marker_offset",), 0.0008, "d_y"),
+    "camera_roll": Cause(("camera_pose",), 0.0055, "roll"),
+    "camera_slope": Cause(("camera_pose",), 0.0054, "slope"),
+    "camera_skew": Cause(("camera_skew",), 0.016, "s"),
+    "lens": Cause(("lens",), 0.17, "k_1"),
+    "camera_pitch": Cause((), 0.089),
     "plate_amplitude": Cause((), 0.00011),
     "loose_mass": Cause((), 0.17),
     "wobble": Cause((), 0.00076),

@@ -1,0 +1,119 @@
+"""Does the gap at impact change along the surface?  Then the surface slopes in the picture, or it is bent.
+
+The gap of the believed shape at an impact, against the place x_c of the contact point, is a line b x_c where the
+picture is turned against the surface by atan b, and a parabola where the surface is bent or the lens distorts.  Fits
+are robust; what is told must stand out of the scatter and matter beside it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.bodies.shapes import Shape
+from thesis_lib.statistics.spread import robust_std
+
+CLEARLY = 8.0  # standard errors of the slope, or of the curvature
+MATTERS = 1.0  # spread of the line over that of the gaps about it
+LEAST = 20  # impacts
+TURNS = 4  # fits; each turns the body by the angle found, which moves its contact points
+STEEP = 0.17  # rad, 10 degrees: beyond it the surface is a ramp, and no camera that was set up carelessly
+TRIMMED = 3.0  # robust standard deviations
+
+
+@dataclass(frozen=True)
+class GapLine:
+    """How the gap changes along the surface: `angle` in rad, or `curvature` in 1/m; the one that is not told is 0.
+
+    `place` (2,) in m is a point of the surface, `share` (0 to 1) what the curve explains of the variance of the gaps.
+    """
+
+    angle: float
+    curvature: float
+    place: tuple[float, float]
+    share: float
+
+    @property
+    def normal(self) -> tuple[float, float]:
+        """Of the surface in the picture."""
+        return -float(np.sin(self.angle)), float(np.cos(self.angle))
+
+    def gap(self, shape: Shape, q: np.ndarray) -> np.ndarray:
+        """Gap (n,) in m between the body at poses q (n, 3) and the surface that slopes."""
+        return shape.gap((q[:, :2] - self.place) @ np.array(self.normal), q[:, 2] - self.angle)
+
+    def said(self) -> str:
+        """What is wrong, for a user."""
+        if self.curvature:
+            return (
+                f"Along x the gap at impact is a parabola: the surface seems to be bent, with a radius of "
+                f"{1.0 / abs(self.curvature):.2g} m, {'a hollow' if self.curvature > 0.0 else 'a hump'}, or the lens "
+                "distorts."
+            )
+        degrees = np.degrees(self.angle)
+        way = f"{'rises' if degrees > 0.0 else 'falls'} by {abs(degrees):.2g} degrees along +x"
+        return f"At the impacts the gap is a line along x: in the picture the surface {way} ({self.share:.1%} of it)."
+
+    def remedy(self) -> str:
+        """What to do about it."""
+        if self.curvature:
+            return "The critique tells these apart (curved_surface, lens)."
+        (x, y), n = self.place, self.normal
+        return (
+            "Level the camera with the surface, or the surface itself; another surface.height mends nothing. Is the "
+            "surface a ramp, give it in place of `surface` in dataset.yaml: "
+            f"surfaces: [{{name: ramp, point: [{x:.4g}, {y:.4g}], normal: [{n[0]:.5f}, {n[1]:.5f}]}}]. "
+            "Of a few degrees the critique finds the angle itself (camera_pose)."
+        )
+
+
+def gap_line(shape: Shape, height: float, q: np.ndarray) -> GapLine | None:
+    """What the gaps at impact say of the surface, from poses q (n, 3) in m and rad; None if it looks level and flat."""
+    if len(q) < LEAST:
+        return None
+    angle, line = 0.0, None
+    for _ in range(TURNS):
+        r = shape.contact_point(q[:, 2] - angle)
+        cos, sin = np.cos(angle), np.sin(angle)
+        x = q[:, 0] + cos * r[:, 0] - sin * r[:, 1]
+        y = q[:, 1] + sin * r[:, 0] + cos * r[:, 1]
+        if not np.ptp(x) > 0.0:
+            return None
+        line = _fitted(x, y, 1)
+        angle = float(np.arctan(line.slope))
+    assert line is not None
+    bent = _fitted(x, y, 2)
+    if bent.clear and bent.rest < 0.6 * line.rest and bent.spread > MATTERS * bent.rest:
+        return GapLine(0.0, 2.0 * bent.slope, (float(np.mean(x)), height), bent.share)
+    if line.clear and line.spread > MATTERS * line.rest:
+        middle = float(np.mean(x))
+        return GapLine(angle, 0.0, (middle, line.level + line.slope * (middle - line.middle)), line.share)
+    return None
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A polynomial through points: its last coefficient, its value in the middle of x, and how it compares."""
+
+    slope: float
+    level: float
+    middle: float
+    clear: bool
+    spread: float
+    rest: float
+    share: float
+
+
+def _fitted(x: np.ndarray, y: np.ndarray, degree: int) -> _Curve:
+    """A polynomial through the points (n,), without those that lie far off it."""
+    middle, kept = float(np.mean(x)), np.ones(len(x), bool)
+    A = np.stack([(x - middle) ** k for k in range(degree + 1)], axis=1)
+    c, rest = np.zeros(degree + 1), 0.0
+    for _ in range(3):
+        c = np.linalg.lstsq(A[kept], y[kept], rcond=None)[0]
+        off = y - A @ c
+        rest = float(robust_std(off[:, None])[0])
+        kept = np.abs(off) <= TRIMMED * max(rest, 1e-12)
+    error = max(rest, 1e-12) * np.sqrt(np.linalg.pinv(A[kept].T @ A[kept])[-1, -1])
+    of_last = A[kept, -1] * c[-1]
+    share = 1.0 - float(np.var(y[kept] - A[kept] @ c)) / max(float(np.var(y[kept])), 1e-24)
+    return _Curve(float(c[-1]), float(c[0]), middle, abs(c[-1]) > CLEARLY * error, float(np.std(of_last)), rest, share)

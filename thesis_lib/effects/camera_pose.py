@@ -1,0 +1,77 @@
+"""Camera pose: the axes of the picture are turned against the surface.
+
+The picture is turned by β = ρ + α about the place x_0 of the surface where the drops fall, with R(β) counter-clockwise,
+and shows that place higher by h:
+
+    pose        (x_measured − x_0, y_measured − H − h) = R(β) (x − x_0, y − H),   θ_measured = θ + β
+    velocity    v_measured = R(β) v
+    flight      gravity g (−sin α, −cos α) in place of g (0, −1) in the axes of the surface
+
+Two parameters cover it.  The camera is rolled over a level surface (ρ), or it stands level before a surface that
+slopes in the picture (α).  Either way a level line through the picture is none along the surface: gap, normal, velocity
+and angle turn together.  A surface that is as high as believed elsewhere is not at x_0, which is what h is for.
+With ρ = −α the picture keeps the axes of the surface, and only gravity is oblique: surface_tilt with φ = −α.  Without
+an angle h is surface_height.
+
+| on paper | in code             | unit | shape |                                                                   |
+|----------|---------------------|------|-------|-------------------------------------------------------------------|
+| ρ        | `roll`              | rad  |       | angle by which the camera turns the picture of a level surface    |
+| α        | `slope`             | rad  |       | angle of the surface over the horizontal; positive: rises with x  |
+| h        | `h`                 | m    |       | height of the surface in the picture at x_0, less the believed    |
+| x_0, H   | `rig.reference.x`, `rig.height` | m |  | the place about which it is turned                             |
+
+Breaks mirror symmetry.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+
+class CameraPose(Effect):
+    name = "camera_pose"
+    family = "measurement"
+    title = "camera turned against the surface"
+    equation = "x_measured − x₀ = R(ρ + α) (x − x₀), a = g (−sin α, −cos α)"
+    parameters = (
+        Parameter("roll", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01),
+        Parameter("slope", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01),
+        Parameter("h", "m", null=0.0, low=-0.2, high=0.2, scale=1e-3),
+    )
+    channels = ("impact", "touch", "flight")
+    needs_one_surface = True
+    includes = ("surface_tilt", "surface_height")
+    reference = "rigid rotation; inclined plane"
+    breaks_mirror = True
+    along = ("x",)
+    rank = 30
+
+    def applies_to(self, rig):
+        return rig.gravity > 0.0
+
+    def to_true(self, state, p, rig):
+        return _turned(state.moved(y=state.y - p["h"]), -(p["roll"] + p["slope"]), rig)
+
+    def to_measured(self, state, p, rig):
+        turned = _turned(state, p["roll"] + p["slope"], rig)
+        return turned.moved(y=turned.y + p["h"])
+
+    def acceleration(self, a, state, p, rig):
+        sin, cos, g = np.sin(p["slope"]), np.cos(p["slope"]), rig.gravity
+        return a + np.stack(np.broadcast_arrays(-g * sin, g * (1.0 - cos), 0.0), axis=-1)
+
+
+def _turned(state, angle, rig):
+    """The state turned about (x_0, H) by an angle in rad, with half angles: a small turn changes no large number."""
+    sin, less = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
+    x, y = state.x - rig.reference.x, state.y - rig.height
+    return state.moved(
+        x=state.x - less * x - sin * y,
+        y=state.y + sin * x - less * y,
+        theta=state.theta + angle,
+        vx=state.vx - less * state.vx - sin * state.vy,
+        vy=state.vy + sin * state.vx - less * state.vy,
+    )
+
+
+EFFECT = CameraPose()

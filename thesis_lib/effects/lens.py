@@ -1,0 +1,93 @@
+"""Lens: radial distortion, by which a picture is too large or too small towards its rim.
+
+With d = x − c from the centre c of the picture and r = |d|:
+
+    pose        x_measured = c + (1 + k₁ r²) d             k₁ < 0: barrel, k₁ > 0: pincushion; exact this way
+    velocity    v_measured = (1 + k₁ r²) v + 2 k₁ (d·v) d
+    flight      the second derivative of the pose along the true flight: parabolas are reported as bent
+    inverse     r from r_measured = r + k₁ r³, by Newton's method
+
+θ and ω are correct: the map has no rotation anywhere (it is a gradient), so that markers all around the body turn by
+nothing in the mean.
+
+| on paper | in code      | unit | shape |                                                                        |
+|----------|--------------|------|-------|------------------------------------------------------------------------|
+| k₁       | `k_1`        | 1/m² |       | 0.16 is 1 % at 0.25 m from the centre                                  |
+| c        | `c_x`, `c_y` | m    |       | centre of the picture, from `rig.reference.x` and from the surface     |
+
+Where k₁ < 0 would fold the picture, near r² = −1/(3 k₁), it goes on with the least slope that it has before that.
+Without k₁ the centre is nowhere.  Breaks mirror symmetry.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import Effect, Parameter
+
+NEWTON = 8  # steps to the true radius: to rounding, and to 1e-6 of it where the map has its least slope
+LEAST = 0.25  # slope of the map along the radius
+ASIDE, ABOVE = (-0.2, 0.0, 0.2), (0.05, 0.25, 0.45)  # m: centres with which a fit may start
+
+
+class Lens(Effect):
+    name = "lens"
+    family = "measurement"
+    title = "lens distortion"
+    equation = "x_measured = c + (1 + k₁ |x − c|²) (x − c)"
+    parameters = (
+        Parameter("k_1", "1/m²", null=0.0, low=-1.5, high=5.0, scale=0.1),
+        Parameter("c_x", "m", null=0.0, low=-1.0, high=1.0, scale=0.1, along="x"),
+        Parameter("c_y", "m", null=0.2, low=-1.0, high=2.0, scale=0.1),
+    )
+    channels = ("impact", "touch", "flight")
+    needs_one_surface = True
+    reference = "Brown 1971 (close-range camera calibration), Photogrammetric Engineering 37, 855–866"
+    breaks_mirror = True
+    bends = True
+    along = ("x",)
+    rank = 50
+
+    def shapes(self, state, rig):
+        return [{"c_x": x, "c_y": y} for x in ASIDE for y in ABOVE]
+
+    def to_true(self, state, p, rig):
+        x, y = _from_centre(state, p, rig)
+        measured = np.hypot(x, y)
+        r = measured / np.cbrt(1.0 + np.maximum(p["k_1"], 0.0) * measured**2)
+        for _ in range(NEWTON):
+            more, bent = _stretch(r, p["k_1"])
+            r = r + (measured - (1.0 + more) * r) / (1.0 + more + bent * r * r)
+        more, bent = _stretch(r, p["k_1"])
+        less, straight = -more / (1.0 + more), -bent / ((1.0 + more) * (1.0 + more + bent * r * r))
+        return _moved(state, x, y, (1.0 + less) * x, (1.0 + less) * y, less, straight)
+
+    def to_measured(self, state, p, rig):
+        x, y = _from_centre(state, p, rig)
+        return _moved(state, x, y, x, y, *_stretch(np.hypot(x, y), p["k_1"]))
+
+
+def _from_centre(state, p, rig):
+    """d, two arrays (n,)."""
+    return state.x - rig.reference.x - p["c_x"], state.y - rig.height - p["c_y"]
+
+
+def _stretch(r, k_1):
+    """r_m/r − 1 and (dr_m/dr − r_m/r) / r² at true radii r: k₁ r² and 2 k₁, unless it would fold."""
+    bound = np.sqrt((1.0 - LEAST) / (3.0 * np.maximum(-k_1, 1e-12)))
+    inside = np.minimum(r, bound)
+    share = np.divide(inside, r, out=np.ones_like(r), where=r > bound)
+    more = share * (1.0 - LEAST + k_1 * inside**2) - (1.0 - LEAST)
+    return more, np.divide(3.0 * k_1 * inside**2 - more, r * r, out=np.zeros_like(r), where=r > 0.0)
+
+
+def _moved(state, x, y, d_x, d_y, more, bent):
+    """Position and velocity times 1 + `more`, from (x, y); of the velocity also `bent` (d·v) d, at the true d."""
+    along = bent * (d_x * state.vx + d_y * state.vy)
+    return state.moved(
+        x=state.x + more * x,
+        y=state.y + more * y,
+        vx=state.vx + more * state.vx + along * d_x,
+        vy=state.vy + more * state.vy + along * d_y,
+    )
+
+
+EFFECT = Lens()
