@@ -106,7 +106,9 @@ def test_marker_and_centre_of_mass_have_the_same_flight_and_other_impacts(quadri
     assert np.abs(one.impact - other.impact).max() > 0.1 and np.abs(one.touch - other.touch).max() > 1e-3
 
 
-def test_a_camera_rolled_over_a_level_surface_shows_gravity_oblique_and_one_before_a_slope_upright(quadrilateral) -> None:
+def test_a_camera_rolled_over_a_level_surface_shows_gravity_oblique_and_one_before_a_slope_upright(
+    quadrilateral,
+) -> None:
     rig, states = quadrilateral
     shown = {}
     for roll, slope in ((0.1, 0.0), (0.0, 0.1), (-0.1, 0.1)):
