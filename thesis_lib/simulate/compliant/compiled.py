@@ -58,9 +58,9 @@ def place(world, theta, x, r_x, r_y):
     a2, b2 = world.axes[0] ** 2, world.axes[1] ** 2
     larger, (c_x, c_y) = 1.0 + world.causes.size_error, _origin(world, theta)
     r_x[0], curvature = 0.0, world.causes.plate_curvature
-    for _ in range(3 if curvature else 1):
+    for _ in range(5 if curvature else 1):
         # the lowest point over the slope at the place of the contact itself
-        psi = curvature * (x + r_x[0])
+        psi = np.arctan(curvature * (x + r_x[0]))
         cos, sin = np.cos(theta - psi), np.sin(theta - psi)
         h = np.sqrt(a2 * sin**2 + b2 * cos**2)
         along, across = -(a2 - b2) * sin * cos / h * larger, -h * larger
