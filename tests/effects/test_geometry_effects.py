@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hand_cases import EXACT, HALF, SQUARE, N, on
+from hand_cases import DISK, EXACT, HALF, RADIUS, SQUARE, N, on, one_state
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
@@ -138,3 +138,30 @@ def test_wrong_size_and_inertia_equal_the_true_rig(quadrilateral) -> None:
     np.testing.assert_allclose(made.touch, true.touch, atol=EXACT)
     true = predict([], states, Rig(rig.shape, rig.k_g * np.sqrt(1.2), rig.gravity, rig.height))
     np.testing.assert_allclose(predict(on("wrong_inertia", d_I=0.2), states, rig).impact, true.impact, atol=1e-11)
+
+
+def test_a_curved_surface_is_level_at_its_middle_and_a_ramp_beside_it() -> None:
+    # at the place that is touched the surface is a ramp: the drop in its axes, turned back
+    rig, kappa, x = Rig(DISK.shape, DISK.k_g, 9.81, 0.0), 0.1, 0.4
+    psi, state = kappa * x, one_state(x=x, vx=0.7, vy=-2.0, omega=4.0)
+    R = np.array([[np.cos(psi), -np.sin(psi)], [np.sin(psi), np.cos(psi)]])
+    along = R.T @ [0.7, -2.0]
+    ramp = predict([], one_state(vx=along[0], vy=along[1], omega=4.0), rig).impact[0]
+    made = predict(on("curved_surface", kappa=kappa, x_0=0.0), state, rig).impact[0]
+    np.testing.assert_allclose(made[:2], R @ ramp[:2], atol=EXACT)
+    flat = predict([], state, rig).impact[0]
+    assert np.abs(made - flat).max() > 0.05
+    middle = predict(on("curved_surface", kappa=kappa, x_0=x), state, rig).impact[0]
+    np.testing.assert_allclose(middle, flat, atol=EXACT)
+
+
+def test_a_disk_that_touches_a_hollow_has_no_gap_to_it() -> None:
+    rig, R = Rig(DISK.shape, DISK.k_g, 9.81, 0.0), 10.0
+    effect, p = on("curved_surface", kappa=1.0 / R, x_0=0.0)[0]
+    for x in (-0.3, 0.1, 0.2):
+        # in a circle of radius R the centre of the disk is on one of R − radius about the same point
+        y = R - np.sqrt((R - RADIUS) ** 2 - x**2)
+        state = one_state(x=x, y=y)
+        gap = rig.shape.gap(state.y, state.theta)
+        left = gap - effect.gap(np.zeros(1), state, p, rig)
+        assert abs(left[0]) < 0.01 * gap[0]  # a parabola is off a circle, and ψ off its sine, by squares of ψ

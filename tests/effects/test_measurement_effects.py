@@ -7,7 +7,7 @@ from hand_cases import DISK, EXACT, RADIUS, on, one_state
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import residual_couple
 from thesis_lib.critique.drops.model import Model
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Reference, Rig, State
 from thesis_lib.extensions.stage_predictor import arrays, predict
 
 FLOWN = 2e-8  # m; the acceleration is a difference quotient, good to 1e-6 of ω² |d|
@@ -104,3 +104,45 @@ def test_marker_and_centre_of_mass_have_the_same_flight_and_other_impacts(quadri
     one, other = (predict(active, states, rig) for active in (marker, mass))
     np.testing.assert_allclose(one.flight, other.flight, atol=1e-2)  # central differences over 1 ms
     assert np.abs(one.impact - other.impact).max() > 0.1 and np.abs(one.touch - other.touch).max() > 1e-3
+
+
+def test_a_camera_rolled_over_a_level_surface_shows_gravity_oblique_and_one_before_a_slope_upright(
+    quadrilateral,
+) -> None:
+    rig, states = quadrilateral
+    shown = {}
+    for roll, slope in ((0.1, 0.0), (0.0, 0.1), (-0.1, 0.1)):
+        effect, p = on("camera_pose", roll=roll, slope=slope, h=0.0)[0]
+        model, values = Model(LAWS["mirtich"], (effect,)), {f"camera_pose.{name}": value for name, value in p.items()}
+        shown[roll, slope] = model.acceleration(states, values, rig)[0] / rig.gravity
+    np.testing.assert_allclose(shown[0.1, 0.0][:2], [np.sin(0.1), -np.cos(0.1)], rtol=1e-9)
+    np.testing.assert_allclose(shown[0.0, 0.1][:2], [0.0, -1.0], atol=1e-9)
+    # the axes of the picture are those of the surface: what surface_tilt says of its negative angle
+    tilted = predict(on("surface_tilt", phi=-0.1), states, rig).flight[0] / rig.gravity
+    np.testing.assert_allclose(shown[-0.1, 0.1], tilted, atol=1e-9)
+
+
+def test_a_level_line_of_the_surface_rises_in_the_picture_by_roll_and_slope() -> None:
+    rig = Rig(DISK.shape, DISK.k_g, 9.81, 0.5, reference=Reference(x=2.0))
+    effect, p = on("camera_pose", roll=0.02, slope=0.03, h=1e-3)[0]
+    left, right = (effect.to_measured(one_state(x=x, y=0.5), p, rig) for x in (2.0, 3.0))
+    np.testing.assert_allclose([left.x[0], left.y[0], left.theta[0]], [2.0, 0.501, 0.05], rtol=1e-12)
+    np.testing.assert_allclose((right.y - left.y) / (right.x - left.x), np.tan(0.05), rtol=1e-12)
+
+
+def test_a_lens_enlarges_by_the_square_of_the_distance_and_turns_no_square() -> None:
+    rig = Rig(DISK.shape, DISK.k_g, 9.81, 0.1, reference=Reference(x=1.0))
+    effect, p = on("lens", k_1=0.16, c_x=0.2, c_y=0.4)[0]  # the centre is at (1.2, 0.5)
+    seen = effect.to_measured(one_state(x=1.2, y=0.25, vx=1.0, vy=1.0, omega=3.0), p, rig)
+    np.testing.assert_allclose([seen.x[0], seen.y[0]], [1.2, 0.5 - 0.25 * 1.01], rtol=1e-12)
+    # across the radius by k r², along it three times as much, and no turn
+    np.testing.assert_allclose([seen.vx[0], seen.vy[0], seen.omega[0]], [1.01, 1.03, 3.0], rtol=1e-12)
+
+
+def test_what_a_barrel_lens_folds_stays_in_order() -> None:
+    rig = Rig(DISK.shape, DISK.k_g, 9.81, 0.0)
+    effect, p = on("lens", k_1=-1.0, c_x=0.0, c_y=0.0)[0]
+    true = one_state(x=np.linspace(0.0, 3.0, 50))
+    seen = effect.to_measured(true, p, rig).x
+    assert (np.diff(seen) > 0.0).all()
+    np.testing.assert_allclose(effect.to_true(true.moved(x=seen), p, rig).x, true.x, atol=1e-6)

@@ -307,6 +307,44 @@ def test_tilt_turns_gravity_towards_plus_x():
     np.testing.assert_allclose(drops.trajectories["y"], 0.6 - 0.5 * 10.0 * np.cos(0.1) * t**2, atol=EXACT)
 
 
+def test_a_level_camera_before_a_slope_sees_gravity_upright_and_one_that_is_rolled_oblique():
+    def seen(**hidden):
+        drops = run(2, release=at(height=0.6, theta=0.2), hidden=hidden, duration=0.2)
+        table = drops.trajectories[drops.trajectories["trial"] == 0]
+        return table["t"].to_numpy(), table[POSE].to_numpy()
+
+    for hidden, oblique in (({"camera_slope": 0.1}, 0.0), ({"camera_roll": 0.1}, 0.1)):
+        t, poses = seen(**hidden)
+        fallen = 0.5 * 9.81 * t[:, None] ** 2 * [np.sin(oblique), -np.cos(oblique)]
+        np.testing.assert_allclose(poses[:, :2], [-0.6 * np.sin(0.1), 0.6 * np.cos(0.1)] + fallen, atol=EXACT)
+        np.testing.assert_allclose(poses[:, 2], 0.3, atol=EXACT)
+
+
+def test_lens_skew_and_pitch_are_what_they_say():
+    def seen(**hidden):
+        return run(1, release=at(height=0.5, vx=0.5), hidden=hidden, duration=0.1).trajectories
+
+    true = seen()
+    np.testing.assert_allclose(seen(camera_skew=0.02)["x"], true["x"] + 0.02 * true["y"], atol=EXACT)
+    np.testing.assert_allclose(seen(camera_pitch=0.2)["y"], true["y"] / (1.0 + 0.2 * true["y"]), atol=EXACT)
+    r2 = true["x"] ** 2 + (true["y"] - 0.25) ** 2
+    lens = seen(lens=0.16)
+    np.testing.assert_allclose(lens["x"], true["x"] * (1.0 + 0.16 * r2), atol=EXACT)
+    np.testing.assert_allclose(lens["y"], 0.25 + (true["y"] - 0.25) * (1.0 + 0.16 * r2), atol=EXACT)
+
+
+def test_a_disk_is_reflected_at_the_normal_of_a_curved_plate():
+    kappa, lossless = 0.2, {"mu": 0.0, "epsilon": 1.0}
+    row = first(run(1, DISK, at(vx=1.0), contact=lossless, hidden={"plate_curvature": kappa})).iloc[0]
+    psi = np.arctan(kappa * (row["x"] + row["r_x"]))
+    assert psi > 0.03
+    np.testing.assert_allclose([row["r_x"], row["r_y"]], [0.03 * np.sin(psi), -0.03 * np.cos(psi)], rtol=1e-3)
+    n = np.array([-np.sin(psi), np.cos(psi)])
+    before, after = row[PRE[:2]].to_numpy(float), row[POST[:2]].to_numpy(float)
+    np.testing.assert_allclose(after, before - 2.0 * (before @ n) * n, atol=RIGID_TOL)
+    np.testing.assert_allclose(row["omega_post"], row["omega_pre"], atol=EXACT)
+
+
 def test_linear_drag_is_its_closed_form():
     drops = run(
         2, release=at(height=0.6, vx=1.0, omega=8.0), hidden={"linear_drag": 0.5, "spin_damping": 0.8}, duration=0.2

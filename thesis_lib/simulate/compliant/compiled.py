@@ -58,9 +58,9 @@ def place(world, theta, x, r_x, r_y):
     a2, b2 = world.axes[0] ** 2, world.axes[1] ** 2
     larger, (c_x, c_y) = 1.0 + world.causes.size_error, _origin(world, theta)
     r_x[0], curvature = 0.0, world.causes.plate_curvature
-    for _ in range(3 if curvature else 1):
+    for _ in range(5 if curvature else 1):
         # the lowest point over the slope at the place of the contact itself
-        psi = curvature * (x + r_x[0])
+        psi = np.arctan(curvature * (x + r_x[0]))
         cos, sin = np.cos(theta - psi), np.sin(theta - psi)
         h = np.sqrt(a2 * sin**2 + b2 * cos**2)
         along, across = -(a2 - b2) * sin * cos / h * larger, -h * larger
@@ -91,12 +91,15 @@ def _rise(world, x):
 
 
 @compiled
-def lowest_points(world, theta):
-    """Lowest contact point (n, 2) in m from the true centre of mass at angles θ (n,)."""
+def lowest_points(world, theta, x):
+    """Lowest contact point (n, 2) over the plate, in m from the true centre of mass at angles θ and places x (n,)."""
     (r_x, r_y), r = np.empty((2, max(len(world.vertices), 1))), np.empty((len(theta), 2))
     for i in range(len(theta)):
-        place(world, theta[i], 0.0, r_x, r_y)
-        k = _lowest(r_y)
+        place(world, theta[i], x[i], r_x, r_y)
+        k = 0
+        for j in range(1, len(r_y)):
+            if r_y[j] - _rise(world, x[i] + r_x[j])[0] < r_y[k] - _rise(world, x[i] + r_x[k])[0]:
+                k = j
         r[i, 0], r[i, 1] = r_x[k], r_y[k]
     return r
 

@@ -123,7 +123,7 @@ def contact_truth(
     q, v, t = before
     pose, v_pre = mechanics.origin_state(q, v)
     _, v_post = mechanics.origin_state(*after[:2])
-    r = mechanics.lowest_point(q[:, 2]) + mechanics.origin(q[:, 2])
+    r = mechanics.lowest_point(q[:, 2], q[:, 0]) + mechanics.origin(q[:, 2])
     more = {"duration": after[2] - t, "energy_change": energy_change, "separated": separated}
     return contact_columns(rows, t, (pose, v_pre, v_post), r, impulse, **more)
 

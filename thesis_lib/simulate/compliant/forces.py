@@ -101,9 +101,11 @@ class Mechanics:
         rate = v[:, :2] - omega * np.stack([-c[:, 1], c[:, 0]], axis=-1)
         return np.column_stack([q[:, :2] - c, q[:, 2]]), np.column_stack([rate, v[:, 2]])
 
-    def lowest_point(self, theta: np.ndarray) -> np.ndarray:
-        """Lowest contact point (n, 2) from the true centre of mass at angles theta (n,) in rad."""
-        return compiled.lowest_points(self.world, np.ascontiguousarray(theta))
+    def lowest_point(self, theta: np.ndarray, x: np.ndarray | None = None) -> np.ndarray:
+        """Lowest contact point (n, 2) from the true centre of mass at angles theta (n,) in rad; where the plate is
+        curved, that nearest to it at places x (n,) in m (the middle)."""
+        x = np.zeros_like(theta) if x is None else x
+        return compiled.lowest_points(self.world, np.ascontiguousarray(theta), np.ascontiguousarray(x))
 
     def approach(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Speed (n,) in m/s at which plate and lowest point of the drops `rows` approach at times t (n,)."""
