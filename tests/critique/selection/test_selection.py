@@ -304,7 +304,8 @@ def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials(
     discovery = found(training)
     names = {step.effect.name for step in discovery.steps}
     assert len(names) == 2 and "square" in names and names & {"wave", "twin_of_wave"}
-    ladder, without = judge_held_out(training, unseen, discovery)
+    kept, ladder, without = judge_held_out(training, unseen, discovery, SearchSettings())
+    assert kept is discovery
     totals = [judgement.total for _, _, judgement in ladder]
     assert len(totals) == 3 and totals == sorted(totals)
     assert set(without) == names and all(judged.total < totals[-1] for judged in without.values())

@@ -192,7 +192,7 @@ def whole_critique(
     discovery = _with_bounds_of_all(discovery, observations)
     say("judging on held-out trials")
     unseen = Drops(held_out)
-    ladder, without = judge_held_out(world, unseen, discovery)
+    discovery, ladder, without = judge_held_out(world, unseen, discovery, settings, effects is not None)
     laws = {name: unseen.judge(fitted) for name, fitted in discovery.bases.items()}
     base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")

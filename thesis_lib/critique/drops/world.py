@@ -211,8 +211,8 @@ class Drops(World[Effect, Fit, Judgement]):
         return fits
 
     def errs_more(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
-        # the log score forgives a minority that is far off, as hits of two corners may be
-        return channel_is_material(than, judged, "impact", settings)
+        # the log score forgives a minority that is far off, as hits of two corners may be, and one channel for another
+        return any(channel_is_material(than, judged, channel, settings) for channel in CHANNELS)
 
     def leaves_little(self, fitted: Fit, judged: Judgement) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:

@@ -226,7 +226,7 @@ class _Proposer:
             smaller = self.world.fit(fitted.base, others, fitted.values, "near")
             worse = self.evidence.judge(smaller)
             useless = self.evidence.gain(judged, worse, "needed", effect.name)[1] <= 0.0
-            if useless or not self.world.is_material(judged, worse, effect, self.settings):
+            if useless or self.evidence.failure(judged, worse, effect):
                 fitted, judged = smaller, worse
         return fitted, judged
 
@@ -257,7 +257,7 @@ class _Proposer:
             return None
         better = self.evidence.judge(fitted)
         kfold = self.evidence.gain(better, judged, "gain", effect.name)
-        if kfold[1] <= 0.0 or not self.world.is_material(better, judged, effect, self.settings):
+        if kfold[1] <= 0.0 or self.evidence.failure(better, judged, effect):
             return None
         if gain < FAR_BEYOND * null.max():
             tests = replace(best.tests, basis={effect.name: best.tests.basis[effect.name]})
