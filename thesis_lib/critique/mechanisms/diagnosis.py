@@ -25,6 +25,7 @@ from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependenc
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
 from thesis_lib.critique.mechanisms.world import ForceFit, predict
 from thesis_lib.critique.selection.discovery import Step
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
 
@@ -59,7 +60,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             "augmented": augmented[0],
             "augmented_interval": augmented[1:],
             "noise_floor": 1.0,
-            "explained_share": (base[0] - augmented[0]) / (base[0] - 1.0) if base[0] > 1.0 else None,
+            "explained_share": min((base[0] - augmented[0]) / (base[0] - 1.0), 1.0) if base[0] > 1.0 else None,
             "ladder": [rung[0] for rung in critique.ladder],
         },
         "where": {"by_contact": _where(critique, base_fit), "depends_on": list(depends), "p_value": p_dependence},
@@ -196,7 +197,8 @@ def _summary(d: Mapping) -> list[str]:
                 for name in d["below_threshold"]
             ),
         ]
-    fall = f"the held-out misfit falls from {base} to {number(error['augmented'])}"
+    change = SearchSettings().change(error["base"], error["augmented"], 1.0)
+    fall = f"the held-out misfit {change} standard deviations of noise"
     if d["verdict"] == "effects":
         sentences = [f"The believed {d['mechanism']} leaves out: {listed(named)}; with it {fall} (noise alone: 1)."]
     else:

@@ -19,6 +19,7 @@ from pathlib import Path
 from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
 from thesis_lib.critique.proposal.terms import testable_terms
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import bounded, listed, number
@@ -88,7 +89,7 @@ def sentences(d: Mapping) -> list[str]:
     floor = error["noise_floor"]
     beside = f" (noise floor {number(floor)} m/s)" if floor is not None and floor == floor else ""
     many = "terms" if len(terms) > 1 else "term"
-    fall = f"the held-out error goes from {number(error['before'])} m/s to {number(error['after'])} m/s{beside}"
+    fall = f"the held-out error {SearchSettings().change(error['before'], error['after'], floor, _speed)}{beside}"
     same = [name for one in terms for name in one["indistinguishable_from"]]
     doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
     return [
@@ -98,6 +99,10 @@ def sentences(d: Mapping) -> list[str]:
         f"That is a form for what is missing, not its cause: {found['file']}, beside the folder, holds it as an effect "
         f"to read, rename and edit, and critique DATA --effects {found['file']} adds it.",
     ]
+
+
+def _speed(error: float) -> str:
+    return f"{error:.3g} m/s"
 
 
 def sized(term: Mapping) -> str:
@@ -114,7 +119,8 @@ def text_of(proposal: Proposal) -> str:
         for one in proposal.terms
     ]
     before, after = proposal.before.error.mean(), proposal.after.error.mean()
-    found.append(f"With it the held-out error goes from {before:.3g} m/s to {after:.3g} m/s.")
+    change = SearchSettings().change(float(before), float(after), proposal.after.floor, _speed)
+    found.append(f"With it the held-out error {change}.")
     return source([one.term for one in proposal.terms], "\n".join(found))
 
 

@@ -1,8 +1,12 @@
 """Thresholds of the search."""
 
+import math
+from collections.abc import Callable
+
 from pydantic import Field
 
 from thesis_lib.foundation.settings import Section
+from thesis_lib.statistics.wording import number
 
 
 class SearchSettings(Section):
@@ -20,3 +24,13 @@ class SearchSettings(Section):
     def matters(self, before: float, after: float, floor: float) -> bool:
         """Whether the fall from `before` to `after` is material; `floor`: error of noise alone."""
         return bool(before - after >= max(self.material_share * before, self.material_floor * floor))
+
+    def change(self, before: float, after: float, floor: float | None, show: Callable[[float], str] = number) -> str:
+        """The change of an error in words: it falls or rises by an amount that matters, hardly changes, or stays."""
+        floor = floor if floor is not None and math.isfinite(floor) else 0.0
+        ends = f"from {show(before)} to {show(after)}"
+        if self.matters(before, after, floor):
+            return f"falls {ends}"
+        if self.matters(after, before, floor):
+            return f"rises {ends}"
+        return f"stays at {show(after)}" if show(before) == show(after) else f"hardly changes, {ends}"
