@@ -12,7 +12,7 @@ They include the weights of the t distribution, so that a bad impact counts as l
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -212,7 +212,7 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def errs_more(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
         # the log score forgives a minority that is far off, as hits of two corners may be, and one channel for another
-        return any(channel_is_material(than, judged, channel, settings) for channel in CHANNELS)
+        return bool(spoilt_channels(judged, than, settings))
 
     def leaves_little(self, fitted: Fit, judged: Judgement) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
@@ -298,6 +298,15 @@ def channel_is_material(better: Judgement, worse: Judgement, channel: str, setti
         # root mean squares in units of noise
         before, after, floor = np.sqrt(worse.sigmas[channel]), np.sqrt(better.sigmas[channel]), 1.0
     return bool(np.isfinite(before)) and settings.matters(before, after, floor)
+
+
+def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
+    """Channels in which one model errs more than another one by an amount that matters.
+
+    A misfit below noise is none: of an integrated contact the gap at impact is not measured.
+    """
+    noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})
+    return tuple(name for name in CHANNELS if channel_is_material(noise, judged, name, settings))
 
 
 def _robust_mean_square(z: np.ndarray) -> float:

@@ -42,7 +42,7 @@ from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
-from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material
+from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material, spoilt_channels
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
 from thesis_lib.critique.selection.discovery import Rejected
@@ -153,12 +153,10 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
 def _rejected(critique: Critique, one: Rejected) -> dict:
     """An effect that the held-out trials reject, with the errors that rise."""
     rises = {}
-    for channel in CHANNELS:
-        if channel_is_material(one.than, one.judged, channel, critique.settings):
-            ends = [
-                j.error.mean() if channel == "impact" else np.sqrt(j.sigmas[channel]) for j in (one.than, one.judged)
-            ]
-            rises[channel] = {"unit": "m/s" if channel == "impact" else "sigma", "ends": list(map(float, ends))}
+    for channel in spoilt_channels(one.judged, one.than, critique.settings):
+        velocity = channel == "impact"
+        ends = [float(j.error.mean() if velocity else np.sqrt(j.sigmas[channel])) for j in (one.than, one.judged)]
+        rises[channel] = {"unit": "m/s" if velocity else "sigma", "ends": ends}
     return {"name": one.step.effect.name, "rises": rises, "others": list(one.others)}
 
 

@@ -194,7 +194,11 @@ def _effects(content: Mapping, found: Sequence, faults: Sequence, by_hand: Seque
         first = f"With this put right, {then} {most}: {fall}."
     if not any(e["indistinguishable_from"] for e in found):
         if not _is_sound(content):
-            return [first, "What is left above speaks against predictions with model.json beyond drops like these."]
+            rest = content["remaining"]
+            left = "What is left still depends on the state before impact "
+            left += f"(p = {rest['p_value']:.2g}), though by too little to matter."
+            first_of_all = "Try model.json on drops of your own before you use it for predictions."
+            return [first, *[left] * rest["significant"], first_of_all]
         return [first, "Use model.json, which holds all of this, for predictions."]
     if content["next_experiment"]["states"]:
         return [first, "To tell the named candidates apart, measure at the states listed under the next experiment."]
