@@ -1,7 +1,7 @@
 """Critique of one dataset: compare laws, choose effects, and judge what remains.
 
 Trials are split once: 70 % for every choice (law, effects, where to stop) by K-fold, and 30 % held out, from which all
-reported errors come.
+reported errors come.  These may only take an effect away with which one of their errors rises.
 """
 
 from collections.abc import Callable, Sequence

@@ -25,7 +25,7 @@ from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependenc
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
 from thesis_lib.critique.mechanisms.world import ForceFit, predict
 from thesis_lib.critique.selection.discovery import Step
-from thesis_lib.critique.selection.settings import SearchSettings
+from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
 
@@ -42,7 +42,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
     base_fit = critique.discovery.bases[critique.discovery.base]
     depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
     base, augmented = critique.ladder[0], critique.ladder[-1]
-    left_out = weak.left_out + held.left_out
+    left_out, limit = weak.left_out + held.left_out, critique.discovery.limit
     content = {
         "schema": 1,
         "dataset": dataset,
@@ -53,6 +53,16 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "base_model": {"name": "believed_parameters", "parameters": _parameters(critique, base_fit)},
         "augmented_model": {"name": "believed_parameters", "parameters": _parameters(critique, critique.fitted)},
         "effects": [_effect(critique, step) for step in critique.steps],
+        "rejected": [
+            {
+                "name": one.step.effect.name,
+                "title": one.step.effect.title,
+                "rises": {"misfit": {"unit": "sigma", "ends": [one.than.misfit, one.judged.misfit]}},
+                "others": list(one.others),
+            }
+            for one in critique.discovery.rejected
+        ],
+        "search": {"limit": limit, "value": None if limit is None else getattr(critique.settings.thresholds, limit)},
         "error": {
             "unit": "sigma",
             "base": base[0],
@@ -81,7 +91,8 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
     }
     if critique.fitted.sensors:
         content["sensors"] = _sensors(critique)
-    content["summary"] = _summary(content) + _clocks(content)
+    content["summary"] = [*_summary(content), *_rejected(content), *_clocks(content)]
+    content["summary"] += search_ended(content["search"], "chapter2.hidden.critique.thresholds")
     return six_digits(content)
 
 
@@ -179,6 +190,15 @@ def _clocks(d: Mapping) -> list[str]:
     joints, camera = (1e3 * found[name]["value"] for name in ("sensor_delay.d", "camera_delay"))
     when = f"{number(abs(camera))} ms {'after' if camera > 0 else 'before'} the joints"
     return [f"The joints are read {number(joints)} ms after the torques act, and the disk {when}."]
+
+
+def _rejected(d: Mapping) -> list[str]:
+    return [
+        f"{one['title']} was found on the training trials, but raises the held-out misfit from "
+        f"{' to '.join(map(number, one['rises']['misfit']['ends']))} standard deviations of noise, so it is left out"
+        + (f", and with it {listed(one['others'])}, found after it." if one["others"] else ".")
+        for one in d["rejected"]
+    ]
 
 
 def _summary(d: Mapping) -> list[str]:

@@ -10,6 +10,7 @@
 | gain              | on held-out trials, over the critique's final model                                           |
 | error             | held-out error: of the critique's final model, with the proposal, of noise alone              |
 | tried             | number of terms that were tried, which the p-values count                                     |
+| limit             | null, or the setting max_terms at which the search for terms ended although more may be found |
 | file              | name of the effect file                                                                       |
 """
 
@@ -62,6 +63,7 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
             "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high]},
             "error": {"unit": "m/s", **errors, "noise_floor": proposal.after.floor},
             "tried": proposal.tried,
+            "limit": proposal.limit,
             "file": file,
         }
     )
@@ -92,10 +94,13 @@ def sentences(d: Mapping) -> list[str]:
     fall = f"the held-out error {SearchSettings().change(error['before'], error['after'], floor, _speed)}{beside}"
     same = [name for one in terms for name in one["indistinguishable_from"]]
     doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
+    ended = f"The search for terms ended at max_terms = {found['limit']}, although more than noise is left; "
+    ended += "critique.settings.max_terms of the configuration, max_terms of the settings in Python, allows more."
     return [
         f"Proposed {many}: {listed(named)}; of {found['tried']} that were tried, p = {number(worst, 2)}; with "
         f"{'them' if len(terms) > 1 else 'it'} {fall}.",
         *doubt,
+        *[ended] * (found["limit"] is not None),
         f"That is a form for what is missing, not its cause: {found['file']}, beside the folder, holds it as an effect "
         f"to read, rename and edit, and critique DATA --effects {found['file']} adds it.",
     ]

@@ -19,7 +19,7 @@ from thesis_lib.critique.drops.words import (
     feature_text,
     reasons_listed,
 )
-from thesis_lib.critique.selection.settings import SearchSettings
+from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed, number
 
@@ -40,9 +40,9 @@ def summary(content: Mapping) -> list[str]:
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
-    more += [*map(at_its_end, filter(is_at_end, clearing)), *map(rejected, content.get("rejected", ()))]
+    more += [*map(at_its_end, filter(is_at_end, clearing)), *map(rejected, content["rejected"])]
     more += [*_friction(content), *_contact_time(content), *_by_hand(content, clearing, by_hand)]
-    rest = [*above_noise(content), *rest, *search_ended(content)]
+    rest = [*above_noise(content), *rest, *search_ended(content["search"], "critique.settings")]
     return [*sentences, first, *more, *_origins(content), *_worst(content["error"]), *rest]
 
 
@@ -81,21 +81,6 @@ def above_noise(content: Mapping) -> list[str]:
     if not small:
         return []
     return [f"More than noise, though less than counts as unexplained, is left in {listed(small)}."]
-
-
-def search_ended(content: Mapping) -> list[str]:
-    """At which limit of its own a search ended although more may be found."""
-    search = content.get("search", {"limit": None})
-    if search["limit"] is None:
-        return []
-    why = {
-        "max_effects": "although a further effect would still gain more than chance",
-        "finalists": "although further effects that gain more than chance were not asked",
-    }[search["limit"]]
-    return [
-        f"The search ended at {search['limit']} = {search['value']}, {why}; critique.settings.{search['limit']} of the "
-        f"configuration, CritiqueSettings({search['limit']}=...) in Python, allows more."
-    ]
 
 
 def is_at_end(effect: Mapping) -> bool:

@@ -1,7 +1,7 @@
 """Thresholds of the search."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from pydantic import Field
 
@@ -34,3 +34,21 @@ class SearchSettings(Section):
         if self.matters(after, before, floor):
             return f"rises {ends}"
         return f"stays at {show(after)}" if show(before) == show(after) else f"hardly changes, {ends}"
+
+
+def search_ended(search: Mapping, section: str) -> list[str]:
+    """At which setting a search ended although more may be found; `search`: that of diagnosis.json, [] if at none.
+
+    `section` of the configuration holds the settings.
+    """
+    if search["limit"] is None:
+        return []
+    name, value = search["limit"], search["value"]
+    why = {
+        "max_effects": "although a further effect would still gain more than chance",
+        "finalists": "although further effects that gain more than chance were not asked",
+    }[name]
+    return [
+        f"The search ended at {name} = {value}, {why}; {section}.{name} of the configuration, "
+        f"{name} of the settings in Python, allows more."
+    ]

@@ -19,11 +19,11 @@ from thesis_lib.critique.results.summary import (
     possible_faults,
     rejected,
     restitution_differs,
-    search_ended,
     stands_in,
     why_not,
 )
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
+from thesis_lib.critique.selection.settings import search_ended
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.critique.tables import sizes
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, table
@@ -54,7 +54,7 @@ def faults(d: Mapping) -> Markup:
 
 
 def effects(d: Mapping) -> Markup:
-    more = paragraph(*map(rejected, d.get("rejected", ())), *search_ended(d))
+    more = paragraph(*map(rejected, d["rejected"]), *search_ended(d["search"], "critique.settings"))
     if not d["effects"]:
         return more + paragraph(
             "No candidate passes all tests: a gain of log score beyond what the best of all candidates gains by "
