@@ -30,6 +30,8 @@ def test_each_channel_counts(channel):
     # a rise that does not matter, and what falls
     assert not errs_more(None, judged(**{channel: 1.0 + 0.9 * settings.material_floor}), before, settings)
     assert not errs_more(None, before, worse, settings)
+    # where an integrated contact ends is another statistic than that an impulse moves nothing
+    assert errs_more(None, replace(worse, integrated=True), before, settings) == (channel in ("impact", "flight"))
     if channel != "impact":  # misfits below noise measure nothing
         assert not errs_more(None, before, judged(**{channel: 0.2}), settings)
     if channel != "impact":  # a channel that was not measured
