@@ -110,7 +110,7 @@ def test_an_adequate_model_with_unknown_noise_is_told(made, diagnosis):
     diagnosis["error"] |= {"noise_floor": None, "explained_share": None, "flight": None, "augmented": 0.31}
     diagnosis["left_out"] = {"share": 0.0, "reasons": {}}
     text = Page(page_of(made, diagnosis)).text
-    assert "No candidate passes all three tests" in text
+    assert "No candidate passes all tests" in text
     assert "the noise floor is unknown" in text and "none was left out" in text
     assert "The next experiment" not in text and "What these data could have shown" not in text
     assert " nan" not in text.lower()

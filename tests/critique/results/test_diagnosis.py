@@ -18,9 +18,10 @@ from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table
 from thesis_lib.critique.results.titles import counted_from
-from thesis_lib.critique.selection.discovery import paired_gain
+from thesis_lib.critique.selection.discovery import Rejected, paired_gain
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.effects import EFFECTS
+from thesis_lib.statistics.wording import number
 
 LEAST_RISE = 0.25  # of the noise floor: the setting material_floor
 DRAWS = 40
@@ -70,7 +71,8 @@ def test_the_hidden_effect_is_named_with_its_size(told):
 def test_nothing_hidden_is_adequate_and_says_what_would_have_shown(told_nothing):
     assert told_nothing["verdict"] == "adequate" and told_nothing["effects"] == []
     assert told_nothing["error"]["flight"]["base"] < 1.3
-    verdict, lasting, _ = told_nothing["summary"]
+    sound = {**told_nothing["remaining"], "significant": False}  # by chance it may be
+    verdict, lasting, *_ = summary({**told_nothing, "remaining": sound})
     assert "adequate" in verdict and lasting.startswith("Contacts last about 1 ms (standard error 0.0")
     sizes = {entry["name"]: entry["smallest"] for entry in told_nothing["detectable"]}
     assert set(sizes) == set(EFFECTS) - {entry["name"] for entry in told_nothing["not_testable"]}
@@ -379,3 +381,82 @@ def test_it_says_where_effects_count_from_in_the_numbers_of_the_dataset(told, hi
         counted_from("surface_patch", there, edges) == "counted from x = 3.02 m, x_1 at x = 3.07 m, x_2 at x = 2.92 m"
     )
     assert counted_from("adhesion", there, {}) == counted_from("wear", {}, {}) == ""
+
+
+def test_nothing_is_said_to_fall_that_rises(told):
+    error = {**told["error"], "base": 0.00875, "augmented": 0.0128, "noise_floor": 0.0054}
+    first = summary({**told, "error": error})[0]
+    assert "the held-out error rises from 0.00875 m/s to 0.0128 m/s" in first and "falls" not in first
+    first = summary({**told, "error": {**error, "augmented": 0.00876}})[0]
+    assert "hardly changes, from 0.00875 m/s to 0.00876 m/s" in first
+
+
+def test_what_is_above_noise_is_said_although_it_is_below_the_threshold(told):
+    quiet = {**told, "verdict": "adequate", "effects": []}
+    error = {**told["error"], "worst": [], "base": 1.0, "augmented": 1.0, "noise_floor": 1.0}
+    assert "Nothing needs to be added" in " ".join(summary({**quiet, "error": error}))
+    error |= {"augmented": 1.41, "flight": {"base": 1.67, "augmented": 1.67}, "meet": {"base": 1.1, "augmented": 1.1}}
+    text = " ".join(summary({**quiet, "error": error}))
+    assert "Nothing needs to be added" not in text and "the poses" not in text
+    assert "is left in the velocities after impact (1.4 times) and the flights between impacts (1.7 times)." in text
+
+
+def test_no_model_to_use_where_something_is_left_or_an_effect_is_at_an_end_of_its_range(told):
+    tau = {"value": 1e-3, "std": 1e-5, "unit": "s"}
+    model = {**told["augmented_model"], "name": "mirtich"}
+    sound = {**told, "augmented_model": {**model, "parameters": {**model["parameters"], "tau": tau}}}
+    text = " ".join(summary(sound))
+    assert "Use model.json" in text and "Contacts last about" in text
+    e_t = {"value": 0.9, "std": None, "unit": "1", "bound": "lower", "used": 1.0, "range": [0.0, 1.0]}
+    at_end = {**sound, "effects": [{**told["effects"][0], "parameters": {"e_t": e_t}}]}
+    left = {**sound, "remaining": {**told["remaining"], "significant": True, "p_value": 0.005}}
+    for content, why in ((at_end, "is at an end of its range (e_t at least 0.90)"), (left, "(p = 0.005)")):
+        text = " ".join(summary(content))
+        assert why in text and "Use model.json" not in text and "Contacts last" not in text
+
+
+def test_what_is_left_depends_on_nothing_that_cannot_be_learned(hidden_impacts):
+    """A channel far from noise alone is no reason to name states."""
+    strict = hidden_impacts.settings.model_copy(update={"excess_scatter": 1e-3})
+    for p_value, after in ((0.185, 0.05), (0.005, 0.2)):
+        left = replace(
+            hidden_impacts.remaining, p_value=p_value, error_before=0.2, error_after=after, depends_on=("theta",)
+        )
+        content = diagnosis(replace(hidden_impacts, remaining=left, settings=strict), np.random.default_rng(0))
+        assert content["remaining"]["structured"] and content["remaining"]["depends_on"] == []
+        assert "depends on" not in " ".join(content["summary"])
+
+
+def test_a_model_that_errs_less_than_the_noise_explains_all_and_no_more(hidden_impacts):
+    floor = 2.0 * float(hidden_impacts.ladder[-1][2].error.mean())
+    ladder = tuple((label, one, replace(j, floor=floor)) for label, one, j in hidden_impacts.ladder)
+    content = diagnosis(replace(hidden_impacts, ladder=ladder), np.random.default_rng(0))
+    assert content["error"]["explained_share"] == 1.0
+    assert f"(below the noise floor, estimated as {floor:.3g} m/s)" in content["summary"][0]
+
+
+def test_the_reason_why_an_effect_by_hand_is_no_finding_is_the_test_that_it_fails(told):
+    by_hand = {**told["effects"][0], "clears": False}
+    for fails, why in (
+        ("chance", "do not ask"),
+        ("immaterial", "no error falls by"),
+        ("spoils", "another error rises"),
+    ):
+        text = " ".join(summary({**told, "verdict": "adequate", "effects": [{**by_hand, "fails": fails}]}))
+        assert why in text and ("do not ask" in text) == (fails == "chance")
+
+
+def test_what_the_held_out_trials_reject_and_where_the_search_ended_is_said(hidden_impacts, told):
+    assert told["rejected"] == [] and told["search"] == {"limit": None, "value": None}
+    discovery, (_, _, than), (_, _, judged) = hidden_impacts.discovery, *hidden_impacts.ladder
+    turned = Rejected(discovery.steps[0], than, judged, ("wear",))  # as if it made the error larger
+    cut = replace(discovery, steps=(), rejected=(turned,), limit="max_effects")
+    critique = replace(hidden_impacts, discovery=cut, ladder=hidden_impacts.ladder[:1], without={})
+    content = diagnosis(critique, np.random.default_rng(0))
+    (one,) = content["rejected"]
+    low, high = one["rises"]["impact"]["ends"]
+    assert one["name"] == "tangential_restitution" and low < high and content["search"]["value"] == 4
+    text = " ".join(content["summary"])
+    assert f"raises the error of the velocities after impact from {number(low)} to {number(high)} m/s" in text
+    assert "and with it “wear”, found after it" in text.replace(EFFECTS["wear"].title, "wear")
+    assert "The search ended at max_effects = 4" in text and "critique.settings.max_effects" in text

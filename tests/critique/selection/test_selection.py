@@ -304,7 +304,8 @@ def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials(
     discovery = found(training)
     names = {step.effect.name for step in discovery.steps}
     assert len(names) == 2 and "square" in names and names & {"wave", "twin_of_wave"}
-    ladder, without = judge_held_out(training, unseen, discovery)
+    kept, ladder, without = judge_held_out(training, unseen, discovery, SearchSettings())
+    assert kept is discovery
     totals = [judgement.total for _, _, judgement in ladder]
     assert len(totals) == 3 and totals == sorted(totals)
     assert set(without) == names and all(judged.total < totals[-1] for judged in without.values())
@@ -340,3 +341,75 @@ def test_a_basis_leaves_out_columns_that_are_sums_of_others():
     basis = orthonormal(columns)
     assert basis.shape == (9, 2)
     np.testing.assert_allclose(basis.T @ basis, np.eye(2), atol=1e-12)
+
+
+@dataclass(frozen=True)
+class TwoErrors(Scores):
+    other: float
+
+
+class Spoilt(Line):
+    """The square predicts better, but another error rises with it."""
+
+    def part(self, trials: np.ndarray) -> "Spoilt":
+        rows = np.isin(self.trial, trials)
+        return Spoilt(self.trial[rows], self.x[rows], self.y[rows])
+
+    def judge(self, fitted: Fitted) -> TwoErrors:
+        return TwoErrors(self.trial, self.residual(fitted), 1.0 + any(e.name == "square" for e in fitted.effects))
+
+    def cross_validate(self, fitted: Fitted, folds: np.ndarray) -> TwoErrors:
+        judged = super().cross_validate(fitted, folds)
+        return TwoErrors(judged.trial, judged.z, self.judge(fitted).other)
+
+    def errs_more(self, judged: TwoErrors, than: TwoErrors, settings: SearchSettings) -> bool:
+        return settings.matters(judged.other, than.other, 1.0)
+
+
+def spoilt(world: Line) -> Spoilt:
+    return Spoilt(world.trial, world.x, world.y)
+
+
+def test_an_effect_that_spoils_another_error_does_not_enter_and_the_next_is_judged():
+    world, said = spoilt(line(3, square=4.0 * SIZE, wave=2.0 * SIZE)), []
+    names = {step.effect.name for step in found(world, say=said.append).steps}
+    assert "square" not in names and names & {"wave", "twin_of_wave"}
+    assert "square predicts better, but spoils another error" in said
+    (step,) = found(world, fixed=["square"]).steps
+    assert step.fails == "spoils" and not step.clears
+
+
+def test_held_out_trials_reject_what_makes_an_error_larger_with_all_that_was_found_after_it():
+    world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
+    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    discovery = found(training)
+    names = [step.effect.name for step in discovery.steps]
+    at = names.index("square")
+    kept, ladder, without = judge_held_out(training, spoilt(unseen), discovery, SearchSettings())
+    assert [step.effect.name for step in kept.steps] == names[:at] == list(without) and len(ladder) == at + 1
+    (rejected,) = kept.rejected
+    assert rejected.step.effect.name == "square" and list(rejected.others) == names[at + 1 :]
+    assert rejected.judged.other > rejected.than.other and "square" in kept.last_scan.gain
+    by_hand, ladder, _ = judge_held_out(training, spoilt(unseen), discovery, SearchSettings(), by_hand=True)
+    assert [step.fails for step in by_hand.steps] == ["spoils" if i == at else None for i in range(2)]
+    assert len(ladder) == 3 and by_hand.rejected == ()
+
+
+def test_a_search_knows_at_which_limit_it_ended():
+    world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
+    assert found(world).limit is None
+    assert found(world, SearchSettings(max_effects=1)).limit == "max_effects"
+    assert found(world, fixed=["square"]).limit is None
+    # the only finalist spoils, and the wave is not asked
+    world = spoilt(line(3, square=4.0 * SIZE, step=1.5 * SIZE))
+    assert found(world, SearchSettings(finalists=1)).limit == "finalists" and found(world).steps
+    assert found(line(0), SearchSettings(max_effects=0)).limit is None  # nothing is left
+
+
+def test_a_change_of_an_error_is_said_as_what_it_is():
+    change = SearchSettings(material_share=0.05, material_floor=0.25).change
+    assert change(0.2, 0.1, 0.1) == "falls from 0.200 to 0.100"
+    assert change(0.149, 0.189, 0.1) == "rises from 0.149 to 0.189"
+    assert change(0.00683, 0.006831, 0.005) == "stays at 0.00683"
+    for floor in (0.1, float("nan"), None):  # with an unknown floor the share alone counts
+        assert change(0.149, 0.1485, floor) == "hardly changes, from 0.149 to 0.148"

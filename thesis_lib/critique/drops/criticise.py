@@ -1,7 +1,7 @@
 """Critique of one dataset: compare laws, choose effects, and judge what remains.
 
 Trials are split once: 70 % for every choice (law, effects, where to stop) by K-fold, and 30 % held out, from which all
-reported errors come.
+reported errors come.  These may only take an effect away with which one of their errors rises.
 """
 
 from collections.abc import Callable, Sequence
@@ -195,7 +195,7 @@ def whole_critique(
     discovery = _with_bounds_of_all(discovery, observations)
     say("judging on held-out trials")
     unseen = Drops(held_out)
-    ladder, without = judge_held_out(world, unseen, discovery)
+    discovery, ladder, without = judge_held_out(world, unseen, discovery, settings, effects is not None)
     laws = {name: unseen.judge(fitted) for name, fitted in discovery.bases.items()}
     base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")

@@ -12,7 +12,7 @@ They include the weights of the t distribution, so that a bad impact counts as l
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -60,6 +60,7 @@ class Judgement:
         error: (n,) kinetic norm, m/s.
         sigmas: mean square in units of noise, by channel "flight", "meet", "touch"; NaN if absent.
         floor: noise floor of `error`, m/s; excess: median error over that of noise alone; NaN if the noise is unknown.
+        integrated: whether the contact was, so that `sigmas` are of where it ends; an impulse moves nothing.
     """
 
     trial: np.ndarray
@@ -70,6 +71,7 @@ class Judgement:
     sigmas: dict[str, float]
     floor: float
     excess: float
+    integrated: bool = False
 
     @property
     def trials(self) -> np.ndarray:
@@ -160,7 +162,10 @@ class Drops(World[Effect, Fit, Judgement]):
             drawn = np.einsum("nij,dnj->dni", L, unit)
             noise = velocity_error(drawn if knows_spin else left_over(model, values, o, drawn), o.rig.k_told)
             floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
-        return Judgement(o.trial, o.flights.state.trial, *whitening.log_scores(values), error, sigmas, floor, excess)
+        scores = whitening.log_scores(values)
+        return Judgement(
+            o.trial, o.flights.state.trial, *scores, error, sigmas, floor, excess, integrated=model.is_compliant
+        )
 
     def cross_validate(self, fitted: Fit, folds: np.ndarray) -> Judgement:
         tasks, unseen = [], []
@@ -182,6 +187,7 @@ class Drops(World[Effect, Fit, Judgement]):
             sigmas={name: mean([part.sigmas[name] for part in parts]) for name in CHANNELS[1:]},
             floor=mean([part.floor for part in parts]),
             excess=mean([part.excess for part in parts]),
+            integrated=fitted.model.is_compliant,
         )
 
     def leaves_an_error(self, judged: Judgement) -> bool:
@@ -211,8 +217,8 @@ class Drops(World[Effect, Fit, Judgement]):
         return fits
 
     def errs_more(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
-        # the log score forgives a minority that is far off, as hits of two corners may be
-        return channel_is_material(than, judged, "impact", settings)
+        # the log score forgives a minority that is far off, as hits of two corners may be, and one channel for another
+        return bool(spoilt_channels(judged, than, settings))
 
     def leaves_little(self, fitted: Fit, judged: Judgement) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
@@ -298,6 +304,16 @@ def channel_is_material(better: Judgement, worse: Judgement, channel: str, setti
         # root mean squares in units of noise
         before, after, floor = np.sqrt(worse.sigmas[channel]), np.sqrt(better.sigmas[channel]), 1.0
     return bool(np.isfinite(before)) and settings.matters(before, after, floor)
+
+
+def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
+    """Channels in which one model errs more than another one by an amount that matters.
+
+    A misfit below noise is none.  Poses and gaps at impact are compared where both contacts are integrated, or neither.
+    """
+    channels = CHANNELS if judged.integrated == than.integrated else CHANNELS[:2]
+    noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})
+    return tuple(name for name in channels if channel_is_material(noise, judged, name, settings))
 
 
 def _robust_mean_square(z: np.ndarray) -> float:

@@ -193,7 +193,7 @@ def criticise_mechanism(
     )
     discovery = search(training, thresholds, rng)
 
-    judged, without = judge_held_out(training, held_out, discovery)
+    discovery, judged, without = judge_held_out(training, held_out, discovery, thresholds)
     last = judged[-1][2]
     ladder = [judged[0][2].misfit_interval(draws, rng)]
     gains = {}

@@ -25,6 +25,7 @@ from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependenc
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
 from thesis_lib.critique.mechanisms.world import ForceFit, predict
 from thesis_lib.critique.selection.discovery import Step
+from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
 
@@ -41,7 +42,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
     base_fit = critique.discovery.bases[critique.discovery.base]
     depends, p_dependence = dependence(weak, base_fit.z, critique.settings.thresholds.alpha, rng)
     base, augmented = critique.ladder[0], critique.ladder[-1]
-    left_out = weak.left_out + held.left_out
+    left_out, limit = weak.left_out + held.left_out, critique.discovery.limit
     content = {
         "schema": 1,
         "dataset": dataset,
@@ -52,6 +53,16 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "base_model": {"name": "believed_parameters", "parameters": _parameters(critique, base_fit)},
         "augmented_model": {"name": "believed_parameters", "parameters": _parameters(critique, critique.fitted)},
         "effects": [_effect(critique, step) for step in critique.steps],
+        "rejected": [
+            {
+                "name": one.step.effect.name,
+                "title": one.step.effect.title,
+                "rises": {"misfit": {"unit": "sigma", "ends": [one.than.misfit, one.judged.misfit]}},
+                "others": list(one.others),
+            }
+            for one in critique.discovery.rejected
+        ],
+        "search": {"limit": limit, "value": None if limit is None else getattr(critique.settings.thresholds, limit)},
         "error": {
             "unit": "sigma",
             "base": base[0],
@@ -59,7 +70,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             "augmented": augmented[0],
             "augmented_interval": augmented[1:],
             "noise_floor": 1.0,
-            "explained_share": (base[0] - augmented[0]) / (base[0] - 1.0) if base[0] > 1.0 else None,
+            "explained_share": min((base[0] - augmented[0]) / (base[0] - 1.0), 1.0) if base[0] > 1.0 else None,
             "ladder": [rung[0] for rung in critique.ladder],
         },
         "where": {"by_contact": _where(critique, base_fit), "depends_on": list(depends), "p_value": p_dependence},
@@ -80,7 +91,8 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
     }
     if critique.fitted.sensors:
         content["sensors"] = _sensors(critique)
-    content["summary"] = _summary(content) + _clocks(content)
+    content["summary"] = [*_summary(content), *_rejected(content), *_clocks(content)]
+    content["summary"] += search_ended(content["search"], "chapter2.hidden.critique.thresholds")
     return six_digits(content)
 
 
@@ -180,6 +192,15 @@ def _clocks(d: Mapping) -> list[str]:
     return [f"The joints are read {number(joints)} ms after the torques act, and the disk {when}."]
 
 
+def _rejected(d: Mapping) -> list[str]:
+    return [
+        f"{one['title']} was found on the training trials, but raises the held-out misfit from "
+        f"{' to '.join(map(number, one['rises']['misfit']['ends']))} standard deviations of noise, so it is left out"
+        + (f", and with it {listed(one['others'])}, found after it." if one["others"] else ".")
+        for one in d["rejected"]
+    ]
+
+
 def _summary(d: Mapping) -> list[str]:
     error = d["error"]
     base = f"{number(error['base'])} standard deviations of noise"
@@ -196,7 +217,8 @@ def _summary(d: Mapping) -> list[str]:
                 for name in d["below_threshold"]
             ),
         ]
-    fall = f"the held-out misfit falls from {base} to {number(error['augmented'])}"
+    change = SearchSettings().change(error["base"], error["augmented"], 1.0)
+    fall = f"the held-out misfit {change} standard deviations of noise"
     if d["verdict"] == "effects":
         sentences = [f"The believed {d['mechanism']} leaves out: {listed(named)}; with it {fall} (noise alone: 1)."]
     else:

@@ -169,6 +169,9 @@ class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
     ) -> bool:
         return settings.matters(worse.misfit, better.misfit, 1.0)
 
+    def errs_more(self, judged: ForceJudgement, than: ForceJudgement, settings: SearchSettings) -> bool:
+        return settings.matters(judged.misfit, than.misfit, 1.0)
+
 
 def fit_effects(
     weak: WeakForm, effects: Sequence[MechanismEffect], sensors: Sequence[MechanismEffect] = ()

@@ -65,7 +65,7 @@ class Proposal:
         terms: in the order in which they entered; fitted: the model with them, on all training trials.
         before, after: held-out judgements of the critique's final model, and with the proposal.
         held_out_gain: nats an impact on held-out trials, with 95 % interval.
-        tried: number of terms.
+        tried: number of terms; limit: `max_terms` if more may be found beyond it.
     """
 
     terms: tuple[Accepted, ...]
@@ -74,6 +74,7 @@ class Proposal:
     after: Judgement
     held_out_gain: tuple[float, float, float]
     tried: int
+    limit: int | None = None
 
     @property
     def kept(self) -> tuple[Effect, ...]:
@@ -144,7 +145,9 @@ class _Proposer:
         unseen = Drops(self.critique.held_out)
         before, after = self.critique.ladder[-1][2], unseen.judge(rival)
         gain = paired_gain(after, before, self.stream("held out"))
-        return Proposal(tuple(accepted), rival, before, after, gain, len(self.terms))
+        is_full = len(accepted) == self.settings.max_terms and judged.excess > self.settings.excess_scatter
+        limit = self.settings.max_terms if is_full else None
+        return Proposal(tuple(accepted), rival, before, after, gain, len(self.terms), limit)
 
     def starts(self) -> list[Fit]:
         """Quick fits from which a term is looked for: the final model, and without what may only stand in."""
@@ -226,7 +229,7 @@ class _Proposer:
             smaller = self.world.fit(fitted.base, others, fitted.values, "near")
             worse = self.evidence.judge(smaller)
             useless = self.evidence.gain(judged, worse, "needed", effect.name)[1] <= 0.0
-            if useless or not self.world.is_material(judged, worse, effect, self.settings):
+            if useless or self.evidence.failure(judged, worse, effect):
                 fitted, judged = smaller, worse
         return fitted, judged
 
@@ -257,7 +260,7 @@ class _Proposer:
             return None
         better = self.evidence.judge(fitted)
         kfold = self.evidence.gain(better, judged, "gain", effect.name)
-        if kfold[1] <= 0.0 or not self.world.is_material(better, judged, effect, self.settings):
+        if kfold[1] <= 0.0 or self.evidence.failure(better, judged, effect):
             return None
         if gain < FAR_BEYOND * null.max():
             tests = replace(best.tests, basis={effect.name: best.tests.basis[effect.name]})

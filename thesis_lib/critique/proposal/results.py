@@ -10,6 +10,7 @@
 | gain              | on held-out trials, over the critique's final model                                           |
 | error             | held-out error: of the critique's final model, with the proposal, of noise alone              |
 | tried             | number of terms that were tried, which the p-values count                                     |
+| limit             | null, or the setting max_terms at which the search for terms ended although more may be found |
 | file              | name of the effect file                                                                       |
 """
 
@@ -19,6 +20,7 @@ from pathlib import Path
 from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
 from thesis_lib.critique.proposal.terms import testable_terms
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import bounded, listed, number
@@ -61,6 +63,7 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
             "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high]},
             "error": {"unit": "m/s", **errors, "noise_floor": proposal.after.floor},
             "tried": proposal.tried,
+            "limit": proposal.limit,
             "file": file,
         }
     )
@@ -88,16 +91,23 @@ def sentences(d: Mapping) -> list[str]:
     floor = error["noise_floor"]
     beside = f" (noise floor {number(floor)} m/s)" if floor is not None and floor == floor else ""
     many = "terms" if len(terms) > 1 else "term"
-    fall = f"the held-out error goes from {number(error['before'])} m/s to {number(error['after'])} m/s{beside}"
+    fall = f"the held-out error {SearchSettings().change(error['before'], error['after'], floor, _speed)}{beside}"
     same = [name for one in terms for name in one["indistinguishable_from"]]
     doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
+    ended = f"The search for terms ended at max_terms = {found['limit']}, although more than noise is left; "
+    ended += "critique.settings.max_terms of the configuration, max_terms of the settings in Python, allows more."
     return [
         f"Proposed {many}: {listed(named)}; of {found['tried']} that were tried, p = {number(worst, 2)}; with "
         f"{'them' if len(terms) > 1 else 'it'} {fall}.",
         *doubt,
+        *[ended] * (found["limit"] is not None),
         f"That is a form for what is missing, not its cause: {found['file']}, beside the folder, holds it as an effect "
         f"to read, rename and edit, and critique DATA --effects {found['file']} adds it.",
     ]
+
+
+def _speed(error: float) -> str:
+    return f"{error:.3g} m/s"
 
 
 def sized(term: Mapping) -> str:
@@ -114,7 +124,8 @@ def text_of(proposal: Proposal) -> str:
         for one in proposal.terms
     ]
     before, after = proposal.before.error.mean(), proposal.after.error.mean()
-    found.append(f"With it the held-out error goes from {before:.3g} m/s to {after:.3g} m/s.")
+    change = SearchSettings().change(float(before), float(after), proposal.after.floor, _speed)
+    found.append(f"With it the held-out error {change}.")
     return source([one.term for one in proposal.terms], "\n".join(found))
 
 

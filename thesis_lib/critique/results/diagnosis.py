@@ -11,9 +11,13 @@
 | reference       | x, t, trial         | m, s, number of a release: effects count from there, and mu, epsilon and    |
 |                 |                     | tau are those there; middle of the training impacts, in the dataset's own   |
 | effects         | clears              | whether it passes the thresholds; an effect switched on by hand may fail    |
+|                 | fails               | null, or the test it fails: chance, immaterial, spoils (another error)      |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
 |                 | stand_in            | null, or why it is no cause: see `drops/stand_ins.py`                       |
 |                 | additions           | effects and laws that are not the library's, used or not, with their origin |
+| rejected        |                     | effects found on training trials with which a held-out error rises: `rises` |
+|                 |                     | has its two ends by channel; `others` were found after it                   |
+| search          | limit, value        | null, or the setting at which the search ended although more may be found   |
 | error           | noise_floor_single  | noise floor of the single hits alone                                        |
 |                 | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
@@ -21,6 +25,7 @@
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
 | left_out        | flights             | `bent`, how many of all `n` flights are no parabolas: they have no say      |
 | remaining       | channels            | those with a misfit far above noise                                         |
+|                 | significant         | whether something can be learned of it, be it too little to matter          |
 |                 | depends_on          | states from which a part of it can be learned; empty if none can            |
 |                 | restitution         | null, or range of ε where it alone differs by trial or impact, by nothing   |
 |                 |                     | that is recorded                                                            |
@@ -40,9 +45,10 @@ from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
-from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material
+from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material, spoilt_channels
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
+from thesis_lib.critique.selection.discovery import Rejected
 from thesis_lib.extensions.registry import contents
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rounding import six_digits
@@ -58,7 +64,6 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
     """
     discovery, remaining = critique.discovery, critique.remaining
     base, final, found = critique.ladder[0][1], critique.ladder[-1][1], critique.observations.found
-    is_learned = critique.is_structured and remaining.p_value <= critique.settings.alpha
     differs = critique.restitution_differs
     content = {
         "schema": 1,
@@ -69,12 +74,15 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "base_model": {"name": discovery.base, "parameters": parameters(base)},
         "augmented_model": {"name": final.model.law.name, "parameters": parameters(final)},
         "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
+        "rejected": [_rejected(critique, one) for one in discovery.rejected],
+        "search": _search(critique),
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,
             "channels": list(critique.misfit_channels),
             "p_value": remaining.p_value,
-            "depends_on": list(remaining.depends_on) if is_learned else [],
+            "significant": remaining.p_value <= critique.settings.alpha,
+            "depends_on": list(remaining.depends_on) if critique.is_learnable else [],
             "restitution": None
             if differs is None
             else dict(zip(("differs_by", "low", "high"), differs)) | {"unit": "1"},
@@ -138,11 +146,27 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
         "family": step.effect.family,
         "parameters": parameters(final, f"{name}."),
         "clears": step.clears,
+        "fails": step.fails,
         "material_in": [channel for channel in CHANNELS if channel_is_material(judged, without, channel, s)],
         "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
         "indistinguishable_from": list(step.alternatives),
         "stand_in": asdict(critique.stand_ins[name]) if name in critique.stand_ins else None,
     }
+
+
+def _rejected(critique: Critique, one: Rejected) -> dict:
+    """An effect that the held-out trials reject, with the errors that rise."""
+    rises = {}
+    for channel in spoilt_channels(one.judged, one.than, critique.settings):
+        velocity = channel == "impact"
+        ends = [float(j.error.mean() if velocity else np.sqrt(j.sigmas[channel])) for j in (one.than, one.judged)]
+        rises[channel] = {"unit": "m/s" if velocity else "sigma", "ends": ends}
+    return {"name": one.step.effect.name, "rises": rises, "others": list(one.others)}
+
+
+def _search(critique: Critique) -> dict:
+    limit = critique.discovery.limit
+    return {"limit": limit, "value": None if limit is None else getattr(critique.settings, limit)}
 
 
 def _error(critique: Critique) -> dict:
@@ -157,7 +181,7 @@ def _error(critique: Critique) -> dict:
         if np.isfinite(before.sigmas[name]):
             ends = {"base": np.sqrt(before.sigmas[name]), "augmented": np.sqrt(after.sigmas[name])}
             misfits[name] = {"unit": "sigma", **ends, "noise_floor": 1.0}
-    share = (base - augmented) / (base - floor) if base > floor else None
+    share = min((base - augmented) / (base - floor), 1.0) if base > floor else None
     bounds = {"irb_bound": critique.irb, "irb_bound_augmented": critique.irb_augmented}
     errors = {"unit": "m/s", "base": base, "augmented": augmented, "noise_floor": floor, "explained_share": share}
     errors |= {"noise_floor_single": of_single}

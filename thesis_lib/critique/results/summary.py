@@ -19,11 +19,13 @@ from thesis_lib.critique.drops.words import (
     feature_text,
     reasons_listed,
 )
+from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.datasets.impacts.parabolas import bent_sentence
 from thesis_lib.effects import EFFECTS
-from thesis_lib.statistics.wording import bounded, listed
+from thesis_lib.statistics.wording import bounded, listed, number
 
 SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
+ABOVE_NOISE = 1.25  # times the error of noise alone: said, be it too little for a verdict
 UNRECORDED = (
     "Look for what changed from one to the next (the spot that was hit, its material, dirt, wear), and record it."
 )
@@ -39,8 +41,58 @@ def summary(content: Mapping) -> list[str]:
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
-    more += [*_friction(content), *_contact_time(content["augmented_model"]), *_by_hand(content, clearing, by_hand)]
+    more += [*map(at_its_end, filter(is_at_end, clearing)), *map(rejected, content["rejected"])]
+    more += [*_friction(content), *_contact_time(content), *_by_hand(content, clearing, by_hand)]
+    rest = [*above_noise(content), *rest, *search_ended(content["search"], "critique.settings")]
     return [*sentences, first, *more, *_origins(content), *_worst(content["error"]), *rest]
+
+
+def at_its_end(effect: Mapping) -> str:
+    """What is said of an effect that would grow beyond the values that are believed possible."""
+    ends = listed([f"{name} {bounded(p)}" for name, p in effect["parameters"].items() if p.get("bound")])
+    return (
+        f"“{EFFECTS[effect['name']].title}” is at an end of its range ({ends}), so it may stand in for another cause."
+    )
+
+
+def rejected(effect: Mapping) -> str:
+    """Why an effect that was found on the training trials is left out, as a sentence."""
+    rises = [
+        f"{CHANNEL_TEXT[name].split(',')[0]} from {number(one['ends'][0])} to {number(one['ends'][1])} "
+        + ("m/s" if one["unit"] == "m/s" else "standard deviations of noise")
+        for name, one in effect["rises"].items()
+    ]
+    said = f"“{EFFECTS[effect['name']].title}” was found on the training trials, but raises the error of "
+    said += f"{listed(rises)} on the held-out ones, so it is left out"
+    others = [f"“{EFFECTS[name].title}”" for name in effect["others"]]
+    return f"{said}{f', and with it {listed(others)}, found after it' if others else ''}."
+
+
+def above_noise(content: Mapping) -> list[str]:
+    """Errors that are more than noise, but too small for a verdict."""
+    error, far = content["error"], content["remaining"]["channels"]
+    floor = error["noise_floor"]
+    ratios = {} if error["worst"] or not floor else {"impact": error["augmented"] / floor}
+    ratios |= {name: error[name]["augmented"] for name in ("flight", "meet", "touch") if error.get(name)}
+    small = [
+        f"{CHANNEL_TEXT[name].split(',')[0]} ({ratio:.2g} times)"
+        for name, ratio in ratios.items()
+        if np.isfinite(ratio) and ratio >= ABOVE_NOISE and name not in far
+    ]
+    if not small:
+        return []
+    return [f"More than noise, though less than counts as unexplained, is left in {listed(small)}."]
+
+
+def is_at_end(effect: Mapping) -> bool:
+    """Whether the data only bound the size of an effect."""
+    return any(p.get("bound") for p in effect["parameters"].values())
+
+
+def _is_sound(content: Mapping) -> bool:
+    """Whether nothing that is left speaks against the numbers of the final model."""
+    rest = content["remaining"]
+    return not (rest["structured"] or rest.get("significant") or any(map(is_at_end, content["effects"])))
 
 
 def stands_in(effect: Mapping) -> str:
@@ -109,10 +161,11 @@ def _adequate(content: Mapping, found: Sequence, faults: Sequence, by_hand: Sequ
             f"{law} is adequate{most} as far as was tested: its held-out error is {_speed(error['base'])}"
             f"{_floor(error)}, and other effects than those that you chose were not tried."
         ]
+    nothing = "" if above_noise(content) else "Nothing needs to be added; "
     return [
         f"{law} is adequate{most}: no effect in the library lowers its held-out error of {_speed(error['base'])}"
         f"{_floor(error)} by an amount that matters.",
-        "Nothing needs to be added; the report lists how small an effect these data could have shown.",
+        f"{nothing}{'the' if nothing else 'The'} report lists how small an effect these data could have shown.",
     ]
 
 
@@ -127,6 +180,12 @@ def _effects(content: Mapping, found: Sequence, faults: Sequence, by_hand: Seque
         most = "describes most impacts" if content["error"]["worst"] else "is enough"
         first = f"With this put right, {then} {most}: {fall}."
     if not any(e["indistinguishable_from"] for e in found):
+        if not _is_sound(content):
+            rest = content["remaining"]
+            left = "What is left still depends on the state before impact "
+            left += f"(p = {rest['p_value']:.2g}), though by too little to matter."
+            first_of_all = "Try model.json on drops of your own before you use it for predictions."
+            return [first, *[left] * rest["significant"], first_of_all]
         return [first, "Use model.json, which holds all of this, for predictions."]
     if content["next_experiment"]["states"]:
         return [first, "To tell the named candidates apart, measure at the states listed under the next experiment."]
@@ -176,7 +235,10 @@ def restitution_differs(differs: Mapping) -> str:
     return f"Restitution ({low} to {high}) differs from {by} to {by} and with nothing that is recorded."
 
 
-def _contact_time(model: Mapping) -> list[str]:
+def _contact_time(content: Mapping) -> list[str]:
+    model = content["augmented_model"]
+    if not _is_sound(content):
+        return []  # it may have made up for what is missing
     tau, epsilon = (model["parameters"].get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
     if tau["std"] is None or tau["value"] <= SEEN * tau["std"]:
         return []
@@ -203,10 +265,21 @@ def _by_hand(content: Mapping, found: Sequence[Mapping], by_hand: Sequence[Mappi
         return []
     names = listed([EFFECTS[e["name"]].title for e in by_hand])
     it, error = "them" if len(by_hand) > 1 else "it", content["error"]
+    whys = {why_not(e, it) for e in by_hand}
+    why = whys.pop() if len(whys) == 1 else listed([f"{EFFECTS[e['name']].title}: {why_not(e)}" for e in by_hand])
     change = f": with {it} the held-out error is {_speed(error['augmented'])}, without {_speed(error['base'])}"
     if found:  # other effects share in the change of the error
         change = ""
-    return [f"Switched on by you: {names}; these data do not ask for {it}{change}."]
+    return [f"Switched on by you: {names}; {why}{change}."]
+
+
+def why_not(effect: Mapping, it: str = "it") -> str:
+    """Why an effect that was switched on by hand is not among those that were found."""
+    return {
+        "chance": f"these data do not ask for {it}",
+        "immaterial": f"{it} can be seen, but no error falls by an amount that matters",
+        "spoils": f"with {it} another error rises by an amount that matters",
+    }[effect.get("fails") or "chance"]
 
 
 def _origins(content: Mapping) -> list[str]:
@@ -237,7 +310,8 @@ def _worst(error: Mapping) -> list[str]:
     times = error["augmented"] / error["noise_floor"]
     return [
         f"The mean held-out error is {times:.2g} times the noise floor though half of the impacts lie near it: single "
-        f"impacts go wrong, the worst in {listed(rows)}; look at their samples."
+        f"impacts go wrong, the worst in {listed(rows)}; look at their samples, and if these are sound, at what sets "
+        "these impacts apart."
     ]
 
 
@@ -251,13 +325,13 @@ def _with(content: Mapping, found: Sequence[Mapping]) -> str:
 def _fall(content: Mapping, found: Sequence[Mapping]) -> str:
     """Change of the misfits, those with a material change first."""
     error = content["error"]
-    moves = "falls" if error["augmented"] < error["base"] else "goes"
-    ends = f"{moves} from {_speed(error['base'])} to {_speed(error['augmented'])}{_floor(error)}"
+    settings = SearchSettings()
+    ends = f"{settings.change(error['base'], error['augmented'], error['noise_floor'], _speed)}{_floor(error)}"
     shown = {channel for effect in found for channel in effect["material_in"]}
     falls = [
-        f"of {CHANNEL_TEXT[name].split(',')[0]} falls from {m['base']:.3g} to {m['augmented']:.3g}"
+        f"of {CHANNEL_TEXT[name].split(',')[0]} {settings.change(m['base'], m['augmented'], 1.0, '{:.3g}'.format)}"
         for name in ("flight", "meet", "touch")
-        if name in shown and (m := error.get(name)) and m["augmented"] < m["base"]
+        if name in shown and (m := error.get(name)) and settings.matters(m["base"], m["augmented"], 1.0)
     ]
     if not falls:
         return f"the held-out error {ends}"
@@ -275,6 +349,8 @@ def _floor(error: Mapping) -> str:
     floor = error["noise_floor"]
     if floor is None or not np.isfinite(floor):
         return " (noise unknown)"
+    if error["augmented"] < floor:
+        return f" (below the noise floor, estimated as {_speed(floor)})"
     return f" (noise floor {_speed(floor)})"
 
 

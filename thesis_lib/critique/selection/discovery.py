@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Generic
+from typing import Generic, Literal
 
 import numpy as np
 
 from thesis_lib.critique.selection.scan import Scan
+from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, J, Judgement, World
 from thesis_lib.statistics.bootstrap import bootstrap_gain
+
+# no better than chance; no error falls by an amount that matters; an error rises by one
+Failure = Literal["chance", "immaterial", "spoils"]
 
 
 @dataclass(frozen=True)
@@ -17,7 +21,7 @@ class Step(Generic[E, F, J]):
 
     Attributes:
         alternatives: names that the data cannot tell from it, nearest first.
-        clears: whether it passes all three tests; false only for an effect switched on by hand.
+        fails: the test that it does not pass; None unless it was switched on by hand.
         p_value: of its gain against the null of the largest gain.
         gain: held-out gain per unit by K-fold with 95 % interval, nats.
         fitted: the model with it, on all training trials; judged: by K-fold.
@@ -26,17 +30,38 @@ class Step(Generic[E, F, J]):
 
     effect: E
     alternatives: tuple[str, ...]
-    clears: bool
+    fails: Failure | None
     p_value: float
     gain: tuple[float, float, float]
     fitted: F
     judged: J
     scan: Scan
 
+    @property
+    def clears(self) -> bool:
+        """Whether it passes all tests."""
+        return self.fails is None
+
+
+@dataclass(frozen=True)
+class Rejected(Generic[E, F, J]):
+    """An effect that the held-out trials reject: the model with it is `judged` to err more `than` that without it.
+
+    `others`: names of effects that were chosen after it, and are left out with it.
+    """
+
+    step: Step[E, F, J]
+    judged: J
+    than: J
+    others: tuple[str, ...]
+
 
 @dataclass
 class Path(Generic[E, F, J]):
-    """How far a search has come, and as it was before a base of the reserve was taken (`simpler`)."""
+    """How far a search has come, and as it was before a base of the reserve was taken (`simpler`).
+
+    `unasked`: effects with significant quick fits that were no finalists, where none of the finalists entered.
+    """
 
     base: str
     fitted: F
@@ -45,6 +70,7 @@ class Path(Generic[E, F, J]):
     dropped: set[str] = field(default_factory=set)
     first_scan: Scan | None = None
     below: F | None = None
+    unasked: tuple[str, ...] = ()
     simpler: "Path[E, F, J] | None" = None
 
     def remember(self, step: Step[E, F, J] | None) -> None:
@@ -66,6 +92,7 @@ class Discovery(Generic[E, F, J]):
         first_scan, last_scan: score tests at the best base and at the final model.
         below: fit with a significant but immaterial effect, at which the search ended.
         not_testable: name -> why.
+        limit: the setting at which the search ended although more may be found; rejected: by the held-out trials.
     """
 
     bases: dict[str, F]
@@ -75,6 +102,8 @@ class Discovery(Generic[E, F, J]):
     last_scan: Scan
     below: F | None
     not_testable: Mapping[str, str]
+    limit: Literal["max_effects", "finalists"] | None = None
+    rejected: tuple[Rejected[E, F, J], ...] = ()
 
     @property
     def fitted(self) -> F:
@@ -89,20 +118,52 @@ class Discovery(Generic[E, F, J]):
 
 
 def judge_held_out(
-    training: World[E, F, J], held_out: World[E, F, J], discovery: Discovery[E, F, J]
-) -> tuple[tuple[tuple[str, F, J], ...], dict[str, J]]:
-    """Held-out judgements: the ladder (label, fit, judgement) after 0, 1, ... effects, and the worth of each effect.
+    training: World[E, F, J],
+    held_out: World[E, F, J],
+    discovery: Discovery[E, F, J],
+    settings: SearchSettings,
+    by_hand: bool = False,
+) -> tuple[Discovery[E, F, J], tuple[tuple[str, F, J], ...], dict[str, J]]:
+    """What stands, and its held-out judgements: the ladder (label, fit, judgement), and the worth of each effect.
 
-    The latter is, by effect, the judgement of the final model refitted without it.
+    The latter is, by effect, the judgement of the final model refitted without it.  An effect with which any held-out
+    error is larger by an amount that matters, than on an earlier rung or than without it, is rejected with all that
+    were chosen after it; one that was switched on `by_hand` stays, and fails.  This is the only say that held-out data
+    have: they take an effect away, but choose none, and fit nothing.
     """
     fits = [("no effect", discovery.bases[discovery.base])]
     fits += [(step.effect.name, step.fitted) for step in discovery.steps]
     ladder = tuple((label, fitted, held_out.judge(fitted)) for label, fitted in fits)
-    final, without = discovery.fitted, {}
-    for step in discovery.steps:
-        others = tuple(e for e in final.effects if e.name != step.effect.name)
-        without[step.effect.name] = held_out.judge(training.fit(final.base, others, final.values, "near"))
-    return ladder, without
+    while True:
+        final, without = discovery.fitted, {}
+        spoiled: dict[int, J] = {}
+        for i, step in enumerate(discovery.steps):
+            others = tuple(e for e in final.effects if e.name != step.effect.name)
+            smaller = held_out.judge(training.fit(final.base, others, final.values, "near"))
+            without[step.effect.name] = smaller
+            pairs = [(ladder[i + 1][2], rung[2]) for rung in ladder[: i + 1]] + [(ladder[-1][2], smaller)]
+            if worse := [than for judged, than in pairs if held_out.errs_more(judged, than, settings)]:
+                spoiled[i] = worse[0]
+        steps = discovery.steps
+        if by_hand:
+            failed = tuple(
+                replace(step, fails=step.fails or "spoils") if i in spoiled else step for i, step in enumerate(steps)
+            )
+            return replace(discovery, steps=failed), ladder, without
+        if not spoiled:
+            return discovery, ladder, without
+        at = min(spoiled)
+        after = tuple(step.effect.name for step in steps[at + 1 :])
+        rejected = Rejected(steps[at], ladder[at + 1][2], spoiled[at], after)
+        discovery = replace(
+            discovery,
+            steps=steps[:at],
+            last_scan=steps[at].scan,
+            below=None,
+            limit=None,
+            rejected=(rejected, *discovery.rejected),
+        )
+        ladder = ladder[: at + 1]
 
 
 def paired_gain(

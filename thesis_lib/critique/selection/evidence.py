@@ -9,7 +9,7 @@ from typing import Generic, Literal
 
 import numpy as np
 
-from thesis_lib.critique.selection.discovery import Step, paired_gain
+from thesis_lib.critique.selection.discovery import Failure, Step, paired_gain
 from thesis_lib.critique.selection.scan import Scan, scan
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, J, Slopes, World
@@ -17,7 +17,8 @@ from thesis_lib.foundation.randomness import generator
 
 CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
 REFITS = 199  # of data drawn without the effect, if its gain is near the null
-# an effect that predicts no better leaves; with "immaterial" also one that lowers no error by an amount that matters
+# an effect that predicts no better or spoils an error leaves; with "immaterial" also one that lowers none by an amount
+# that matters
 Drop = Literal["none", "useless", "immaterial"]
 
 
@@ -47,6 +48,12 @@ class Evidence(Generic[E, F, J]):
     def gain(self, better: J, worse: J, *stream: str) -> tuple[float, float, float]:
         """Gain in nats a unit of one judgement over another, with 95 % interval."""
         return paired_gain(better, worse, generator(self.seed, *stream), self.world.resamples)
+
+    def failure(self, better: J, worse: J, effect: E) -> Failure | None:
+        """Why an effect that predicts better does not enter by its errors; None if it does."""
+        if self.world.errs_more(better, worse, self.settings):
+            return "spoils"
+        return None if self.world.is_material(better, worse, effect, self.settings) else "immaterial"
 
     def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, J]]:
         """Fits `names`, the best first, with their judgements by K-fold: those close to the best, then the others."""
@@ -93,7 +100,7 @@ class Evidence(Generic[E, F, J]):
             smaller = world.fit(last.fitted.base, others, last.fitted.values, "near")
             judged = self.judge(smaller)
             useless = self.gain(last.judged, judged, "needed", *names, step.effect.name)[1] <= 0.0
-            lowers = world.is_material(last.judged, judged, step.effect, self.settings)
-            if useless or (drop == "immaterial" and not lowers):
+            failure = self.failure(last.judged, judged, step.effect)
+            if useless or failure == "spoils" or (drop == "immaterial" and failure):
                 return step.effect.name
         return None

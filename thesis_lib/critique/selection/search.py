@@ -6,7 +6,8 @@
    is what K-fold will find of it (Akaike 1974, doi:10.1109/TAC.1974.1100705; Stone 1977,
    doi:10.1111/j.2517-6161.1977.tb01603.x).
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
-   and it lowers a held-out error materially.  A gain near the null is corrected by refits to data without the effect.
+   and it lowers a held-out error materially and raises none so.  A gain near the null is corrected by refits to data
+   without the effect.  Bases that take the place of another one raise none, either.
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
    the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged first.
@@ -17,6 +18,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Generic
 
 import numpy as np
@@ -27,7 +29,7 @@ from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, J, World
 
-JUDGED = 3  # finalists judged by K-fold
+JUDGED = 3  # finalists judged by K-fold first; the others if none of these enters
 HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
 RUNNERS_UP, NEARLY = 3, 0.8  # effects tried with bases of the reserve where the best leaves an error; of its quick gain
 RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
@@ -86,7 +88,15 @@ class _Search(Generic[E, F, J]):
         rest = [e for e in world.candidates.values() if e not in path.fitted.effects]
         last_scan = self.evidence.scan(path.fitted, rest, "last null")
         first_scan = path.first_scan or last_scan
-        return Discovery(bases, path.base, tuple(path.steps), first_scan, last_scan, path.below, world.not_testable)
+        limit = None
+        if fixed is None and len(path.steps) >= self.settings.max_effects:
+            more = max(last_scan.gain.values(), default=0.0)
+            limit = "max_effects" if last_scan.p_value(more) <= self.settings.alpha else None
+        elif path.unasked:
+            limit = "finalists"
+        return Discovery(
+            bases, path.base, tuple(path.steps), first_scan, last_scan, path.below, world.not_testable, limit
+        )
 
     def most(self, fixed: Sequence[str] | None) -> int:
         """Most effects."""
@@ -128,7 +138,9 @@ class _Search(Generic[E, F, J]):
             step, reserve = None, self.reserve(fitted) if leaves else []
             other: tuple[F, J] | None = self.far_better_base(reserve, quick, contenders, judged)
             if other is None:
-                step, path.below = self.best_step(fitted, judged, contenders, quick, tests, fixed is not None)
+                step, path.below, path.unasked = self.best_step(
+                    fitted, judged, contenders, quick, tests, fixed is not None
+                )
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
                     rival = step.fitted if step else fitted
                     other = self.other_base(reserve, rival, step.judged if step else judged)
@@ -241,14 +253,16 @@ class _Search(Generic[E, F, J]):
 
     def best_step(
         self, fitted: F, judged: J, contenders: Sequence[F], quick: Mapping[str, F], tests: Scan, forced: bool
-    ) -> tuple[Step[E, F, J] | None, F | None]:
-        """The step that enters, or None and the fit with a significant but immaterial effect."""
+    ) -> tuple[Step[E, F, J] | None, F | None, tuple[str, ...]]:
+        """The step that enters, or None with the fit of a significant but immaterial effect, and `Path.unasked`."""
         world, settings = self.world, self.settings
         on = [e.name for e in fitted.effects]
         gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
         least = 0.5 * np.quantile(tests.null, 1.0 - settings.alpha)
         least = max(least, HOPELESS * max(gains.values(), default=0.0))
-        names = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least][: settings.finalists]
+        worth = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least]
+        names = worth[: settings.finalists]
+        unasked = tuple(n for n in worth[len(names) :] if not forced and tests.p_value(gains[n]) <= settings.alpha)
         if fitted.base in world.reserve and quick:
             # quick fits are of its limit, which may be far away; slopes are its own
             best_slope = max(quick, key=lambda name: tests.gain[name])
@@ -261,23 +275,25 @@ class _Search(Generic[E, F, J]):
         below = None
         p_values = {name: tests.p_value(gains[name]) for name in near}
         names = [name for name in self.ranked(near, fitted) if not self.is_simpler_as_good(name, near)]
-        finalists = [name for name in names[:JUDGED] if forced or p_values[name] <= settings.alpha]
-        for name, judgement in self.evidence.judged_in_turn(near, finalists):
+        finalists = [name for name in names if forced or p_values[name] <= settings.alpha]
+        parts = (self.evidence.judged_in_turn(near, names) for names in (finalists[:JUDGED], finalists[JUDGED:]))
+        for name, judgement in chain.from_iterable(parts):
             e, p_value = near[name].effects[-1], p_values[name]
             gain = self.evidence.gain(judgement, judged, "gain", *on, name)
             significant = gain[1] > 0.0 and p_value <= settings.alpha
-            material = world.is_material(judgement, judged, e, settings)
-            if significant and not material:
+            fails = self.evidence.failure(judgement, judged, e) if significant else "chance"
+            if fails == "immaterial":
                 below = below or near[name]
-            if significant and material and gains[name] < FAR_BEYOND * tests.null.max():
+            if fails == "spoils":
+                self.say(f"{name} predicts better, but spoils another error")
+            if fails is None and gains[name] < FAR_BEYOND * tests.null.max():
                 stretch = self.evidence.stretch_of_null(best, e, tests, "refits", *on, name)
                 p_value = tests.p_value(gains[name] / stretch)
-                significant = p_value <= settings.alpha
-            clears = significant and material
-            if forced or clears:
+                fails = None if p_value <= settings.alpha else "chance"
+            if forced or fails is None:
                 others = self.evidence.alternatives(name, gains, tests)
-                return Step(e, others, clears, p_value, gain, near[name], judgement, tests), None
-        return None, below
+                return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
+        return None, below, unasked
 
     def is_simpler_as_good(self, name: str, near: Mapping[str, F]) -> bool:
         """Whether an effect that this one is at some of its parameters fits as well."""
@@ -294,7 +310,9 @@ class _Search(Generic[E, F, J]):
             best = world.fit(quick.base, quick.effects, quick.values, "near")
             if best.score - fitted.score >= least:
                 judged = self.evidence.judge(best)
-                if judged.total - step.judged.total >= least:
+                if judged.total - step.judged.total >= least and not world.errs_more(
+                    judged, step.judged, self.settings
+                ):
                     step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
 

@@ -155,7 +155,7 @@ class World(ABC, Generic[E, F, J]):
         return []
 
     def errs_more(self, judged: J, than: J, settings: SearchSettings) -> bool:
-        """Whether a model errs by more than another one by an amount that matters, whatever their log scores say."""
+        """Whether any error of a model is larger than another one's by an amount that matters, whatever they score."""
         return False
 
     def leaves_little(self, fitted: F, judged: J) -> bool:

@@ -114,10 +114,8 @@ def ladder_sentence(critique: Critique) -> str:
     if len(critique.ladder) == 1:
         return f"No effect was added: the held-out error is {number(before)} m/s{to_floor}"
     names = listed([effect_title(label) for label, *_ in critique.ladder[1:]])
-    if abs(before - after) < 0.02 * before:
-        return f"The held-out error of impacts stays at {number(after)} m/s with {names}{to_floor}"
-    verb = "falls" if after < before else "rises"
-    return f"The held-out error {verb} from {number(before)} to {number(after)} m/s with {names}{to_floor}"
+    change = critique.settings.change(before, after, floor)
+    return f"The held-out error of impacts {change} m/s with {names}{to_floor}"
 
 
 @house_style

@@ -12,8 +12,18 @@ from markupsafe import Markup
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
-from thesis_lib.critique.results.summary import possible_faults, restitution_differs, stands_in
+from thesis_lib.critique.results.summary import (
+    above_noise,
+    at_its_end,
+    is_at_end,
+    possible_faults,
+    rejected,
+    restitution_differs,
+    stands_in,
+    why_not,
+)
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
+from thesis_lib.critique.selection.settings import search_ended
 from thesis_lib.effects import EFFECTS
 from thesis_lib.report.critique.tables import sizes
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, table
@@ -44,24 +54,26 @@ def faults(d: Mapping) -> Markup:
 
 
 def effects(d: Mapping) -> Markup:
+    more = paragraph(*map(rejected, d["rejected"]), *search_ended(d["search"], "critique.settings"))
     if not d["effects"]:
-        return paragraph(
-            "No candidate passes all three tests: a gain of log score beyond what the best of all candidates gains by "
-            "chance, a gain on trials it was not fitted to, and a fall of the error that matters."
+        return more + paragraph(
+            "No candidate passes all tests: a gain of log score beyond what the best of all candidates gains by "
+            "chance, a gain on trials it was not fitted to, a fall of an error that matters, and no rise of another."
         )
-    return Markup().join(map(_effect, d["effects"]))
+    return Markup().join(map(_effect, d["effects"])) + more
 
 
 def _effect(effect: Mapping) -> Markup:
     title = capital(effect_title(effect["name"]))
     if not effect["clears"]:
-        by_hand = f"{title} was switched on by you; these data do not ask for it."
+        by_hand = f"{title} was switched on by you; {why_not(effect)}."
         return paragraph(by_hand, _effect_sentence(effect))
     if effect["family"] == "measurement":
         return paragraph(f"{title} is a fault of the measurement; see above.")
     if effect.get("stand_in"):
         return paragraph(stands_in(effect), _effect_sentence(effect), _shown_by(effect))
-    return paragraph(_effect_sentence(effect), _doubt(effect), _shown_by(effect))
+    end = at_its_end(effect) if is_at_end(effect) else ""
+    return paragraph(_effect_sentence(effect), _doubt(effect), _shown_by(effect), end)
 
 
 def _shown_by(effect: Mapping) -> str:
@@ -104,22 +116,25 @@ def remaining(critique: Critique, d: Mapping) -> Markup:
     p, most = number(rest["p_value"], 2), number(critique.settings.excess_scatter, 2)
     if not rest["structured"]:
         no_structure = f"What is left in the residuals shows no structure that matters (p = {p} by permutation)."
-        return paragraph(no_structure) + _worst(d["error"])
+        return paragraph(no_structure, *above_noise(d)) + _worst(d["error"])
     over_noise = {name: np.sqrt(square) for name, square in judged.sigmas.items()} | {"impact": judged.excess}
     sentences = [
         f"With all that was found the held-out misfit of {CHANNEL_TEXT[channel]} is {number(over_noise[channel], 2)} "
         f"times what noise alone would give (far more than {most} counts as unexplained)."
         for channel in rest["channels"]
     ]
-    if rest["p_value"] <= critique.settings.alpha or not rest["channels"]:
+    if critique.is_learnable or not rest["channels"]:
         sentences.append(f"Structure remains that no named effect explains (p = {p} by permutation).")
         if rest.get("error") is not None and rest.get("error_without_it") is not None:
+            ends, floor = (rest["error"], rest["error_without_it"]), d["error"]["noise_floor"]
+            change = critique.settings.change(*ends, floor, lambda error: amount(error, "m/s"))
             sentences.append(
-                f"A Gaussian process learns part of it: the error falls from {amount(rest['error'], 'm/s')} to "
-                f"{amount(rest['error_without_it'], 'm/s')} on training trials it was not fitted to."
+                f"With what a Gaussian process learns of it the error {change} on training trials it was not fitted to."
             )
         if rest["depends_on"]:
             sentences.append(f"It depends most on: {'; '.join(map(feature_text, rest['depends_on']))}.")
+    elif rest["p_value"] <= critique.settings.alpha:
+        sentences.append(f"A Gaussian process learns too little of it to matter (p = {p} by permutation).")
     else:
         sentences.append(
             f"A Gaussian process learns no part of it from the state (p = {p} by permutation): it is scatter whose "
@@ -145,7 +160,8 @@ def _worst(error: Mapping) -> Markup:
     times = number(error["augmented"] / error["noise_floor"], 2)
     return paragraph(
         f"But the mean held-out error is {times} times the noise floor, while half of the impacts lie near it: single "
-        "impacts go wrong. Look at the samples around the worst of them."
+        "impacts go wrong. Look at the samples around the worst of them, and if these are sound, at what sets these "
+        "impacts apart."
     ) + table("Largest held-out errors", ("trial", "t (s)", "error (m/s)"), rows, numeric=(1, 2))
 
 
@@ -158,14 +174,13 @@ def ladder_text(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
         + (f" (law now {law})" if (law := new_law(critique, i)) else "")
         for i, row in enumerate(ladder.iloc[1:].itertuples(), start=1)
     ]
-    text = f"The held-out error goes from {amount(error['base'], unit)} to {listed(steps)}."
+    text = f"The held-out error is {amount(error['base'], unit)} without effects, and {listed(steps)}."
     share = error["explained_share"]
     if share is not None and share > 0.0:
         way = "all the way" if share >= 0.995 else f"{percent(share)} of the way"
         text += f" That is {way} to the noise floor of {amount(error['noise_floor'], unit)}."
     if flight:
-        before, after = number(flight["base"]), number(flight["augmented"])
-        moves = f"stays at {after}" if before == after else f"goes from {before} to {after}"
+        moves = critique.settings.change(flight["base"], flight["augmented"], 1.0)
         text += f" The misfit of the flights {moves} standard deviations of the noise, where 1 is noise alone."
     bound, put_right = error["irb_bound"], error["irb_bound_augmented"]
     if number(bound, 2) != number(put_right, 2):

@@ -112,11 +112,18 @@ def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]
         ("impacts used", f"{d['n_impacts']}", left_out),
         ("error of the base law", amount(error["base"], unit), first),
         ("error with the effects", amount(error["augmented"], unit), last),
-        ("noise floor", amount(error["noise_floor"], unit), "what a perfect model would show"),
+        ("noise floor", amount(error["noise_floor"], unit), _of_noise(error)),
     ]
     if not d["effects"]:
         del cells[2]
     if error["explained_share"] is not None and any(e["clears"] for e in d["effects"]):
-        share = percent(min(error["explained_share"], 1.0))
+        share = percent(error["explained_share"])
         cells.append(("explained", share, "of the way from base law to noise floor"))
     return cells
+
+
+def _of_noise(error: Mapping) -> str:
+    floor = error["noise_floor"]
+    if floor is not None and error["augmented"] < floor:
+        return "an upper estimate, with all that bends the flights; the model errs less"
+    return "what a perfect model would show"

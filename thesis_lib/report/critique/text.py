@@ -35,9 +35,10 @@ def data(critique: Critique, d: Mapping) -> Markup:
     first += f"{percent(share)} of the detected impacts were left out." if share else "none was left out."
     if share > MUCH_LEFT_OUT:
         first += " That is much: what is said here holds for the kind of impact that could be measured."
+    seen = "which rejected an effect but chose none" if d["rejected"] else "which no choice has seen"
     second = (
         f"Law and effects were chosen on {len(np.unique(train.trial))} trials; errors are those of the other "
-        f"{len(np.unique(held.trial))} trials ({len(held)} impacts), which no choice has seen. Section 2 alone "
+        f"{len(np.unique(held.trial))} trials ({len(held)} impacts), {seen}. Section 2 alone "
         "looks at all impacts, because a region needs many."
     )
     noise = critique.observations.found.noise
