@@ -80,7 +80,8 @@ def _xml(body: Body, contact: MujocoContact, m: MujocoCauses, gravity: float) ->
     return f"""<mujoco>
     <compiler angle="radian" inertiafromgeom="false"/>
     <option timestep="{_n(contact.dt)}" integrator="RK4" cone="elliptic" impratio="{_n(contact.impratio)}"
-        gravity="{_n(g * np.sin(m.gravity_angle), -g * np.cos(m.gravity_angle), 0.0)}" density="{_n(m.fluid_density or AIR)}"
+        gravity="{_n(g * np.sin(m.gravity_angle), -g * np.cos(m.gravity_angle), 0.0)}"
+        density="{_n(m.fluid_density or AIR)}"
         tolerance="1e-12" iterations="100" ccd_tolerance="1e-10" ccd_iterations="200" viscosity="0"/>
     <worldbody>
         {_plate(m) if not m.moving_plate else ""}
