@@ -167,10 +167,13 @@ def fit(
         best = max(fit_each(model, [(simple, t) for t in tries], 1), key=lambda fitted: fitted.score)
         tries = [best.values]
     found = max(fit_each(model, [(observations, t) for t in tries[:4]], rounds), key=lambda fitted: fitted.score)
-    tolerance = STICTION_TOLERANCE
-    if found.values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
-        # friction so sharp is Coulomb's: a step that went there too far does not come back
-        again = fit_each(model, [(observations, {**found.values, tolerance.name: tolerance.null})], rounds)[0]
+    # friction so sharp, or damped so strongly, is Coulomb's: a step that went there too far does not come back
+    tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
+    is_sharp = found.values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null
+    is_strong = found.values.get(ratio.name, ratio.null) > 2.0 * ratio.null
+    if is_sharp or is_strong:
+        back = {tolerance.name: tolerance.null} if is_sharp else {ratio.name: ratio.scale}
+        again = fit_each(model, [(observations, found.values | back)], rounds)[0]
         return max(found, again, key=lambda fitted: fitted.score)
     return found
 
