@@ -7,7 +7,7 @@ from thesis_lib.records.rows import DataFrame, Row, compared, counted, share
 from thesis_lib.statistics.wording import interval, listed, number, percent, side, times
 
 PROVEN = {  # figure and source in summary.csv of the proof: where the effect was hidden
-    ("right effect first or in the named group, laws injected, 150 drops", "law"): "with its own law injected",
+    ("one effect, named alone or in its group, laws injected, 150 drops", "law"): "with its own law injected",
     ("the same, mechanisms, 150 drops", "mechanism + drake"): "with its cause in our own integration or in Drake",
     ("both effects of a pair", "all"): "with two hidden at once, both of them",
 }
