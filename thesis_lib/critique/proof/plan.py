@@ -16,7 +16,7 @@ from thesis_lib.critique.proof.store import STORE, put_row, read_rows
 from thesis_lib.foundation.isolated import Task, run_isolated
 from thesis_lib.foundation.randomness import generator
 
-WORLDS = {"own": ("mechanism",), "MuJoCo": ("mujoco",), "Drake": ("drake_point", "drake_hydroelastic")}
+WORLDS = {"own": ("mechanism",), "MuJoCo": ("mujoco", "mujoco_usual"), "Drake": ("drake_point", "drake_hydroelastic")}
 TIMES = (1e-3, 3e-4, 3e-3)  # s, contact times
 NOTHING_HIDDEN, CAUSES, PAIRS, OUTSIDE = 60, 208, 20, 20  # datasets of each world
 
