@@ -29,7 +29,7 @@ def poses(angle: float = 0.0, curvature: float = 0.0, height: float = 0.0) -> np
 
 @pytest.mark.parametrize("angle", [-0.35, -0.026, 0.01, 0.1])
 def test_a_slope_is_told_with_its_angle_and_a_surface_that_fits(angle: float) -> None:
-    line = gap_line(SHAPE, 0.0, poses(angle))
+    line = gap_line(SHAPE, poses(angle))
     assert line is not None and line.curvature == 0.0
     assert abs(line.angle - angle) < 1e-3
     assert np.abs(line.gap(SHAPE, poses(angle))).max() < 5.0 * NOISE
@@ -38,16 +38,17 @@ def test_a_slope_is_told_with_its_angle_and_a_surface_that_fits(angle: float) ->
 
 @pytest.mark.parametrize("curvature", [-0.1, 0.1])
 def test_a_bend_is_told_with_its_radius(curvature: float) -> None:
-    line = gap_line(SHAPE, 0.0, poses(curvature=curvature))
+    line = gap_line(SHAPE, poses(curvature=curvature))
     assert line is not None and line.angle == 0.0
     assert abs(line.curvature / curvature - 1.0) < 0.1
     assert ("hollow" if curvature > 0.0 else "hump") in line.said()
+    assert np.abs(line.gap(SHAPE, poses(curvature=curvature))).max() < 5.0 * NOISE
 
 
 def test_a_level_surface_says_nothing_whatever_its_height() -> None:
-    assert gap_line(SHAPE, 0.0, poses()) is None
-    assert gap_line(SHAPE, 0.0, poses(height=0.01)) is None
-    assert gap_line(SHAPE, 0.0, poses(0.1)[:19]) is None  # too few
+    assert gap_line(SHAPE, poses()) is None
+    assert gap_line(SHAPE, poses(height=0.01)) is None
+    assert gap_line(SHAPE, poses(0.1)[:19]) is None  # too few
 
 
 def test_a_ramp_is_refused_as_a_ramp_and_a_careless_camera_is_not() -> None:

@@ -24,13 +24,15 @@ TRIMMED = 3.0  # robust standard deviations
 class GapLine:
     """How the gap changes along the surface: `angle` in rad, or `curvature` in 1/m; the one that is not told is 0.
 
-    `place` (2,) in m is a point of the surface, `share` (0 to 1) what the curve explains of the variance of the gaps.
+    `place` (2,) in m is a point of the surface, `share` (0 to 1) what the curve explains of the variance of the gaps;
+    `tangent` is the slope of a bent surface at `place`.
     """
 
     angle: float
     curvature: float
     place: tuple[float, float]
     share: float
+    tangent: float = 0.0
 
     @property
     def normal(self) -> tuple[float, float]:
@@ -38,7 +40,10 @@ class GapLine:
         return -float(np.sin(self.angle)), float(np.cos(self.angle))
 
     def gap(self, shape: Shape, q: np.ndarray) -> np.ndarray:
-        """Gap (n,) in m between the body at poses q (n, 3) and the surface that slopes."""
+        """Gap (n,) in m between the body at poses q (n, 3) and the surface that slopes or is bent."""
+        if self.curvature:
+            x = q[:, 0] + shape.contact_point(q[:, 2])[:, 0] - self.place[0]
+            return shape.gap(q[:, 1], q[:, 2], self.place[1]) - x * (self.tangent + 0.5 * self.curvature * x)
         return shape.gap((q[:, :2] - self.place) @ np.array(self.normal), q[:, 2] - self.angle)
 
     def said(self) -> str:
@@ -66,7 +71,7 @@ class GapLine:
         )
 
 
-def gap_line(shape: Shape, height: float, q: np.ndarray) -> GapLine | None:
+def gap_line(shape: Shape, q: np.ndarray) -> GapLine | None:
     """What the gaps at impact say of the surface, from poses q (n, 3) in m and rad; None if it looks level and flat."""
     if len(q) < LEAST:
         return None
@@ -83,7 +88,7 @@ def gap_line(shape: Shape, height: float, q: np.ndarray) -> GapLine | None:
     assert line is not None
     bent = _fitted(x, y, 2)
     if bent.clear and bent.rest < 0.6 * line.rest and bent.spread > MATTERS * bent.rest:
-        return GapLine(0.0, 2.0 * bent.slope, (float(np.mean(x)), height), bent.share)
+        return GapLine(0.0, 2.0 * bent.slope, (bent.middle, bent.level), bent.share, bent.tangent)
     if line.clear and line.spread > MATTERS * line.rest:
         middle = float(np.mean(x))
         return GapLine(angle, 0.0, (middle, line.level + line.slope * (middle - line.middle)), line.share)
@@ -92,10 +97,11 @@ def gap_line(shape: Shape, height: float, q: np.ndarray) -> GapLine | None:
 
 @dataclass(frozen=True)
 class _Curve:
-    """A polynomial through points: its last coefficient, its value in the middle of x, and how it compares."""
+    """A polynomial through points: its last coefficient, value and slope in the middle of x, and how it compares."""
 
     slope: float
     level: float
+    tangent: float
     middle: float
     clear: bool
     spread: float
@@ -116,4 +122,13 @@ def _fitted(x: np.ndarray, y: np.ndarray, degree: int) -> _Curve:
     error = max(rest, 1e-12) * np.sqrt(np.linalg.pinv(A[kept].T @ A[kept])[-1, -1])
     of_last = A[kept, -1] * c[-1]
     share = 1.0 - float(np.var(y[kept] - A[kept] @ c)) / max(float(np.var(y[kept])), 1e-24)
-    return _Curve(float(c[-1]), float(c[0]), middle, abs(c[-1]) > CLEARLY * error, float(np.std(of_last)), rest, share)
+    return _Curve(
+        float(c[-1]),
+        float(c[0]),
+        float(c[1]),
+        middle,
+        abs(c[-1]) > CLEARLY * error,
+        float(np.std(of_last)),
+        rest,
+        share,
+    )

@@ -85,7 +85,7 @@ def contradictions(shape: Shape, height: float, q: np.ndarray) -> list[Problem]:
     ratio = float(np.median(centre / reach))
     if 1.0 / GROSS_SIZE < ratio < GROSS_SIZE:
         return []
-    line = gap_line(shape, height, q)
+    line = gap_line(shape, q)
     if line is not None and line.angle:
         # a critique finds a small angle by itself
         steep = abs(line.angle) > STEEP

@@ -197,7 +197,7 @@ def find_in_arrays(
     soft, down, line = None, None, None
     if falls:
         shape, height = header.body.shape, header.surface.height
-        line = None if step else gap_line(shape, height, fits.q[used])
+        line = None if step else gap_line(shape, fits.q[used])
         gap = shape.gap(samples.q[:, 1], samples.q[:, 2], height) if line is None else line.gap(shape, samples.q)
         soft = lasting_contacts(samples, gap, noise.used[1], header.gravity)
         bounced = contact_measures(impacts)
