@@ -1,4 +1,8 @@
-"""Covariance of fitted parameters that does not trust the noise that was assumed: the sandwich of an M-estimator."""
+"""Covariance of fitted parameters that trusts neither the noise nor the model: the sandwich of an M-estimator.
+
+Impacts of one trial share what the model misses (the same side of the body, the same place, the same spin), so that the
+trials, and not the impacts, are what is independent.
+"""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -16,36 +20,59 @@ LEAST_CURVATURE = 0.1
 def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray) -> np.ndarray:
     """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator, from slopes over `step` (p,).
 
-    With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals,
+    With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals z,
 
         H⁻¹ B H⁻¹,   H = Σ a JᵀJ,  a = ⟨w + 2 w' d²/m⟩,   B = Σ b JᵀJ,  b = ⟨w² d²/m⟩
 
     summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals this is 1.02 times the Cramér-Rao
-    bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.
+    bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.  A standard error is widened where
+
+        H⁻¹ B_n H⁻¹,   B_n = n/(n − 1) Σ_k g_k g_kᵀ,   g_k = Σ w Jᵀz over the impacts and flights of trial k
+
+    of the n trials says more (Liang and Zeger 1986, doi:10.1093/biomet/73.1.13).
     """
-    free = whitening.model.fitted_parameters
+    free, o = whitening.model.fitted_parameters, whitening.observations
     steps = [inward(p, values[name], h) for h, (name, p) in zip(step.tolist(), free.items())]
     others = [-h if p.low <= values[name] - h <= p.high else h for h, (name, p) in zip(steps, free.items())]
     points = [{**values, name: values[name] + h} for side in (steps, others) for name, h in zip(free, side)]
     here, *moved = whitening.many([values, *points])
-    secants = [[(m[part] - here[part]).ravel() / h for m, h in zip(moved, steps + others)] for part in (0, 1)]
+    secants = [[(m[part] - here[part]) / h for m, h in zip(moved, steps + others)] for part in (0, 1)]
     columns = [[_lesser(*pair) for pair in zip(part, part[len(free) :])] for part in secants]
-    H, B = np.zeros((2, len(free), len(free)))
-    for part, z in zip(columns, here):
+    trials, of_trial = np.unique(np.concatenate([o.trial, o.flights.state.trial]), return_inverse=True)
+    H, B, own = np.zeros((3, len(free), len(free)))
+    scores = np.zeros((len(trials), len(free)))
+    for part, z, rows in zip(columns, here, np.split(of_trial, [len(o)])):
         if not len(z):
             continue
-        J, m = np.stack(part, axis=1), z.shape[1]
-        normal = _of_normal(m)
-        measured = _curvature_and_variance(np.einsum("nm,nm->n", z, z), m)
-        a, b = max(measured, normal, key=lambda pair: pair[1] / pair[0] ** 2)
-        information = J.T @ J
+        J, m = np.stack(part, axis=2), z.shape[1]
+        d2 = np.einsum("nm,nm->n", z, z)
+        w, Jz = (NU + m) / (NU + d2), np.einsum("nmp,nm->np", J, z)
+        a, b = max(_curvature_and_variance(d2, m), _of_normal(m), key=lambda pair: pair[1] / pair[0] ** 2)
+        information = np.einsum("nmp,nmq->pq", J, J)
         H += a * information
         B += b * information
+        own += np.einsum("n,nmp,nmq->pq", w, J, J) - np.einsum("n,np,nq->pq", 2.0 * w / (NU + d2), Jz, Jz)
+        np.add.at(scores, rows, w[:, None] * Jz)
     # scaled by the information of each parameter, so that units do not matter
     unit = np.sqrt(np.diag(H))
     unit = np.outer(unit, unit) + (unit == 0.0) + (unit == 0.0)[:, None]
     inverse = np.linalg.pinv(H / unit, hermitian=True) / unit
-    return inverse @ B @ inverse
+    assumed = inverse @ B @ inverse
+    by_trial = scores @ (_inverse_above(own / unit, LEAST_CURVATURE * H / unit) / unit)
+    seen = (by_trial**2).sum(axis=0) * len(trials) / max(len(trials) - 1, 1)
+    std = np.sqrt(np.diag(assumed))
+    wider = np.sqrt(np.maximum(seen, std**2)) / np.where(std > 0.0, std, 1.0)
+    return assumed * np.outer(wider, wider)
+
+
+def _inverse_above(H: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """Inverse of the symmetric H, none of whose curvatures counts as less than that of `least`; both (p, p)."""
+    values, axes = np.linalg.eigh(least)
+    kept = values > values.max(initial=0.0) * 1e-12
+    root = axes[:, kept] / np.sqrt(values[kept])
+    curvature, turned = np.linalg.eigh(root.T @ H @ root)
+    root = root @ turned
+    return (root / np.maximum(curvature, 1.0)) @ root.T
 
 
 def _lesser(one: np.ndarray, other: np.ndarray) -> np.ndarray:
