@@ -14,7 +14,7 @@ import numpy as np
 
 from thesis_lib.contact import mirtich
 from thesis_lib.critique.drops.bounds import Bound, doubtful, profiled, slip_is_known
-from thesis_lib.critique.drops.contact_time import DAMPING_RATIO, STICTION_TOLERANCE
+from thesis_lib.critique.drops.contact_time import CONTACT_TIME, DAMPING_RATIO, STICTION_TOLERANCE
 from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.drops.model import Model, inward
@@ -31,6 +31,9 @@ BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `S
 FAR = 3.0  # scales from the null; no fit of an integrated contact comes back from there, that of an impulse law does
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
+# of an effect's size, one sigma: what a model of a contact that takes time errs by, and no scatter shows.  Of 441
+# parameters in drops of MuJoCo, Drake and our own simulator 81 % lay in their intervals without it, and 94 % with it
+OF_MODEL = 0.01
 FLAT = 3.0  # nats; friction that gains less over one at which every contact sticks is known from below only
 
 
@@ -70,9 +73,17 @@ class Fit:
 
     @cached_property
     def std(self) -> dict[str, float]:
-        """Standard errors by full parameter name; 0 of what is on or off, NaN where there is only a bound."""
+        """Standard errors by full parameter name; 0 of what is on or off, NaN where there is only a bound.
+
+        They count noise, what the model misses from trial to trial (`sandwich`), and `OF_MODEL`.
+        """
         errors = {name: np.nan if isinstance(said, Bound) else said for name, said in self._profiles.items()}
-        return self._curvatures | errors
+        scatter = self._curvatures | errors
+        if self.values.get(CONTACT_TIME.name, 0.0) > BRIEF:
+            for name, p in self.model.fitted_parameters.items():
+                if "." in name and not p.along:
+                    scatter[name] = float(np.hypot(scatter[name], OF_MODEL * (self.values[name] - p.null)))
+        return scatter
 
     @property
     def bounds(self) -> dict[str, Bound]:
