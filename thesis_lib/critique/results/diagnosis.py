@@ -14,6 +14,9 @@
 |                 | fails               | null, or the test it fails: chance, immaterial, spoils (another error)      |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
 |                 | stand_in            | null, or why it is no cause: see `drops/stand_ins.py`                       |
+|                 | could_be            | null, or `causes` beside it: for gravity the error of `clock` and `scale`   |
+|                 |                     | (relative) and the true `rate` in Hz; for a size from which k was computed, |
+|                 |                     | `size` (true over believed), `radius` in m, effects that it `explains` too  |
 |                 | additions           | effects and laws that are not the library's, used or not, with their origin |
 | rejected        |                     | effects found on training trials with which a held-out error rises: `rises` |
 |                 |                     | has its two ends by channel; `others` were found after it                   |
@@ -46,6 +49,7 @@ from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
 from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material, spoilt_channels
+from thesis_lib.critique.results.clock_and_size import could_be
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
 from thesis_lib.critique.selection.discovery import Rejected
@@ -97,6 +101,9 @@ def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame 
         "detectable": detectable(critique),
         "next_experiment": next_experiment(critique, rng),
     }
+    header = None if critique.source is None else critique.source.header
+    for effect in content["effects"]:
+        effect["could_be"] = could_be(effect["name"], content["effects"], header)
     if (low_pass := found.low_pass) is not None:
         content["low_pass"] = low_pass.content()
     if remarks := found.remarks:

@@ -19,6 +19,7 @@ from thesis_lib.critique.drops.words import (
     feature_text,
     reasons_listed,
 )
+from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.datasets.impacts.parabolas import bent_sentence
 from thesis_lib.effects import EFFECTS
@@ -41,6 +42,7 @@ def summary(content: Mapping) -> list[str]:
     verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]]
     first, *rest = verdict(content, clearing, faults, by_hand)
     more = [*map(stands_in, [e for e in clearing if e["stand_in"]])]
+    more += said([e for e in clearing if not e["stand_in"]])
     more += [*map(at_its_end, filter(is_at_end, clearing)), *map(rejected, content["rejected"])]
     more += [*_friction(content), *_contact_time(content), *_by_hand(content, clearing, by_hand)]
     rest = [*above_noise(content), *rest, *search_ended(content["search"], "critique.settings")]

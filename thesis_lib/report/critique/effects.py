@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
+from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
 from thesis_lib.critique.results.summary import (
     above_noise,
@@ -73,7 +74,7 @@ def _effect(effect: Mapping) -> Markup:
     if effect.get("stand_in"):
         return paragraph(stands_in(effect), _effect_sentence(effect), _shown_by(effect))
     end = at_its_end(effect) if is_at_end(effect) else ""
-    return paragraph(_effect_sentence(effect), _doubt(effect), _shown_by(effect), end)
+    return paragraph(_effect_sentence(effect), _doubt(effect), *said([effect]), _shown_by(effect), end)
 
 
 def _shown_by(effect: Mapping) -> str:

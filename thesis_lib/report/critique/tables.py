@@ -97,9 +97,18 @@ def effects_table(d: Mapping) -> Markup:
         origin = [one for one in d.get("additions", ()) if (one["kind"], one["name"]) == ("effect", e["name"])]
         title += f" (from {origin_text(origin[0])})" if origin else ""
         gain = f"{number(e['gain']['held_out_log_score_per_impact'])} {interval(*e['gain']['interval'])}"
-        others = alternatives_listed([effect_title(name) for name in e["indistinguishable_from"]]) or "–"
+        others = [*map(effect_title, e["indistinguishable_from"]), *(e.get("could_be") or {}).get("causes", ())]
         size = "; ".join([*sizes(e), *filter(None, [counted_from(e["name"], d.get("reference", {}), e["parameters"])])])
-        rows.append((title, _family(e["family"]), size, gain, number(e["gain"]["p_value"], 2), others))
+        rows.append(
+            (
+                title,
+                _family(e["family"]),
+                size,
+                gain,
+                number(e["gain"]["p_value"], 2),
+                alternatives_listed(others) or "–",
+            )
+        )
     columns = ("effect", "family", "size [95 % interval]", "gain (nats an impact)", "p", "could also be")
     return table("Effects in the order in which they were selected", columns, rows, numeric=(3, 4))
 
