@@ -58,6 +58,9 @@ def test_an_equal_gain_by_luck_makes_no_alternative():
     found = scan(Slopes(z, np.ones((POINTS, 1)), columns, unit_noise=True), DRAWS, np.random.default_rng(0))
     assert found.gain["even"] == pytest.approx(found.gain["odd"], rel=0.05)
     assert found.cosine("even", "odd") < 0.05 and found.expected_loss("even", "odd") > 10.0 * TELL_APART
+    for other in ("odd", "like_even"):
+        loss = found.gain["even"] * (1.0 - found.cosine("even", other) ** 2)
+        assert found.expected_loss("even", other) == pytest.approx(loss)
     world = SimpleNamespace(trials=np.arange(10), includes=lambda candidate, other: False)
     evidence = Evidence(world, SearchSettings(), np.random.default_rng(0))
     equal = dict.fromkeys(columns, found.gain["even"])
