@@ -7,7 +7,8 @@ import pytest
 
 from thesis_lib.critique.selection import search as search_module
 from thesis_lib.critique.selection.discovery import judge_held_out
-from thesis_lib.critique.selection.scan import orthonormal
+from thesis_lib.critique.selection.evidence import REFITS, Evidence
+from thesis_lib.critique.selection.scan import orthonormal, scan
 from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Slopes, World
@@ -15,6 +16,7 @@ from thesis_lib.critique.selection.world import Slopes, World
 TRIALS, POINTS = 20, 15
 IDLE = 7  # columns of a bundle without use
 SIZE = 1.0  # of what is injected, in units of the noise
+SIGMAS = 4.0
 
 
 @dataclass(frozen=True)
@@ -326,6 +328,34 @@ def test_a_further_candidate_shifts_no_draw_of_another(monkeypatch):
     monkeypatch.setattr(few, "candidates", {name: Curve(name) for name in ("square", "wave")})
     one, other = found(few).steps[0], found(many).steps[0]
     assert one.effect == other.effect and one.gain == other.gain
+
+
+class Counted(Line):
+    """Each nat of the linear fit counts `times`, and so refits gain as many times what the score test predicts."""
+
+    times = 1.0
+
+    def fit(self, base, effects, start=None, effort="full") -> Fitted:
+        fitted = super().fit(base, effects, start, effort)
+        return replace(fitted, score=self.times * fitted.score)
+
+    def drawn(self, fitted: Fitted, rng: np.random.Generator) -> "Counted":
+        drawn = Counted(self.trial, self.x, self.y - self.residual(fitted) + rng.standard_normal(len(self.x)))
+        drawn.times = self.times
+        return drawn
+
+
+@pytest.mark.parametrize(("name", "columns"), [("square", 1), ("bundle", 1 + IDLE)])
+@pytest.mark.parametrize(("times", "stretch"), [(2.0, 2.0), (0.5, 1.0)])
+def test_the_null_is_stretched_as_refits_gain_more_than_the_score_test_predicts(name, columns, times, stretch):
+    plain = line(5)
+    world = Counted(plain.trial, plain.x, plain.y)
+    world.times = times
+    fitted, effect, rng = world.fit("line", ()), Curve(name), np.random.default_rng(0)
+    evidence = Evidence(world, SearchSettings(), rng)
+    found = evidence.stretch_of_null(fitted, effect, scan(world.slopes(fitted, [effect]), 99, rng), "refits")
+    # a gain is half of chi² with a degree of freedom for each column, and its mean that of REFITS
+    assert found == pytest.approx(stretch, rel=SIGMAS * np.sqrt(2.0 / (columns * REFITS)))
 
 
 def test_the_split_keeps_two_trials_on_either_side():
