@@ -329,8 +329,8 @@ def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights
         # the parabola averages x'' with the weight (1 − (2τ/T)²)²
         predicted = 0.0
         for node, weight in zip(*_PARABOLA):
-            tau = 0.5 * node * span
-            later = state.with_velocity(speed + tau * first + 0.5 * tau**2 * jerk)
+            h = 0.5 * node * span
+            later = state.with_velocity(speed + h * first + 0.5 * h**2 * jerk)
             predicted = predicted + weight * model.acceleration(later, values, rig)
     beyond = model.arc(tau, state, values, rig)
     if beyond is not None:
