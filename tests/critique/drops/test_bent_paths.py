@@ -87,3 +87,17 @@ def test_a_flight_has_the_acceleration_of_the_parabola_through_its_bent_path(nam
     np.testing.assert_allclose(left[:, :2], 0.0, atol=NEAR_FALL)
     fall = Model(LAWS["mirtich"])
     assert np.abs(flight_residuals(fall, {}, flights, RIG))[:, :2].max() > 20.0 * NEAR_FALL
+
+
+def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_origin_on_a_circle() -> None:
+    c_x, c_y = 1e-3, -2e-3
+    model, values = Model(LAWS["mirtich"], (EFFECTS["com_offset"],)), {"com_offset.c_x": c_x, "com_offset.c_y": c_y}
+    tau, centre = np.linspace(-0.5 * FLIGHT, 0.5 * FLIGHT, 76), states(0.3, falling=0.0)
+    q = centre.q[:, None] + centre.v[:, None] * tau[:, None] + 0.5 * RIG.fall(centre.x)[:, None] * tau[:, None] ** 2
+    lever = (c_x + 1j * c_y) * np.exp(1j * q[..., 2])  # from the origin to the centre
+    path_of_origin = q - np.stack([lever.real, lever.imag, np.zeros_like(lever.real)], axis=-1)
+    fits = np.stack([np.polyfit(tau, path, 2) for path in path_of_origin])
+    state = State.of(fits[:, 2], fits[:, 1], centre.trial, centre.t)
+    flights = Flights(state, 2.0 * fits[:, 0], np.ones((N, 3)), np.full(N, FLIGHT))
+    np.testing.assert_allclose(flight_residuals(model, values, flights, RIG)[:, :2], 0.0, atol=NEAR_FALL)
+    assert np.abs(flight_residuals(Model(LAWS["mirtich"]), {}, flights, RIG)).max() > 20.0 * NEAR_FALL
