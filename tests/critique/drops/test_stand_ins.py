@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ from hidden_effects import injected_impacts
 
 from thesis_lib.bodies.body import Body, Uncertainty
 from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.critique.drops.bounds import Bound
 from thesis_lib.critique.drops.criticise import Critique, criticise
-from thesis_lib.critique.drops.stand_ins import CONTRADICTS
+from thesis_lib.critique.drops.stand_ins import CONTRADICTS, stand_ins
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Parameter
@@ -133,3 +135,22 @@ def test_what_effects_deny_can_be_stated():
     swung = UNSTATED.model_copy(update={"uncertainty": Uncertainty(inertia=0.03, mass=0.04)})
     assert swung.known("inertia") == pytest.approx(0.05) and swung.known("centre of mass") is None
     assert UNSTATED.known("inertia") is None
+
+
+@pytest.mark.parametrize(
+    ("bound", "errors"),
+    [
+        (Bound("lower", 0.1), 0.1 / SURE),
+        (Bound("upper", -0.2), 0.2 / SURE),
+        (Bound("lower", -0.2), None),
+        (Bound("upper", 0.1), None),
+        (Bound("lower", 0.5 * CONTRADICTS * SURE), None),
+    ],
+    ids=["above", "below", "at least less", "at most more", "hardly above"],
+)
+def test_a_bound_contradicts_what_was_measured_only_if_it_excludes_it(bound, errors):
+    name = "wrong_inertia.d_I"
+    fitted = SimpleNamespace(values={name: 2.0}, std={name: np.nan}, bounds={name: bound})
+    step = SimpleNamespace(effect=EFFECTS["wrong_inertia"], alternatives=())
+    found = stand_ins(stated(SURE), [step], fitted)
+    assert (found["wrong_inertia"].standard_errors if found else None) == (errors and pytest.approx(errors))

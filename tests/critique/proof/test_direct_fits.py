@@ -1,6 +1,7 @@
 """Models that are fitted directly: rows of one series, the store, and the documents that hold the table."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -65,3 +66,16 @@ def test_all_series_are_stored():
 def test_the_command_prints_the_table(capsys):
     assert direct_fits.main(["table"]) == 0
     assert capsys.readouterr().out.splitlines() == table()
+
+
+def test_a_bound_is_stored_as_one_and_has_no_standard_error(tmp_path):
+    told = {
+        "mu": {"value": 0.058, "std": None, "unit": "1", "bound": "lower", "range": [0.0, 2.0]},
+        "epsilon": {"value": 0.5, "std": 0.01, "unit": "1"},
+    }
+    fitted = SimpleNamespace(model=SimpleNamespace(fitted_parameters=told), content=told.__getitem__)
+    stored = direct_fits.told_parameters(fitted)
+    assert stored == ["mu at least 0.058", "epsilon 0.500 ± 0.010"]
+    path = tmp_path / "stored.csv"
+    pd.DataFrame([{"drops": "square", "model": "mirtich", "parameters": "; ".join(stored)}]).to_csv(path)
+    assert direct_fits.parameters(path)[["name", "value", "std"]].to_numpy().tolist() == [["epsilon", 0.5, 0.01]]

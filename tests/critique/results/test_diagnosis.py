@@ -408,6 +408,10 @@ def test_no_model_to_use_where_something_is_left_or_an_effect_is_at_an_end_of_it
     text = " ".join(summary(sound))
     assert "Use model.json" in text and "Contacts last about" in text
     e_t = {"value": 0.9, "std": None, "unit": "1", "bound": "lower", "used": 1.0, "range": [0.0, 1.0]}
+    clock = {"causes": ["clock", "scale"], "gravity": 10.23, "clock": -0.0208, "scale": 0.0429}
+    clock |= {"rate": 235.0, "believed_rate": 240.0}
+    text = " ".join(summary({**sound, "effects": [{**told["effects"][0], "name": "wrong_gravity", "could_be": clock}]}))
+    assert "frames taken at 235 Hz" in text and "Use model.json" not in text
     at_end = {**sound, "effects": [{**told["effects"][0], "parameters": {"e_t": e_t}}]}
     left = {**sound, "remaining": {**told["remaining"], "significant": True, "p_value": 0.005}}
     for content, why in ((at_end, "is at an end of its range (e_t at least 0.90)"), (left, "(p = 0.005)")):

@@ -7,7 +7,8 @@ drop (`Body.known`), an effect that denies this by
 
 standard errors, N > `CONTRADICTS`, is not the cause, however well it predicts.  If the data cannot tell it from an
 effect that denies nothing, that one may be the cause.  Otherwise the cause has no name, and the verdict is
-`unexplained`.
+`unexplained`.  Of a parameter that the drops only bound, p_i is the bound, with σ_i = 0, if it excludes the null, and
+the null if it does not.
 """
 
 from collections.abc import Sequence
@@ -39,11 +40,20 @@ def stand_ins(body: Body, steps: Sequence[Step], fitted: Fit) -> dict[str, Stand
         effect, known = step.effect, body.known(step.effect.denies)
         if known is None:
             continue
-        names = [(f"{effect.name}.{p.name}", p.null) for p in effect.parameters]
-        off = [(fitted.values[name] - null) / np.hypot(fitted.std[name], known) for name, null in names]
-        errors = float(np.linalg.norm(off))
+        errors = float(
+            np.linalg.norm([_off(fitted, f"{effect.name}.{p.name}", p.null, known) for p in effect.parameters])
+        )
         if errors > CONTRADICTS:
             others = [name for name in step.alternatives if name in EFFECTS]
             instead = tuple(name for name in others if body.known(EFFECTS[name].denies) is None)
             found[effect.name] = StandIn(effect.denies, errors, instead)
     return found
+
+
+def _off(fitted: Fit, name: str, null: float, known: float) -> float:
+    """Standard errors between a parameter and its null, `known` the standard uncertainty of the null."""
+    bound = fitted.bounds.get(name)
+    if bound is None:
+        return (fitted.values[name] - null) / np.hypot(fitted.std[name], known)
+    beyond = bound.value - null if bound.kind == "lower" else null - bound.value
+    return max(beyond, 0.0) / known

@@ -47,7 +47,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, stamp
-from thesis_lib.statistics.wording import number
+from thesis_lib.statistics.wording import bounded, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -166,13 +166,16 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
         | {"model": model, "gain": fitted.score - fits[0].score}
         | _errors(fitted, judged)
         | (_floor(fitted, judged) if series.is_measured else {})
-        | {"parameters": "; ".join(f"{key} {number(x)} ± {number(fitted.std[key], 2)}" for key, x in _free(fitted))}
+        | {"parameters": "; ".join(told_parameters(fitted))}
         for model, fitted in zip(series.models, fits)
     ]
 
 
-def _free(fitted: Fit) -> list[tuple[str, float]]:
-    return [(name, fitted.values[name]) for name in fitted.model.fitted_parameters]
+def told_parameters(fitted: Fit) -> list[str]:
+    """Each fitted parameter with its standard error, or the bound that is all the drops give."""
+    told = {key: fitted.content(key) for key in fitted.model.fitted_parameters}
+    sizes = [bounded(p) if "bound" in p else f"{number(p['value'])} ± {number(p['std'], 2)}" for p in told.values()]
+    return [f"{key} {size}" for key, size in zip(told, sizes)]
 
 
 def _errors(fitted: Fit, o: Observations) -> dict[str, float]:
@@ -194,14 +197,14 @@ def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:
 
 
 def parameters(path: Path = STORE) -> "pd.DataFrame":
-    """The stored parameters, a row each: drops, model, name, value, std."""
+    """The stored parameters without those that are only bounded, a row each: drops, model, name, value, std."""
     import pandas as pd
 
     plain = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
     rows = [
         (one["drops"], one["model"], name, *(float(x.translate(plain).replace("·10", "e")) for x in (value, std)))
         for _, one in pd.read_csv(path).iterrows()
-        for name, value, _, std in (text.split() for text in one["parameters"].split("; "))
+        for name, value, _, std in (text.split() for text in one["parameters"].split("; ") if "±" in text)
     ]
     return pd.DataFrame(rows, columns=["drops", "model", "name", "value", "std"])
 

@@ -188,6 +188,8 @@ def _effects(content: Mapping, found: Sequence, faults: Sequence, by_hand: Seque
             left += f"(p = {rest['p_value']:.2g}), though by too little to matter."
             first_of_all = "Try model.json on drops of your own before you use it for predictions."
             return [first, *[left] * rest["significant"], first_of_all]
+        if any((e.get("could_be") or {}).get("causes") for e in found):
+            return [first, "Find out which of its causes it is before you use model.json for predictions."]
         return [first, "Use model.json, which holds all of this, for predictions."]
     if content["next_experiment"]["states"]:
         return [first, "To tell the named candidates apart, measure at the states listed under the next experiment."]
