@@ -92,9 +92,13 @@ def is_at_end(effect: Mapping) -> bool:
 
 
 def _is_sound(content: Mapping) -> bool:
-    """Whether nothing that is left speaks against the numbers of the final model."""
-    rest = content["remaining"]
-    return not (rest["structured"] or rest.get("significant") or any(map(is_at_end, content["effects"])))
+    """Whether nothing that is left speaks against the numbers of the final model.
+
+    What is left in a law alone is significant now and then, and too small to matter; beside effects it may be theirs.
+    """
+    rest, effects = content["remaining"], content["effects"]
+    doubtful = rest.get("significant") and bool(effects)
+    return not (rest["structured"] or doubtful or any(map(is_at_end, effects)))
 
 
 def stands_in(effect: Mapping) -> str:

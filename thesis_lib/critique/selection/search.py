@@ -269,6 +269,7 @@ class _Search(Generic[E, F, J]):
             names += [best_slope] * (best_slope not in names)
         bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
         near = {name: world.fit(bases[name], quick[name].effects, quick[name].values, "near") for name in names}
+        near |= self.simpler_fits(near)
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
         gains |= {name: fit.score - best.score for name, fit in near.items()}
@@ -294,6 +295,16 @@ class _Search(Generic[E, F, J]):
                 others = self.evidence.alternatives(name, gains, tests)
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
         return None, below, unasked
+
+    def simpler_fits(self, near: Mapping[str, F]) -> dict[str, F]:
+        """Fits with effects that another one is at some of its parameters, from where that one ends, if better."""
+        better = {}
+        for name, other in ((name, other) for name in near for other in near if self.world.includes(name, other)):
+            wider, own = near[name], near[other]
+            again = self.world.fit(wider.base, own.effects, wider.values)
+            if again.score > max(own.score, better[other].score if other in better else -np.inf):
+                better[other] = again
+        return better
 
     def is_simpler_as_good(self, name: str, near: Mapping[str, F]) -> bool:
         """Whether an effect that this one is at some of its parameters fits as well."""
