@@ -61,15 +61,19 @@ class Fit:
         return self.whitening.sigma_m
 
     @cached_property
-    def covariance(self) -> np.ndarray:
-        """(p, p) of the fitted parameters in their order."""
+    def _sandwich(self) -> tuple[np.ndarray, np.ndarray]:
         free = self.model.fitted_parameters
         least = np.array([SLOPE_STEP * p.scale for p in free.values()])
         found = sandwich(self.whitening, self.values, least)
         if not self.model.is_compliant:
             return found
         # jumps of episodes count the less the wider the step
-        return sandwich(self.whitening, self.values, np.fmax(np.sqrt(np.diag(found)), least))
+        return sandwich(self.whitening, self.values, np.fmax(np.sqrt(np.diag(found[0])), least))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(p, p) of the fitted parameters in their order, from the scatter of impacts; `std` counts more."""
+        return self._sandwich[0]
 
     @cached_property
     def std(self) -> dict[str, float]:
@@ -92,7 +96,7 @@ class Fit:
 
     @cached_property
     def _curvatures(self) -> dict[str, float]:
-        errors = np.sqrt(np.diag(self.covariance)).tolist()
+        errors = self._sandwich[1].tolist()
         return dict.fromkeys(self.values, 0.0) | dict(zip(self.model.fitted_parameters, errors))
 
     @cached_property

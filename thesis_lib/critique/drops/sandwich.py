@@ -17,15 +17,18 @@ from thesis_lib.statistics.tails import chi_square_quantile
 LEAST_CURVATURE = 0.1
 
 
-def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray) -> np.ndarray:
-    """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator, from slopes over `step` (p,).
+def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sandwich covariance (p, p) of the fitted parameters, as of an M-estimator, and standard errors (p,) by trial.
+
+    Both are from slopes over `step` (p,).
 
     With weights w = (ν + m)/(ν + d²) of the likelihood's gradient and J the Jacobian of the whitened residuals z,
 
         H⁻¹ B H⁻¹,   H = Σ a JᵀJ,  a = ⟨w + 2 w' d²/m⟩,   B = Σ b JᵀJ,  b = ⟨w² d²/m⟩
 
     summed over impacts and flights, with the mean ⟨⟩ over each.  For normal residuals this is 1.02 times the Cramér-Rao
-    bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.  A standard error is widened where
+    bound.  Residuals larger than S predicts widen it; smaller ones do not narrow it.  The standard errors are the roots
+    of its diagonal, or larger where
 
         H⁻¹ B_n H⁻¹,   B_n = n/(n − 1) Σ_k g_k g_kᵀ,   g_k = Σ w Jᵀz over the impacts and flights of trial k
 
@@ -60,9 +63,7 @@ def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray
     assumed = inverse @ B @ inverse
     by_trial = scores @ (_inverse_above(own / unit, LEAST_CURVATURE * H / unit) / unit)
     seen = (by_trial**2).sum(axis=0) * len(trials) / max(len(trials) - 1, 1)
-    std = np.sqrt(np.diag(assumed))
-    wider = np.sqrt(np.maximum(seen, std**2)) / np.where(std > 0.0, std, 1.0)
-    return assumed * np.outer(wider, wider)
+    return assumed, np.sqrt(np.maximum(seen, np.diag(assumed)))
 
 
 def _inverse_above(H: np.ndarray, least: np.ndarray) -> np.ndarray:
