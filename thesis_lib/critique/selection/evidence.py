@@ -56,7 +56,7 @@ class Evidence(Generic[E, F, J]):
         return None if self.world.is_material(better, worse, effect, self.settings) else "immaterial"
 
     def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, dict[str, J]]]:
-        """Each of `names` with the judgements by K-fold of its part, the best first: those close to the best; others."""
+        """Each of `names` with the judgements by K-fold of its part, the best first: first those close to the best."""
         top = near[names[0]].score if names else 0.0
         for is_close in (True, False):
             part = [name for name in names if (near[name].score > top - CLOSE) == is_close]
