@@ -64,6 +64,22 @@ def test_an_equal_gain_by_luck_makes_no_alternative():
     world = SimpleNamespace(trials=np.arange(10), includes=lambda candidate, other: False)
     evidence = Evidence(world, SearchSettings(), np.random.default_rng(0))
     equal = dict.fromkeys(columns, found.gain["even"])
-    assert evidence.alternatives("even", equal, found) == ("like_even",)
+    assert evidence.alternatives("even", equal, found, {}) == ("like_even",)
     # nor does a likeness of columns, where the data say otherwise
-    assert evidence.alternatives("even", equal | {"like_even": equal["even"] - 2.0 * TELL_APART}, found) == ()
+    assert evidence.alternatives("even", equal | {"like_even": equal["even"] - 2.0 * TELL_APART}, found, {}) == ()
+
+
+def test_an_effect_is_an_alternative_within_the_scatter_of_the_difference_by_trial():
+    loss, trials = 2.0 * TELL_APART, np.arange(16)
+    found = Scan({"a": 90.0, "b": 90.0}, np.zeros(1), dict.fromkeys("ab", np.ones((1, 1))), {"a": np.zeros(1)}, {})
+    world = SimpleNamespace(trials=trials, includes=lambda candidate, other: False)
+    evidence = Evidence(world, SearchSettings(), np.random.default_rng(0))
+
+    def alternatives(spread: float) -> tuple[str, ...]:
+        by_trial = {"a": np.zeros(16), "b": -loss / 16 + spread * (-1.0) ** trials}
+        judgements = {name: SimpleNamespace(trials=trials, by_trial=by.take) for name, by in by_trial.items()}
+        return evidence.alternatives("a", {"a": loss, "b": 0.0}, found, judgements)
+
+    # two standard errors of a sum over 16 trials are 8 times the spread
+    assert alternatives(0.0) == alternatives(loss / 10.0) == ()
+    assert alternatives(loss / 7.0) == ("b",)

@@ -300,6 +300,16 @@ def test_collinear_candidates_are_not_told_apart():
     assert step.scan.expected_loss("wave", "twin_of_wave") < 1e-6 < 3.0 < step.scan.expected_loss("wave", "square")
 
 
+def test_candidates_whose_scores_scatter_by_trial_are_not_told_apart(monkeypatch):
+    monkeypatch.delitem(SHAPES, "twin_of_wave")
+    monkeypatch.setitem(SHAPES, "like_wave", lambda x: np.sin(4.0 * x) + 0.14 * np.sin(9.0 * x))
+    world = line(6, wave=2.0 * SIZE)
+    noise = 2.0 * np.random.default_rng(7).standard_normal(len(world.x))  # that the model does not know of
+    step = found(Line(world.trial, world.x, world.y + noise)).steps[0]
+    assert {step.effect.name, *step.alternatives} == {"wave", "like_wave"}
+    assert step.scan.expected_loss("wave", "like_wave") > SearchSettings().tell_apart
+
+
 def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials():
     world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
     training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))

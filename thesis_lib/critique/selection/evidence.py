@@ -12,7 +12,7 @@ import numpy as np
 from thesis_lib.critique.selection.discovery import Failure, Step, paired_gain
 from thesis_lib.critique.selection.scan import Scan, scan
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import E, F, J, Slopes, World
+from thesis_lib.critique.selection.world import E, F, J, Judgement, Slopes, World
 from thesis_lib.foundation.randomness import generator
 
 CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
@@ -55,13 +55,13 @@ class Evidence(Generic[E, F, J]):
             return "spoils"
         return None if self.world.is_material(better, worse, effect, self.settings) else "immaterial"
 
-    def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, J]]:
-        """Fits `names`, the best first, with their judgements by K-fold: those close to the best, then the others."""
+    def judged_in_turn(self, near: Mapping[str, F], names: Sequence[str]) -> Iterator[tuple[str, dict[str, J]]]:
+        """Each of `names` with the judgements by K-fold of its part, the best first: first those close to the best."""
         top = near[names[0]].score if names else 0.0
         for is_close in (True, False):
             part = [name for name in names if (near[name].score > top - CLOSE) == is_close]
             judgements = {name: self.judge(near[name]) for name in part}
-            yield from sorted(judgements.items(), key=lambda pair: -pair[1].total)
+            yield from ((name, judgements) for name in sorted(part, key=lambda name: -judgements[name].total))
 
     def stretch_of_null(self, fitted: F, effect: E, tests: Scan, *stream: str) -> float:
         """Mean gain of `REFITS` full refits to data drawn without the effect, over that of the score test; at least 1.
@@ -79,15 +79,19 @@ class Evidence(Generic[E, F, J]):
         expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
         return max(1.0, float(np.mean(np.maximum(gains, 0.0))) / expected)
 
-    def alternatives(self, name: str, gains: Mapping[str, float], tests: Scan) -> tuple[str, ...]:
-        """Effects that would explain the same on this design, nearest first."""
+    def alternatives(
+        self, name: str, gains: Mapping[str, float], tests: Scan, judgements: Mapping[str, J]
+    ) -> tuple[str, ...]:
+        """Effects that would explain the same on this design, nearest first; `judgements` are of it and of others."""
         # the observed difference counts as well as the expected one
         loss = {
             other: max(tests.expected_loss(name, other), gains[name] - gains.get(other, tests.gain[other]))
             for other, columns in tests.basis.items()
             if other != name and columns.shape[1] and not self.world.includes(other, name)
         }
-        return tuple(other for other in sorted(loss, key=lambda o: loss[o]) if loss[other] < self.settings.tell_apart)
+        # nats of a model that is wrong scatter more than its noise predicts
+        least = {o: max(self.settings.tell_apart, scatter(judgements[name], judgements[o])) for o in judgements}
+        return tuple(o for o in sorted(loss, key=lambda o: loss[o]) if loss[o] < least.get(o, self.settings.tell_apart))
 
     def superfluous(
         self, steps: Sequence[Step[E, F, J]], asked: Sequence[Step[E, F, J]], drop: Drop = "immaterial"
@@ -104,3 +108,9 @@ class Evidence(Generic[E, F, J]):
             if useless or failure == "spoils" or (drop == "immaterial" and failure):
                 return step.effect.name
         return None
+
+
+def scatter(one: Judgement, other: Judgement) -> float:
+    """Two standard errors of the difference of the log scores of two judgements of the same trials, in nats."""
+    difference = one.by_trial(one.trials) - other.by_trial(one.trials)
+    return 2.0 * float(np.sqrt(len(difference)) * np.std(difference))

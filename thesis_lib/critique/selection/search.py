@@ -72,7 +72,8 @@ class _Search(Generic[E, F, J]):
         world = self.world
         bases = {name: world.fit(name, (), effort="near") for name in world.bases}
         ranked = sorted(bases, key=lambda name: -bases[name].score)
-        base, judged = next(self.evidence.judged_in_turn(bases, ranked))
+        base, judgements = next(self.evidence.judged_in_turn(bases, ranked))
+        judged = judgements[base]
         ranked = [base, *(name for name in ranked if name != base)]
         fitted = bases[base] = self.in_full(bases[base])
         path = Path(base, fitted, judged)
@@ -278,8 +279,8 @@ class _Search(Generic[E, F, J]):
         names = [name for name in self.ranked(near, fitted) if not self.is_simpler_as_good(name, near)]
         finalists = [name for name in names if forced or p_values[name] <= settings.alpha]
         parts = (self.evidence.judged_in_turn(near, names) for names in (finalists[:JUDGED], finalists[JUDGED:]))
-        for name, judgement in chain.from_iterable(parts):
-            e, p_value = near[name].effects[-1], p_values[name]
+        for name, judgements in chain.from_iterable(parts):
+            e, p_value, judgement = near[name].effects[-1], p_values[name], judgements[name]
             gain = self.evidence.gain(judgement, judged, "gain", *on, name)
             significant = gain[1] > 0.0 and p_value <= settings.alpha
             fails = self.evidence.failure(judgement, judged, e) if significant else "chance"
@@ -292,7 +293,7 @@ class _Search(Generic[E, F, J]):
                 p_value = tests.p_value(gains[name] / stretch)
                 fails = None if p_value <= settings.alpha else "chance"
             if forced or fails is None:
-                others = self.evidence.alternatives(name, gains, tests)
+                others = self.evidence.alternatives(name, gains, tests, judgements)
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
         return None, below, unasked
 
