@@ -39,7 +39,6 @@ class Lens(Effect):
         Parameter("c_y", "m", null=0.2, low=-1.0, high=2.0, scale=0.1),
     )
     channels = ("impact", "touch", "flight")
-    needs_trajectories = True  # its mark is that flights are bent
     needs_one_surface = True
     reference = "Brown 1971 (close-range camera calibration), Photogrammetric Engineering 37, 855–866"
     breaks_mirror = True
