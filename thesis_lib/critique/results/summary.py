@@ -26,6 +26,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed, number
 
 SEEN = 3.0  # standard errors above 0 of a contact time that the summary mentions
+BELOW = 0.9  # of the noise floor: an error that is smaller than chance in some 50 impacts makes it
 ABOVE_NOISE = 1.25  # times the error of noise alone: said, be it too little for a verdict
 UNRECORDED = (
     "Look for what changed from one to the next (the spot that was hit, its material, dirt, wear), and record it."
@@ -357,7 +358,7 @@ def _floor(error: Mapping) -> str:
     floor = error["noise_floor"]
     if floor is None or not np.isfinite(floor):
         return " (noise unknown)"
-    if error["augmented"] < floor:
+    if error["augmented"] < BELOW * floor:
         return f" (below the noise floor, estimated as {_speed(floor)})"
     return f" (noise floor {_speed(floor)})"
 
