@@ -17,9 +17,14 @@ if TYPE_CHECKING:
 STAMP = ("code", "made")
 
 
+def today() -> str:
+    """The day on which a row is made, as 2026-11-25."""
+    return date.today().isoformat()
+
+
 def stamp(script: str | Path) -> dict[str, str]:
     """`STAMP` of a row that `script` makes: hash of all code that it uses, and today's date."""
-    return dict(zip(STAMP, (lib_hash(script), date.today().isoformat())))
+    return dict(zip(STAMP, (lib_hash(script), today())))
 
 
 def read_rows(path: Path, columns: Sequence[str]) -> "pd.DataFrame":

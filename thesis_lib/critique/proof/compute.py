@@ -3,7 +3,6 @@
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import date
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from thesis_lib.effects.effect import Reference
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.provenance import lib_hash
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import today
 
 # slopes of a coefficient by what is counted from the reference
 SLOPES = {
@@ -87,7 +87,7 @@ def code_hash() -> str:
 
 def compute(case: Case, code: str = "") -> Row:
     """Make the dataset of a case, and criticise it; `code` is `code_hash()` where that is known, for it takes 1.5 s."""
-    by = {"code": code or code_hash(), "made": date.today().isoformat(), "sizes": case.sizes}
+    by = {"code": code or code_hash(), "made": today(), "sizes": case.sizes}
     dataset, true = make(case)
     try:
         critique = whole_critique(dataset, rng=generator(case.seed, "critique", dataset.digest()))
