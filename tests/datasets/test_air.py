@@ -1,4 +1,4 @@
-"""Flights that are no parabolas: drag is found before hits are, with its size, and no bend passes for a hit."""
+"""Flights that are not parabolas: drag is found before hits are, with its size, and no bend passes for a hit."""
 
 import numpy as np
 import pytest

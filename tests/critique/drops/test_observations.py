@@ -224,14 +224,14 @@ def test_flights_that_are_no_parabolas_are_counted_and_said():
     trials = np.unique(o.flights.bent)
     assert len(trials) > 5 and np.mean(trials < 10) > 0.8
     n = len(o.flights) + len(o.flights.bent)
-    (said,) = (text for text in o.found.warnings if "no parabolas" in text)
-    assert said.startswith(f"{len(o.flights.bent)} of {n} flights are no parabolas and are left out")
+    (said,) = (text for text in o.found.warnings if "not parabolas" in text)
+    assert said.startswith(f"{len(o.flights.bent)} of {n} flights are not parabolas and are left out")
     content = {"left_out": left_out(o), "verdict": "adequate"}
     assert content["left_out"]["flights"] == {"bent": len(o.flights.bent), "n": n}
     assert said in much_left_out(content)
     held = o.select(np.arange(8, 40))
     assert set(held.flights.bent) == {trial for trial in trials if trial >= 8}
-    assert len(few.flights.bent) < 3 and not any("no parabolas" in text for text in few.found.warnings)
+    assert len(few.flights.bent) < 3 and not any("not parabolas" in text for text in few.found.warnings)
 
 
 @pytest.mark.parametrize(("share", "far"), [(0.25, ()), (1.1, ("flight",))])

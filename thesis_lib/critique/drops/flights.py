@@ -14,7 +14,7 @@ MANY = 1.0 / 3.0  # share of the flights; where something bends all of them, sho
 class Flights:
     """m flights: state at mid-flight, acceleration (m, 3) in m/s², rad/s² with variance (m, 3), span (m,) in s.
 
-    `bent` (b,) are the trials of further flights, which are no parabolas and have no acceleration.
+    `bent` (b,) are the trials of further flights, which are not parabolas and have no acceleration.
     """
 
     state: State
@@ -27,7 +27,7 @@ class Flights:
         return len(self.acceleration)
 
     def select(self, rows: np.ndarray) -> "Flights":
-        """The flights at `rows`, and those that are no parabolas."""
+        """The flights at `rows`, and those that are not parabolas."""
         state = self.state.select(rows)
         return Flights(state, self.acceleration[rows], self.variance[rows], self.span[rows], self.bent)
 
@@ -38,7 +38,7 @@ class Flights:
 
     @property
     def are_bent(self) -> bool:
-        """Whether so many are no parabolas that hits which were not detected are no excuse."""
+        """Whether so many are not parabolas that hits which were not detected are no excuse."""
         return len(self.bent) >= SOME and len(self.bent) > MANY * (len(self.bent) + len(self))
 
 

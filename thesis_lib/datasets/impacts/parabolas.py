@@ -5,7 +5,7 @@
 with B = (1, τ, τ²/2).  The variance of a is σ² times the last diagonal element of (Σ_k B_k B_kᵀ)⁻¹, with σ² (3,) the
 noise of a sample in m² or rad², correlation included.
 
-A flight that is no parabola holds a hit that was not detected, or something else than gravity bends it.  Its
+A flight that is not a parabola holds a hit that was not detected, or something else than gravity bends it.  Its
 acceleration means nothing; how many there are is evidence against a body that only falls (`bent_sentence`).
 """
 
@@ -21,7 +21,7 @@ GUARD = 1e-3  # s; samples this near to an impact may lie in the contact
 MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
 MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola
 MOST = 0.5  # share of the flights that are parabolas unless something bends them all
-FEW, SOME = 0.05, 3  # share and number of flights that are no parabolas which need no mention: undetected hits
+FEW, SOME = 0.05, 3  # share and number of flights that are not parabolas which need no mention: undetected hits
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Parabolas:
         trial, t, span: (m,) trial, mid-flight, and s from the first sample to the last.
         fitted: (m, 3, 3) q_0, v, a by channel at mid-flight, in m, m/s, m/s² and rad, rad/s, rad/s².
         variance: (m, 3) of the acceleration.
-        bent: (b,) trials of the flights that are no parabolas.
+        bent: (b,) trials of the flights that are not parabolas.
     """
 
     trial: np.ndarray
@@ -136,10 +136,10 @@ def parabolas(
 
 
 def bent_sentence(bent: int, all_of_them: int) -> str:
-    """How many flights are no parabolas, if these are more than a few; else ""."""
+    """How many flights are not parabolas, if these are more than a few; else ""."""
     if bent < SOME or bent <= FEW * all_of_them:
         return ""
     return (
-        f"{bent} of {all_of_them} flights are no parabolas and are left out: they hold hits that were not detected, or "
-        "something else than gravity bends them. What is said of flights holds for the others."
+        f"{bent} of {all_of_them} flights are not parabolas and are left out: either they hold hits that were not "
+        "detected, or something other than gravity bends them. What is said of flights holds for the others."
     )
