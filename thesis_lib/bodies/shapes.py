@@ -63,7 +63,9 @@ class Ellipse(_Shape):
         sin, cos = np.sin(theta), np.cos(theta)
         # support point towards n = (0, -1): r = R A R' n / sqrt(n' R A R' n), A = diag(a², b²)
         h = np.sqrt(a2 * sin**2 + b2 * cos**2)
-        return np.stack([-(a2 - b2) * sin * cos / h, -h], axis=-1)
+        r = np.empty((*h.shape, 2))
+        r[..., 0], r[..., 1] = -(a2 - b2) * sin * cos / h, -h
+        return r
 
     def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
         a2, b2 = (axis**2 for axis in self.semi_axes)
@@ -125,7 +127,9 @@ class Polygon(_Shape):
         vertices, sin, cos = np.array(self.vertices), np.sin(theta), np.cos(theta)
         height = np.multiply.outer(vertices[:, 0], sin) + np.multiply.outer(vertices[:, 1], cos)
         x, y = np.moveaxis(vertices[np.argmin(height, axis=0)], -1, 0)
-        return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+        r = np.empty((*x.shape, 2))
+        r[..., 0], r[..., 1] = cos * x - sin * y, sin * x + cos * y
+        return r
 
     def outline(self, points: int = 180) -> np.ndarray:
         return np.array([*self.vertices, self.vertices[0]])
@@ -186,7 +190,7 @@ class Corner:
         if self._theta is theta:  # a prediction asks for the same angles again
             return
         (x, y), cos, sin = self._corners, np.cos(theta[: self._bodies]), np.sin(theta[: self._bodies])
-        self._turned = np.stack([(cos * x - sin * y).ravel(), (sin * x + cos * y).ravel()]).T
+        self._turned = np.array(((cos * x - sin * y).ravel(), (sin * x + cos * y).ravel())).T
         self._theta, self._cos, self._sin = theta, cos, sin
 
     def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:

@@ -34,9 +34,9 @@ class CameraPose(Effect):
     title = "camera turned against the surface"
     equation = "x_measured − x₀ = R(ρ + α) (x − x₀), a = g (−sin α, −cos α)"
     parameters = (
-        Parameter("roll", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01),
-        Parameter("slope", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01),
-        Parameter("h", "m", null=0.0, low=-0.2, high=0.2, scale=1e-3),
+        Parameter("roll", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01, starts=(0.0,)),
+        Parameter("slope", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01, starts=(0.0,)),
+        Parameter("h", "m", null=0.0, low=-0.2, high=0.2, scale=1e-3, starts=(0.0,)),
     )
     channels = ("impact", "touch", "flight")
     needs_one_surface = True
@@ -58,7 +58,7 @@ class CameraPose(Effect):
 
     def acceleration(self, a, state, p, rig):
         sin, cos, g = np.sin(p["slope"]), np.cos(p["slope"]), rig.gravity
-        return a + np.stack(np.broadcast_arrays(-g * sin, g * (1.0 - cos), 0.0), axis=-1)
+        return a + np.array((-g * sin, g * (1.0 - cos), 0.0 * sin)).T
 
 
 def _turned(state, angle, rig):

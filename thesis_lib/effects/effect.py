@@ -30,8 +30,8 @@ Masses are 1 throughout: planar impacts need the radius of gyration only.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -72,8 +72,7 @@ class Parameter:
     along: Coordinate | Literal[""] = ""
 
 
-@dataclass(frozen=True)
-class State:
+class State(NamedTuple):
     """Poses and velocities of n bodies; arrays (n,) in m, rad, m/s, rad/s, and s for `t` since the first sample.
 
     `trial` numbers releases in the order in which they were made.
@@ -96,16 +95,16 @@ class State:
     @property
     def q(self) -> np.ndarray:
         """Poses (n, 3) in m, m, rad."""
-        return np.stack([self.x, self.y, self.theta], axis=1)
+        return np.array((self.x, self.y, self.theta)).T
 
     @property
     def v(self) -> np.ndarray:
         """Velocities (n, 3) in m/s, m/s, rad/s."""
-        return np.stack([self.vx, self.vy, self.omega], axis=1)
+        return np.array((self.vx, self.vy, self.omega)).T
 
     def moved(self, **changes: np.ndarray) -> "State":
         """The same state with some arrays replaced."""
-        return replace(self, **changes)
+        return self._replace(**changes)
 
     def with_velocity(self, v: np.ndarray) -> "State":
         """The same poses with velocities v (n, 3)."""
@@ -126,7 +125,7 @@ class State:
 
     def select(self, rows: np.ndarray) -> "State":
         """The bodies at `rows`."""
-        return State(*(getattr(self, item.name)[rows] for item in fields(self)))
+        return State(*(array[rows] for array in self))
 
 
 @dataclass(frozen=True)

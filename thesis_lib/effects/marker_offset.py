@@ -27,8 +27,8 @@ class MarkerOffset(Effect):
     title = "marker off the centre"
     equation = "x_measured = x + R(θ) d"
     parameters = (
-        Parameter("d_x", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4),
-        Parameter("d_y", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4),
+        Parameter("d_x", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)),
+        Parameter("d_y", "m", null=0.0, low=-0.05, high=0.05, scale=5e-4, starts=(0.0,)),
     )
     channels = ("impact", "touch", "flight")
     needs_angle = True

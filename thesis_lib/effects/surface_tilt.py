@@ -33,7 +33,7 @@ class SurfaceTilt(Effect):
 
     def acceleration(self, a, state, p, rig):
         sin, cos, g = np.sin(p["phi"]), np.cos(p["phi"]), rig.gravity
-        return a + np.stack(np.broadcast_arrays(g * sin, g * (1.0 - cos), 0.0), axis=-1)
+        return a + np.array((g * sin, g * (1.0 - cos), 0.0 * sin)).T
 
 
 EFFECT = SurfaceTilt()

@@ -27,7 +27,7 @@ class WrongGravity(Effect):
     reference = "free fall"
 
     def acceleration(self, a, state, p, rig):
-        return a - np.stack(np.broadcast_arrays(0.0, p["dg"], 0.0), axis=-1)
+        return a - np.array((0.0 * p["dg"], p["dg"], 0.0 * p["dg"])).T
 
 
 EFFECT = WrongGravity()

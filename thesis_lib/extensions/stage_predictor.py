@@ -4,7 +4,7 @@ It is written from the description of the stages and shares no code with the cri
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def at_scale(effect: Effect) -> dict[str, float]:
 
 def arrays(state: State) -> dict[str, np.ndarray]:
     """The arrays of a state by name."""
-    return {item.name: getattr(state, item.name) for item in fields(State)}
+    return state._asdict()
 
 
 def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:

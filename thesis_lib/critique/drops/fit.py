@@ -8,7 +8,7 @@ between rounds.
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
+from itertools import product, zip_longest
 
 import numpy as np
 
@@ -34,6 +34,7 @@ ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # of an effect's size, one sigma: what a model of a contact that takes time errs by, and no scatter shows.  Of 441
 # parameters in drops of MuJoCo, Drake and our own simulator 81 % lay in their intervals without it, and 94 % with it
 OF_MODEL = 0.01
+Noise = tuple[np.ndarray, float]  # S (n, m, m) without scatter, and σ_m in m/s
 FLAT = 3.0  # nats; friction that gains less over one at which every contact sticks is known from below only
 
 
@@ -135,9 +136,15 @@ class Fit:
 
 
 def fit(
-    model: Model, observations: Observations, start: Mapping[str, float] | None = None, rounds: int = ROUNDS
+    model: Model,
+    observations: Observations,
+    start: Mapping[str, float] | None = None,
+    rounds: int = ROUNDS,
+    noise: Noise | None = None,
 ) -> Fit:
     """Fit all parameters from `start` (nulls if absent) and from every start that the last effect declares or finds.
+
+    `noise` is known from a fit without the last effect, and good enough for a first round where this starts small.
 
     UserError if there is no impact.
     """
@@ -181,7 +188,10 @@ def fit(
         tries = [t | basin for t in tries for basin in _basins(model, simple, t)]
         best = max(fit_each(model, [(simple, t) for t in tries], 1), key=lambda fitted: fitted.score)
         tries = [best.values]
-    found = max(fit_each(model, [(observations, t) for t in tries[:4]], rounds), key=lambda fitted: fitted.score)
+    first = [noise if noise and _starts_small(model, t) else None for t in tries[:4]]
+    found = max(fit_each(model, [(observations, t) for t in tries[:4]], rounds, first), key=lambda fit: fit.score)
+    if rounds > 1 or "mu" not in (start or {}):
+        found = _stuck(found)
     # friction so sharp, or damped so strongly, is Coulomb's: a step that went there too far does not come back
     tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
     is_sharp = found.values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null
@@ -194,11 +204,20 @@ def fit(
 
 
 def fit_each(
-    model: Model, tasks: Sequence[tuple[Observations, Mapping[str, float]]], rounds: int = ROUNDS
+    model: Model,
+    tasks: Sequence[tuple[Observations, Mapping[str, float]]],
+    rounds: int = ROUNDS,
+    noise: Sequence[Noise | None] = (),
 ) -> list[Fit]:
-    """Fit each of several observations of one rig from its own start; the fits go step by step together."""
+    """Fit each of several observations of one rig from its own start; the fits go step by step together.
+
+    `noise` is that of the first round of each, where it is known well enough.
+    """
     fits: dict[int, Fit] = {}
-    searches = {i: _fitting(model, observations, start, rounds) for i, (observations, start) in enumerate(tasks)}
+    searches = {
+        i: _fitting(model, observations, start, rounds, known)
+        for i, ((observations, start), known) in enumerate(zip_longest(tasks, noise))
+    }
     asked = {i: next(search) for i, search in searches.items()}
     while asked:
         answers = together(list(asked.values()))
@@ -209,6 +228,12 @@ def fit_each(
                 fits[i] = end.value
                 del asked[i]
     return [fits[i] for i in range(len(tasks))]
+
+
+def _starts_small(model: Model, start: Mapping[str, float]) -> bool:
+    """Whether the last effect has hardly begun at its start."""
+    effect = model.effects[-1]
+    return all(abs(start[f"{effect.name}.{p.name}"] - p.null) <= p.scale for p in effect.parameters)
 
 
 def _best_shapes(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
@@ -227,18 +252,21 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
     whitening = Whitening.at(model, at, o)
     here = whitening(at)
 
-    def column(values: Mapping[str, float], name: str, step: float) -> np.ndarray:
-        moved = whitening({**values, name: values[name] + step})
-        return np.concatenate([(weight(z) * (m - z) / step).ravel() for z, m in zip(here, moved)])
-
-    residual = np.concatenate([(weight(z) * z).ravel() for z in here])
-    free = smaller.fitted_parameters.items()
-    fitted = [column(at, name, inward(p, at[name], SLOPE_STEP * p.scale)) for name, p in free]
+    free = [(name, inward(p, at[name], SLOPE_STEP * p.scale)) for name, p in smaller.fitted_parameters.items()]
     sizes = {f"{effect.name}.{p.name}": p for p in effect.parameters if p.name not in shapes[0]}
+    shaped = [at | {f"{effect.name}.{name}": value for name, value in shape.items()} for shape in shapes]
+    moves = [(at, *move) for move in free]
+    moves += [(values, name, p.scale) for values in shaped for name, p in sizes.items()]
+    moved = whitening.many([{**values, name: values[name] + step} for values, name, step in moves])
+    columns = [
+        np.concatenate([(weight(z) * (m - z) / step).ravel() for z, m in zip(here, there)])
+        for there, (_, _, step) in zip(moved, moves)
+    ]
+    residual = np.concatenate([(weight(z) * z).ravel() for z in here])
+    fitted, of_shapes = columns[: len(free)], iter(columns[len(free) :])
     found = []
-    for shape in shapes:
-        values = at | {f"{effect.name}.{name}": value for name, value in shape.items()}
-        A = np.stack(fitted + [column(values, name, p.scale) for name, p in sizes.items()], axis=1)
+    for values in shaped:
+        A = np.stack(fitted + [next(of_shapes) for _ in sizes], axis=1)
         x = np.linalg.lstsq(A, -residual, rcond=None)[0]
         best = {
             name: float(np.clip(p.null + d, p.low, p.high)) for (name, p), d in zip(sizes.items(), x[len(fitted) :])
@@ -248,35 +276,18 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
 
 
 def _fitting(
-    model: Model, observations: Observations, start: Mapping[str, float], rounds: int
+    model: Model, observations: Observations, start: Mapping[str, float], rounds: int, noise: Noise | None
 ) -> Generator[tuple[Whitening, list[dict[str, float]]], list[tuple[np.ndarray, np.ndarray]], Fit]:
-    """Fit from one start; yields what it needs whitened residuals of, and gets these.
-
-    Where every contact may as well stick, friction is at the end of its range, so that other impacts stick, too.
-    """
+    """Fit from one start; yields what it needs whitened residuals of, and gets these."""
     values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
-    found = yield from _descended(model, observations, values, rounds)
-    most = model.parameters["mu"].high
-    here, sticking = yield found.whitening, [found.values, {**found.values, "mu": most}]
-    costs = [sum(float(np.sum(robust(part) ** 2)) for part in z) for z in (here, sticking)]
-    if found.values["mu"] == most or not 0.5 * (costs[1] - costs[0]) < FLAT:
-        return found
-    stuck = yield from _descended(model, observations, {**found.values, "mu": most}, 1)
-    return stuck if stuck.values["mu"] == most and stuck.score > found.score - FLAT else found
-
-
-def _descended(
-    model: Model, observations: Observations, values: dict[str, float], rounds: int
-) -> Generator[tuple[Whitening, list[dict[str, float]]], list[tuple[np.ndarray, np.ndarray]], Fit]:
-    """As `_fitting`, to the nearest optimum."""
-    values = dict(values)
     free = model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
-    for _ in range(rounds):
+    for k in range(rounds):
         values |= dict(zip(free, x.tolist()))
-        whitening = Whitening.at(model, values, observations)
+        given = noise if k == 0 else None
+        whitening = Whitening(model, observations, *given) if given else Whitening.at(model, values, observations)
         search = levenberg_marquardt(x, low, high, step, ENOUGH if rounds > 1 else NEAR)
         points = next(search)
         while points:
@@ -289,6 +300,19 @@ def _descended(
     whitening = Whitening.at(model, values, observations)
     score = float(sum(part.sum() for part in whitening.log_scores(values)))
     return Fit(model, values, score, len(observations), whitening)
+
+
+def _stuck(found: Fit) -> Fit:
+    """The fit; where every contact may as well stick, with friction at the end of its range, so that others do, too."""
+    model, most = found.model, found.model.parameters["mu"].high
+    if found.values["mu"] == most:
+        return found
+    here, sticking = found.whitening.many([found.values, {**found.values, "mu": most}])
+    costs = [sum(float(np.sum(robust(part) ** 2)) for part in z) for z in (here, sticking)]
+    if not 0.5 * (costs[1] - costs[0]) < FLAT:
+        return found
+    stuck = fit_each(model, [(found.whitening.observations, {**found.values, "mu": most})], 1)[0]
+    return stuck if stuck.values["mu"] == most and stuck.score > found.score - FLAT else found
 
 
 def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:

@@ -17,7 +17,7 @@ cuts off, the higher the deeper the body sinks in.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -100,7 +100,7 @@ def press(
     }
     active = model.active(at_corners)
     at_corner = rig if is_field else all_points(rig, n)
-    tiled = State(*(np.tile(getattr(true, item.name), corners) for item in fields(State)))
+    tiled = State(*(np.tile(array, corners) for array in true))
     others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
     seen, r_x, r_y, k_g = model.contact_at(tiled, others, at_corner)
     space = contact_space_of(seen, r_x, r_y, k_g)

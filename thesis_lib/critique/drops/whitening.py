@@ -44,7 +44,7 @@ class Whitening:
         sigma_m: float,
         known: tuple[Mapping[str, float], np.ndarray] | None = None,
     ) -> None:
-        self.model, self.observations, self.sigma_m = model, observations, sigma_m
+        self.model, self.observations, self.S, self.sigma_m = model, observations, S, sigma_m
         L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
         self._inverse = np.linalg.inv(L)
         self._log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)

@@ -24,7 +24,7 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.bases import BASES, RESERVE
 from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, OF_FRICTION
 from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covariance
-from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, fit, fit_each
+from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, later_instants, states_at_impact, synthesise
@@ -111,14 +111,26 @@ class Drops(World[Effect, Fit, Judgement]):
         self.bases, self.reserve = (*laws, *added_laws()), tuple(slow) * self.timed
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
+        self._noises: dict[tuple, Noise] = {}
 
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, effort: Effort = "full"
     ) -> Fit:
         model = Model(BASES[base], effects, self.timed, self.slides)
         if effort == "quick":
-            return fit(model.limit, self.quick, start, rounds=1)
+            return fit(model.limit, self.quick, start, 1, self._noise_without(model.limit, start))
         return fit(model, self.observations, start, rounds=ROUNDS if effort == "full" else 1)
+
+    def _noise_without(self, model: Model, start: Mapping[str, float] | None) -> Noise | None:
+        """Noise of the quick impacts in a model without its last effect, if `start` is a fit of that; kept."""
+        smaller = replace(model, effects=model.effects[:-1])
+        if start is None or not model.effects or set(start) != set(smaller.parameters):
+            return None
+        key = model.law.name, smaller.effects, tuple(start.items())
+        if key not in self._noises:
+            whitening = Whitening.at(smaller, start, self.quick)
+            self._noises[key] = whitening.S, whitening.sigma_m
+        return self._noises[key]
 
     @cached_property
     def quick(self) -> Observations:
@@ -168,12 +180,15 @@ class Drops(World[Effect, Fit, Judgement]):
         )
 
     def cross_validate(self, fitted: Fit, folds: np.ndarray) -> Judgement:
-        tasks, unseen = [], []
+        tasks, unseen, noise = [], [], []
+        known = fitted.whitening if fitted.whitening.observations is self.observations else None
         for k in np.unique(folds):
             others, inside = (self.observations.select(self.trials[rows]) for rows in (folds != k, folds == k))
             tasks.append((others, fitted.values))
             unseen.append(Drops(inside))
-        parts = [world.judge(fit) for world, fit in zip(unseen, fit_each(fitted.model, tasks, rounds=1))]
+            rows = np.isin(self.observations.trial, self.trials[folds != k])
+            noise.append((known.S[rows], known.sigma_m) if known else None)
+        parts = [world.judge(fit) for world, fit in zip(unseen, fit_each(fitted.model, tasks, 1, noise))]
         weights = np.array([len(part.score) for part in parts], float)
 
         def mean(values: list[float]) -> float:
@@ -220,12 +235,12 @@ class Drops(World[Effect, Fit, Judgement]):
         # the log score forgives a minority that is far off, as hits of two corners may be, and one channel for another
         return bool(spoilt_channels(judged, than, settings))
 
-    def leaves_little(self, fitted: Fit, judged: Judgement) -> bool:
+    def leaves_little(self, fitted: Fit, judged: Judgement, candidate: Effect) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
             return False  # hardly a slope along the time of an integrated contact
-        others = [square for square in judged.sigmas.values() if np.isfinite(square)]
-        is_noise = judged.excess <= NEAR and all(square <= NEAR for square in others)
-        return is_noise or super().leaves_little(fitted, judged)
+        squares = [judged.sigmas.get(channel, np.nan) for channel in candidate.channels]
+        is_noise = judged.excess <= NEAR and all(square <= NEAR for square in squares if np.isfinite(square))
+        return is_noise or super().leaves_little(fitted, judged, candidate)
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         channels = set(candidate.channels)
@@ -256,23 +271,26 @@ class Drops(World[Effect, Fit, Judgement]):
         base = here.stacked(fitted.values)
         weights = np.concatenate([np.repeat(weight(z), z.shape[1]) for z in here(fitted.values)])
 
-        def slope(whitening: Whitening, values: Mapping[str, float], name: str, step: float) -> np.ndarray:
-            return weights * (whitening.stacked({**values, name: values[name] + step}) - base) / step
+        def slopes_of(whitening: Whitening, values: Mapping[str, float], steps: Mapping[str, float]) -> np.ndarray:
+            moved = whitening.many([{**values, name: values[name] + step} for name, step in steps.items()])
+            stacked = [np.concatenate([part.ravel() for part in parts]) for parts in moved]
+            return np.stack([weights * (z - base) / step for z, step in zip(stacked, steps.values())], axis=1)
 
-        columns = [
-            slope(here, fitted.values, name, inward(p, fitted.values[name], SLOPE_STEP * p.scale))
-            for name, p in model.fitted_parameters.items()
-        ]
+        free = model.fitted_parameters.items()
+        steps = {name: inward(p, fitted.values[name], SLOPE_STEP * p.scale) for name, p in free}
+        columns = slopes_of(here, fitted.values, steps)
         of_candidates = {}
         for effect in candidates:
             with_it = Whitening(model.with_effect(effect), self.observations, S, fitted.sigma_m)
-            values = fitted.values | {f"{effect.name}.{p.name}": p.null for p in effect.parameters}
-            secants = []
-            for p in effect.parameters:
-                step = inward(p, p.null, p.scale) if p.discrete is None else p.discrete - p.null
-                secants.append(slope(with_it, values, f"{effect.name}.{p.name}", step))
-            of_candidates[effect.name] = np.stack(secants, axis=1)
-        return Slopes(weights * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
+            own = {f"{effect.name}.{p.name}": p for p in effect.parameters}
+            steps = {
+                name: inward(p, p.null, p.scale) if p.discrete is None else p.discrete - p.null
+                for name, p in own.items()
+            }
+            of_candidates[effect.name] = slopes_of(
+                with_it, fitted.values | {name: p.null for name, p in own.items()}, steps
+            )
+        return Slopes(weights * base, columns, of_candidates, unit_noise=False)
 
 
 def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str, Effect], dict[str, str]]:

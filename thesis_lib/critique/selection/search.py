@@ -130,8 +130,8 @@ class _Search(Generic[E, F, J]):
             contenders = [fitted] if steps else [bases[name] for name in ranked[: world.rivals]]
             if fitted.base in world.reserve:
                 contenders = [world.fit(fitted.base, fitted.effects, fitted.values, "quick")]
-            if fixed is None and world.leaves_little(fitted, judged):
-                candidates = self.worth_a_fit(candidates, tests)
+            if fixed is None:
+                candidates = self.worth_a_fit(fitted, judged, candidates, tests)
             quick = self.quick_fits(contenders, candidates, fitted)
             # a base of the reserve is asked for where the best effect leaves an error, too
             best = next(iter(quick.values()), fitted)
@@ -223,10 +223,11 @@ class _Search(Generic[E, F, J]):
         better = better and not world.errs_more(other, to_beat, self.settings)
         return (self.in_full(best), other) if better else None
 
-    def worth_a_fit(self, candidates: Sequence[E], tests: Scan) -> list[E]:
-        """Candidates whose score test comes within half of what is significant; where little is left, slopes tell."""
+    def worth_a_fit(self, fitted: F, judged: J, candidates: Sequence[E], tests: Scan) -> list[E]:
+        """Candidates whose score test is at least half of what is significant, and all that act on what is left."""
         least = 0.5 * np.quantile(tests.null, 1.0 - self.settings.alpha)
-        return [e for e in candidates if tests.gain[e.name] >= least]
+        told = self.world.leaves_little
+        return [e for e in candidates if tests.gain[e.name] >= least or not told(fitted, judged, e)]
 
     def quick_fits(self, contenders: Sequence[F], candidates: Sequence[E], fitted: F) -> dict[str, F]:
         """The best quick fit with each candidate, by its name, the best first.
@@ -281,6 +282,8 @@ class _Search(Generic[E, F, J]):
         parts = (self.evidence.judged_in_turn(near, names) for names in (finalists[:JUDGED], finalists[JUDGED:]))
         for name, judgements in chain.from_iterable(parts):
             e, p_value, judgement = near[name].effects[-1], p_values[name], judgements[name]
+            if not forced and self.is_simpler_enough(e, judgements):
+                continue
             gain = self.evidence.gain(judgement, judged, "gain", *on, name)
             significant = gain[1] > 0.0 and p_value <= settings.alpha
             fails = self.evidence.failure(judgement, judged, e) if significant else "chance"
@@ -302,7 +305,7 @@ class _Search(Generic[E, F, J]):
         better = {}
         for name, other in ((name, other) for name in near for other in near if self.world.includes(name, other)):
             wider, own = near[name], near[other]
-            again = self.world.fit(wider.base, own.effects, wider.values)
+            again = self.world.fit(wider.base, own.effects, wider.values, "near")
             if again.score > max(own.score, better[other].score if other in better else -np.inf):
                 better[other] = again
         return better
@@ -311,6 +314,11 @@ class _Search(Generic[E, F, J]):
         """Whether an effect that this one is at some of its parameters fits as well."""
         enough = near[name].score - self.settings.tell_apart
         return any(self.world.includes(name, other) and near[other].score > enough for other in near if other != name)
+
+    def is_simpler_enough(self, effect: E, judgements: Mapping[str, J]) -> bool:
+        """Whether an effect that this one is at some of its parameters leaves no error that this one lowers."""
+        others = [other for name, other in judgements.items() if self.world.includes(effect.name, name)]
+        return any(self.evidence.failure(judgements[effect.name], other, effect) for other in others)
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
         """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
@@ -333,11 +341,18 @@ class _Search(Generic[E, F, J]):
     ) -> Step[E, F, J]:
         """The step, or an effect that gains nearly as much, on a base of the reserve, if these predict better."""
         # an effect may have been chosen because the base was the wrong one, and a base because the effect was missing
-        gains = {name: self.world.quick_gain(quick[name], contenders) for name in list(quick)[:RUNNERS_UP]}
+        world = self.world
+        gains = {name: world.quick_gain(quick[name], contenders) for name in list(quick)[:RUNNERS_UP]}
         rivals = [quick[name] for name, gain in gains.items() if gain >= NEARLY * max(gains.values())]
-        reserve = [fit for rival in rivals if len(rivals) > 1 for fit in self.world.reserve_fits(rival)]
+        reserve = [fit for rival in rivals if len(rivals) > 1 for fit in world.reserve_fits(rival)]
         if (other := self.other_base(reserve, step.fitted, step.judged)) is None:
             return step
+        for simpler in (fit for fit in reserve if fit.base == other[0].base):
+            if world.includes(other[0].effects[-1].name, simpler.effects[-1].name):
+                near = world.fit(simpler.base, simpler.effects, simpler.values, "near")
+                judged = self.evidence.judge(near)
+                if self.evidence.failure(other[1], judged, other[0].effects[-1]):
+                    other = self.in_full(near), judged
         fitted, effect = other[0], other[0].effects[-1]
         scores = {fit.effects[-1].name: fit.score for fit in reserve if fit.base == fitted.base}
         least = scores.pop(effect.name) - self.settings.tell_apart

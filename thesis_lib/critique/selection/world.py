@@ -158,8 +158,8 @@ class World(ABC, Generic[E, F, J]):
         """Whether any error of a model is larger than another one's by an amount that matters, whatever they score."""
         return False
 
-    def leaves_little(self, fitted: F, judged: J) -> bool:
-        """Whether a model errs by little more than noise, so that slopes at it tell which effects are worth a fit."""
+    def leaves_little(self, fitted: F, judged: J, candidate: E) -> bool:
+        """Whether a model errs by little more than noise where the candidate acts, so that its slope is enough."""
         return fitted.base in self.reserve
 
     @abstractmethod

@@ -9,7 +9,7 @@ the record has the cubic that joins poses and velocities of both ends, which sin
 """
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -144,7 +144,7 @@ def _step(
 
 def _put(state: State, rows: np.ndarray, new: State) -> State:
     """The states with those of the bodies `rows` replaced."""
-    arrays = {item.name: getattr(state, item.name).copy() for item in fields(State)}
+    arrays = {name: array.copy() for name, array in state._asdict().items()}
     for name, array in arrays.items():
         array[rows] = getattr(new, name)
     return State(**arrays)
