@@ -305,7 +305,7 @@ class _Search(Generic[E, F, J]):
         better = {}
         for name, other in ((name, other) for name in near for other in near if self.world.includes(name, other)):
             wider, own = near[name], near[other]
-            again = self.world.fit(wider.base, own.effects, wider.values, "near")
+            again = self.world.fit(wider.base, own.effects, wider.values)
             if again.score > max(own.score, better[other].score if other in better else -np.inf):
                 better[other] = again
         return better
