@@ -1,5 +1,7 @@
 """Several points of several fits in one call say the same as one by one, for every effect and every base."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from thesis_lib.critique.drops.fit import fit, fit_each
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.whitening import Whitening, together
+from thesis_lib.critique.drops.world import Drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
@@ -65,3 +68,26 @@ def test_fits_that_go_together_are_those_alone(observations):
         alone = fit(model, part, start, rounds=1)
         assert fitted.score == pytest.approx(alone.score, abs=1e-6)
         assert fitted.values == pytest.approx(alone.values, rel=1e-6)
+
+
+def test_a_first_round_may_take_the_noise_of_the_model_without_the_effect(observations):
+    """It ends where the effect's own noise leads, or better: a start off the null errs, and takes that for scatter."""
+    smaller = Drops(observations).fit("mirtich", (), effort="near")
+    known = smaller.whitening.S, smaller.whitening.sigma_m
+    for name in ("com_offset", "camera_pose", "lens"):
+        model = smaller.model.limit.with_effect(EFFECTS[name])
+        given, own = (fit(model, observations, smaller.values, 1, noise) for noise in (known, None))
+        assert given.score > own.score - 0.5
+        assert fit(model, observations, given.values).score - given.score < 1.0
+
+
+def test_an_effect_is_worth_a_fit_where_it_acts_on_what_is_left(observations):
+    world = Drops(observations)
+    fitted = world.fit("mirtich", (), effort="near")
+    near = replace(world.judge(fitted), excess=1.0, sigmas={"flight": 1.0, "meet": 1.0, "touch": 4.0})
+    told = {name: world.leaves_little(fitted, near, effect) for name, effect in world.candidates.items()}
+    assert {name for name, enough in told.items() if not enough} == {
+        name for name, effect in world.candidates.items() if "touch" in effect.channels
+    }
+    far = replace(near, excess=2.0)
+    assert not any(world.leaves_little(fitted, far, effect) for effect in world.candidates.values())
