@@ -6,6 +6,7 @@ acts there.  With a wrong size s, a displaced centre of mass d (body frame) and 
     g = y + r_y − h       = −s r_y  + d · ∂g,                 ∂g = (sin θ, cos θ)
     τ = k² Δω − r × Δv    = δ k² Δω − d · ∂τ,                 ∂τ = (Δv_y c − Δv_x s, −Δv_y s − Δv_x c)
 
+A surface that slopes by α in the picture adds α x to g, and to τ what its contact point is further along the body.
 Two bodies have two sets of coefficients, and each *trial* belongs to one body.  Alternating fit and assignment finds
 them.  They count as two if they reduce the scatter by `SHRINK` and nearly every trial clearly belongs to one.  A
 quantity that drifts, wears, or varies with place or angle is spread evenly instead: two sets then halve its scatter and
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.spread import robust_std
@@ -32,6 +34,7 @@ WILD = 5.0  # standard deviations at which residuals are clipped
 ROUNDS = 20
 PIECES = 12  # runs of trials that are listed
 NEAR_NOISE = 1.5  # scatter over a known noise: two bodies must stay below it, as one alone may not
+TURN = 1e-4  # rad, for the change of the contact point with the angle
 SIDEWAYS = 0.4  # of gravity, one sigma in flight; a surface tilted by 0.13 rad gives 0.19
 
 
@@ -113,7 +116,8 @@ def touch_groups(o: Observations) -> Groups | None:
     if o.arcs:
         table = o.found.arcs.set_index(["trial", "impact"]).loc[list(zip(impacts.trial, impacts.impact))]
         gap, std = table["gap"].to_numpy(float), table["gap_std"].to_numpy(float)
-    X = np.stack([-r_y, np.sin(theta), np.cos(theta)], axis=1)
+    x = impacts.q[:, 0] - impacts.q[:, 0].mean()
+    X = np.stack([-r_y, np.sin(theta), np.cos(theta), *([] if o.rig.walls else [x])], axis=1)
     return two_groups(impacts.trial, gap, X, std, o.noise_known)
 
 
@@ -130,8 +134,21 @@ def balance_groups(o: Observations) -> Groups | None:
         tilt = r_y * dv_y + r_x * dv_x
         std = np.sqrt(k2**2 * v_omega + r_x**2 * v_y + r_y**2 * v_x + tilt**2 * variance[:, 2])
     c, s = np.cos(theta), np.sin(theta)
-    X = np.column_stack([k2 * d_omega, -(c * dv_y - s * dv_x), -(-s * dv_y - c * dv_x)])
+    slope = [y * dv_x - x * dv_y for x, y in _slid(o, theta)]
+    X = np.column_stack([k2 * d_omega, -(c * dv_y - s * dv_x), -(-s * dv_y - c * dv_x), *slope])
     return two_groups(impacts.trial, couple, X, std, o.noise_known)
+
+
+def _slid(o: Observations, theta: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """How much further along the body (x, y), each (n,) in m/rad, the contact point is if the surface slopes.
+
+    [] of polygons: their contact points are corners.
+    """
+    if isinstance(o.rig.shape, Polygon):
+        return []
+    behind, (x, y), ahead = (o.rig.shape.contact_point(theta + h).T for h in (-TURN, 0.0, TURN))
+    turned_x, turned_y = (ahead - behind) / (2.0 * TURN)
+    return [(-y - turned_x, x - turned_y)]
 
 
 def two_groups(
