@@ -202,7 +202,7 @@ class Effect:
         needs_one_surface: whether it means nothing between walls: it is about gravity, or about places in the plane.
         includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
-        bends: whether the camera reports a parabola as a curve of another kind: its map is no linear one of the pose.
+        bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
         along: which of x, t and trial it counts from `rig.reference`.
         rank: its place among the effects that act together; see `in_order`.
         denies: what of the body it says to be other than believed: "inertia", "size" or "centre of mass", each
@@ -334,6 +334,6 @@ def in_order(effects: Iterable[Effect]) -> list[Effect]:
     | 6    | com_offset                  | the origin circles with the angular acceleration of all forces          |
     | 7    | curved_surface              | the axes of the surface, for the centre of mass                         |
     | 8    | moving_surface              | its velocity is along the surface, whose axes others may have turned    |
-    | 10…  | measurement                 | from the tracked point over camera and scale to the axes that are told  |
+    | 10…  | measurement                 | from the tracked point over camera and scale to the axes of the record  |
     """
     return sorted(effects, key=lambda effect: (effect.rank, FAMILIES.index(effect.family), effect.name))

@@ -327,7 +327,8 @@ def channel_is_material(better: Judgement, worse: Judgement, channel: str, setti
 def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
     """Channels in which one model errs more than another one by an amount that matters.
 
-    A misfit below noise is none.  Poses and gaps at impact are compared where both contacts are integrated, or neither.
+    A misfit below noise does not count.  Poses and gaps at impact are compared only if both contacts are integrated, or
+    neither.
     """
     channels = CHANNELS if judged.integrated == than.integrated else CHANNELS[:2]
     noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})

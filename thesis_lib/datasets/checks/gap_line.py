@@ -2,7 +2,7 @@
 
 The gap of the believed shape at an impact, against the place x_c of the contact point, is a line b x_c where the
 picture is turned against the surface by atan b, and a parabola where the surface is bent or the lens distorts.  Fits
-are robust; what is told must stand out of the scatter and matter beside it.
+are robust; what is reported must stand out of the scatter and matter beside it.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ TRIMMED = 3.0  # robust standard deviations
 
 @dataclass(frozen=True)
 class GapLine:
-    """How the gap changes along the surface: `angle` in rad, or `curvature` in 1/m; the one that is not told is 0.
+    """How the gap changes along the surface: `angle` in rad, or `curvature` in 1/m; the one that is not reported is 0.
 
     `place` (2,) in m is a point of the surface, `share` (0 to 1) what the curve explains of the variance of the gaps;
     `tangent` is the slope of a bent surface at `place`.
