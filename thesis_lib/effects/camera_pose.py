@@ -7,11 +7,11 @@ and shows that place higher by h:
     velocity    v_measured = R(β) v
     flight      gravity g (−sin α, −cos α) in place of g (0, −1) in the axes of the surface
 
-Two parameters cover it.  The camera is rolled over a level surface (ρ), or it stands level before a surface that
-slopes in the picture (α).  Either way a level line through the picture does not follow the surface: gap, normal,
-velocity and angle turn together.  A surface that is as high as believed elsewhere is not at x_0, which is what h is for.
-With ρ = −α the picture keeps the axes of the surface, and only gravity is oblique: surface_tilt with φ = −α.  Without
-an angle h is surface_height.
+Two parameters cover it.  The camera is rolled over a level surface (ρ), or it stands level before a surface that slopes
+in the picture (α).  Either way a level line through the picture does not follow the surface: gap, normal, velocity and
+angle turn together.  A surface that is as high as believed elsewhere is not at x_0, which is what h is for.  With ρ =
+−α the picture keeps the axes of the surface, and only gravity is oblique: surface_tilt with φ = −α.  Without an angle h
+is surface_height.
 
 | on paper | in code             | unit | shape |                                                                   |
 |----------|---------------------|------|-------|-------------------------------------------------------------------|
