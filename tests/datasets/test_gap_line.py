@@ -5,7 +5,7 @@ import pytest
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.datasets.checks.gap_line import gap_line
+from thesis_lib.datasets.checks.gap_line import gap_line, sunk
 from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.impacts.detect import find_impacts
@@ -65,3 +65,17 @@ def test_detection_advises_no_other_height_before_a_slope() -> None:
     drops = simulate_compliant_drops(BODY, PROOF_RELEASE, 30, contact=contact, hidden=hidden, noise=noise, rng=rng)
     said = " ".join(find_impacts(Dataset("slope", drops.header, drops.trajectories)).warnings)
     assert "rises by 1.5 degrees" in said and "would close the gap" not in said
+
+
+def test_what_a_lens_draws_lower_is_no_depth_and_what_a_soft_contact_sinks_in_is() -> None:
+    """Depths that vary along x but not otherwise; and those of the speed, with chance along x."""
+    q, rng = poses(), np.random.default_rng(5)
+    x = q[:, 0] + SHAPE.contact_point(q[:, 2])[:, 0]
+    low = 0.08 * (x + 0.1) ** 2 + 0.2 * (x + 0.1) ** 3
+    drawn = q - np.outer(low, [0.0, 1.0, 0.0])
+    assert np.abs(sunk(SHAPE, drawn, drawn) - (low - low.min())).max() < 3.0 * NOISE
+    # beyond the outermost impacts it goes on level
+    far = drawn[[x.argmax()]] + [1.0, 0.0, 0.0]
+    assert sunk(SHAPE, drawn, far) == pytest.approx(sunk(SHAPE, drawn, drawn)[x.argmax()])
+    soft = q - np.outer(rng.uniform(0.0, 5e-3, N), [0.0, 1.0, 0.0])
+    assert not np.any(sunk(SHAPE, soft, soft)) and not np.any(sunk(SHAPE, drawn[:19], drawn))

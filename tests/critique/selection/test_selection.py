@@ -435,6 +435,20 @@ def test_held_out_trials_reject_what_makes_an_error_larger_with_all_that_was_fou
     assert len(ladder) == 3 and by_hand.rejected == ()
 
 
+def test_held_out_trials_reject_what_lowers_none_of_their_errors():
+    """The square is in the training trials alone."""
+    both, wave = line(3, square=4.0 * SIZE, wave=2.0 * SIZE), line(3, wave=2.0 * SIZE)
+    trials, others = split(both.trials, 0.3, np.random.default_rng(0))
+    discovery = found(both.part(trials))
+    kept, _, without = judge_held_out(both.part(trials), wave.part(others), discovery, SearchSettings())
+    (rejected,) = kept.rejected
+    assert rejected.step.effect.name == "square" and "square" not in without
+    by_hand, _, _ = judge_held_out(both.part(trials), wave.part(others), discovery, SearchSettings(), by_hand=True)
+    assert by_hand.steps == discovery.steps
+    all_of, _, _ = judge_held_out(both.part(trials), both.part(others), discovery, SearchSettings())
+    assert all_of is discovery
+
+
 def test_a_search_knows_at_which_limit_it_ended():
     world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
     assert found(world).limit is None

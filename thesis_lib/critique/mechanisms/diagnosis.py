@@ -57,7 +57,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             {
                 "name": one.step.effect.name,
                 "title": one.step.effect.title,
-                "rises": {"misfit": {"unit": "sigma", "ends": [one.than.misfit, one.judged.misfit]}},
+                "ends": [one.than.misfit, one.judged.misfit],
                 "others": list(one.others),
             }
             for one in critique.discovery.rejected
@@ -194,8 +194,8 @@ def _clocks(d: Mapping) -> list[str]:
 
 def _rejected(d: Mapping) -> list[str]:
     return [
-        f"{one['title']} was found on the training trials, but raises the held-out misfit from "
-        f"{' to '.join(map(number, one['rises']['misfit']['ends']))} standard deviations of noise, so it is left out"
+        f"{one['title']} was found on the training trials, but changes the held-out misfit from "
+        f"{' to '.join(map(number, one['ends']))} standard deviations of noise only, so it is left out"
         + (f", and with it {listed(one['others'])}, found after it." if one["others"] else ".")
         for one in d["rejected"]
     ]

@@ -65,8 +65,9 @@ def rejected(effect: Mapping) -> str:
         + ("m/s" if one["unit"] == "m/s" else "standard deviations of noise")
         for name, one in effect["rises"].items()
     ]
-    said = f"“{EFFECTS[effect['name']].title}” was found on the training trials, but raises the error of "
-    said += f"{listed(rises)} on the held-out ones, so it is left out"
+    does = f"raises the error of {listed(rises)} on" if rises else "lowers no error by an amount that matters on"
+    said = f"“{EFFECTS[effect['name']].title}” was found on the training trials, but {does} the held-out ones, "
+    said += "so it is left out"
     others = [f"“{EFFECTS[name].title}”" for name in effect["others"]]
     return f"{said}{f', and with it {listed(others)}, found after it' if others else ''}."
 

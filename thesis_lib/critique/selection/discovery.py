@@ -13,6 +13,8 @@ from thesis_lib.statistics.bootstrap import bootstrap_gain
 
 # no better than chance; no error falls by an amount that matters; an error rises by one
 Failure = Literal["chance", "immaterial", "spoils"]
+# of the fall of an error that matters: held-out trials are few, and show too little of one that just matters
+CONFIRMED = 0.5
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Step(Generic[E, F, J]):
 
 @dataclass(frozen=True)
 class Rejected(Generic[E, F, J]):
-    """An effect that the held-out trials reject: the model with it is `judged` to err more `than` that without it.
+    """An effect that the held-out trials reject: the model with it is `judged` no better `than` that without it.
 
     `others`: names of effects that were chosen after it, and are left out with it.
     """
@@ -128,9 +130,12 @@ def judge_held_out(
 
     The latter is, by effect, the judgement of the final model refitted without it.  An effect with which any held-out
     error is larger by an amount that matters, than on an earlier rung or than without it, is rejected with all that
-    were chosen after it; one that was switched on `by_hand` stays, and fails.  This is the only say that held-out data
-    have: they take an effect away, but choose none, and fit nothing.
+    were chosen after it; one that was switched on `by_hand` stays, and fails.  So is one that lowers no held-out error
+    by `CONFIRMED` of what matters.  This is the only say that held-out data have: they take an effect away, but choose
+    none, and fit nothing.
     """
+    part = {name: CONFIRMED * getattr(settings, name) for name in ("material_share", "material_floor")}
+    confirming = settings.model_copy(update=part)
     fits = [("no effect", discovery.bases[discovery.base])]
     fits += [(step.effect.name, step.fitted) for step in discovery.steps]
     ladder = tuple((label, fitted, held_out.judge(fitted)) for label, fitted in fits)
@@ -144,6 +149,8 @@ def judge_held_out(
             pairs = [(ladder[i + 1][2], rung[2]) for rung in ladder[: i + 1]] + [(ladder[-1][2], smaller)]
             if worse := [than for judged, than in pairs if held_out.errs_more(judged, than, settings)]:
                 spoiled[i] = worse[0]
+            elif not by_hand and not held_out.is_material(ladder[-1][2], smaller, step.effect, confirming):
+                spoiled[i] = smaller
         steps = discovery.steps
         if by_hand:
             failed = tuple(

@@ -17,6 +17,8 @@ MATTERS = 1.0  # spread of the line over that of the gaps about it
 LEAST = 20  # impacts
 TURNS = 4  # fits; each turns the body by the angle found, which moves its contact points
 STEEP = 0.17  # rad, 10 degrees: beyond it the surface is a ramp, and no camera that was set up carelessly
+MOSTLY = 0.5
+GRID = 50  # places at which a curve is searched for its highest
 TRIMMED = 3.0  # robust standard deviations
 
 
@@ -95,18 +97,53 @@ def gap_line(shape: Shape, q: np.ndarray) -> GapLine | None:
     return None
 
 
+def sunk(shape: Shape, q: np.ndarray, at: np.ndarray) -> np.ndarray | float:
+    """By how much (n,) in m the gaps at impacts q (k, 3) make the surface lower at poses `at` (n, 3) than anywhere.
+
+    A cubic along x: a lens draws the surface so.  It counts between the outermost impacts; 0 of few, and where it
+    explains less than `MOSTLY` of the variance of the gaps.
+    """
+    if len(q) < LEAST:
+        return 0.0
+    x, x_at = (poses[:, 0] + shape.contact_point(poses[:, 2])[:, 0] for poses in (q, at))
+    if not np.ptp(x) > 0.0:
+        return 0.0
+    x_at = np.clip(x_at, x.min(), x.max())
+    cubic = _fitted(x, shape.gap(q[:, 1], q[:, 2]), 3)
+    if cubic.share < MOSTLY:
+        return 0.0
+    return cubic.at(np.linspace(x.min(), x.max(), GRID)).max() - cubic.at(x_at)
+
+
 @dataclass(frozen=True)
 class _Curve:
-    """A polynomial through points: its last coefficient, value and slope in the middle of x, and how it compares."""
+    """A polynomial through points: coefficients c (degree + 1,) about the middle of x, and how it compares."""
 
-    slope: float
-    level: float
-    tangent: float
+    c: np.ndarray
     middle: float
     clear: bool
     spread: float
     rest: float
     share: float
+
+    @property
+    def slope(self) -> float:
+        """The last coefficient."""
+        return float(self.c[-1])
+
+    @property
+    def level(self) -> float:
+        """Value in the middle of x."""
+        return float(self.c[0])
+
+    @property
+    def tangent(self) -> float:
+        """Slope in the middle of x."""
+        return float(self.c[1])
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """Values (n,) at x (n,)."""
+        return np.polynomial.polynomial.polyval(x - self.middle, self.c)
 
 
 def _fitted(x: np.ndarray, y: np.ndarray, degree: int) -> _Curve:
@@ -122,13 +159,4 @@ def _fitted(x: np.ndarray, y: np.ndarray, degree: int) -> _Curve:
     error = max(rest, 1e-12) * np.sqrt(np.linalg.pinv(A[kept].T @ A[kept])[-1, -1])
     of_last = A[kept, -1] * c[-1]
     share = 1.0 - float(np.var(y[kept] - A[kept] @ c)) / max(float(np.var(y[kept])), 1e-24)
-    return _Curve(
-        float(c[-1]),
-        float(c[0]),
-        float(c[1]),
-        middle,
-        abs(c[-1]) > CLEARLY * error,
-        float(np.std(of_last)),
-        rest,
-        share,
-    )
+    return _Curve(c, middle, abs(c[-1]) > CLEARLY * error, float(np.std(of_last)), rest, share)

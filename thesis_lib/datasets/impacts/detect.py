@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.checks.gap_line import GapLine, gap_line
+from thesis_lib.datasets.checks.gap_line import GapLine, gap_line, sunk
 from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
 from thesis_lib.datasets.format.header import Header
@@ -198,7 +198,10 @@ def find_in_arrays(
     if falls:
         shape, height = header.body.shape, header.surface.height
         line = None if step else gap_line(shape, fits.q[used])
-        gap = shape.gap(samples.q[:, 1], samples.q[:, 2], height) if line is None else line.gap(shape, samples.q)
+        if line is None:
+            gap = shape.gap(samples.q[:, 1], samples.q[:, 2], height) + sunk(shape, fits.q[used], samples.q)
+        else:
+            gap = line.gap(shape, samples.q)
         soft = lasting_contacts(samples, gap, noise.used[1], header.gravity)
         bounced = contact_measures(impacts)
         v_n = bounced.v_c_pre[:, 1], bounced.v_c_post[:, 1]
