@@ -91,3 +91,12 @@ def test_an_effect_is_worth_a_fit_where_it_acts_on_what_is_left(observations):
     }
     far = replace(near, excess=2.0)
     assert not any(world.leaves_little(fitted, far, effect) for effect in world.candidates.values())
+
+
+@pytest.mark.parametrize("name", ["lens", "curved_surface"])
+def test_where_an_effect_is_absent_its_place_is_no_direction(observations, name):
+    """Rounding as a column of the score test would be one more way to explain noise."""
+    world = Drops(observations)
+    fitted = world.fit("mirtich", (), effort="near")
+    columns = world.slopes(fitted, [EFFECTS[name]]).candidates[name]
+    assert columns[:, 0].any() and not columns[:, 1:].any()

@@ -46,6 +46,7 @@ NEAR = 1.5  # median error over noise, and mean squares of the other channels, a
 ONE_LAW = ("mirtich",)
 CHANNELS = ("impact", "flight", "meet", "touch")
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
+ROUNDING = 1e-6  # standard deviations; what changes residuals by less has no slope
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
 
@@ -271,26 +272,25 @@ class Drops(World[Effect, Fit, Judgement]):
         base = here.stacked(fitted.values)
         weights = np.concatenate([np.repeat(weight(z), z.shape[1]) for z in here(fitted.values)])
 
-        def slopes_of(whitening: Whitening, values: Mapping[str, float], steps: Mapping[str, float]) -> np.ndarray:
-            moved = whitening.many([{**values, name: values[name] + step} for name, step in steps.items()])
-            stacked = [np.concatenate([part.ravel() for part in parts]) for parts in moved]
-            return np.stack([weights * (z - base) / step for z, step in zip(stacked, steps.values())], axis=1)
+        def slope(whitening: Whitening, values: Mapping[str, float], name: str, step: float) -> np.ndarray:
+            # one by one: points that go together differ by what an iteration leaves, which is no slope
+            change = whitening.stacked({**values, name: values[name] + step}) - base
+            return weights * change / step if np.abs(change).max(initial=0.0) > ROUNDING else 0.0 * change
 
-        free = model.fitted_parameters.items()
-        steps = {name: inward(p, fitted.values[name], SLOPE_STEP * p.scale) for name, p in free}
-        columns = slopes_of(here, fitted.values, steps)
+        columns = [
+            slope(here, fitted.values, name, inward(p, fitted.values[name], SLOPE_STEP * p.scale))
+            for name, p in model.fitted_parameters.items()
+        ]
         of_candidates = {}
         for effect in candidates:
             with_it = Whitening(model.with_effect(effect), self.observations, S, fitted.sigma_m)
-            own = {f"{effect.name}.{p.name}": p for p in effect.parameters}
-            steps = {
-                name: inward(p, p.null, p.scale) if p.discrete is None else p.discrete - p.null
-                for name, p in own.items()
-            }
-            of_candidates[effect.name] = slopes_of(
-                with_it, fitted.values | {name: p.null for name, p in own.items()}, steps
-            )
-        return Slopes(weights * base, columns, of_candidates, unit_noise=False)
+            values = fitted.values | {f"{effect.name}.{p.name}": p.null for p in effect.parameters}
+            secants = []
+            for p in effect.parameters:
+                step = inward(p, p.null, p.scale) if p.discrete is None else p.discrete - p.null
+                secants.append(slope(with_it, values, f"{effect.name}.{p.name}", step))
+            of_candidates[effect.name] = np.stack(secants, axis=1)
+        return Slopes(weights * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
 
 
 def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str, Effect], dict[str, str]]:
