@@ -194,8 +194,9 @@ def _clocks(d: Mapping) -> list[str]:
 
 def _rejected(d: Mapping) -> list[str]:
     return [
-        f"{one['title']} was found on the training trials, but changes the held-out misfit from "
-        f"{' to '.join(map(number, one['ends']))} standard deviations of noise only, so it is left out"
+        f"{one['title']} was found on the training trials, but on the held-out ones the misfit "
+        f"{'rises' if one['ends'][1] > one['ends'][0] else 'does not fall by an amount that matters'}, from "
+        f"{' to '.join(map(number, one['ends']))} standard deviations of noise, so it is left out"
         + (f", and with it {listed(one['others'])}, found after it." if one["others"] else ".")
         for one in d["rejected"]
     ]

@@ -26,7 +26,7 @@
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
-| left_out        | flights             | `bent`, how many of all `n` flights are not parabolas: they have no say      |
+| left_out        | flights             | `bent`, how many of all `n` flights are not parabolas: they have no say     |
 | remaining       | channels            | those with a misfit far above noise                                         |
 |                 | significant         | whether something can be learned of it, be it too little to matter          |
 |                 | depends_on          | states from which a part of it can be learned; empty if none can            |

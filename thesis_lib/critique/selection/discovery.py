@@ -13,7 +13,7 @@ from thesis_lib.statistics.bootstrap import bootstrap_gain
 
 # no better than chance; no error falls by an amount that matters; an error rises by one
 Failure = Literal["chance", "immaterial", "spoils"]
-# of the fall of an error that matters: held-out trials are few, and show too little of one that just matters
+# of the fall of an error that matters: an effect that just matters shows less than its whole fall in half of all splits
 CONFIRMED = 0.5
 
 

@@ -17,7 +17,7 @@ MATTERS = 1.0  # spread of the line over that of the gaps about it
 LEAST = 20  # impacts
 TURNS = 4  # fits; each turns the body by the angle found, which moves its contact points
 STEEP = 0.17  # rad, 10 degrees: beyond it the surface is a ramp, and no camera that was set up carelessly
-MOSTLY = 0.5
+MOSTLY = 0.5  # of the variance of the gaps: soft contacts of 20 drops reach 0.27 by chance, lenses of 0.5 % 0.55
 GRID = 50  # places at which a curve is searched for its highest
 TRIMMED = 3.0  # robust standard deviations
 
