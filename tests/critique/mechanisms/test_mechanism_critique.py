@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thesis_lib.critique.mechanisms import diagnosis
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, criticise_mechanism, smallest_sizes
 from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis
 from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, PAYLOAD, Motion
@@ -303,3 +304,9 @@ def test_study_counts_every_dataset_and_is_right():
     hidden = effects[~effects["truth"].isin(["nothing", "cogging"])]
     assert (hidden["force_error_after"] < 0.1 * hidden["force_error_before"]).all()
     assert (tables["summary"]["right_low"] <= tables["summary"]["right"]).all()
+
+
+@pytest.mark.parametrize(("end", "said"), [(1.75, "rises"), (1.25, "does not fall by an amount that matters")])
+def test_an_effect_that_held_out_trials_strike_is_said_with_its_misfits(end: float, said: str):
+    (text,) = diagnosis._rejected({"rejected": [{"title": "Payload", "ends": (1.5, end), "others": ["friction"]}]})
+    assert f"the misfit {said}, from 1.5 to {end}" in text.replace("1.50", "1.5") and "with it friction" in text
