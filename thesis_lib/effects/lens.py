@@ -42,6 +42,7 @@ class Lens(Effect):
     needs_one_surface = True
     reference = "Brown 1971 (close-range camera calibration), Photogrammetric Engineering 37, 855–866"
     breaks_mirror = True
+    includes = ("surface_height",)  # nearly: with its centre far above, where bodies touch
     bends = True
     along = ("x",)
     rank = 50

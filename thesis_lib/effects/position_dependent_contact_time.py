@@ -1,13 +1,13 @@
 """Position-dependent contact time: the surface is softer at one end.
 
-    τ ← max(τ (1 + g_τ x_c), 0)
+    τ ← τ (k(x_c) / k_0)^(−1/2),   k(x_c) / k_0 = max(1 − 2 g_τ x_c, 1/10)
 
-x_c is the place of the contact point, counted from the reference; τ is the value there.  τ ~ k^(−1/2) for the stiffness
-k of a linear contact.
+The stiffness k of a linear contact changes linearly along the surface, and τ ~ k^(−1/2).  x_c is the place of the
+contact point, counted from the reference; τ is the value there.
 
-| on paper | in code | unit | shape | meaning                            |
-|----------|---------|------|-------|------------------------------------|
-| g_τ      | `g_tau` | 1/m  |       | relative slope along +t            |
+| on paper | in code | unit | shape | meaning                                             |
+|----------|---------|------|-------|-----------------------------------------------------|
+| g_τ      | `g_tau` | 1/m  |       | relative slope of τ along +t, at the reference      |
 
 Breaks mirror symmetry.
 """
@@ -17,23 +17,25 @@ import numpy as np
 from thesis_lib.effects.contact_place import along_surface
 from thesis_lib.effects.effect import Effect, Parameter
 
+SOFTEST = 0.1  # of the stiffness at the reference
+
 
 class PositionDependentContactTime(Effect):
     name = "position_dependent_contact_time"
     family = "surface"
     title = "contact time depends on place"
-    equation = "τ = τ₀ (1 + g_τ x_c)"
+    equation = "τ = τ₀ (1 − 2 g_τ x_c)^(−1/2)"
     parameters = (Parameter("g_tau", "1/m", null=0.0, low=-10.0, high=10.0, scale=1.0, starts=(0.0,)),)
     channels = ("touch",)
     needs_trajectories = True
     needs_contact_time = True
     needs_one_surface = True
-    reference = "first order of a smooth dependence on place; stiffness of a spring, Goldsmith 1960, chapter 4"
+    reference = "stiffness that is linear in place, of a linear spring; Goldsmith 1960, chapter 4"
     breaks_mirror = True
     along = ("x",)
 
     def contact_time(self, tau, space, state, p, rig):
-        return np.maximum(tau * (1.0 + p["g_tau"] * along_surface(state, rig)), 0.0)
+        return tau / np.sqrt(np.maximum(1.0 - 2.0 * p["g_tau"] * along_surface(state, rig), SOFTEST))
 
 
 EFFECT = PositionDependentContactTime()

@@ -143,47 +143,6 @@ def _bent(
     return -(W**2) / 120.0 * (a - acceleration(at)) / (0.5 * ARC_MEAN)
 
 
-def later_instants(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
-    """By how much (n,) in s the arcs before and after meet later in the model's flights than in those of the detection.
-
-    The detection takes the instant of an impact from arcs under gravity.  Drag of 2 m/s² makes that late by 0.2 ms.
-    Where its arcs have forces of the air, the model's are compared with these.
-    Where it saw stray accelerations, of one sigma s_a, its arcs allowed for the share s_a²/(s_a² + var a) of them.
-    Over an arc of length L, var a is 60/L² times the variance of a line's slope, and the line is off by L²/12 a at
-    its end.
-    """
-    o = observations
-    if not (o.arcs and (model.acting("acceleration", "arc") or model.camera_bends)):
-        return np.zeros(len(o))
-    states = states_at_impact(model, values, o)
-    gravity, stray, air = o.rig.fall(o.value[:, 0, 0]), o.found.noise.stray, o.found.arcs_air
-    free = []
-    for side in (0, 1) if air is None else ():
-        value, slope, bow = o.value[:, side], o.slope[:, side], o.bow[:, side]
-        allowed = stray**2 * np.abs(bow[:, :1])
-        allowed /= allowed + 5.0 * np.maximum(o.cov[:, side, :, 1, 1], 1e-18)
-        if model.camera_bends:
-            a = np.divide(slope - states[side].v, bow[:, 1:], out=gravity.copy(), where=bow[:, 1:] != 0.0)
-        else:
-            a = model.acceleration(State.of(value, slope, o.trial, o.t), values, o.rig)
-        a = gravity + allowed * (a - gravity)
-        free.append(np.stack([value - bow[:, :1] * a, slope - bow[:, 1:] * a]))
-    flown = [np.stack([state.q, state.v]) for state in states]
-    if air is not None:
-        forces = air.acceleration
-        states = [_flown_to_impact(o, side, lambda at: gravity + forces(at.v), True) for side in (0, 1)]
-        free = [np.stack([state.q, state.v]) for state in states]
-    weight = 1.0 / np.maximum(o.cov[:, :, :, 0, 0].sum(axis=1), 1e-18)
-    own, detected = (_meeting(after - before, weight) for before, after in (flown, free))
-    return np.where(o.span == 0.0, own - detected, 0.0)
-
-
-def _meeting(apart: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The instant (n,) in s at which poses and velocities, `apart` (2, n, 3) at 0, are nearest to each other."""
-    q, v = apart
-    return -np.einsum("ni,ni->n", weight * v, q) / np.maximum(np.einsum("ni,ni->n", weight * v, v), 1e-18)
-
-
 def impact_residuals(
     model: Model, values: Mapping[str, float], observations: Observations, states: tuple[State, State] | None = None
 ) -> np.ndarray:

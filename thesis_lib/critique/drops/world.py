@@ -2,7 +2,7 @@
 
 The error of an impact is the kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s.  The other
 channels need trajectories.  Their misfit is the root mean square of the worst component in units of noise: flight
-(acceleration), meet (pose) and touch (gap).  A fault of the touch may concern few impacts, as of one corner; its misfit
+(acceleration), meet (pose) and touch (gap given the poses).  A fault of the touch may concern few impacts, as of one corner; its misfit
 is the larger of those that the median and the upper tenth of the impacts tell.  The noise floor is the error of a
 perfect model whose inputs and outcome are measured with noise: the mean kinetic norm of draws from the residual's
 covariance S.
@@ -27,7 +27,7 @@ from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covar
 from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, later_instants, states_at_impact, synthesise
+from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
 from thesis_lib.critique.drops.unknown_spin import left_over
 from thesis_lib.critique.drops.whitening import Whitening, weight
 from thesis_lib.critique.selection.discovery import Discovery
@@ -158,12 +158,10 @@ class Drops(World[Effect, Fit, Judgement]):
         if len(flight):
             sigmas["flight"] = _robust_mean_square(flight / np.sqrt(o.flights.variance))
         if o.arcs:
-            # the gap at the touch, not at the instant that the detection took for it
-            at_touch = R + later_instants(model, values, o)[:, None] * noisy.by_instant
-            z = at_touch[:, 3:] / np.sqrt(np.einsum("nii->ni", S)[:, 3:])
-            touch = z[o.span == 0.0, 3:]  # episodes do not measure it
-            sigmas["meet"] = _robust_mean_square(z[:, :3])
-            if len(touch):
+            sigmas["meet"] = _robust_mean_square(R[:, 3:6] / np.sqrt(np.einsum("nii->ni", S)[:, 3:6]))
+            single = o.span == 0.0  # episodes do not measure the touch
+            if single.any():
+                touch = _given_the_others(R[single, 3:], noisy.covariance()[single, 3:, 3:])
                 sigmas["touch"] = max(_robust_mean_square(touch), float(np.max(quantile_std(touch, UPPER)) ** 2))
         knows_spin = o.rig.has_angle
         error = velocity_error(R[:, :3] if knows_spin else left_over(model, values, o, R[:, :3]), o.rig.k_told)
@@ -247,6 +245,8 @@ class Drops(World[Effect, Fit, Judgement]):
         channels = set(candidate.channels)
         if self.timed and "touch" in channels:
             channels.add("impact")  # a contact time that made up for the touch erred in the velocities
+        if better.integrated and worse.integrated and "touch" in channels:
+            channels.add("meet")  # where a contact begins decides where it ends
         return any(channel_is_material(better, worse, channel, settings) for channel in channels)
 
     def includes(self, candidate: str, other: str) -> bool:
@@ -333,6 +333,16 @@ def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings
     channels = CHANNELS if judged.integrated == than.integrated else CHANNELS[:2]
     noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})
     return tuple(name for name in channels if channel_is_material(noise, judged, name, settings))
+
+
+def _given_the_others(R: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """The last of residuals R (n, m) given the others, in standard deviations (n, 1); their covariance is S (n, m, m).
+
+    Of the gap given the poses, with an unknown instant of impact in S, this is the gap where the model's flights meet,
+    whatever instant the detection took for that.
+    """
+    last = np.linalg.inv(S)[:, -1]
+    return np.einsum("ni,ni->n", last, R)[:, None] / np.sqrt(last[:, -1:])
 
 
 def _robust_mean_square(z: np.ndarray) -> float:

@@ -20,12 +20,12 @@ from thesis_lib.foundation.provenance import lib_hash
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import today
 
-# slopes of a coefficient by what is counted from the reference
+# slopes g of a coefficient c (1 + m g x)^(1/m) by what is counted from the reference: c, x and m
 SLOPES = {
-    "wear.w": ("epsilon", "trial"),
-    "position_dependent_restitution.g_eps": ("epsilon", "x"),
-    "position_dependent_friction.g_mu": ("mu", "x"),
-    "position_dependent_contact_time.g_tau": ("tau", "x"),
+    "wear.w": ("epsilon", "trial", 1.0),
+    "position_dependent_restitution.g_eps": ("epsilon", "x", 1.0),
+    "position_dependent_friction.g_mu": ("mu", "x", 1.0),
+    "position_dependent_contact_time.g_tau": ("tau", "x", -2.0),
 }
 
 
@@ -127,14 +127,14 @@ def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recover
 def counted_from(reference: Reference, true: Mapping[str, float]) -> dict[str, float]:
     """Parameters that count from `reference` and say the same as those, by full name, that count from 0.
 
-    c (1 + g x) = c (1 + g x_0) (1 + g / (1 + g x_0) (x − x_0)).
+    With m = 1, c (1 + g x) = c (1 + g x_0) (1 + g / (1 + g x_0) (x − x_0)).
     """
     moved = dict(true)
-    for name, (coefficient, along) in SLOPES.items():
+    for name, (coefficient, along, m) in SLOPES.items():
         if name in true:
-            factor = 1.0 + true[name] * getattr(reference, along)
+            factor = 1.0 + m * true[name] * getattr(reference, along)
             moved[name] /= factor
             if coefficient in true:
-                moved[coefficient] *= factor
+                moved[coefficient] *= factor ** (1.0 / m)
     places = {f"{name}.{p.name}": p.along for name, effect in EFFECTS.items() for p in effect.parameters if p.along}
     return moved | {name: true[name] - getattr(reference, of) for name, of in places.items() if name in true}
