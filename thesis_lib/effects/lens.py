@@ -23,7 +23,8 @@ import numpy as np
 
 from thesis_lib.effects.effect import Effect, Parameter
 
-NEWTON = 8  # steps to the true radius: to rounding, and to 1e-6 of it where the map has its least slope
+NEWTON = 8  # most steps to the true radius: to rounding, and to 1e-6 of it where the map has its least slope
+SETTLED = 1e-7  # m, after which the next step is below rounding
 LEAST = 0.25  # slope of the map along the radius
 ASIDE, ABOVE = (-0.2, 0.0, 0.2), (0.05, 0.25, 0.45)  # m: centres with which a fit may start
 
@@ -56,7 +57,10 @@ class Lens(Effect):
         r = measured / np.cbrt(1.0 + np.maximum(p["k_1"], 0.0) * measured**2)
         for _ in range(NEWTON):
             more, bent = _stretch(r, p["k_1"])
-            r = r + (measured - (1.0 + more) * r) / (1.0 + more + bent * r * r)
+            step = (measured - (1.0 + more) * r) / (1.0 + more + bent * r * r)
+            r = r + step
+            if np.abs(step).max(initial=0.0) < SETTLED:
+                break
         more, bent = _stretch(r, p["k_1"])
         less, straight = -more / (1.0 + more), -bent / ((1.0 + more) * (1.0 + more + bent * r * r))
         return _moved(state, x, y, (1.0 + less) * x, (1.0 + less) * y, less, straight)

@@ -271,7 +271,7 @@ class _Search(Generic[E, F, J]):
             names += [best_slope] * (best_slope not in names)
         bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
         near = {name: world.fit(bases[name], quick[name].effects, quick[name].values, "near") for name in names}
-        near |= self.simpler_fits(near, quick)
+        near |= self.simpler_fits(near, quick, fitted)
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
         gains |= {name: fit.score - best.score for name, fit in near.items()}
@@ -300,14 +300,14 @@ class _Search(Generic[E, F, J]):
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
         return None, below, unasked
 
-    def simpler_fits(self, near: Mapping[str, F], quick: Mapping[str, F]) -> dict[str, F]:
-        """Fits with effects that another one is at some of its parameters, from where that one ends, if better."""
-        better: dict[str, F] = {}
-        for name, other in ((name, other) for name in near for other in quick if self.world.includes(name, other)):
-            wider, own = near[name], better.get(other) or near.get(other)
-            again = self.world.fit(wider.base, quick[other].effects, wider.values)
-            if own is None or again.score > own.score:
-                better[other] = again
+    def simpler_fits(self, near: Mapping[str, F], quick: Mapping[str, F], fitted: F) -> dict[str, F]:
+        """Fits with effects that the best one is at some of its parameters, from where that one ends, if better."""
+        better = {}
+        for name in self.ranked(near, fitted)[:1]:
+            for other in (other for other in quick if self.world.includes(name, other)):
+                again = self.world.fit(near[name].base, quick[other].effects, near[name].values)
+                if other not in near or again.score > near[other].score:
+                    better[other] = again
         return better
 
     def is_simpler_as_good(self, name: str, near: Mapping[str, F]) -> bool:

@@ -84,7 +84,7 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     if not gain:
         return _nothing("No other effect can be tested with impacts of this rig.")
     effect = EFFECTS[max(gain, key=lambda name: gain[name])]
-    rival = fit(final.model.with_effect(effect), critique.training, final.values)
+    rival = fit(final.model.with_effect(effect), critique.training, final.values, rounds=1)
     why = f"Of the effects that the data do not ask for, “{effect.title}” comes nearest."
     return _compared(critique, final, rival, why, rng)
 
