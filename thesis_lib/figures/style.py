@@ -118,8 +118,8 @@ def _settle(figure: Figure) -> None:
     Constrained layout continues from its last state, and with panels of fixed aspect it does not converge: the page,
     .png and .pdf of one figure would differ.
     """
-    if figure.get_layout_engine() is not None:
-        figure.draw_without_rendering()
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
         figure.set_layout_engine(None)
 
 

@@ -21,8 +21,8 @@ from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.fit import SLOPE_STEP
 from thesis_lib.critique.drops.model import Model, inward
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.drops.unknown_spin import left_over
 from thesis_lib.critique.drops.whitening import Whitening
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.effects.effect import Parameter
@@ -95,19 +95,23 @@ def material_sizes(critique: Critique) -> Sizes:
     o, final = critique.training, critique.ladder[-1][1]
     S = residual_covariance(final.model, final.values, o)
     sharp = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
+    if o.arcs:
+        # of the gap given the poses, as in `judge`
+        single = o.span == 0.0
+        of_gap = np.linalg.inv(S[single, 3:, 3:])[:, -1]
+        of_gap /= np.sqrt(of_gap[:, -1:])
     floor = critique.ladder[-1][2].floor
     floors = {"impact": floor if np.isfinite(floor) else 0.0}
 
     def at(model: Model, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Residuals by channel, in m/s or standard deviations, and all whitened residuals."""
         R = impact_residuals(model, values, o)
-        all_whitened = Whitening(model, o, S, final.sigma_m).stacked(values)
-        parts = {"impact": velocity_left(model, values, o) * [1.0, 1.0, o.rig.k_told], "all": all_whitened}
+        z, flight = Whitening(model, o, S, final.sigma_m, (values, R))(values)
+        left = R[:, :3] if o.rig.has_angle else left_over(model, values, o, R[:, :3])
+        parts = {"impact": left * [1.0, 1.0, o.rig.k_told], "all": np.concatenate([z.ravel(), flight.ravel()])}
         if o.arcs:
-            parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": R[:, 6:] / sharp[:, 6:]}
-        if len(o.flights):
-            parts["flight"] = flight_residuals(model, values, o.flights, o.rig) / np.sqrt(o.flights.variance)
-        return parts
+            parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": np.einsum("ni,ni->n", of_gap, R[single, 3:])[:, None]}
+        return parts | ({"flight": flight} if len(flight) else {})
 
     here = at(final.model, final.values)
 
