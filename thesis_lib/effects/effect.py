@@ -198,14 +198,14 @@ class Effect:
             (gap at impact), flight (acceleration between impacts).
         needs_trajectories: whether impacts alone cannot test it.
         needs_contact_time: whether it is about nothing but the time that contacts take.
-        needs_angle: whether only the angle or the spin shows it, or an unknown spin before the impact does the same.
-        needs_one_surface: whether it means nothing between walls: it is about gravity, or about places in the plane.
+        needs_angle: whether only the angle or the spin shows it, or an unknown spin before the impact mimics it.
+        needs_one_surface: whether it has no meaning between walls, as it is about gravity or a place along one surface.
         includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
         bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
         along: which of x, t and trial it counts from `rig.reference`.
         rank: its place among the effects that act together; see `in_order`.
-        denies: what of the body it says to be other than believed: "inertia", "size" or "centre of mass", each
+        denies: the property of the body that it says is not as believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
         reference: source, with DOI where there is one.
     """

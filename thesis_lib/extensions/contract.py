@@ -35,7 +35,7 @@ class Outcome:
 
 
 class NothingYet(Exception):
-    """Said by a check that needs an effect that does something."""
+    """The remark of a check that cannot be made on an effect that changes nothing."""
 
 
 def outcomes(checks: Sequence[Check[Checked]], checked: Checked) -> list[Outcome]:

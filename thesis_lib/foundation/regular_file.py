@@ -63,6 +63,6 @@ def read_bytes(path: str | Path, limit: int, within: str | Path | None = None) -
             content = file.read(limit + 1)
     except OSError as error:
         raise FileProblem(path, f"cannot be read ({error.strerror})", "check the rights") from error
-    if len(content) > limit:  # files of the kernel claim 0 bytes
+    if len(content) > limit:  # the kernel's own files report a size of 0
         raise FileProblem(path, f"has more than {limit:,} bytes", "give a smaller file")
     return content

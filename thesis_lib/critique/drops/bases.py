@@ -1,4 +1,4 @@
-"""Models without effects that the critique starts from: the impact laws, and compliant contacts.
+"""The models without effects from which the critique starts: the impact laws, and compliant contacts.
 
 A compliant contact takes time, and the critique integrates the motion of the body under its force
 (`thesis_lib/critique/drops/pressing.py`), with Coulomb friction.  They differ in their normal force

@@ -70,7 +70,7 @@ class Critique:
 
     @property
     def verdict(self) -> str:
-        """adequate, effects or unexplained; what a stand-in explains has no name."""
+        """adequate, effects or unexplained; an error that only a stand-in explains counts as unexplained."""
         nameless = {name for name, found in self.stand_ins.items() if not found.instead}
         clearing = {step.effect.name for step in self.discovery.steps if step.clears}
         missing = self.observations.found.down is not None  # no law has a restitution that ends at a speed

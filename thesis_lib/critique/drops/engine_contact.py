@@ -24,7 +24,7 @@ from thesis_lib.engines.engine import OUTSIDE, Press, impacts
 from thesis_lib.engines.parameters import DrakeNumbers, MujocoNumbers, drake_numbers, of_drake, of_mujoco
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 
-MASS = 1.0  # kg: planar drops tell no mass, and contacts are given by what they do
+MASS = 1.0  # kg: planar drops do not show the mass, and contacts are given per mass
 SHORTEST = 2e-5  # s; an engine's shortest contact
 INSTANT = 1e-4  # s, for what is measured at instants: a body hardly moves meanwhile
 LONGEST = 0.1  # s

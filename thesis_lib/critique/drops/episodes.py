@@ -269,7 +269,7 @@ class _Play:
         self.pressed[rows] = True
         q, v, t = self.touch[rows, :3], self.touch[rows, 3:], self.touch_t[rows]
         touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t)
-        # a contact that is over later than the arc after it begins: that arc is followed back
+        # where a contact ends after the next arc has begun, that arc is followed back to its end
         left = 0.0 if self.most == 1 else self.span[rows] - t
         resolve = press_in_engine if self.model.law.engine else press
         after, elapsed = resolve(self.model, self._values(rows), self.rig, touch, left)

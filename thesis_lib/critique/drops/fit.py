@@ -278,7 +278,7 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
 def _fitting(
     model: Model, observations: Observations, start: Mapping[str, float], rounds: int, noise: Noise | None
 ) -> Generator[tuple[Whitening, list[dict[str, float]]], list[tuple[np.ndarray, np.ndarray]], Fit]:
-    """Fit from one start; yields what it needs whitened residuals of, and gets these."""
+    """Fit from one start: a generator that yields the points it needs and is sent their whitened residuals."""
     values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
     free = model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))

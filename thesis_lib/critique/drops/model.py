@@ -125,7 +125,7 @@ class Model:
 
     @property
     def limit(self) -> "Model":
-        """The model with the impulse of short contacts, for a compliant law; that of a convex contact is no formula."""
+        """The model with the impulse of short contacts, for a compliant law; a convex contact has no closed form."""
         has_limit = self.is_compliant and not isinstance(self.law.force, ConvexDamper)
         return replace(self, law=replace(self.law, force=None)) if has_limit else self
 

@@ -97,7 +97,7 @@ class Observations:
 
     @property
     def single(self) -> "Observations":
-        """Those of a single hit, with all flights."""
+        """The impacts of a single hit, with all flights."""
         return self if not self.span.any() else self.rows(np.flatnonzero(self.span == 0.0))
 
     def rows(self, rows: np.ndarray) -> "Observations":

@@ -24,7 +24,7 @@ from thesis_lib.critique.drops.residuals import flight_residuals, impact_residua
 from thesis_lib.effects.effect import State
 
 NU = 8.0
-BESIDE_STATES = ("span", "offset")  # what a prediction from given states needs of the observations
+BESIDE_STATES = ("span", "offset")  # the observations' arrays that a prediction needs beside the states
 KEPT = 2  # states of the point where a search stands, and of the next one that it tries
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
@@ -64,7 +64,7 @@ class Whitening:
         return self.many([values])[0]
 
     def many(self, points: Sequence[Mapping[str, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """The same for each of several sets of values."""
+        """Whitened residuals of impacts and flights, as a call gives, for each of several sets of values."""
         return together([(self, points)])[0]
 
     def beside(self, values: Mapping[str, float]) -> tuple[tuple[State, State], np.ndarray]:
@@ -77,7 +77,7 @@ class Whitening:
             found = states_at_impact(model, values, o), f
         while len(self._kept) >= KEPT:
             del self._kept[next(iter(self._kept))]
-        self._kept[key] = found  # the last one used is the last one to go
+        self._kept[key] = found  # moved to the end: the least recently used goes first
         return found
 
     def stacked(self, values: Mapping[str, float]) -> np.ndarray:

@@ -2,10 +2,10 @@
 
 The error of an impact is the kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s.  The other
 channels need trajectories.  Their misfit is the root mean square of the worst component in units of noise: flight
-(acceleration), meet (pose) and touch (gap given the poses).  A fault of the touch may concern few impacts, as of one corner; its misfit
-is the larger of those that the median and the upper tenth of the impacts tell.  The noise floor is the error of a
-perfect model whose inputs and outcome are measured with noise: the mean kinetic norm of draws from the residual's
-covariance S.
+(acceleration), meet (pose) and touch (gap given the poses).  A fault of the touch may concern few impacts, as of one
+corner; its misfit is the larger of those that the median and the upper tenth of the impacts show.  The noise floor is
+the error of a perfect model whose inputs and outcome are measured with noise: the mean kinetic norm of draws from the
+residual's covariance S.
 
 Columns of the score test are secants over a parameter's `scale`, because some effects have no slope at their null.
 They include the weights of the t distribution, so that a bad impact counts as little as in the fit.

@@ -1,6 +1,6 @@
 """The proof of the critique of mechanisms: causes hidden in recordings that MuJoCo and Drake made (`simulate.engines`).
 
-The engines' contacts take time and creep, the sensors count, lag and ripple; the critique's equations share nothing of
+The engines' contacts take time and creep, the sensors count, lag and ripple; the critique's equations have none of
 it.  A recording is right if the verdict is exact:
 
     nothing hidden          adequate

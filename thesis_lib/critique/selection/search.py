@@ -10,7 +10,7 @@
    without the effect.  Bases that take the place of another one raise none, either.
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
-   the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged first.
+   the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged before it.
    Where a step leaves an error, the next best effects are tried with these bases, too.  If an error is left in the
    end, the search goes on without the reserve from where it was taken, and the better of the two ends counts.
 6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
@@ -33,7 +33,7 @@ JUDGED = 3  # finalists judged by K-fold first; the others if none of these ente
 HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
 RUNNERS_UP, NEARLY = 3, 0.8  # effects tried with bases of the reserve where the best leaves an error; of its quick gain
 RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
-FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve is taken without more ado
+FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve with more is judged first
 FAR_BEYOND = 3.0  # times the largest draw of the null: refits stretch no gain this far
 
 

@@ -167,7 +167,7 @@ class World(ABC, Generic[E, F, J]):
         """Whether the candidate lowers an error of its channels by an amount that matters."""
 
     def turns_bases(self, candidate: E) -> bool:
-        """Whether with the candidate a base may be the best that was among the worst without it."""
+        """Whether a base that is among the worst without the candidate may be the best with it."""
         return False
 
     def includes(self, candidate: str, other: str) -> bool:

@@ -1,4 +1,4 @@
-"""Impacts at walls, in the frame of the wall that each one hits, where they are impacts on a floor.
+"""Impacts at walls, each turned into the frame of the wall that it hits, where that wall is the floor.
 
 Arcs are fitted in the plane as it was filmed; only the touch asks for the wall (`arcs`).  What judges and uses the
 impacts afterwards sees them turned (`bodies.walls`).  The noise of x and y must then be one, as that of a camera is.
@@ -17,7 +17,7 @@ TOUCH_SIGMA = 5.0
 
 
 def on_floors(fits: ArcFits, header: Header) -> ArcFits:
-    """The fits with poses, velocities and their covariance in the frames of the walls; as they are on one surface."""
+    """The fits with poses, velocities and covariance in the frames of the walls; unchanged if there is one surface."""
     if header.surfaces is None or not len(fits):
         return fits
     walls = header.surfaces

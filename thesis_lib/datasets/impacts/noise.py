@@ -125,7 +125,7 @@ def with_colour(
     smoothed: bool,
     on_table: bool,
 ) -> NoiseEstimate:
-    """The noise with its colour from the spectrum of long flights (`colour`), where AR(1) is no answer.
+    """The noise with its colour from the spectrum of long flights (`colour`), where AR(1) does not describe it.
 
     That is if the samples are `smoothed`, if ρ is larger than short arcs can tell, or if noise that seems white is
     clearly worse in two of three channels (air drag bends long flights in one).  Between these, what long flights show

@@ -66,7 +66,7 @@ class ContactMeasures:
 
 
 def contact_measures(impacts: Impacts) -> ContactMeasures:
-    """Contact velocities, impulse and energy ratio; without contact/, so that a new law reruns no search."""
+    """Contact velocities, impulse and energy ratio; written out here, so that this room does not depend on contact/."""
     rx, ry = impacts.r[:, 0], impacts.r[:, 1]
     m, k2 = impacts.mass, impacts.k_g**2
 

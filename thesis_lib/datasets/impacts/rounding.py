@@ -168,7 +168,7 @@ def rounding_warning(
     """A sentence for the user if samples further from impacts than `usual` are left out; times in s.
 
     A contact that lasts T sinks in for τ = `touch_time` ≈ T/2, and its samples lie within about 1.2 τ of the instant
-    where the arcs meet.  Smoothing rounds corners but sinks nothing in.
+    where the arcs meet.  Smoothing rounds the corners of a path but does not make it sink into the surface.
     """
     if guard <= usual:
         return ()

@@ -99,7 +99,7 @@ def detect(
 def add_weak_hits(
     samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
 ) -> np.ndarray:
-    """The hits `at` (n,) and those weak hits, between two clean flights, that show only without the allowance for rest.
+    """The hits `at` (n,), and weak hits between clean flights that are significant only without the allowance for rest.
 
     Hits are indices of the sample before; `sigma` (3,) is the noise of x, y, θ in m, m, rad, `slowing` as in `detect`.
     """

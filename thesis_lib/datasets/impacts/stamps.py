@@ -1,4 +1,4 @@
-"""Time stamps of arrival: rows come late by what the computer made of them, pictures were taken by a clock.
+"""Time stamps of arrival: a row arrives late by the computer's delay, while a clock took the pictures.
 
 A camera takes picture k at t_0 + P k.  A log that stamps what arrives writes
 

@@ -124,7 +124,7 @@ def where_it_fails(where: Mapping) -> Markup:
     if after := where.get("after"):
         then = "With the effects no such region is left."
         for r in after["regions"][:1]:
-            over = "over what noise and scatter let expect"
+            over = "over that expected from noise and scatter"
             most = f"{plain_rule(r)} (p = {number(r['p_value'], 2)})"
             then = f"With the effects the error, {over}, is largest where {most}."
     return paragraph(text, in_flight, then) + paragraph(used)

@@ -13,7 +13,7 @@
 Matrices are tensors of torch in float64.  On the processor LAPACK and BLAS of SciPy work on their memory: MKL, which
 torch would call, needs 3 to 8 times as long with the common kernels of `foundation.kernels` (450 points: factor 0.9
 instead of 3.7 ms, inverse 2.4 instead of 6.4 ms).  The exponential is torch's, which takes 0.4 of NumPy's time.  LAPACK
-counts by columns where torch counts by rows, so that it is told of the upper triangle where the lower one is meant.
+stores by columns where torch stores by rows, so that LAPACK's upper triangle is torch's lower one.
 """
 
 from typing import TYPE_CHECKING

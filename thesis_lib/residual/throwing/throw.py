@@ -45,7 +45,7 @@ ImpactModel = Callable[..., tuple[np.ndarray, np.ndarray, np.ndarray | float]]
 class LawImpact:
     """The `ImpactModel` of a law with constant parameters on a body with radius of gyration `k_g` (m).
 
-    `effects`, with their parameters, act on (μ, ε) and on the impulse; `rig` is what they are told of body and rig.
+    `effects`, with their parameters, act on (μ, ε) and on the impulse; `rig` is the body and the rig as they see it.
     """
 
     law: Law

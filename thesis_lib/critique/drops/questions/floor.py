@@ -3,7 +3,7 @@
 Two answers, of residuals e_i = (δv_x, δv_y, k δω) of n impacts of a fitted model.
 
 - *Learned*: a forest of extremely randomised trees (Geurts, Ernst and Wehenkel 2006) predicts e from all that is known
-  before the impact, on trials that it was not fitted to.  What it takes away is no noise.
+  before the impact, on trials that it was not fitted to.  Whatever it removes is not noise.
 - *Pairs*: two impacts at nearly the same state have e_i − e_j = noise_i − noise_j, plus what the states still differ
   by.  The mean of |e_i − e_j| / √2 over the nearest pairs bounds the error of a perfect model from above, closely if
   the pairs are near.  The noise need not be known.

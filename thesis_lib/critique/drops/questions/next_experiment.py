@@ -1,11 +1,11 @@
 """Propose the next releases: states just before impact that would tell most.
 
-`shows` "difference": states at which two models differ most, whatever becomes of their parameters there.  They are the
-final model and its nearest rival: an alternative that these data cannot tell from a chosen effect, or else the unused
-candidate with the largest score test.  A rival that is refitted follows the other one as far as it can, so that a
-large difference of today's predictions may tell nothing.  With the whitened difference d_i of the velocities after
-impact in state i, slopes J_i of one model by its parameters, and its information I from the data at hand, impacts in
-the states A add, if the other model is true,
+`shows` "difference": states at which two models differ most, even after their parameters are fitted to impacts there.
+They are the final model and its nearest rival: an alternative that these data cannot tell from a chosen effect, or else
+the unused candidate with the largest score test.  A rival that is refitted follows the other one as far as it can, so
+that a large difference of today's predictions may mean nothing.  With the whitened difference d_i of the velocities
+after impact in state i, slopes J_i of one model by its parameters, and its information I from the data at hand, impacts
+in the states A add, if the other model is true,
 
     min_δ ½ (Σ_A |d_i − J_i δ|² + δᵀ I δ)    nats to the difference of their log scores.
 
