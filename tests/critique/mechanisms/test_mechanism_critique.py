@@ -308,5 +308,5 @@ def test_study_counts_every_dataset_and_is_right():
 
 @pytest.mark.parametrize(("end", "said"), [(1.75, "rises"), (1.25, "does not fall by an amount that matters")])
 def test_an_effect_that_held_out_trials_strike_is_said_with_its_misfits(end: float, said: str):
-    (text,) = diagnosis._rejected({"rejected": [{"title": "Payload", "ends": (1.5, end), "others": ["friction"]}]})
-    assert f"the misfit {said}, from 1.5 to {end}" in text.replace("1.50", "1.5") and "with it friction" in text
+    (text,) = diagnosis._rejected({"rejected": [{"title": "Payload", "ends": (1.5, end)}]})
+    assert f"the misfit {said}, from 1.5 to {end}" in text.replace("1.50", "1.5")

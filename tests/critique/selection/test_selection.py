@@ -419,16 +419,19 @@ def test_an_effect_that_spoils_another_error_does_not_enter_and_the_next_is_judg
     assert step.fails == "spoils" and not step.clears
 
 
-def test_held_out_trials_reject_what_makes_an_error_larger_with_all_that_was_found_after_it():
-    world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
+def test_held_out_trials_reject_what_makes_an_error_larger_and_what_was_found_after_it_is_fitted_again():
+    world = line(3, square=12.0 * SIZE, wave=3.0 * SIZE)
     training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
     discovery = found(training)
     names = [step.effect.name for step in discovery.steps]
     at = names.index("square")
     kept, ladder, without = judge_held_out(training, spoilt(unseen), discovery, SearchSettings())
-    assert [step.effect.name for step in kept.steps] == names[:at] == list(without) and len(ladder) == at + 1
+    others = [name for name in names if name != "square"]
+    assert [step.effect.name for step in kept.steps] == others == list(without) and at < len(others) == len(ladder) - 1
+    assert [[e.name for e in fitted.effects] for _, fitted, _ in ladder] == [others[:i] for i in range(len(ladder))]
+    assert kept.fitted is ladder[-1][1] and kept.fitted.score == training.fit(kept.base, kept.fitted.effects).score
     (rejected,) = kept.rejected
-    assert rejected.step.effect.name == "square" and list(rejected.others) == names[at + 1 :]
+    assert rejected.step.effect.name == "square"
     assert rejected.judged.other > rejected.than.other and "square" in kept.last_scan.gain
     by_hand, ladder, _ = judge_held_out(training, spoilt(unseen), discovery, SearchSettings(), by_hand=True)
     assert [step.fails for step in by_hand.steps] == ["spoils" if i == at else None for i in range(2)]

@@ -54,12 +54,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
         "augmented_model": {"name": "believed_parameters", "parameters": _parameters(critique, critique.fitted)},
         "effects": [_effect(critique, step) for step in critique.steps],
         "rejected": [
-            {
-                "name": one.step.effect.name,
-                "title": one.step.effect.title,
-                "ends": [one.than.misfit, one.judged.misfit],
-                "others": list(one.others),
-            }
+            {"name": one.step.effect.name, "title": one.step.effect.title, "ends": [one.than.misfit, one.judged.misfit]}
             for one in critique.discovery.rejected
         ],
         "search": {"limit": limit, "value": None if limit is None else getattr(critique.settings.thresholds, limit)},
@@ -196,8 +191,7 @@ def _rejected(d: Mapping) -> list[str]:
     return [
         f"{one['title']} was found on the training trials, but on the held-out ones the misfit "
         f"{'rises' if one['ends'][1] > one['ends'][0] else 'does not fall by an amount that matters'}, from "
-        f"{' to '.join(map(number, one['ends']))} standard deviations of noise, so it is left out"
-        + (f", and with it {listed(one['others'])}, found after it." if one["others"] else ".")
+        f"{' to '.join(map(number, one['ends']))} standard deviations of noise, so it is left out."
         for one in d["rejected"]
     ]
 

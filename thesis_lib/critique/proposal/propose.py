@@ -116,7 +116,8 @@ class _Proposer:
 
     def run(self) -> Proposal | None:
         final, steps = self.critique.discovery.fitted, self.critique.discovery.steps
-        rival, judged = final, steps[-1].judged if steps else self.evidence.judge(final)
+        rejected = self.critique.discovery.rejected
+        rival, judged = final, steps[-1].judged if steps and not rejected else self.evidence.judge(final)
         accepted: list[Accepted] = []
         named = tuple(effect for effect in final.effects)
         for number in range(1, MOST_STEPS + 1):

@@ -168,7 +168,7 @@ def _rejected(critique: Critique, one: Rejected) -> dict:
         velocity = channel == "impact"
         ends = [float(j.error.mean() if velocity else np.sqrt(j.sigmas[channel])) for j in (one.than, one.judged)]
         rises[channel] = {"unit": "m/s" if velocity else "sigma", "ends": ends}
-    return {"name": one.step.effect.name, "rises": rises, "others": list(one.others)}
+    return {"name": one.step.effect.name, "rises": rises}
 
 
 def _search(critique: Critique) -> dict:

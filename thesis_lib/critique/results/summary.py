@@ -66,10 +66,8 @@ def rejected(effect: Mapping) -> str:
         for name, one in effect["rises"].items()
     ]
     does = f"raises the error of {listed(rises)} on" if rises else "lowers no error by an amount that matters on"
-    said = f"“{EFFECTS[effect['name']].title}” was found on the training trials, but {does} the held-out ones, "
-    said += "so it is left out"
-    others = [f"“{EFFECTS[name].title}”" for name in effect["others"]]
-    return f"{said}{f', and with it {listed(others)}, found after it' if others else ''}."
+    title = EFFECTS[effect["name"]].title
+    return f"“{title}” was found on the training trials, but {does} the held-out ones, so it is left out."
 
 
 def above_noise(content: Mapping) -> list[str]:

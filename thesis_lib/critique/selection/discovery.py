@@ -1,6 +1,6 @@
 """What a search has chosen, and how it does on held-out data."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Literal
 
@@ -47,15 +47,11 @@ class Step(Generic[E, F, J]):
 
 @dataclass(frozen=True)
 class Rejected(Generic[E, F, J]):
-    """An effect that the held-out trials reject: the model with it is `judged` no better `than` that without it.
-
-    `others`: names of effects that were chosen after it, and are left out with it.
-    """
+    """An effect that the held-out trials reject: the model with it is `judged` no better `than` that without it."""
 
     step: Step[E, F, J]
     judged: J
     than: J
-    others: tuple[str, ...]
 
 
 @dataclass
@@ -129,10 +125,10 @@ def judge_held_out(
     """What stands, and its held-out judgements: the ladder (label, fit, judgement), and the worth of each effect.
 
     The latter is, by effect, the judgement of the final model refitted without it.  An effect with which any held-out
-    error is larger by an amount that matters, than on an earlier rung or than without it, is rejected with all that
-    were chosen after it; one that was switched on `by_hand` stays, and fails.  So is one that lowers no held-out error
-    by `CONFIRMED` of what matters.  This is the only say that held-out data have: they take an effect away, but choose
-    none, and fit nothing.
+    error is larger by an amount that matters, than on an earlier rung or than without it, is rejected; one that was
+    switched on `by_hand` stays, and fails.  So is one that lowers no held-out error by `CONFIRMED` of what matters.
+    They go one by one, the last of those first without which the final model is better, and the others are fitted
+    again.  This is the only say that held-out data have: they take an effect away, but choose none, and fit nothing.
     """
     part = {name: CONFIRMED * getattr(settings, name) for name in ("material_share", "material_floor")}
     confirming = settings.model_copy(update=part)
@@ -141,16 +137,21 @@ def judge_held_out(
     ladder = tuple((label, fitted, held_out.judge(fitted)) for label, fitted in fits)
     while True:
         final, without = discovery.fitted, {}
-        spoiled: dict[int, J] = {}
+        spoiled: dict[int, tuple[J, J]] = {}  # by the number of a step: with it, and what is better
+        alone = []  # those that the final model is better without
         for i, step in enumerate(discovery.steps):
             others = tuple(e for e in final.effects if e.name != step.effect.name)
             smaller = held_out.judge(training.fit(final.base, others, final.values, "near"))
             without[step.effect.name] = smaller
-            pairs = [(ladder[i + 1][2], rung[2]) for rung in ladder[: i + 1]] + [(ladder[-1][2], smaller)]
-            if worse := [than for judged, than in pairs if held_out.errs_more(judged, than, settings)]:
-                spoiled[i] = worse[0]
-            elif not by_hand and not held_out.is_material(ladder[-1][2], smaller, step.effect, confirming):
-                spoiled[i] = smaller
+            idle = not by_hand and not held_out.is_material(ladder[-1][2], smaller, step.effect, confirming)
+            if idle or held_out.errs_more(ladder[-1][2], smaller, settings):
+                spoiled[i] = ladder[-1][2], smaller
+                alone.append(i)
+            else:
+                # an error that this rung has raised, not an earlier one
+                rungs = [than for _, _, than in ladder[: i + 1] if held_out.errs_more(ladder[i + 1][2], than, settings)]
+                if worse := [than for than in rungs if not held_out.errs_more(ladder[i][2], than, settings)]:
+                    spoiled[i] = ladder[i + 1][2], worse[0]
         steps = discovery.steps
         if by_hand:
             failed = tuple(
@@ -159,18 +160,25 @@ def judge_held_out(
             return replace(discovery, steps=failed), ladder, without
         if not spoiled:
             return discovery, ladder, without
-        at = min(spoiled)
-        after = tuple(step.effect.name for step in steps[at + 1 :])
-        rejected = Rejected(steps[at], ladder[at + 1][2], spoiled[at], after)
+        at = max(alone) if alone else min(spoiled)
+        rejected = Rejected(steps[at], *spoiled[at])
+        kept, scan = _fitted_without(training, steps, at), steps[at].scan
+        if at < len(kept):
+            scan = discovery.last_scan.with_one_of(scan, steps[at].effect.name)
         discovery = replace(
-            discovery,
-            steps=steps[:at],
-            last_scan=steps[at].scan,
-            below=None,
-            limit=None,
-            rejected=(rejected, *discovery.rejected),
+            discovery, steps=kept, last_scan=scan, below=None, limit=None, rejected=(rejected, *discovery.rejected)
         )
-        ladder = ladder[: at + 1]
+        rungs = [(step.effect.name, step.fitted, held_out.judge(step.fitted)) for step in kept[at:]]
+        ladder = (*ladder[: at + 1], *rungs)
+
+
+def _fitted_without(training: World[E, F, J], steps: Sequence[Step[E, F, J]], at: int) -> tuple[Step[E, F, J], ...]:
+    """The steps without the one `at`, those after it fitted again, the last one until nothing changes."""
+    kept = list(steps[:at])
+    for step in steps[at + 1 :]:
+        effects, effort = (*(one.effect for one in kept), step.effect), "full" if step is steps[-1] else "near"
+        kept.append(replace(step, fitted=training.fit(step.fitted.base, effects, step.fitted.values, effort)))
+    return tuple(kept)
 
 
 def paired_gain(

@@ -14,7 +14,7 @@ cos = |P_c s| / |s|.
 Source: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948), doi 10.1017/S0305004100023987 (score test).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,6 +43,11 @@ class Scan:
     def p_value(self, gain: float) -> float:
         """Share of null draws with a gain at least as large, counting the observed one."""
         return float((1 + np.sum(self.null >= gain)) / (1 + len(self.null)))
+
+    def with_one_of(self, other: "Scan", name: str) -> "Scan":
+        """These tests, and that of effect `name` from other ones of the same data."""
+        tests = ("gain", "basis", "shift", "information")
+        return replace(self, **{test: getattr(self, test) | {name: getattr(other, test)[name]} for test in tests})
 
     def expected_loss(self, truth: str, other: str) -> float:
         """Expected loss in nats on this design if `other` is fitted and `truth` is at work."""
