@@ -19,7 +19,7 @@
 |                 |                     | `size` (true over believed), `radius` in m, effects that it `explains` too  |
 |                 | additions           | effects and laws that are not the library's, used or not, with their origin |
 | rejected        |                     | effects found on training trials that lower no held-out error, or raise one |
-|                 |                     | has its two ends by channel; `others` were found after it                   |
+|                 |                     | has its two ends by channel                                                 |
 | search          | limit, value        | null, or the setting at which the search ended although more may be found   |
 | error           | noise_floor_single  | noise floor of the single hits alone                                        |
 |                 | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
