@@ -135,11 +135,6 @@ class Edits:
             at = element.start + len(tag.rstrip(b">").rstrip(b"/").rstrip())
             self._edits.append((at, at, f' {name}="{value}"'.encode()))
 
-    def remove_attribute(self, element: Element, name: str) -> None:
-        """Remove an attribute, if it is there, with the blanks before it."""
-        if found := self._attribute(element, name):
-            self._edits.append((found.start(), found.end(), b""))
-
     def set_text(self, element: Element, value: str) -> None:
         """Write an element's text; blanks around the old one stay."""
         old = self.content[element.opened : element.closed]
