@@ -1,6 +1,7 @@
 """An effect or a base that makes any channel worse does not take the place of what was there."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import CHANNELS, Drops, Judgement
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.effects import EFFECTS
 
 ASKEW = np.radians(0.5)  # of the camera's axes, few rigs are better
 
@@ -37,6 +39,17 @@ def test_each_channel_counts(channel):
     if channel != "impact":  # a channel that was not measured
         unknown = replace(before, sigmas=before.sigmas | {channel: np.nan})
         assert not errs_more(None, worse, unknown, settings) and not errs_more(None, unknown, worse, settings)
+
+
+@pytest.mark.parametrize("integrated", [True, False])
+def test_an_effect_of_the_touch_may_show_where_an_integrated_contact_ends(integrated):
+    of_touch, settings = EFFECTS["surface_height"], CritiqueSettings()
+    worse, better = (replace(judged(meet=by), integrated=integrated) for by in (2.0, 1.0))
+    drops = SimpleNamespace(timed=False)
+    assert Drops.is_material(drops, better, worse, of_touch, settings) == integrated
+    assert not Drops.is_material(drops, better, worse, EFFECTS["linear_drag"], settings)
+    # of two kinds of contact the pose after impact is another statistic
+    assert not Drops.is_material(drops, better, replace(worse, integrated=not integrated), of_touch, settings)
 
 
 def sheared(t):

@@ -389,14 +389,16 @@ class TwoErrors(Scores):
 
 
 class Spoilt(Line):
-    """The square predicts better, but another error rises with it."""
+    """Some curves predict better, but another error rises with each."""
+
+    spoil: tuple[str, ...] = ("square",)
 
     def part(self, trials: np.ndarray) -> "Spoilt":
         rows = np.isin(self.trial, trials)
         return Spoilt(self.trial[rows], self.x[rows], self.y[rows])
 
     def judge(self, fitted: Fitted) -> TwoErrors:
-        return TwoErrors(self.trial, self.residual(fitted), 1.0 + any(e.name == "square" for e in fitted.effects))
+        return TwoErrors(self.trial, self.residual(fitted), 1.0 + sum(e.name in self.spoil for e in fitted.effects))
 
     def cross_validate(self, fitted: Fitted, folds: np.ndarray) -> TwoErrors:
         judged = super().cross_validate(fitted, folds)
@@ -436,6 +438,46 @@ def test_held_out_trials_reject_what_makes_an_error_larger_and_what_was_found_af
     by_hand, ladder, _ = judge_held_out(training, spoilt(unseen), discovery, SearchSettings(), by_hand=True)
     assert [step.fails for step in by_hand.steps] == ["spoils" if i == at else None for i in range(2)]
     assert len(ladder) == 3 and by_hand.rejected == ()
+
+
+def test_of_two_effects_that_spoil_an_error_held_out_trials_strike_the_later_first_and_each_by_itself():
+    world = line(3, square=12.0 * SIZE, step=6.0 * SIZE, wave=3.0 * SIZE)
+    training, unseen = (world.part(trials) for trials in split(world.trials, 0.3, np.random.default_rng(0)))
+    discovery = found(training)
+    names = [step.effect.name for step in discovery.steps]
+    assert len(names) == 3 and {"square", "step"} < set(names)
+    of_two = spoilt(unseen)
+    of_two.spoil = ("square", "step")
+    kept, ladder, _ = judge_held_out(training, of_two, discovery, SearchSettings())
+    (stays,) = kept.steps
+    assert stays.effect.name not in of_two.spoil and len(ladder) == 2
+    assert [each.step.effect.name for each in kept.rejected] == [name for name in names if name in of_two.spoil]
+    # the later one is judged beside the earlier one, which is judged alone
+    assert [(each.judged.other, each.than.other) for each in kept.rejected] == [(2.0, 1.0), (3.0, 2.0)]
+
+
+class Nested(Line):
+    """The bundle may be the square at some of its parameters; quick fits of the square alone fail."""
+
+    is_nested: bool
+
+    def includes(self, candidate: str, other: str) -> bool:
+        return self.is_nested and (candidate, other) == ("bundle", "square")
+
+    def fit(self, base, effects, start=None, effort="full") -> Fitted:
+        fitted = super().fit(base, effects, start, effort)
+        lost = effort == "quick" and effects == (Curve("square"),)
+        return replace(fitted, score=super().fit(base, ()).score) if lost else fitted
+
+
+@pytest.mark.parametrize(("is_nested", "named"), [(True, "square"), (False, "bundle")])
+def test_where_the_best_effect_includes_a_simpler_one_that_is_asked_though_it_is_no_finalist(is_nested, named):
+    plain = line(0, square=3.0 * SIZE)
+    world = Nested(plain.trial, plain.x, plain.y)
+    world.is_nested = is_nested
+    world.candidates = {name: Curve(name) for name in ("square", "bundle")}
+    (step,) = found(world, SearchSettings(finalists=1)).steps
+    assert step.effect.name == named
 
 
 def test_held_out_trials_reject_what_lowers_none_of_their_errors():
