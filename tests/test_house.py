@@ -4,6 +4,7 @@ import ast
 import functools
 import re
 import tomllib
+from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -124,6 +125,18 @@ def test_rooms_use_no_command_line_and_no_configuration():
         top = {used for used in imports_of(module) if room(used) == "" and used != "thesis_lib"}
         if room(module) and top:
             assert (room(module), top) == ("docs", {"thesis_lib.config"}), f"{module} imports {top}"
+
+
+# --- size of rooms ---
+
+MOST_MODULES = 20  # in a folder: more are several concepts
+# registries, where a file is one member; and rooms that are still to be divided
+LARGE_ROOMS = {"effects", "critique.drops"}
+
+
+def test_rooms_hold_few_modules():
+    sizes = Counter(room(module) for module in MODULES)
+    assert {name for name, size in sizes.items() if size > MOST_MODULES} <= LARGE_ROOMS
 
 
 # --- files that other tools read ---

@@ -5,10 +5,10 @@ import pytest
 from bouncing import ellipse_header, fly
 from falling_disk import bounces, drops, released
 
+from thesis_lib.datasets.flights.drag import air_in
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.impacts.detect import find_impacts
-from thesis_lib.datasets.impacts.drag import air_in
 
 EXACT = 1e-6  # relative: the path of constants in closed form, in double precision and small steps
 SIZE = 0.03  # relative: a coefficient of 45 flights of 0.2 s is known to 1 %

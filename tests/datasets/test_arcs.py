@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from bouncing import Flights, ellipse_header, fly
 
+from thesis_lib.datasets.flights.arcs import fit_arcs
+from thesis_lib.datasets.flights.noise import NoiseEstimate, estimate_spread
+from thesis_lib.datasets.flights.parabolas import Hits, parabolas
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
-from thesis_lib.datasets.impacts.arcs import fit_arcs
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_in_arrays
-from thesis_lib.datasets.impacts.noise import NoiseEstimate, estimate_spread
-from thesis_lib.datasets.impacts.parabolas import Hits, parabolas
 
 EXACT_V = 1e-8  # m/s, k rad/s: rounding of positions (1e-16 m) over 0.1 s, times the condition of the fit
 EXACT_T = 1e-9  # s

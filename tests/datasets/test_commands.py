@@ -13,8 +13,8 @@ from folders import DISK, bouncing_disk, header, impacts, trajectories, write
 
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
-from thesis_lib.datasets.sources.conversion import parse_shape
-from thesis_lib.datasets.sources.table_options import Units, parse_columns, parse_units
+from thesis_lib.datasets.sources.tables.options import Units, parse_columns, parse_units
+from thesis_lib.datasets.sources.tables.rig_options import parse_shape
 from thesis_lib.foundation.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,8 +8,8 @@ from bouncing import Flights, ellipse_header, fly
 from rolling import Rig, roll
 
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
-from thesis_lib.datasets.impacts.copies import without_copies
 from thesis_lib.datasets.impacts.detect import find_in_arrays
+from thesis_lib.datasets.samples.copies import without_copies
 
 RATE = 120.0
 NOISE = 3e-4  # m, of `fly`

@@ -10,10 +10,10 @@ import pytest
 from bouncing import Flights, ellipse_header, fly
 from scipy.signal import lfilter
 
+from thesis_lib.datasets.flights import noise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
-from thesis_lib.datasets.impacts import noise
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts, find_in_arrays
 from thesis_lib.datasets.impacts.quality import REASONS
 from thesis_lib.datasets.impacts.stays_down import landing_speeds

@@ -11,7 +11,7 @@ from rolling import Rig, Rolled, roll
 from thesis_lib.bodies.walls import turns, wall_of
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples, noise_from_differences
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_in_arrays
-from thesis_lib.datasets.impacts.pieces import HITS
+from thesis_lib.datasets.samples.pieces import HITS
 
 PUCK = Rig(rate=118.0)
 BALL = Rig(rate=25.0, length=2.84, width=1.42, radius=0.03, friction=0.1, epsilon=0.8, speeds=(0.5, 3.0), noise=1e-3)

@@ -235,7 +235,7 @@ def test_exports_of_another_kind_are_refused(tmp_path, logs, capsys, form, old, 
 
 
 def test_a_bag_needs_the_package_and_says_so(tmp_path, logs, capsys, monkeypatch):
-    monkeypatch.setattr("thesis_lib.datasets.sources.bags.find_spec", lambda name: None)
+    monkeypatch.setattr("thesis_lib.datasets.sources.motion_capture.bags.find_spec", lambda name: None)
     assert init(tmp_path, logs["bag"]) == 2
     assert "pip install rosbags" in capsys.readouterr().err
 

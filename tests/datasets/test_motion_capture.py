@@ -9,14 +9,14 @@ from tests.datasets.in_space import UP, Take, take
 from tests.datasets.test_logs_in_space import SHAPE, edited, init, same_drops
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import find_impacts, read_dataset
-from thesis_lib.datasets.sources.bags import read_bag
-from thesis_lib.datasets.sources.c3d import read_c3d
-from thesis_lib.datasets.sources.conversion import Rig, parse_shape
 from thesis_lib.datasets.sources.logs import Reading, convert
+from thesis_lib.datasets.sources.motion_capture.bags import read_bag
+from thesis_lib.datasets.sources.motion_capture.c3d import read_c3d
+from thesis_lib.datasets.sources.motion_capture.optitrack import is_optitrack, read_optitrack
+from thesis_lib.datasets.sources.motion_capture.qualisys import read_qualisys
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
-from thesis_lib.datasets.sources.optitrack import is_optitrack, read_optitrack
-from thesis_lib.datasets.sources.qualisys import read_qualisys
-from thesis_lib.datasets.sources.table_options import parse_columns
+from thesis_lib.datasets.sources.tables.options import parse_columns
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
@@ -123,11 +123,11 @@ def test_a_ball_is_a_point(tmp_path, recorded, capsys):
         write_bag(recorded, tmp_path / "ball.mcap", "PointStamped"): {},
     }
     for path, options in ways.items():
-        made = convert([path], "out", Rig(parse_shape("disk:0.035")), Reading(**options)).dataset
+        made = convert([path], "out", RigOptions(parse_shape("disk:0.035")), Reading(**options)).dataset
         assert not made.has_angle
         pd.testing.assert_frame_equal(made.trajectories, dataset.trajectories, atol=1e-5, check_exact=False)
         with pytest.raises(UserError, match="no angle of the body is read from it"):
-            convert([path], "out", Rig(parse_shape("square:0.06")), Reading(**options))
+            convert([path], "out", RigOptions(parse_shape("square:0.06")), Reading(**options))
     drop = dataset.trajectories[dataset.trajectories["trial"] == 0]
     np.testing.assert_allclose(drop["y"].max(), recorded.planar[recorded.drop == 0, 1].max(), atol=1e-3)
 
@@ -141,7 +141,7 @@ def test_columns_of_a_quaternion_are_asked_for(tmp_path, capsys):
 
 def test_messages_without_a_stamp_have_the_times_of_their_pictures(tmp_path, recorded, capsys):
     """Arrival wanders by a frame and more; drops are cut and hits are found as with right stamps."""
-    rig = Rig(parse_shape("ellipse:0.035,0.025"), k_g=0.019235)
+    rig = RigOptions(parse_shape("ellipse:0.035,0.025"), k_g=0.019235)
     right = find_impacts(convert([write_bag(recorded, tmp_path / "right.mcap")], "out", rig, Reading()).dataset)
     assert init(tmp_path, write_bag(recorded, tmp_path / "a.mcap", "Pose", stamped=False, late=5e-3)) == 0
     text = capsys.readouterr().out
@@ -166,7 +166,7 @@ def test_the_frame_that_a_note_names_is_right(up, yaw, angle):
     axes = plane_axes(up, yaw, 0.0)
     recorded = take(8, shape="square", axes=axes, tilt=0.0, mount=mount)
     motion = Motion("", "log.csv", recorded.t, recorded.position, recorded.quaternion)
-    rig = Rig(parse_shape("square:0.06"))
+    rig = RigOptions(parse_shape("square:0.06"))
 
     def told(frame: float) -> tuple[float | None, pd.DataFrame]:
         notes: list[str] = []
@@ -197,7 +197,7 @@ def test_what_a_c3d_file_lacks_is_said(tmp_path, short, capsys, monkeypatch):
             read_c3d(path, "plate", [])
     with pytest.raises(UserError, match=r"has 2 bodies: plate, ball\. Say which"):
         read_c3d(tmp_path / "whole.c3d", None, [])
-    monkeypatch.setattr("thesis_lib.datasets.sources.c3d.find_spec", lambda name: None)
+    monkeypatch.setattr("thesis_lib.datasets.sources.motion_capture.c3d.find_spec", lambda name: None)
     assert init(tmp_path, tmp_path / "whole.c3d") == 2
     assert "pip install ezc3d" in capsys.readouterr().err
 

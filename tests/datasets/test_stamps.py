@@ -6,7 +6,7 @@ from bouncing import Flights, ellipse_header, fly
 
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts.detect import find_in_arrays
-from thesis_lib.datasets.impacts.stamps import exposure_times
+from thesis_lib.datasets.samples.stamps import exposure_times
 
 PERIOD = 4e-3
 LATE = 2e-3  # s, mean of the delays; half a period

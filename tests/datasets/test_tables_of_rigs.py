@@ -9,9 +9,10 @@ from folders import bouncing_disk, trajectories
 
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
-from thesis_lib.datasets.sources.conversion import Conversion, Rig, parse_shape, parse_wall
+from thesis_lib.datasets.sources.conversion import Conversion
 from thesis_lib.datasets.sources.logs import Reading, convert
-from thesis_lib.datasets.sources.table_options import parse_columns, unit_in, unit_of
+from thesis_lib.datasets.sources.tables.options import parse_columns, unit_in, unit_of
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape, parse_wall
 from thesis_lib.foundation.errors import UserError
 
 WRITTEN = 6e-6  # m, rad: half of the last of five digits, and rounding
@@ -30,7 +31,7 @@ def read(
     path = folder / "log.txt"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     options["columns"] = parse_columns(options.get("columns", ""))
-    return convert([path], "made", Rig(parse_shape(shape), **(rig or {})), Reading(**options))
+    return convert([path], "made", RigOptions(parse_shape(shape), **(rig or {})), Reading(**options))
 
 
 def poses_of(conversion: Conversion) -> pd.DataFrame:

@@ -12,11 +12,11 @@ from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.results.diagnosis import diagnosis
+from thesis_lib.datasets.flights.colour import slope_variance
+from thesis_lib.datasets.flights.rounding import rounding_warning
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.impacts.colour import slope_variance
 from thesis_lib.datasets.impacts.detect import find_impacts, find_in_arrays
-from thesis_lib.datasets.impacts.rounding import rounding_warning
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, HiddenCauses

@@ -80,9 +80,9 @@ def bag_samples() -> list[Sample]:
 def read_motion(folder: Path, out: Path) -> None:
     """`datasets init` on the one file of the folder, with the options that its form needs."""
     from thesis_lib.datasets.format.write import write_dataset
-    from thesis_lib.datasets.sources.conversion import Rig, parse_shape
     from thesis_lib.datasets.sources.logs import Reading, convert
-    from thesis_lib.datasets.sources.table_options import parse_columns
+    from thesis_lib.datasets.sources.tables.options import parse_columns
+    from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
     from thesis_lib.figures.cuts import draw_cuts
 
     # the file may be gone, or a trap: its name says how it is read
@@ -91,7 +91,7 @@ def read_motion(folder: Path, out: Path) -> None:
     if name in TABLES:
         columns, order = TABLES[name]
         options = {"quaternion": order, "columns": parse_columns(columns)}
-    done = convert([folder / name], "made", Rig(parse_shape(f"disk:{RADIUS}")), Reading(**options))
+    done = convert([folder / name], "made", RigOptions(parse_shape(f"disk:{RADIUS}")), Reading(**options))
     write_dataset(done.dataset, out / "made")
     assert done.cuts is not None
     draw_cuts(done.cuts)

@@ -22,7 +22,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from thesis_lib.datasets.sources import c3d
+from thesis_lib.datasets.sources.motion_capture import c3d
 from thesis_lib.foundation.errors import UserError
 
 MEMORY = 1 << 30  # bytes above the imports

@@ -9,7 +9,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import STATE
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
-from thesis_lib.datasets.impacts.enough import MIN_IMPACTS, MIN_TRIALS, are_enough
+from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.read import read_dataset
 
 UNIT = {"t": "s", "x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "omega": "rad/s"}

@@ -17,8 +17,8 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.results.diagnosis import left_out
 from thesis_lib.critique.results.summary import much_left_out
+from thesis_lib.datasets.flights.parabolas import MIN_FLIGHT
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.impacts.parabolas import MIN_FLIGHT
 
 GRAVITY = 9.81
 SIGMAS = 4.0  # standard deviations of a reduced chi² (√(2/dof)) by which it may miss 1

@@ -29,7 +29,7 @@ from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.impacts.enough import MIN_IMPACTS, MIN_TRIALS, are_enough
+from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
 

@@ -1,10 +1,10 @@
-"""Accelerations of the flights between impacts, measured by parabolas (`thesis_lib/datasets/impacts/parabolas.py`)."""
+"""Accelerations of the flights between impacts, measured by parabolas (`thesis_lib/datasets/flights/parabolas.py`)."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from thesis_lib.datasets.impacts.parabolas import SOME, Parabolas
+from thesis_lib.datasets.flights.parabolas import SOME, Parabolas
 from thesis_lib.effects.effect import State
 
 MANY = 1.0 / 3.0  # share of the flights; where something bends all of them, short ones do not show it

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from thesis_lib.datasets.flights.lines import Lines, lines_through, rank
+from thesis_lib.datasets.flights.parabolas import GUARD, Hits
 from thesis_lib.datasets.format.samples import Samples, position
-from thesis_lib.datasets.impacts.lines import Lines, lines_through, rank
-from thesis_lib.datasets.impacts.parabolas import GUARD, Hits
 
 NODES = 8  # exact to 1e-6 of its size for a path that turns by 2.5 rad in a window of 0.1 s
 LATER = 1e-9  # s; an instant this much after a hit counts as after it

@@ -12,7 +12,7 @@ from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.world import CHANNELS
 from thesis_lib.critique.results.diagnosis import left_out, parameters
 from thesis_lib.critique.results.summary import much_left_out
-from thesis_lib.datasets.impacts.enough import MIN_IMPACTS, MIN_TRIALS
+from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import bounded

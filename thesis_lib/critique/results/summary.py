@@ -21,7 +21,7 @@ from thesis_lib.critique.drops.words import (
 )
 from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.selection.settings import SearchSettings, search_ended
-from thesis_lib.datasets.impacts.parabolas import bent_sentence
+from thesis_lib.datasets.flights.parabolas import bent_sentence
 from thesis_lib.effects import EFFECTS
 from thesis_lib.statistics.wording import bounded, listed, number
 

@@ -1,1 +1,1 @@
-"""From trajectories to impacts with covariance: detection, arcs, noise, quality."""
+"""From trajectories to impacts with covariance: detection, episodes, quality, energy."""

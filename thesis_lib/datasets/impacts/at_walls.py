@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.bodies.walls import as_filmed, gaps, in_wall_frame, struck_wall, turns, wall_of
+from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.impacts.arcs import ArcFits
 
 TOUCH_SIGMA = 5.0
 

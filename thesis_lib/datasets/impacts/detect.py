@@ -15,19 +15,11 @@ import pandas as pd
 from thesis_lib.datasets.checks.gap_line import GapLine, gap_line, sunk
 from thesis_lib.datasets.checks.known_body import contradictions
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts, lasting_contacts
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
-from thesis_lib.datasets.format.validate import DatasetError
-from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs
-from thesis_lib.datasets.impacts.at_walls import on_floors
-from thesis_lib.datasets.impacts.copies import without_copies
-from thesis_lib.datasets.impacts.drag import air_in, air_sentence, breaks_lines, window_in
-from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
-from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, arc_table, ordinals
-from thesis_lib.datasets.impacts.lines import norm
-from thesis_lib.datasets.impacts.low_pass import low_pass_of
-from thesis_lib.datasets.impacts.noise import (
+from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs
+from thesis_lib.datasets.flights.drag import air_in, air_sentence, breaks_lines, window_in
+from thesis_lib.datasets.flights.lines import norm
+from thesis_lib.datasets.flights.low_pass import low_pass_of
+from thesis_lib.datasets.flights.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
     estimate_spread,
@@ -37,8 +29,22 @@ from thesis_lib.datasets.impacts.noise import (
     stated_sigma,
     with_colour,
 )
-from thesis_lib.datasets.impacts.parabolas import bent_sentence, hits_of, parabolas
-from thesis_lib.datasets.impacts.pieces import cut_into_pieces
+from thesis_lib.datasets.flights.parabolas import bent_sentence, hits_of, parabolas
+from thesis_lib.datasets.flights.rounding import (
+    contact_guard,
+    guard_of,
+    rounding_warning,
+    sampling_interval,
+    touch_time,
+)
+from thesis_lib.datasets.flights.straightest import fit_straightest
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
+from thesis_lib.datasets.format.validate import DatasetError
+from thesis_lib.datasets.impacts.at_walls import on_floors
+from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
+from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, arc_table, ordinals
 from thesis_lib.datasets.impacts.quality import (
     approach_speed,
     assess_arcs,
@@ -46,19 +52,13 @@ from thesis_lib.datasets.impacts.quality import (
     flag_physics,
     has_flag_text,
 )
-from thesis_lib.datasets.impacts.rests import without_rests
-from thesis_lib.datasets.impacts.rounding import (
-    contact_guard,
-    guard_of,
-    rounding_warning,
-    sampling_interval,
-    touch_time,
-)
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
-from thesis_lib.datasets.impacts.stamps import exposure_times
 from thesis_lib.datasets.impacts.stays_down import landing_speeds, stays_down
-from thesis_lib.datasets.impacts.straightest import fit_straightest
+from thesis_lib.datasets.samples.copies import without_copies
+from thesis_lib.datasets.samples.pieces import cut_into_pieces
+from thesis_lib.datasets.samples.rests import without_rests
+from thesis_lib.datasets.samples.stamps import exposure_times
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:

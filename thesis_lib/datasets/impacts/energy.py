@@ -9,10 +9,10 @@ where a wrong height of the surface gives one φ_n.  It gains or loses energy, a
 
 import numpy as np
 
+from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.impacts.arcs import ArcFits
 from thesis_lib.datasets.impacts.quality import approach_speed, contact_measures
 from thesis_lib.statistics.spread import robust_std
 

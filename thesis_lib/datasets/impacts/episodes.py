@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
+from thesis_lib.datasets.flights.lines import Lines, lines_through
+from thesis_lib.datasets.flights.misfits import bow, with_stray
+from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
-from thesis_lib.datasets.impacts.lines import Lines, lines_through
-from thesis_lib.datasets.impacts.misfits import bow, with_stray
-from thesis_lib.datasets.impacts.noise import NoiseEstimate
 
 EPISODE_COLUMNS = ("trial", "impact", "last", "t_first", "t_last", "start", "end", "n_pre", "n_post")
 DOUBTFUL = ("second_hit", "not_ballistic", "stays_down")

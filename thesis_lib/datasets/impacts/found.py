@@ -6,16 +6,19 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts
+from thesis_lib.datasets.flights.arcs import ArcFits
+from thesis_lib.datasets.flights.low_pass import LowPass
+from thesis_lib.datasets.flights.noise import NoiseEstimate
+from thesis_lib.datasets.flights.parabolas import NO_PARABOLAS, Hits, Parabolas, hits_of
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.arcs import ArcFits
-from thesis_lib.datasets.impacts.low_pass import LowPass
-from thesis_lib.datasets.impacts.noise import NoiseEstimate
-from thesis_lib.datasets.impacts.parabolas import NO_PARABOLAS, Hits, Parabolas, hits_of
 from thesis_lib.datasets.impacts.stays_down import StaysDown
 
 LEFT_OUT_COLUMNS = ("trial", "impact", "t", "reason", "detail")
+# fewest that a verdict needs, so that some trials choose the model and others judge it
+MIN_TRIALS = 10
+MIN_IMPACTS = 30
 ARC_COLUMNS = (
     *("trial", "impact", "t", "t_std", "used", "n_pre", "n_post"),
     *(f"rms_{axis}_{side}" for side in ("pre", "post") for axis in ("x", "y", "theta")),
@@ -75,6 +78,11 @@ class FoundImpacts:
             "low_pass": None if self.low_pass is None else self.low_pass.content(),
             "warnings": list(self.warnings),
         }
+
+
+def are_enough(impacts: int, trials: int) -> bool:
+    """Whether so many usable impacts in so many trials are enough for a verdict."""
+    return impacts >= MIN_IMPACTS and trials >= MIN_TRIALS
 
 
 def ordinals(trial: np.ndarray) -> np.ndarray:

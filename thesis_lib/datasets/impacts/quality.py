@@ -33,13 +33,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.datasets.flights.arcs import ArcFits, is_bent
+from thesis_lib.datasets.flights.lines import norm
+from thesis_lib.datasets.flights.rounding import touch_time
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, long_gaps
-from thesis_lib.datasets.impacts.arcs import ArcFits, is_bent
 from thesis_lib.datasets.impacts.at_walls import TOUCH_SIGMA, gravity_towards, off_wall, time_to_another_wall
-from thesis_lib.datasets.impacts.lines import norm
-from thesis_lib.datasets.impacts.rounding import touch_time
 from thesis_lib.datasets.impacts.stays_down import landing_speeds
 
 REASONS = (

@@ -21,9 +21,9 @@ themselves, so that no jump of velocity remains.
 
 import numpy as np
 
+from thesis_lib.datasets.flights.arcs import fit_arcs
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.arcs import fit_arcs
 
 _WEAK_SAMPLES = 10  # a flight of 10 samples at 250 Hz is 2 mm high, which noise up to 0.5 mm cannot hide
 _FALL = 9.0  # chi² (3 sigmas) by which free fall must beat rest on both sides of a weak hit

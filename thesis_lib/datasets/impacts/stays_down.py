@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thesis_lib.datasets.flights.lines import lines_through, rank
+from thesis_lib.datasets.flights.windows import windows_around
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.lines import lines_through, rank
-from thesis_lib.datasets.impacts.windows import windows_around
 
 FEWEST = 3  # hits that stay down
 STRAY = 0.1  # rebounding hits below the speed, over those that stay down

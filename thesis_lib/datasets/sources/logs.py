@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources import bags, c3d, motive, optitrack, qualisys, vicon
-from thesis_lib.datasets.sources.conversion import Conversion, Rig
-from thesis_lib.datasets.sources.export_cells import SEQUENCES
-from thesis_lib.datasets.sources.log_table import read_log
+from thesis_lib.datasets.sources.conversion import Conversion
+from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, optitrack, qualisys, vicon
+from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
-from thesis_lib.datasets.sources.quaternion_table import ORDERS, read_quaternion_tables
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
-from thesis_lib.datasets.sources.table_options import TableOptions, parse_origin, parse_units
+from thesis_lib.datasets.sources.tables.log_table import read_log
+from thesis_lib.datasets.sources.tables.options import TableOptions, parse_origin, parse_units
+from thesis_lib.datasets.sources.tables.quaternions import ORDERS, read_quaternion_tables
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 from thesis_lib.datasets.space.plane import parse_direction
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
@@ -54,7 +55,7 @@ class Reading:
     cut: bool | None = None
 
 
-def convert(files: Sequence[str | Path], name: str, rig: Rig, reading: Reading) -> Conversion:
+def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Reading) -> Conversion:
     """The dataset in logs of one form; UserError where they cannot be read, or an option does not fit their form."""
     paths = [Path(file) for file in files]
     forms = {path: form_of(path) for path in paths}
@@ -134,7 +135,7 @@ def _holds_points(path: Path, options: TableOptions) -> bool:
     return True
 
 
-def _check_options(path: Path, form: str, in_space: bool, rig: Rig, reading: Reading) -> None:
+def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, reading: Reading) -> None:
     """UserError for an option that has no meaning for this form of a log."""
     given = {name for name in (*ONLY_TABLES, *ONLY_SPACE) if name != "rate" and getattr(reading, name)}
     given |= ({"rate"} if rig.rate is not None else set()) | ({"wall"} if rig.walls else set())

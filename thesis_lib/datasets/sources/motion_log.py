@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.datasets.impacts.stamps import times_of_pictures
-from thesis_lib.datasets.sources.conversion import GRAVITY, Conversion, Rig, as_dataset, needs_no_angle
+from thesis_lib.datasets.samples.stamps import times_of_pictures
+from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
+from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions, needs_no_angle
 from thesis_lib.datasets.space.convention import Scene, check_reading, fit
 from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest, whole_pieces
 from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
@@ -40,7 +41,7 @@ class View:
 
 
 def convert_motions(
-    motions: Sequence[Motion], name: str, files: Sequence[str | Path], rig: Rig, view: View, notes: list[str]
+    motions: Sequence[Motion], name: str, files: Sequence[str | Path], rig: RigOptions, view: View, notes: list[str]
 ) -> Conversion:
     """A dataset of trajectories from the motions of one body, one of each recording; adds to `notes`.
 
@@ -93,7 +94,13 @@ def _long_period(t: np.ndarray, piece: np.ndarray) -> float:
 
 
 def _convert(
-    motion: Motion, piece: np.ndarray, name: str, files: Sequence[str | Path], rig: Rig, view: View, notes: list[str]
+    motion: Motion,
+    piece: np.ndarray,
+    name: str,
+    files: Sequence[str | Path],
+    rig: RigOptions,
+    view: View,
+    notes: list[str],
 ) -> Conversion:
     size = GRAVITY if rig.gravity is None else rig.gravity
     given = None if view.normal is None else Plane.of(view.normal, view.up)
@@ -163,7 +170,7 @@ def _no_flight(motion: Motion, gravity: float, up: np.ndarray) -> str:
     )
 
 
-def _plane_text(plane: Plane, how: str, rig: Rig) -> str:
+def _plane_text(plane: Plane, how: str, rig: RigOptions) -> str:
     n = ", ".join(f"{value:.3f}" for value in plane.normal + 0.0)
     tilt = np.degrees(abs(plane.tilt))
     text = f"plane of the motion {how}: normal ({n}) in the axes of the recording, {tilt:.1f}° off the vertical"
@@ -189,7 +196,7 @@ def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list
     return texts
 
 
-def _no_drop(drops: Sequence[Drop], height: np.ndarray, rig: Rig) -> str:
+def _no_drop(drops: Sequence[Drop], height: np.ndarray, rig: RigOptions) -> str:
     if all(drop.left_out == SPATIAL for drop in drops):
         return (
             f"all {len(drops)} trials have more than {MOST_OUT:.0%} of their energy out of the plane: the "

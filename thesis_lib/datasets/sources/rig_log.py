@@ -12,10 +12,11 @@ import pandas as pd
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.checks.trajectories import check_trajectories
 from thesis_lib.datasets.format.validate import SHOWN, Report, Table, row_text
-from thesis_lib.datasets.sources.conversion import Conversion, Rig, as_dataset
-from thesis_lib.datasets.sources.log_table import Log
-from thesis_lib.datasets.sources.table_options import TableOptions
-from thesis_lib.datasets.sources.table_pose import read_poses
+from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
+from thesis_lib.datasets.sources.tables.log_table import Log
+from thesis_lib.datasets.sources.tables.options import TableOptions
+from thesis_lib.datasets.sources.tables.pose import read_poses
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.plane import Plane
 from thesis_lib.foundation.errors import UserError
@@ -29,7 +30,7 @@ def convert_logs(
     files: Sequence[str | Path],
     name: str,
     options: TableOptions,
-    rig: Rig,
+    rig: RigOptions,
     frame: Frame = (0.0, 0.0, 0.0),
     *,
     per_trial_files: bool = False,
@@ -71,7 +72,7 @@ def _of_the_body(poses: pd.DataFrame, frame: Frame) -> pd.DataFrame:
 
 
 def read_planar_motions(
-    files: Sequence[str | Path], options: TableOptions, rig: Rig, notes: list[str], warnings: list[str]
+    files: Sequence[str | Path], options: TableOptions, rig: RigOptions, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
     """Each log as one long recording in a plane of space: x along `FLAT.x`, y up; arguments as in `convert_logs`."""
     from scipy.spatial.transform import Rotation
@@ -93,7 +94,7 @@ def read_planar_motions(
     return motions
 
 
-def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: TableOptions, rig: Rig) -> None:
+def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: TableOptions, rig: RigOptions) -> None:
     """UserError if whole poses in SI have an angle in degrees: before whole turns are taken off, which hides it."""
     if "theta" not in poses:
         return

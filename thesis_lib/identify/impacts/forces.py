@@ -5,7 +5,7 @@ the body is known.  A sensor under the plate responds as a resonance and is samp
 
     s̈/ω² + 2ζ ṡ/ω + s = f,    so that  ∫ s dt = ∫ f dt,  but max s ≠ max f.                                  (1)
 
-The estimator uses noisy poses only, of unknown noise level.  Arcs on either side of the hit (`datasets.impacts.arcs`)
+The estimator uses noisy poses only, of unknown noise level.  Arcs on either side of the hit (`datasets.flights.arcs`)
 give the velocities just before and after, with covariance, and the method `arcs`
 
     c = m (Δv_x, Δv_y),     cov c = m² cov Δv.                                                              (2)

@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.validate import row_text
-from thesis_lib.datasets.sources.table_layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
-from thesis_lib.datasets.sources.table_options import TableOptions, unit_in, unit_of
-from thesis_lib.datasets.sources.tracked_points import LIKELY, points_of, sureness
+from thesis_lib.datasets.sources.tables.layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
+from thesis_lib.datasets.sources.tables.options import TableOptions, unit_in, unit_of
+from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, points_of, sureness
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 

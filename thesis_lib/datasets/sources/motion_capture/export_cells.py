@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.log_table import MAX_COLUMNS, MAX_LOG
+from thesis_lib.datasets.sources.tables.log_table import MAX_COLUMNS, MAX_LOG
 from thesis_lib.datasets.space.motion import from_angles, unit
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes

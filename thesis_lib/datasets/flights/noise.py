@@ -19,11 +19,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
+from thesis_lib.datasets.flights.arcs import ArcFits
+from thesis_lib.datasets.flights.colour import long_flights, slope_variance
+from thesis_lib.datasets.flights.lines import norm
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.arcs import ArcFits
-from thesis_lib.datasets.impacts.colour import long_flights, slope_variance
-from thesis_lib.datasets.impacts.lines import norm
 from thesis_lib.statistics.spread import robust_std
 
 SIGMA_FLOOR = np.array([1e-7, 1e-7, 1e-6])  # m, m, rad: noise-free (simulated) data must not divide by zero

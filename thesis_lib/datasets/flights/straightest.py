@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs, is_bent
+from thesis_lib.datasets.flights.noise import SIGMA_FLOOR, NoiseEstimate
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.arcs import ArcFits, fit_arcs, is_bent
-from thesis_lib.datasets.impacts.noise import SIGMA_FLOOR, NoiseEstimate
 
 _MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 

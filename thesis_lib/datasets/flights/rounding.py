@@ -21,11 +21,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thesis_lib.datasets.flights.arcs import ArcFits
+from thesis_lib.datasets.flights.low_pass import LowPass
+from thesis_lib.datasets.flights.windows import sides_of, windows_around
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.arcs import ArcFits
-from thesis_lib.datasets.impacts.low_pass import LowPass
-from thesis_lib.datasets.impacts.windows import sides_of, windows_around
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.tails import theil_sen
 

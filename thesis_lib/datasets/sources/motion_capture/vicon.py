@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.export_cells import (
+from thesis_lib.datasets.sources.motion_capture.export_cells import (
     DELIMITERS,
     Row,
     columns_of,
@@ -34,8 +34,8 @@ from thesis_lib.datasets.sources.export_cells import (
     read_rows,
     rotations,
 )
-from thesis_lib.datasets.sources.motive import body_from_markers
-from thesis_lib.datasets.sources.tracked_bodies import choose_body
+from thesis_lib.datasets.sources.motion_capture.motive import body_from_markers
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
-from thesis_lib.datasets.sources.table_options import TableOptions
-from thesis_lib.datasets.sources.table_pose import times
+from thesis_lib.datasets.sources.tables.log_table import Log, read_log, say_of_logs
+from thesis_lib.datasets.sources.tables.options import TableOptions
+from thesis_lib.datasets.sources.tables.pose import times
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thesis_lib.datasets.flights.arcs import ArcFits
+from thesis_lib.datasets.flights.windows import windows_around
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.datasets.impacts.arcs import ArcFits
-from thesis_lib.datasets.impacts.windows import windows_around
 from thesis_lib.statistics.spread import robust_std
 
 OF_CUTOFF, SPREAD = 0.31, 0.12  # T_r ω_c, and its relative spread between kinds of filters, (2)

@@ -10,7 +10,7 @@ where b is the residual of τ²/2 from a line.
 
 import numpy as np
 
-from thesis_lib.datasets.impacts.lines import Lines, lines_through, norm, rank
+from thesis_lib.datasets.flights.lines import Lines, lines_through, norm, rank
 
 
 def bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:

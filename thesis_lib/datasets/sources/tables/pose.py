@@ -8,10 +8,10 @@ import pandas as pd
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
-from thesis_lib.datasets.sources.conversion import Rig, needs_no_angle
-from thesis_lib.datasets.sources.log_table import Log, read_log, say_of_logs
-from thesis_lib.datasets.sources.table_options import QUANTITY, SPATIAL, TableOptions
-from thesis_lib.datasets.sources.tracked_points import LIKELY, pose_of_points
+from thesis_lib.datasets.sources.tables.log_table import Log, read_log, say_of_logs
+from thesis_lib.datasets.sources.tables.options import QUANTITY, SPATIAL, TableOptions
+from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
+from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, pose_of_points
 from thesis_lib.foundation.errors import UserError
 
 SINCE_1970 = {"ns": 1e17, "us": 1e14, "ms": 1e11}  # stamps above it are in that unit; now it is 1.8e9 s
@@ -19,7 +19,12 @@ STRAY = 0.1  # of a body's size, by which tracked points may stray from a rigid 
 
 
 def read_poses(
-    files: Sequence[str | Path], options: TableOptions, rig: Rig, one_trial: bool, notes: list[str], warnings: list[str]
+    files: Sequence[str | Path],
+    options: TableOptions,
+    rig: RigOptions,
+    one_trial: bool,
+    notes: list[str],
+    warnings: list[str],
 ) -> tuple[list[Log], list[pd.DataFrame]]:
     """The logs, and of each the trial (text), t, x, y and, where it is measured, theta, in SI; NaN where lost.
 
@@ -63,7 +68,7 @@ def read_poses(
     return logs, tables
 
 
-def _pose_columns(log: Log, options: TableOptions, rig: Rig) -> tuple[str, ...]:
+def _pose_columns(log: Log, options: TableOptions, rig: RigOptions) -> tuple[str, ...]:
     """x, y and theta, which may lack of a disk; UserError if it lacks of another shape."""
     names = {ours: name for ours, (name, _) in options.source("x", "y", "theta").items()}
     if "theta" in options.columns or log.has("theta"):
@@ -160,7 +165,7 @@ def _counts(t: np.ndarray, trial: pd.Series) -> bool:
     return len(step) > 0 and bool(np.all(whole == np.rint(whole))) and float(np.median(step)) == 1.0
 
 
-def _need_origin(log: Log, options: TableOptions, rig: Rig, poses: pd.DataFrame) -> None:
+def _need_origin(log: Log, options: TableOptions, rig: RigOptions, poses: pd.DataFrame) -> None:
     """UserError if pixels that count downwards from the upper corner have no origin."""
     pixels = options.units.scale is not None and options.origin is None
     if pixels and rig.surface_height == 0.0 and not rig.walls and np.nanmedian(poses["y"]) < 0.0:

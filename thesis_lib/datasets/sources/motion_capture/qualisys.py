@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.export_cells import Row, columns_of, lost_zeros, read_rows, rotations
-from thesis_lib.datasets.sources.tracked_bodies import choose_body, choose_markers, motion_of_markers
+from thesis_lib.datasets.sources.motion_capture.export_cells import Row, columns_of, lost_zeros, read_rows, rotations
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body, choose_markers, motion_of_markers
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from thesis_lib.datasets.sources.table_options import SPACES, unit_of
+from thesis_lib.datasets.sources.tables.options import SPACES, unit_of
 
 DELIMITERS = (",", "\t", ";", "|", SPACES)
 NAMES = {",": "commas", "\t": "tabs", ";": "semicolons", "|": "bars", SPACES: "spaces"}

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thesis_lib.datasets.flights.lines import rank
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.lines import rank
 
 _WALK = 3  # samples by which t_c may leave the detected instant: the detector is that coarse for weak hits
 

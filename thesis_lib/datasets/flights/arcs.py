@@ -44,12 +44,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from thesis_lib.bodies.walls import gap_slopes, gaps, struck_wall
+from thesis_lib.datasets.flights.lines import lines_through, norm
+from thesis_lib.datasets.flights.misfits import misfits
+from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.lines import lines_through, norm
-from thesis_lib.datasets.impacts.misfits import misfits
-from thesis_lib.datasets.impacts.windows import Windows, sides_of, windows_around
 
 # slices of the unknowns in p; w is absent without stray acceleration
 _Q, _PRE, _POST, _U, _T = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), 12

@@ -1,0 +1,1 @@
+"""Free flights between impacts: lines, arcs and parabolas through their samples, noise, air, and rounded corners."""

@@ -1,0 +1,1 @@
+"""Motions in space as motion capture systems and ROS write them: a reader for each format."""

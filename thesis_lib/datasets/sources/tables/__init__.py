@@ -1,0 +1,1 @@
+"""Tables of a rig's own logs, and what options say of them and of the rig."""
