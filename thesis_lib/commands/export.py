@@ -16,7 +16,7 @@ prism, a disk a cylinder. Comments in the file say where each number comes from.
 there and here, by name.
 
 With --patch, the numbers go into a body of your own model instead: inertia, centre of mass, friction and contact (mass
-with --mass). Geometry, surface and options stay as they are, and so does every other byte. MJCF is read by MuJoCo; the
+with --mass). Geometry, surface, options and comments stay as they are. MJCF is read by MuJoCo; the
 contact in SDF and URDF stands in elements that Drake reads.
 """
 EXAMPLES = """\

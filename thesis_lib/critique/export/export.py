@@ -1,6 +1,6 @@
 """Write a fitted model for an engine: a new file, or the numbers in a user's own.
 
-A new file is whole in itself.  A patched one is the user's, byte by byte, but for the numbers of one body.
+A new file is whole in itself.  A patched one is the user's, but for the numbers of one body.
 """
 
 from dataclasses import dataclass
@@ -9,10 +9,9 @@ from pathlib import Path
 from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjcf
 from thesis_lib.critique.export.effects import FORMATS
-from thesis_lib.critique.export.patch import Plane
+from thesis_lib.critique.export.patch import Patch, Plane
 from thesis_lib.critique.export.solid import solid
 from thesis_lib.critique.export.text import only_bounds
-from thesis_lib.critique.export.xml_edit import Edits
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import atomic
@@ -74,19 +73,19 @@ def patched(
         raise UserError(f"--points must be 1 or more; got {points}.")
     if surface and target == "mjcf":
         raise UserError("--surface is for SDF and URDF: MuJoCo takes the numbers of the geom with priority alone.")
-    axes, edits = Plane(plane), Edits(file)
-    of_file = patch_mjcf.mass_in(edits, body) if target == "mjcf" else patch_drake.mass_in(edits, body, target)
+    own = Patch(file, Plane(plane))
+    of_file = patch_mjcf.mass_in(own, body) if target == "mjcf" else patch_drake.mass_in(own, body, target)
     if mass is None and of_file is not None and not of_file > 0.0:
         raise UserError(f"{file}: the mass of {body!r} is {of_file:g} kg; it must be positive.")
     made = solid(model, target, mass or of_file, depth)
     if target == "mjcf":
-        report = patch_mjcf.patch(edits, body, made, axes, points)
+        patch_mjcf.patch(own, body, made, points)
     else:
-        report = patch_drake.patch(edits, body, made, axes, target, points, surface)
+        patch_drake.patch(own, body, made, target, points, surface)
     if not made.time_known:
-        report.left.append("contact time: impacts without trajectories show none; 1 ms was written")
-    report.left.extend(only_bounds(model))
-    return Exported(edits.result(), tuple(report.changed), tuple(report.left))
+        own.left.append("contact time: impacts without trajectories show none; 1 ms was written")
+    own.left.extend(only_bounds(model))
+    return Exported(own.content(), tuple(own.changed), tuple(own.left))
 
 
 def write(made: Exported, path: str | Path) -> None:

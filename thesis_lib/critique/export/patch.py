@@ -1,22 +1,28 @@
-"""What all patches share: the plane of the drops in the user's body, the tensor of inertia, what is reported.
+"""What all patches share: the user's file, the plane of the drops in its body, the tensor of inertia, what is reported.
 
 A patch writes numbers that the drops have shown into one body of a file that exists: mass (if given), inertia, centre
 of mass, friction, contact.  It leaves geometry, surface, gravity and options as they are, and says so where the model
 has something about them.  The moment of inertia about the axis across the plane becomes m k²; as the drops show no
 other, the whole tensor of the file is scaled by that factor, so that it stays that of a body.
+
+Document types are refused: what they declare (entities) could unfold to gigabytes or open other files, and no engine's
+file needs them.  Nothing that the file names is opened.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.critique.export.solid import Solid
 from thesis_lib.critique.export.text import n
-from thesis_lib.critique.export.xml_edit import Edits, Element
 from thesis_lib.foundation.command_line import near
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import read_bytes
 
+LARGEST = 20_000_000  # bytes; a humanoid's file has 0.1 MB, one with meshes in it a few
 # effects that are about what a patch leaves alone
 NOT_PATCHED = {
     "wrong_size": "geometry is not patched: scale it by {factor:.6g}",
@@ -56,51 +62,108 @@ class Plane:
         return new
 
 
-@dataclass
-class Report:
-    """What a patch did and did not, as lines for the terminal."""
+class Patch:
+    """A user's file with the edits made in it; `changed` and `left` are lines for the terminal."""
 
-    changed: list[str] = field(default_factory=list)
-    left: list[str] = field(default_factory=list)
+    def __init__(self, path: str | Path, plane: Plane) -> None:
+        """Read the file; UserError if it cannot be read, is no XML, has a document type, or nests too deeply."""
+        self.path, self.plane = path, plane
+        self.changed: list[str] = []
+        self.left: list[str] = []
+        content = read_bytes(path, LARGEST)
+        try:
+            self.root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
+        except etree.XMLSyntaxError as error:
+            reason = error.msg.split(", line")[0]
+            raise UserError(
+                f"{path} is not XML: {reason} in line {error.lineno}; check it, or give the model's own file."
+            ) from error
+        if self.root.getroottree().docinfo.doctype:
+            raise UserError(f"{path} has a document type (<!DOCTYPE ...>); remove it, no model needs one.")
+        self._declared = content[:10].find(b"<?xml") >= 0
+        self._newline = b"\r\n" if 2 * content.count(b"\r\n") > content.count(b"\n") else b"\n"
 
-    def change(self, what: str, old: Iterable[float] | None, new: Iterable[float]) -> None:
-        before = "none" if old is None else n(*old)
-        self.changed.append(f"{what}: {before} -> {n(*new)}")
+    def content(self) -> bytes:
+        """The file as UTF-8: comments, order, blanks between elements and the ends of lines are the user's."""
+        nodes = [*self.root.itersiblings(preceding=True)][::-1] + [self.root, *self.root.itersiblings()]
+        parts = [etree.tostring(node, encoding="utf-8", xml_declaration=False, with_tail=False) for node in nodes]
+        start = [b'<?xml version="1.0" encoding="utf-8"?>'] if self._declared else []
+        return b"\n".join([*start, *parts, b""]).replace(b"\n", self._newline)
 
+    def where(self, element: etree._Element) -> str:
+        return f"{self.path}, line {element.sourceline}"
 
-def named(edits: Edits, elements: Sequence[Element], name: str, what: str) -> Element:
-    """The element of this name; UserError with those that there are."""
-    found = [one for one in elements if one.attributes.get("name") == name]
-    if len(found) == 1:
+    def named(self, elements: Iterable[etree._Element], name: str, what: str) -> etree._Element:
+        """The element of this name; UserError with those that there are."""
+        by_name: dict[str, list[etree._Element]] = {}
+        for one in elements:
+            by_name.setdefault(one.get("name", ""), []).append(one)
+        found, names = by_name.get(name, []), sorted(filter(None, by_name))
+        if len(found) > 1:
+            lines = f"lines {', '.join(str(one.sourceline) for one in found)}"
+            raise UserError(f"{self.path} has {len(found)} {what} named {name!r} ({lines}); give each its own name.")
+        if not found:
+            known = f"it has {', '.join(names[:20])}" if names else f"it has no {what} with a name"
+            raise UserError(f"{self.path} has no {what} named {name!r}{near(name, names)}; {known}.")
         return found[0]
-    names = sorted({one.attributes["name"] for one in elements if "name" in one.attributes})
-    if len(found) > 1:
-        lines = ", ".join(str(one.line) for one in found)
-        raise UserError(f"{edits.path} has {len(found)} {what} named {name!r} (lines {lines}); give each its own name.")
-    known = f"it has {', '.join(names[:20])}" if names else f"it has no {what} with a name"
-    raise UserError(f"{edits.path} has no {what} named {name!r}{near(name, names)}; {known}.")
 
+    def numbers(self, element: etree._Element | None, attribute: str = "", count: int = 0) -> list[float]:
+        """Numbers of an attribute, or of the text; none of what is missing.
 
-def inertia_factor(tensor: np.ndarray, solid: Solid, plane: Plane, where: str) -> float:
-    """What makes m k² of the moment across the plane of a file's tensor (3, 3); UserError if it has none there."""
-    old = tensor[plane.across, plane.across]
-    if not old > 0.0:
-        raise UserError(f"{where} has no positive moment of inertia about {'xyz'[plane.across]}; mend it first.")
-    return float(solid.mass * solid.k_g**2 / old)
+        UserError if they are not finite, or if there are not `count` of them.
+        """
+        said = None if element is None else element.get(attribute) if attribute else element.text
+        try:
+            values = [float(word) for word in (said or "").split()]
+        except ValueError:
+            values = [float("nan")]
+        if element is not None:
+            where = f"{self.where(element)}: <{etree.QName(element).localname}>"
+            if not all(abs(value) < 1e300 for value in values):
+                raise UserError(f"{where} {attribute}={(said or '')[:60]!r} holds no finite numbers.")
+            if count and len(values) != count:
+                raise UserError(f"{where} needs {count} number(s) in {attribute or 'its text'}.")
+        return values
 
+    def write(self, what: str, values: Sequence[float], element: etree._Element, attribute: str = "") -> None:
+        """Write numbers into an attribute, or as the text, and report them."""
+        old = self.numbers(element, attribute)
+        self.changed.append(f"{what}: {n(*old) if old else 'none'} -> {n(*values)}")
+        if attribute:
+            element.set(attribute, n(*values))
+        else:
+            element.text = n(*values)
 
-def moved(position: Sequence[float], solid: Solid, plane: Plane, report: Report) -> list[float] | None:
-    """The place of the centre of mass with the fitted offset; None if it stays."""
-    place = list(position)
-    if "com_offset" not in solid.model.effects:
-        if max(abs(place[i]) for i in plane.indices) > SAME:
-            report.left.append(
-                f"centre of mass: stays at {n(*place)}; in the drops it was believed at the body's origin"
+    def insert(self, parent: etree._Element, tag: str) -> etree._Element:
+        """A new first child, on a line of its own if the others have such."""
+        new = etree.Element(tag, nsmap=parent.nsmap)
+        new.tail = parent.text
+        parent.insert(0, new)
+        return new
+
+    def inertia_factor(self, tensor: np.ndarray, solid: Solid, where: str) -> float:
+        """What makes m k² of the moment across the plane of a file's tensor (3, 3); UserError if it has none there."""
+        old = tensor[self.plane.across, self.plane.across]
+        if not old > 0.0:
+            raise UserError(
+                f"{where} has no positive moment of inertia about {'xyz'[self.plane.across]}; mend it first."
             )
-        return None
-    for i, value in zip(plane.indices, solid.com):
-        place[i] = float(value)
-    return place
+        return float(solid.mass * solid.k_g**2 / old)
+
+    def moved(self, position: Sequence[float], solid: Solid) -> list[float]:
+        """The place of the centre of mass with the fitted offset; the same place if none was fitted."""
+        place = list(position)
+        if "com_offset" in solid.model.effects:
+            for i, value in zip(self.plane.indices, solid.com):
+                place[i] = float(value)
+        elif max(abs(place[i]) for i in self.plane.indices) > SAME:
+            self.left.append(f"centre of mass: stays at {n(*place)}; in the drops it was believed at the body's origin")
+        return place
+
+    def sharing(self, places: Iterable[Sequence[float]]) -> int:
+        """Most of the places (3,) that stand behind each other across the plane, and share the load."""
+        flat = [tuple(np.round([place[i] for i in self.plane.indices], 9)) for place in places]
+        return max(flat.count(one) for one in flat)
 
 
 def not_patched(solid: Solid) -> list[str]:

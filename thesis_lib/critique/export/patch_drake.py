@@ -2,186 +2,129 @@
 
 Drake mixes friction, stiffness and dissipation of the two bodies in a contact.  The numbers are those that both must
 have, so the surface's link can be patched with it; only its contact changes then.
+
+Numbers stand in attributes of URDF and in the text of SDF.
 """
 
 import numpy as np
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.critique.export import drake_files
-from thesis_lib.critique.export.patch import Plane, Report, inertia_factor, moved, named, not_patched
+from thesis_lib.critique.export.patch import Patch, not_patched
 from thesis_lib.critique.export.solid import Solid
-from thesis_lib.critique.export.text import n
-from thesis_lib.critique.export.xml_edit import Edits, Element
 from thesis_lib.foundation.errors import UserError
 
 ROOTS = {"sdf": "sdf", "urdf": "robot"}
 NAMESPACE = {"sdf": "drake.mit.edu", "urdf": "http://drake.mit.edu"}
-PROPERTIES = "drake:proximity_properties"
 _ENTRIES = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
-def mass_in(edits: Edits, name: str, target: str) -> float | None:
+def mass_in(file: Patch, name: str, target: str) -> float | None:
     """The mass of a link in kg; None without one."""
-    mass = _link(edits, name, target).find("inertial", "mass")
-    values = edits.numbers(mass, _attribute(target)) if mass else None
+    values = file.numbers(_link(file, name, target).find("inertial/mass"), _value(target))
     return values[0] if values else None
 
 
-def patch(
-    edits: Edits, name: str, solid: Solid, plane: Plane, target: str, points: int | None = None, surface: str = ""
-) -> Report:
+def patch(file: Patch, name: str, solid: Solid, target: str, points: int | None = None, surface: str = "") -> None:
     """Make the edits in a file of the format `target`; `points` as in `patch_mjcf`, `surface`: a link with the same."""
-    link, report = _link(edits, name, target), Report()
-    _inertial(edits, link, solid, plane, target, report)
-    collisions = link.all("collision")
+    link = _link(file, name, target)
+    _inertial(file, link, solid, target)
+    collisions = link.findall("collision")
     if not collisions:
-        raise UserError(f"{edits.path}: the link {name!r} has no collision; name the link that touches.")
-    made = drake_files.numbers(solid, points or _points(edits, collisions, plane, target))
-    others = _link(edits, surface, target).all("collision") if surface else []
+        raise UserError(f"{file.path}: the link {name!r} has no collision; name the link that touches.")
+    # each collision touches in one point
+    made = drake_files.numbers(solid, points or file.sharing(_pose(file, one, target)[0] for one in collisions))
+    others = _link(file, surface, target).findall("collision") if surface else []
     if surface and not others:
-        raise UserError(f"{edits.path}: the surface's link {surface!r} has no collision.")
+        raise UserError(f"{file.path}: the surface's link {surface!r} has no collision.")
     for collision in (*collisions, *others):
-        _contact(edits, collision, drake_files.drake_elements(made), target, report)
-    if "xmlns:drake" not in edits.root.attributes:
-        edits.set_attribute(edits.root, "xmlns:drake", NAMESPACE[target])
-        report.changed.append(f"{edits.root.tag}: xmlns:drake: none -> {NAMESPACE[target]}")
+        _contact(file, collision, drake_files.drake_elements(made), target)
+    if "drake" not in file.root.nsmap:  # one declaration for all that was added
+        prefixes = [prefix for one in file.root.iter() for prefix in one.nsmap if prefix]
+        etree.cleanup_namespaces(file.root, {"drake": NAMESPACE[target]}, keep_ns_prefixes=prefixes)
     if not surface:
-        report.left.append(
+        file.left.append(
             "contact of the surface: Drake mixes both bodies' numbers; name its link (--surface), or give it the same"
         )
-    report.left += not_patched(solid)
-    return report
+    file.left += not_patched(solid)
 
 
-def _attribute(target: str) -> str:
-    """Where numbers stand: in attributes of URDF, in the text of SDF."""
+def _value(target: str) -> str:
     return "value" if target == "urdf" else ""
 
 
-def _link(edits: Edits, name: str, target: str) -> Element:
-    if edits.root.tag != ROOTS[target]:
-        raise UserError(f"{edits.path} is no {target.upper()} file: it begins with <{edits.root.tag}>.")
-    return named(edits, [one for one in edits.root.walk() if one.tag == "link"], name, "link")
+def _link(file: Patch, name: str, target: str) -> etree._Element:
+    if file.root.tag != ROOTS[target]:
+        raise UserError(f"{file.path} is no {target.upper()} file: it begins with <{file.root.tag}>.")
+    return file.named(file.root.iter("link"), name, "link")
 
 
-def _inertial(edits: Edits, link: Element, solid: Solid, plane: Plane, target: str, report: Report) -> None:
-    inertial, mass, inertia = (link.find("inertial", *tag) for tag in ((), ("mass",), ("inertia",)))
-    where = f"{edits.path}, line {link.line}: the link"
+def _inertial(file: Patch, link: etree._Element, solid: Solid, target: str) -> None:
+    inertial, mass, inertia = (link.find(f"inertial{tag}") for tag in ("", "/mass", "/inertia"))
+    where = f"{file.where(link)}: the link"
     if inertial is None or mass is None or inertia is None:
         raise UserError(f"{where} has no <inertial> with <mass> and <inertia>; add them, then patch.")
-    values = edits.numbers(mass, _attribute(target))
+    values = file.numbers(mass, _value(target))
     if not values:
         raise UserError(f"{where} has an empty <mass>.")
     if solid.mass_known and values != [solid.mass]:
-        _set(edits, mass, n(solid.mass), target)
-        report.change("mass", values, [solid.mass])
-    place, turn = _pose(edits, inertial, target)
-    if (new := moved(place, solid, plane, report)) is not None:
-        _set_pose(edits, inertial, new, turn, target)
-        report.change("centre of mass", place, new)
+        file.write("mass", [solid.mass], mass, _value(target))
+    place, turn = _pose(file, inertial, target)
+    if (new := file.moved(place, solid)) != place:
+        tag, attribute = ("origin", "xyz") if target == "urdf" else ("pose", "")
+        pose = inertial.find(tag)
+        pose = file.insert(inertial, tag) if pose is None else pose
+        file.write("centre of mass", new if attribute else [*new, *turn], pose, attribute)
     tensor, found = np.zeros((3, 3)), {}
     for name, (i, j) in _ENTRIES.items():
-        if target == "urdf":
-            entry = edits.numbers(inertia, name)
-        else:
-            element = inertia.find(name)
-            entry = edits.numbers(element) if element else None
-        if entry:
-            tensor[i, j] = tensor[j, i] = found[name] = entry[0]
+        spot = (inertia, name) if target == "urdf" else (inertia.find(name), "")
+        if entry := file.numbers(*spot):
+            tensor[i, j] = tensor[j, i] = entry[0]
+            found[name] = spot, entry[0]
         elif i == j:
             raise UserError(f"{where} has no {name} in its <inertia>.")
     R = _rotation(turn)
-    factor = inertia_factor(R @ tensor @ R.T, solid, plane, where)
-    for name, value in found.items():
-        if target == "urdf":
-            edits.set_attribute(inertia, name, n(factor * value))
-        elif (element := inertia.find(name)) is not None:
-            edits.set_text(element, n(factor * value))
-    report.change(f"inertia ({', '.join(found)})", found.values(), [factor * value for value in found.values()])
+    factor = file.inertia_factor(R @ tensor @ R.T, solid, where)
+    for name, (spot, value) in found.items():
+        if value:
+            file.write(f"inertia {name}", [factor * value], *spot)
 
 
-def _contact(edits: Edits, collision: Element, elements: dict[str, float], target: str, report: Report) -> None:
-    which = f"collision {collision.attributes.get('name', f'in line {collision.line}')}"
-    properties = collision.find(PROPERTIES)
-
-    def line(name: str, value: float) -> str:
-        tag = f"drake:{name}"
-        return f'<{tag} value="{n(value)}"/>' if target == "urdf" else f"<{tag}>{n(value)}</{tag}>"
-
-    missing = []
-    for name, value in elements.items():
-        old = properties.find(f"drake:{name}") if properties else None
-        if old is None:
-            missing.append(line(name, value))
-            report.change(f"{which}: {name}", None, [value])
-        else:
-            report.change(f"{which}: {name}", edits.numbers(old, _attribute(target)), [value])
-            _set(edits, old, n(value), target)
+def _contact(file: Patch, collision: etree._Element, elements: dict[str, float], target: str) -> None:
+    which = f"collision {collision.get('name', f'in line {collision.sourceline}')}"
+    drake = f"{{{collision.nsmap.get('drake', NAMESPACE[target])}}}"
+    properties = collision.find(f"{drake}proximity_properties")
     if properties is None:
-        edits.add_child(collision, [f"<{PROPERTIES}>", *(f"  {one}" for one in missing), f"</{PROPERTIES}>"])
-    elif missing:
-        edits.add_child(properties, missing)
+        properties = file.insert(collision, f"{drake}proximity_properties")
+    for name, value in elements.items():
+        element = properties.find(drake + name)
+        element = etree.SubElement(properties, drake + name) if element is None else element
+        file.write(f"{which}: {name}", [value], element, _value(target))
+    etree.indent(properties, level=len(list(properties.iterancestors())))
     # what other readers take for friction
-    ode = collision.find("surface", "friction", "ode")
     for name in ("mu", "mu2"):
-        if ode and (old := ode.find(name)) is not None:
-            report.change(f"{which}: ode {name}", edits.numbers(old), [elements["mu_dynamic"]])
-            edits.set_text(old, n(elements["mu_dynamic"]))
+        if (old := collision.find(f"surface/friction/ode/{name}")) is not None:
+            file.write(f"{which}: ode {name}", [elements["mu_dynamic"]], old)
 
 
-def _points(edits: Edits, collisions: list[Element], plane: Plane, target: str) -> int:
-    """Each collision touches in one point; those behind each other across the plane share the load."""
-    places = [_pose(edits, collision, target)[0] for collision in collisions]
-    flat = [tuple(np.round([place[i] for i in plane.indices], 9)) for place in places]
-    return max(flat.count(one) for one in flat)
-
-
-def _set(edits: Edits, element: Element, value: str, target: str) -> None:
-    if target == "urdf":
-        edits.set_attribute(element, "value", value)
-    else:
-        edits.set_text(element, value)
-
-
-def _pose(edits: Edits, element: Element, target: str) -> tuple[list[float], list[float]]:
+def _pose(file: Patch, element: etree._Element, target: str) -> tuple[list[float], list[float]]:
     """Place in m, and roll, pitch, yaw in rad, of what has `<pose>` or `<origin>`."""
     if target == "urdf":
         origin = element.find("origin")
-        place = (edits.numbers(origin, "xyz") if origin else None) or [0.0] * 3
-        turn = (edits.numbers(origin, "rpy") if origin else None) or [0.0] * 3
+        place, turn = (file.numbers(origin, name) or [0.0] * 3 for name in ("xyz", "rpy"))
     else:
         pose = element.find("pose")
-        if pose and {"relative_to", "degrees", "rotation_format"} & set(pose.attributes):
-            raise UserError(f"{edits.path}, line {pose.line}: write this <pose> as x y z roll pitch yaw, without more.")
-        numbers = (edits.numbers(pose) if pose else None) or [0.0] * 6
+        if pose is not None and {"relative_to", "degrees", "rotation_format"} & set(pose.attrib):
+            raise UserError(f"{file.where(pose)}: write this <pose> as x y z roll pitch yaw, without more.")
+        numbers = file.numbers(pose) or [0.0] * 6
         place, turn = numbers[:3], numbers[3:]
     if len(place) != 3 or len(turn) != 3:
-        raise UserError(
-            f"{edits.path}, line {element.line}: the pose of <{element.tag}> needs three and three numbers."
-        )
+        raise UserError(f"{file.where(element)}: the pose of <{element.tag}> needs three and three numbers.")
     return place, turn
-
-
-def _set_pose(edits: Edits, inertial: Element, place: list[float], turn: list[float], target: str) -> None:
-    if target == "urdf":
-        origin = inertial.find("origin")
-        if origin is None:
-            edits.add_child(inertial, [f'<origin xyz="{n(*place)}" rpy="0 0 0"/>'])
-        else:
-            edits.set_attribute(origin, "xyz", n(*place))
-        return
-    pose = inertial.find("pose")
-    if pose is None:
-        edits.add_child(inertial, [f"<pose>{n(*place, *turn)}</pose>"])
-    else:
-        edits.set_text(pose, n(*place, *turn))
 
 
 def _rotation(turn: list[float]) -> np.ndarray:
     """R (3, 3) of roll, pitch, yaw in rad about fixed axes."""
-    (a, b, c), R = turn, np.eye(3)
-    for angle, (i, j) in ((a, (1, 2)), (b, (2, 0)), (c, (0, 1))):
-        step = np.eye(3)
-        step[i, i] = step[j, j] = np.cos(angle)
-        step[i, j], step[j, i] = -np.sin(angle), np.sin(angle)
-        R = step @ R
-    return R
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("xyz", turn).as_matrix()
