@@ -24,7 +24,7 @@ FILES = {
     "thesis_lib/__init__.py": "",
     "thesis_lib/plain.py": '"""Text."""\nX = 1\n',
     "thesis_lib/unused.py": "Y = 1\n",
-    "thesis_lib/contact/__init__.py": "from thesis_lib.contact import law\n",
+    "thesis_lib/contact/__init__.py": "import pkgutil\nLAWS = [*pkgutil.iter_modules(__path__)]\n",  # a registry
     "thesis_lib/contact/law.py": "from thesis_lib.deep import below\nLAW = below.Z\n",
     "thesis_lib/deep/__init__.py": "",
     "thesis_lib/deep/below.py": "Z = 3\n",
@@ -33,12 +33,13 @@ FILES = {
     "thesis_lib/figures/style.py": "S = 5\n",
     "thesis_lib/figures/print.mplstyle": "lines.linewidth: 1\n",
     "plain.py": "import thesis_lib.plain\nprint(thesis_lib.plain.X)\n",
-    "contact.py": "from thesis_lib.contact import law\n",
-    "contact_package.py": "from thesis_lib import contact\n",
+    "law.py": "from thesis_lib.contact import law\n",
+    "laws.py": "from thesis_lib.contact import LAWS\n",
+    "laws_late.py": "def f():\n    from thesis_lib import contact\n    return contact.LAWS\n",
     "late.py": "def f():\n    from thesis_lib.late import W\n    return W\n",
     "figures.py": "from thesis_lib.figures.style import S\n",
 }
-SCRIPTS = ("plain", "contact", "contact_package", "late", "figures")
+SCRIPTS = ("plain", "law", "laws", "laws_late", "late", "figures")
 
 
 @pytest.fixture
@@ -58,6 +59,7 @@ def hashes(root: Path) -> dict[str, str]:
 def changed_by(root: Path, path: str, content: str) -> set[str]:
     """Scripts whose hash changes when a file gets this content."""
     before = hashes(root)
+    (root / path).parent.mkdir(exist_ok=True)
     (root / path).write_text(content, encoding="utf-8")
     after = hashes(root)
     return {name for name in SCRIPTS if before[name] != after[name]}
@@ -90,11 +92,12 @@ def test_docstrings_of_functions_and_classes_do_not_count(root):
         ("thesis_lib/plain.py", "X = '1'\n", {"plain"}),
         ("thesis_lib/unused.py", "Y = 2\n", set()),
         ("thesis_lib/late.py", "W = 5\n", {"late"}),
-        ("thesis_lib/deep/below.py", "Z = 4\n", {"contact", "contact_package"}),
-        ("thesis_lib/deep/__init__.py", "import os\n", {"contact", "contact_package"}),
+        ("thesis_lib/deep/below.py", "Z = 4\n", {"law", "laws", "laws_late"}),
+        ("thesis_lib/deep/__init__.py", "import os\n", {"law", "laws", "laws_late"}),
         ("thesis_lib/__init__.py", "import os\n", set(SCRIPTS)),
         ("thesis_lib/figures/print.mplstyle", "lines.linewidth: 2\n", {"figures"}),
-        ("thesis_lib/contact/new_law.py", "LAW = 1\n", {"contact", "contact_package"}),  # a registry
+        ("thesis_lib/contact/new_law.py", "LAW = 1\n", {"laws", "laws_late"}),
+        ("thesis_lib/contact/kind/__init__.py", "LAW = 1\n", {"laws", "laws_late"}),
         ("thesis_lib/deep/new.py", "V = 1\n", set()),  # no registry
         ("plain.py", "import thesis_lib.plain\nprint(2 * thesis_lib.plain.X)\n", {"plain"}),
     ],
@@ -106,6 +109,12 @@ def test_an_edit_changes_exactly_the_users(root, path, content, users):
 def test_new_import_of_a_used_module_is_followed(root):
     assert changed_by(root, "thesis_lib/plain.py", "from thesis_lib import unused\nX = 1\n") == {"plain"}
     assert changed_by(root, "thesis_lib/unused.py", "Y = 3\n") == {"plain"}
+
+
+def test_what_a_package_imports_reaches_those_that_use_the_package_itself(root):
+    registry = "from thesis_lib import unused\n" + FILES["thesis_lib/contact/__init__.py"]
+    assert changed_by(root, "thesis_lib/contact/__init__.py", registry) == {"law", "laws", "laws_late"}
+    assert changed_by(root, "thesis_lib/unused.py", "Y = 3\n") == {"laws", "laws_late"}
 
 
 def test_a_module_that_moves_changes_nothing(root):
@@ -143,7 +152,7 @@ def test_hash_does_not_depend_on_where_the_checkout_lies(root, tmp_path_factory)
 def test_what_was_kept_gives_the_same_hashes(root):
     kept = root / "thesis_lib/__pycache__" / KEPT
     read = hashes(root)
-    assert len(json.loads(kept.read_text(encoding="utf-8"))["modules"]) == 11  # texts; some are equal, one is unused
+    assert len(json.loads(kept.read_text(encoding="utf-8"))["modules"]) == 13  # texts; some are equal, one is unused
     assert hashes(root) == read
     for spoilt in (kept.read_text(encoding="utf-8")[:-9], "[]", '{"reader": 1}', "\xff"):
         kept.write_text(spoilt, encoding="latin-1")

@@ -10,7 +10,6 @@ from thesis_lib.foundation.provenance import Sources
 STUDY = {"ch3_identify", "ch3_evaluate", "ch3_figures"}
 DRAWN = {"ch2_table_2_1", "ch3_figures", "ch3_schematics", "ch3_trajectories"}
 UNDRAWN = {"ch2_noise", "ch3_identify", "ch3_evaluate", "find_impacts", "simulate_drops", "claims", "provenance"}
-# the critique's package imports `criticise` on first use, so that whatever is in it depends on all of it
 CRITIQUE = {"ch4_dice", "ch4_learn", "ch4_named_physics", "critique", "critique_proof", "ch2_hidden"}
 # captions and findings are read by these alone: a new caption draws no figure anew
 RECORDED = {"findings", "chapter_report", "run_report"}
@@ -98,9 +97,17 @@ def test_edit_reaches_its_users_only(root, before, path, users, others):
         assert not found & others
 
 
-def test_new_law_reaches_the_studies(root, before):
+def test_a_new_law_reaches_what_goes_through_the_list_of_laws(root, before):
     found = changed(root, before, "contact/new_law.py", lambda _: "LAW = None\n")
-    assert {"ch3_identify", "ch3_evaluate"} <= found and "find_impacts" not in found
+    assert found >= STUDY | CRITIQUE
+    use_a_module = changed(root, before, "contact/space.py", lambda text: text + "\n_edited = 1\n")
+    assert use_a_module - found >= RATIOS
+    assert "find_impacts" not in found
+
+
+def test_a_new_effect_and_a_new_record_reach_what_lists_them(root, before):
+    assert changed(root, before, "effects/new_effect.py", lambda _: "EFFECT = None\n") >= CRITIQUE | RATIOS
+    assert changed(root, before, "records/new_record.py", lambda _: "RECORDS = ()\n") == RECORDED
 
 
 def test_comments_reach_nothing(root, before):

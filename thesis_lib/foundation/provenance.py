@@ -3,7 +3,8 @@
 `lib_hash` is the part that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses, directly or
 through other modules.  Rules carry it as a parameter, so that an edit reruns exactly the rules that use the edited
 module; comments, layout, docstrings and the place of a module do not count.  Imports are followed statically, also
-inside functions.  Packages that are registries are hashed as whole folders, because a new file in them is a new member.
+inside functions.  A module that looks through its folder (`pkgutil.iter_modules`), as registries do, uses all modules
+of it.  Of a package that an import only passes on the way to a module, the `__init__` counts, and not what it imports.
 What was read of a module is kept beside the byte code, under the SHA-256 of its text: most have not changed since.
 """
 
@@ -22,11 +23,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 PACKAGE = "thesis_lib"
-REGISTRIES = ("contact", "effects", "records")
 # instructions by which BLAS and torch choose their kernels
 VECTOR = {"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512bw"}
 KEPT = "code_hashes.json"  # in the __pycache__ of the package
-READER = 1  # what was kept by another one is read anew
+LISTING = ("iter_modules", "walk_packages")  # functions of pkgutil
+READER = 2  # what was kept by another one is read anew
 MOST_KEPT = 5000  # modules, of several versions
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
 
@@ -48,7 +49,6 @@ class Sources:
         # of this object, and not of the class: another one looks again
         self._read = functools.cache(self._read_file)
         self._module_file = functools.cache(functools.partial(_module_file, root=self.root))
-        self._files_of = functools.cache(functools.partial(_files_of, root=self.root))
         self._hashed = functools.cache(self._hash_file)
         self._store = self.root / PACKAGE / "__pycache__" / KEPT
         self._kept = _load(self._store)
@@ -56,19 +56,19 @@ class Sources:
 
     def lib_hash(self, script: str | Path) -> str:
         """Hash of a script and of what it uses, as `lib_hash` says."""
-        script = Path(script)
-        hashes: dict[Path, str] = {}
-        queue = [script]
+        first = Path(script)
+        found: dict[Path, _Used] = {}
+        queue = [first]
         while queue:
-            path = queue.pop()
-            if path not in hashes:
-                hashes[path], modules, beside = self._hashed(path)
-                queue += modules if path == script else modules + beside
+            if (path := queue.pop()) not in found:
+                found[path] = self._hashed(path)
+                queue += found[path].files
         if self._new:
             _save(self._store, self._kept)
             self._new = False
-        used = sorted({value for path, value in hashes.items() if path != script})
-        return hashlib.sha256("\n".join([hashes[script], *used]).encode()).hexdigest()[:16]
+        others = {one.hash for path, one in found.items() if path != first}
+        used = sorted(others.union(*(one.passed for one in found.values())))
+        return hashlib.sha256("\n".join([found[first].hash, *used]).encode()).hexdigest()[:16]
 
     def _read_file(self, path: Path) -> "_Module":
         """What is to be hashed of a module: as it was kept, or read now."""
@@ -78,14 +78,18 @@ class Sources:
             self._kept[key], self._new = _read_module(content.decode("utf-8"), str(path)), True
         return self._kept[key]
 
-    def _hash_file(self, path: Path) -> tuple[str, tuple[Path, ...], tuple[Path, ...]]:
-        """Hash of a file, the files of the package that it imports, and the data files beside it."""
+    def _hash_file(self, path: Path) -> "_Used":
         if path.suffix != ".py":
-            return file_sha256(path), (), ()
+            return _Used(file_sha256(path), (), ())
         module = self._read(path)
-        modules = dict.fromkeys(file for name in module.names for file in self._files_of(name))
-        beside = tuple(file for file in path.parent.iterdir() if file.suffix in DATA_SUFFIXES)
-        return self._hash_with_imports(module), tuple(modules), beside
+        names = {*module.modules, *(f"{path}.{name}" for path, name in module.imports)}
+        files = {file for name in names if (file := self._module_file(name) or self._module_file(_packages(name)[-1]))}
+        if module.looks_around:
+            files.update(file for pattern in ("*.py", "*/__init__.py") for file in path.parent.glob(pattern))
+        on_the_way = {self._module_file(package) for name in names for package in _packages(name)}
+        passed = {self._read(package).digest for package in on_the_way if package and package not in files}
+        beside = (file for file in path.parent.iterdir() if file.suffix in DATA_SUFFIXES)
+        return _Used(self._hash_with_imports(module), (*files, *beside), tuple(passed))
 
     def _hash_with_imports(self, module: "_Module") -> str:
         """Hash of a module's code, with the path of each import replaced by the imported code."""
@@ -98,17 +102,26 @@ class Sources:
         return digest.hexdigest()
 
 
+class _Used(NamedTuple):
+    """Hash of a file, the files that it uses, and the hashes of the packages that its imports pass on their way."""
+
+    hash: str
+    files: tuple[Path, ...]
+    passed: tuple[str, ...]
+
+
 class _Module(NamedTuple):
     """What is to be hashed of a module.
 
-    `digest` is the SHA-256, as hex digits, of its code without docstrings, comments and layout, where an import from
-    the package is `_IMPORT`, without its path; `imports` are (path, name) of these, in their order there, `names` all
-    that is imported, with packages on the way.
+    `digest` is the SHA-256, as hex digits, of its code without docstrings, comments and layout, where `from ... import`
+    from the package is `_IMPORT`, without its path; `imports` are (path, name) of these, in their order there;
+    `modules` are named by `import ...`, with their packages.  It `looks_around` if it lists the modules of its folder.
     """
 
     digest: str
     imports: tuple[tuple[str, str], ...]
-    names: tuple[str, ...]
+    modules: tuple[str, ...]
+    looks_around: bool
 
 
 _IMPORT = "import from the package"
@@ -116,21 +129,28 @@ _IMPORT = "import from the package"
 
 def _read_module(text: str, filename: str) -> _Module:
     tree = ast.parse(text, filename=filename)
-    names: list[str] = []
+    modules: list[str] = []
     imports: list[tuple[str, str]] = []
+    looks_around = False
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            of_package = (alias.name for alias in node.names if alias.name.split(".")[0] == PACKAGE)
+            modules += [module for name in of_package for module in (*_packages(name), name)]
+        elif isinstance(node, ast.Call):
+            looks_around |= getattr(node.func, "attr", getattr(node.func, "id", None)) in LISTING
         _strip_docstring(node)
         for field in ("body", "orelse", "finalbody"):
             block = getattr(node, field, None)
             if isinstance(block, list):
                 setattr(node, field, _without_paths(block, imports))
-    of_package = tuple(dict.fromkeys(name for name in names if name.split(".")[0] == PACKAGE))
     digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
-    return _Module(digest, tuple(imports), of_package)
+    return _Module(digest, tuple(imports), tuple(dict.fromkeys(modules)), looks_around)
+
+
+def _packages(name: str) -> list[str]:
+    """The packages that hold what has this dotted name, the outermost first."""
+    parts = name.split(".")
+    return [".".join(parts[:i]) for i in range(1, len(parts))]
 
 
 def _load(path: Path) -> dict[str, _Module]:
@@ -140,8 +160,8 @@ def _load(path: Path) -> dict[str, _Module]:
         if kept["reader"] != [READER, sys.version]:
             return {}
         return {
-            key: _Module(digest, tuple((path, name) for path, name in imports), tuple(names))
-            for key, (digest, imports, names) in kept["modules"].items()
+            key: _Module(digest, tuple((path, name) for path, name in imports), tuple(modules), looks_around)
+            for key, (digest, imports, modules, looks_around) in kept["modules"].items()
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
@@ -188,16 +208,6 @@ def _module_file(name: str, root: Path) -> Path | None:
     """The file of a module or a package; None for a name within a module."""
     path = root.joinpath(*name.split("."))
     return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
-
-
-def _files_of(name: str, root: Path) -> list[Path]:
-    """Files of the package that importing `name` runs: the module, and the __init__ files on its way."""
-    parts = name.split(".")
-    files = [root.joinpath(*parts[:i], "__init__.py") for i in range(1, len(parts) + 1)]
-    files.append(root.joinpath(*parts).with_suffix(".py"))
-    if len(parts) > 1 and parts[1] in REGISTRIES:
-        files += (root / PACKAGE / parts[1]).rglob("*.py")
-    return [path for path in files if path.is_file()]
 
 
 def _strip_docstring(node: ast.AST) -> None:
