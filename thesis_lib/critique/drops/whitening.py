@@ -193,3 +193,13 @@ def most_probable_scatter(R: np.ndarray, S: np.ndarray, observations: Observatio
     bounds = (np.log(SIGMA_LOW), np.log(SIGMA_HIGH))
     best = minimize_scalar(loss, bounds=bounds, method="bounded", options={"xatol": 0.05})
     return float(np.exp(best.x))
+
+
+def given_the_others(R: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """The last of residuals R (n, m) given the others, in standard deviations (n, 1); their covariance is S (n, m, m).
+
+    Of the gap given the poses, with an unknown instant of impact in S, this is the gap where the model's flights meet,
+    whatever instant the detection took for that.
+    """
+    last = np.linalg.inv(S)[:, -1]
+    return np.einsum("ni,ni->n", last, R)[:, None] / np.sqrt(last[:, -1:])

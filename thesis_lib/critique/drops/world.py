@@ -29,7 +29,7 @@ from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
 from thesis_lib.critique.drops.unknown_spin import left_over
-from thesis_lib.critique.drops.whitening import Whitening, weight
+from thesis_lib.critique.drops.whitening import Whitening, given_the_others, weight
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Effort, Slopes, World
@@ -161,7 +161,7 @@ class Drops(World[Effect, Fit, Judgement]):
             sigmas["meet"] = _robust_mean_square(R[:, 3:6] / np.sqrt(np.einsum("nii->ni", S)[:, 3:6]))
             single = o.span == 0.0  # episodes do not measure the touch
             if single.any():
-                touch = _given_the_others(R[single, 3:], noisy.covariance()[single, 3:, 3:])
+                touch = given_the_others(R[single, 3:], noisy.covariance()[single, 3:, 3:])
                 sigmas["touch"] = max(_robust_mean_square(touch), float(np.max(quantile_std(touch, UPPER)) ** 2))
         knows_spin = o.rig.has_angle
         error = velocity_error(R[:, :3] if knows_spin else left_over(model, values, o, R[:, :3]), o.rig.k_told)
@@ -333,16 +333,6 @@ def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings
     channels = CHANNELS if judged.integrated == than.integrated else CHANNELS[:2]
     noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})
     return tuple(name for name in channels if channel_is_material(noise, judged, name, settings))
-
-
-def _given_the_others(R: np.ndarray, S: np.ndarray) -> np.ndarray:
-    """The last of residuals R (n, m) given the others, in standard deviations (n, 1); their covariance is S (n, m, m).
-
-    Of the gap given the poses, with an unknown instant of impact in S, this is the gap where the model's flights meet,
-    whatever instant the detection took for that.
-    """
-    last = np.linalg.inv(S)[:, -1]
-    return np.einsum("ni,ni->n", last, R)[:, None] / np.sqrt(last[:, -1:])
 
 
 def _robust_mean_square(z: np.ndarray) -> float:

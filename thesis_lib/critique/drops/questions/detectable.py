@@ -23,7 +23,7 @@ from thesis_lib.critique.drops.fit import SLOPE_STEP
 from thesis_lib.critique.drops.model import Model, inward
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.unknown_spin import left_over
-from thesis_lib.critique.drops.whitening import Whitening
+from thesis_lib.critique.drops.whitening import Whitening, given_the_others
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
@@ -95,11 +95,7 @@ def material_sizes(critique: Critique) -> Sizes:
     o, final = critique.training, critique.ladder[-1][1]
     S = residual_covariance(final.model, final.values, o)
     sharp = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
-    if o.arcs:
-        # of the gap given the poses, as in `judge`
-        single = o.span == 0.0
-        of_gap = np.linalg.inv(S[single, 3:, 3:])[:, -1]
-        of_gap /= np.sqrt(of_gap[:, -1:])
+    single = o.span == 0.0
     floor = critique.ladder[-1][2].floor
     floors = {"impact": floor if np.isfinite(floor) else 0.0}
 
@@ -110,7 +106,8 @@ def material_sizes(critique: Critique) -> Sizes:
         left = R[:, :3] if o.rig.has_angle else left_over(model, values, o, R[:, :3])
         parts = {"impact": left * [1.0, 1.0, o.rig.k_told], "all": np.concatenate([z.ravel(), flight.ravel()])}
         if o.arcs:
-            parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": np.einsum("ni,ni->n", of_gap, R[single, 3:])[:, None]}
+            touch = given_the_others(R[single, 3:], S[single, 3:, 3:])
+            parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": touch}
         return parts | ({"flight": flight} if len(flight) else {})
 
     here = at(final.model, final.values)
