@@ -90,7 +90,7 @@ def room(module: str) -> str:
 
 def imported_rooms(name: str) -> set[str]:
     found = {room(used) for module in MODULES if room(module) == name for used in imports_of(module)}
-    return found - {name, "foundation", "statistics", ""}
+    return found - {name, "foundation", "statistics", "mechanics", ""}
 
 
 def said_rooms() -> dict[str, list[str]]:

@@ -6,8 +6,8 @@ from impact_integration import coulomb_impact, coulomb_rate, integrate_all, visc
 from scipy.integrate import solve_ivp
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import ContactSpace
 from thesis_lib.extensions.impact_draws import Impacts, reference_draw
+from thesis_lib.mechanics.contact import Contact
 
 # relative to the contact speed before impact (impulses are of its order, m = 1)
 EVENTS = 1e-9  # bisection is exact to rounding; slow slip that nearly sticks amplifies it
@@ -105,7 +105,7 @@ def contact_lcp(K_tt, K_nn, K_tn, mu) -> np.ndarray:
 
 
 def rows(draw: Impacts):
-    s: ContactSpace = draw.space
+    s: Contact = draw.space
     return zip(s.v_t, s.v_n, s.K_tt, s.K_nn, s.K_tn, draw.mu, draw.epsilon)
 
 

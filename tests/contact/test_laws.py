@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from thesis_lib.contact import LAWS, SIX_LAWS, Promise, Status
 from thesis_lib.contact.slip_path import slip_path
-from thesis_lib.contact.space import ContactSpace, contact_space, velocity_change
+from thesis_lib.contact.space import contact_space, velocity_change
 from thesis_lib.extensions.contract import outcomes
 from thesis_lib.extensions.impact_draws import reference_draw, violation
 from thesis_lib.extensions.law_contract import KEPT, LAW_CHECKS, N_REFERENCE, ROUNDING, band
+from thesis_lib.mechanics.contact import Contact
 
 ALL = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 
@@ -187,7 +188,7 @@ def mostly(value, low, high):
 )
 def test_promises_hold_on_special_values(v_t, v_n, x, y, mu, epsilon):
     v, r = np.array([[v_t, v_n, 0.0]]), np.array([[x, y]])
-    space: ContactSpace = contact_space(v, r, mass=1.0, k_g=1.0)
+    space: Contact = contact_space(v, r, mass=1.0, k_g=1.0)
     scale = np.hypot(v_t, v_n)
     for law in LAWS.values():
         out = law(v, r, mass=1.0, k_g=1.0, mu=mu, epsilon=epsilon)

@@ -5,7 +5,6 @@ import pytest
 
 from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.contact.space import (
-    ContactSpace,
     admissible,
     contact_space,
     energy_ellipse,
@@ -17,6 +16,7 @@ from thesis_lib.contact.space import (
     velocity_error,
 )
 from thesis_lib.extensions.impact_draws import reference_draw
+from thesis_lib.mechanics.contact import Contact
 
 ROUNDING = 1e-10  # relative: rounding times the condition of M_C for r/k up to 10
 MASS, K_G = 0.0364, 0.0192
@@ -175,7 +175,7 @@ def test_rows_can_be_selected(draw):
 
 def test_what_holds_after_the_first_slip_is_the_friction_of_that_time():
     # a jam: to stick, the point needs c_t = -0.6 c_n
-    space = ContactSpace(*(np.full(2, a) for a in (0.5, -1.0, 1.0, 2.0, 0.6)))
+    space = Contact.planar(*(np.full(2, a) for a in (0.5, -1.0, 1.0, 2.0, 0.6)))
     before, after = np.array([0.9, 0.3]), np.array([0.3, 0.9])
     with np.errstate(all="ignore"):  # a slip that never ends
         path = slip_path(space, before, after)

@@ -19,7 +19,8 @@ import pytest
 from scipy.io import loadmat
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse
+from thesis_lib.contact.space import contact_space, measured_impulse
+from thesis_lib.mechanics.contact import Contact
 
 RAW = Path(os.environ.get("PUBLISHED_DATA", ""), "fazeli_planar_impact")
 FILES = ("data_ellipse_2017-11-08_measured_y.mat", "p_models.mat")
@@ -41,7 +42,7 @@ PRINTED = 1e-9  # N s: closed form, so only rounding is left
 class Stored:
     """Stored predictions: space after the gravity step, v_n before it, impulses (n, 12) without gravity's part."""
 
-    space: ContactSpace
+    space: Contact
     v_n_before: np.ndarray
     impulses: np.ndarray
 

@@ -9,7 +9,8 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Effect, Rig, State
+from thesis_lib.effects.effect import Effect, Rig
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, HiddenCauses
 
@@ -42,7 +43,7 @@ def injected_impacts(
     header = Header(schema=1, body=body, noise=noise)
     shape = body.shape
     theta = rng.uniform(-np.pi, np.pi, n)
-    state = State(
+    state = State.planar(
         x=rng.uniform(-0.2, 0.2, n),
         y=-shape.contact_point(theta)[:, 1],
         theta=theta,

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hand_cases import N
 
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
 from thesis_lib.extensions.stage_predictor import RIGS, random_states
+from thesis_lib.mechanics.state import State
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,10 @@
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Polygon
-from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 N = 400
 EXACT = 1e-12  # rounding of quantities of order 1 to 10
@@ -18,7 +19,7 @@ SQUARE = Rig(Polygon(vertices=((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HAL
 def one_state(**given: float) -> State:
     """One body at rest at the origin, but for the given values."""
     values = dict.fromkeys(("x", "y", "theta", "vx", "vy", "omega", "trial", "t"), 0.0) | given
-    return State(**{name: np.array([value]) for name, value in values.items()})
+    return State.planar(**{name: np.array([value]) for name, value in values.items()})
 
 
 def on(name: str, **p: float):
@@ -30,7 +31,7 @@ def on(name: str, **p: float):
 def coefficients(name: str, v_t: float = 0.0, v_n: float = -1.0, **given: float) -> tuple[float, float]:
     """μ and ε that an effect makes of 0.2 and 0.5."""
     state = {key: given.pop(key) for key in ("x", "theta", "trial") if key in given}
-    space = ContactSpace(*(np.array([a]) for a in (v_t, v_n, 3.0, 1.0, 0.0)))
+    space = Contact.planar(*(np.array([a]) for a in (v_t, v_n, 3.0, 1.0, 0.0)))
     effect, p = on(name, **given)[0]
     mu, epsilon = effect.coefficients(np.array([0.2]), np.array([0.5]), space, one_state(**state), p, DISK)
     return float(mu[0]), float(epsilon[0])

@@ -5,16 +5,17 @@ import pytest
 from hand_cases import EXACT, HALF, SQUARE, on, one_state
 
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects.contact_place import along_surface, around_body
-from thesis_lib.effects.effect import Effect, Rig, State
+from thesis_lib.effects.effect import Effect, Rig
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 INTEGRATED = 2e-3  # relative, of 4,000 steps
 CORNERS = np.pi / 4.0 * np.array([1.0, 3.0, 5.0, 7.0])
 
 
-def space(v_n: float, K_nn: float) -> ContactSpace:
-    return ContactSpace(*(np.array([a]) for a in (0.0, v_n, 1.0, K_nn, 0.0)))
+def space(v_n: float, K_nn: float) -> Contact:
+    return Contact.planar(*(np.array([a]) for a in (0.0, v_n, 1.0, K_nn, 0.0)))
 
 
 def centroid(mass: float, speed: float, exponent: float) -> float:
@@ -69,7 +70,7 @@ def test_two_harmonics_give_each_corner_of_a_square_its_own_time() -> None:
 
 def patch(x: np.ndarray, **p: float) -> np.ndarray:
     """P at the places x (n,), from what it makes of ε."""
-    states = State(*(np.zeros_like(x),) * 8).moved(x=x - along_surface(one_state(), SQUARE))
+    states = State.planar(*(np.zeros_like(x),) * 8).moved(x=x - along_surface(one_state(), SQUARE))
     effect, values = on("surface_patch", h_eps=1.0, **p)[0]
     return effect.coefficients(np.full_like(x, 0.2), np.full_like(x, 0.3), None, states, values, SQUARE)[1] / 0.3 - 1.0
 
@@ -97,7 +98,7 @@ def test_a_patch_changes_all_three_and_keeps_them_physical() -> None:
 
 def test_starts_of_a_patch_are_where_the_body_has_hit() -> None:
     x = np.random.default_rng(4).uniform(3.0, 3.4, 60)
-    found = on("surface_patch")[0][0].shapes(State(*(np.zeros_like(x),) * 8).moved(x=x), SQUARE)
+    found = on("surface_patch")[0][0].shapes(State.planar(*(np.zeros_like(x),) * 8).moved(x=x), SQUARE)
     assert all(shape["x_1"] < shape["x_2"] and shape["w"] > 0.0 for shape in found)
     inside = [((x > shape["x_1"]) & (x < shape["x_2"])).mean() for shape in found]
     assert min(inside) > 0.05 and max(inside) < 0.8

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import ContactSpace, contact_space
+from thesis_lib.contact.space import contact_space
 from thesis_lib.effects.driven_path import driven
-from thesis_lib.effects.effect import Impulse, Rig, State
+from thesis_lib.effects.effect import Impulse, Rig
 from thesis_lib.effects.velocity_dependent_friction import EFFECT as STRIBECK
 from thesis_lib.extensions.stage_predictor import RIGS, random_states
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 MU, EPSILON, N = 0.25, 0.55, 400
 ROUNDING = 1e-12  # m/s, the same steps taken in another order
@@ -16,7 +18,7 @@ STEP_ERROR = 0.02  # m/s, of 12 steps where a slip reverses within one
 
 
 @pytest.fixture(scope="module")
-def struck() -> tuple[Rig, State, ContactSpace, tuple[np.ndarray, np.ndarray], Impulse]:
+def struck() -> tuple[Rig, State, Contact, tuple[np.ndarray, np.ndarray], Impulse]:
     """An ellipse in random states: its contact and the impulse of the energetic law."""
     rig = RIGS["ellipse"]
     state = random_states(rig, N, np.random.default_rng(3))
@@ -36,7 +38,7 @@ def ends(struck, made: Impulse) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return omega, v_t - r_y * turn, v_n + r_x * turn
 
 
-def _after(space: ContactSpace, made: Impulse) -> tuple[np.ndarray, np.ndarray]:
+def _after(space: Contact, made: Impulse) -> tuple[np.ndarray, np.ndarray]:
     return (
         space.v_t + space.K_tt * made.c_t + space.K_tn * made.c_n,
         space.v_n + space.K_tn * made.c_t + space.K_nn * made.c_n,

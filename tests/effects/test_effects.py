@@ -9,10 +9,11 @@ import pytest
 import thesis_lib.effects as package
 from thesis_lib.contact import LAWS
 from thesis_lib.effects import EFFECTS, Effect
-from thesis_lib.effects.effect import FAMILIES, Rig, State
+from thesis_lib.effects.effect import FAMILIES, Rig
 from thesis_lib.extensions.contract import Check, outcomes
 from thesis_lib.extensions.effect_contract import CHANNELS, DISK, EFFECT_CHECKS, N, hook_calls
 from thesis_lib.extensions.stage_predictor import RIGS, at_scale, null, predict, random_states
+from thesis_lib.mechanics.state import State
 
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
 

@@ -6,15 +6,17 @@ from hand_cases import DISK, EXACT, HALF, RADIUS, SQUARE, N, on, one_state
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import ContactSpace, residual_couple
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.contact.space import residual_couple
+from thesis_lib.effects.effect import Rig
 from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, predict
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 
 def contact_point(name: str, rig: Rig, theta: np.ndarray, **p: float) -> np.ndarray:
     effect, p = on(name, **p)[0]
     zero = np.zeros_like(theta)
-    state = State(zero, zero, theta, zero, zero, zero, zero, zero)
+    state = State.planar(zero, zero, theta, zero, zero, zero, zero, zero)
     return np.stack(effect.contact_point(*rig.shape.contact_point(theta).T, state, p, rig), axis=-1)
 
 
@@ -103,7 +105,7 @@ def test_com_offset_against_the_mass_matrix_of_the_origin(quadrilateral) -> None
     v = np.stack([states.vx, states.vy, states.omega], axis=-1)
     K = J @ inverse @ np.swapaxes(J, 1, 2)
     v_c = np.einsum("nij,nj->ni", J, v)
-    space = ContactSpace(v_c[:, 0], v_c[:, 1], K[:, 0, 0], K[:, 1, 1], K[:, 0, 1])
+    space = Contact.planar(v_c[:, 0], v_c[:, 1], K[:, 0, 0], K[:, 1, 1], K[:, 0, 1])
     impulse = np.stack(LAWS["anitescu_potra_newton"].impulse(space, np.full(N, MU), np.full(N, EPSILON)), axis=-1)
     expected = v + np.einsum("nij,nkj,nk->ni", inverse, J, impulse)
     made = predict(on("com_offset", c_x=3e-3, c_y=-2e-3), states, rig)

@@ -5,16 +5,18 @@ import pytest
 from hand_cases import DISK, EXACT, N, on, one_state
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import ContactSpace, contact_space, residual_couple
+from thesis_lib.contact.space import contact_space, residual_couple
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Impulse, State
+from thesis_lib.effects.effect import Impulse
 from thesis_lib.effects.impulse_path import STEPS, walk
 from thesis_lib.extensions.stage_predictor import at_scale, predict
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 SPRING_ERROR = 0.02  # of 20 steps a phase, relative to the stick impulse
 
 
-def with_path(name: str, space: ContactSpace, mu: float, epsilon: float, state: State | None = None, r=None, **p):
+def with_path(name: str, space: Contact, mu: float, epsilon: float, state: State | None = None, r=None, **p):
     """Impulse of the exact path law with an effect, and without."""
     n = len(space.v_t)
     mus, epsilons, zero = np.full(n, mu), np.full(n, epsilon), np.zeros(n)
@@ -24,9 +26,9 @@ def with_path(name: str, space: ContactSpace, mu: float, epsilon: float, state: 
     return effect.impulse(law, space, mus, epsilons, r, state, p, DISK), law
 
 
-def random_space(rng: np.random.Generator, n: int) -> ContactSpace:
+def random_space(rng: np.random.Generator, n: int) -> Contact:
     """Skewed contacts that slide either way, with every outcome at μ = 0.3."""
-    return ContactSpace(
+    return Contact.planar(
         rng.uniform(-2, 2, n),
         -rng.uniform(0.5, 2, n),
         rng.uniform(2, 4, n),
@@ -38,7 +40,7 @@ def random_space(rng: np.random.Generator, n: int) -> ContactSpace:
 @pytest.mark.parametrize("eta", [0.4, 1.2, 3.0])
 def test_compliance_without_slip_is_an_oscillator(eta: float) -> None:
     K_tt = np.array([1.5, 3.0, 4.0])
-    space = ContactSpace(np.full(3, 1e-3), np.full(3, -2.0), K_tt, np.ones(3), np.zeros(3))
+    space = Contact.planar(np.full(3, 1e-3), np.full(3, -2.0), K_tt, np.ones(3), np.zeros(3))
     made, _ = with_path("tangential_compliance", space, 1e6, 1.0, eta=eta, zeta=0.0)
     stick = -space.v_t / K_tt
     np.testing.assert_allclose(made.c_t / stick, 1 - np.cos(np.pi * np.sqrt(K_tt / eta)), atol=1e-9)
@@ -48,7 +50,7 @@ def test_compliance_without_slip_is_an_oscillator(eta: float) -> None:
 def test_critically_damped_compliance_does_not_swing_back() -> None:
     """Stuck from the start: z = v₀ s exp(−w s), of which the contact ends at s = π, where it is elastic."""
     K_tt = np.array([1.5, 3.0, 4.0])
-    space = ContactSpace(np.full(3, 1e-3), np.full(3, -2.0), K_tt, np.ones(3), np.zeros(3))
+    space = Contact.planar(np.full(3, 1e-3), np.full(3, -2.0), K_tt, np.ones(3), np.zeros(3))
     made, _ = with_path("tangential_compliance", space, 1e6, 1.0, eta=1.2, zeta=1.0)
     w = np.sqrt(K_tt / 1.2)
     left = (1.0 - np.pi * w) * np.exp(-np.pi * w)
@@ -56,7 +58,7 @@ def test_critically_damped_compliance_does_not_swing_back() -> None:
 
 
 def test_compliance_in_gross_slip_is_coulomb() -> None:
-    space = ContactSpace(np.full(1, 6.0), np.full(1, -1.0), np.full(1, 3.0), np.ones(1), np.zeros(1))
+    space = Contact.planar(np.full(1, 6.0), np.full(1, -1.0), np.full(1, 3.0), np.ones(1), np.zeros(1))
     made, _ = with_path("tangential_compliance", space, 0.2, 0.5, eta=1.2)
     np.testing.assert_allclose(made.c_t, -0.2 * 1.5, rtol=1e-3)
 
@@ -70,7 +72,7 @@ def test_compliance_goes_to_the_rigid_contact() -> None:
     assert change[0] > 2 * change[1] and change[2] < 1e-3
 
 
-def compliant_motion(space: ContactSpace, mu: float, epsilon: float, eta: float, zeta: float, steps: int):
+def compliant_motion(space: Contact, mu: float, epsilon: float, eta: float, zeta: float, steps: int):
     """(c_t, c_n) by small steps in time of two springs and a slider; unloading stiffer by 1/ε², as in Stronge's model.
 
     Units: k_n = 1, so that k_t = 1/η.
@@ -109,7 +111,7 @@ def test_compliance_agrees_with_fine_integration_of_forces(eta: float, zeta: flo
 
 def test_compliance_reverses_slip_and_gains_no_energy() -> None:
     rng = np.random.default_rng(2)
-    space = ContactSpace(rng.uniform(-2, 2, N), np.full(N, -1.0), np.full(N, 3.0), np.ones(N), np.zeros(N))
+    space = Contact.planar(rng.uniform(-2, 2, N), np.full(N, -1.0), np.full(N, 3.0), np.ones(N), np.zeros(N))
     made, _ = with_path("tangential_compliance", space, 0.3, 1.0, eta=1.0, zeta=0.02)
     after = space.v_t + 3.0 * made.c_t
     assert (np.abs(after) <= np.abs(space.v_t) * (1 + 1e-3)).all()
@@ -135,7 +137,7 @@ def test_path_in_steps_converges_to_the_exact_one() -> None:
 def test_friction_at_the_ends_of_the_stribeck_curve() -> None:
     # gross slip: far above v_s it is μ, far below μ (1 + s)
     for v_t, mu, v_s, factor in ((8.0, 0.2, 0.5, 1.0), (-8.0, 0.2, 0.5, 1.0), (0.3, 0.02, 3.0, 1.4)):
-        space = ContactSpace(*(np.array([a]) for a in (v_t, -1.0, 3.0, 1.0, 0.0)))
+        space = Contact.planar(*(np.array([a]) for a in (v_t, -1.0, 3.0, 1.0, 0.0)))
         made, _ = with_path("velocity_dependent_friction", space, mu, 0.5, s=0.4, v_s=v_s)
         np.testing.assert_allclose(made.c_t, -np.sign(v_t) * factor * mu * 1.5, rtol=5e-3)
         np.testing.assert_allclose(made.c_n, 1.5, rtol=1e-9)

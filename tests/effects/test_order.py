@@ -6,8 +6,9 @@ import pytest
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.effects import EFFECTS, Effect
-from thesis_lib.effects.effect import Parameter, State, in_order
+from thesis_lib.effects.effect import Parameter, in_order
 from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, TAU, at_scale, random_states
+from thesis_lib.mechanics.state import State
 
 N = 12
 RIG = RIGS["quadrilateral"]

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, RADIUS, N, coefficients, on, one_state
 
-from thesis_lib.contact.space import ContactSpace, contact_space
+from thesis_lib.contact.space import contact_space
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import State
 from thesis_lib.extensions.stage_predictor import EPSILON, MU, at_scale, predict
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 
 @pytest.mark.parametrize("law", ["anitescu_potra_newton", "anitescu_potra_poisson", "mirtich", "drumwright_shell"])
@@ -62,7 +63,7 @@ def test_exponential_restitution_follows_a_viscous_spring() -> None:
             rate -= dt * depth * (1.0 + d * rate)
             depth += 0.5 * dt * rate
         effect, p = on("velocity_dependent_restitution", c=2.0 * d / 3.0)[0]
-        space = ContactSpace(*(np.array([a]) for a in (0.0, -speed, 3.0, 1.0, 0.0)))
+        space = Contact.planar(*(np.array([a]) for a in (0.0, -speed, 3.0, 1.0, 0.0)))
         found = effect.coefficients(np.zeros(1), np.ones(1), space, None, p, DISK)[1][0]
         assert -rate / speed == pytest.approx(found, abs=1e-3) and found < 0.995
 

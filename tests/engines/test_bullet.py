@@ -11,11 +11,12 @@ from thesis_lib.contact.compliant.normal_force import LinearDamper
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.pressing import press
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE, STEPS, BulletEngine
 from thesis_lib.engines.engine import episodes, impacts
 from thesis_lib.engines.parameters import bullet_numbers, of_bullet
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.mujoco.contact import spring_and_damper
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 

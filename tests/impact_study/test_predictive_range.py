@@ -8,9 +8,10 @@ from known_truth import K_G, MASS, falling_ellipses
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import ContactSpace, admissible, contact_space
+from thesis_lib.contact.space import admissible, contact_space
 from thesis_lib.impact_study import predictive_range
 from thesis_lib.impact_study.predictive_range import admissible_area, admissible_outline, covered_share, region
+from thesis_lib.mechanics.contact import Contact
 
 N = 25
 DRAWS = 40_000  # Monte Carlo points; the area is good to 1 / sqrt(DRAWS) of that of the box, so
@@ -20,13 +21,13 @@ MIRRORED = 1e-12
 
 
 @pytest.fixture
-def space(rng) -> ContactSpace:
+def space(rng) -> Contact:
     impacts = falling_ellipses(rng, N)
     return contact_space(impacts.v_pre, impacts.r, mass=MASS, k_g=K_G)
 
 
 @pytest.fixture
-def skewed(rng) -> ContactSpace:
+def skewed(rng) -> Contact:
     """Contacts with so much coupling that the line c_n = 0 cuts the half disc."""
     n = 300
     r = rng.uniform(-1, 1, (n, 2)) / 0.3

@@ -17,16 +17,16 @@ from types import MappingProxyType
 import numpy as np
 
 from thesis_lib.contact.law import Law, Promise
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 
-def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, for the target normal velocity −ε v_n."""
     target = (-1.0 - epsilon) * space.v_n
     return impulse_to_normal_velocity(space, mu, target)
 
 
-def impulse_to_normal_velocity(space: ContactSpace, mu: np.ndarray, dv_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse_to_normal_velocity(space: Contact, mu: np.ndarray, dv_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (n,) in N s that changes v_n by `dv_n` ≥ 0 (n,) in m/s, with Coulomb's law on the final slip."""
     c_t = -(space.K_nn * space.v_t + space.K_tn * dv_n) / space.det
     c_n = (space.K_tt * dv_n + space.K_tn * space.v_t) / space.det

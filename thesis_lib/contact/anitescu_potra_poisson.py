@@ -22,10 +22,10 @@ import numpy as np
 
 from thesis_lib.contact.anitescu_potra_newton import impulse_to_normal_velocity
 from thesis_lib.contact.law import Law, Promise
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 
-def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, of compression and decompression together."""
     c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
     normal = epsilon * c_n
@@ -35,7 +35,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
     return c_t + tangential, c_n + normal
 
 
-def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code."""
     c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
     return c_t, (1.0 + epsilon) * c_n

@@ -21,10 +21,10 @@ from types import MappingProxyType
 import numpy as np
 
 from thesis_lib.contact.law import Law, Promise
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 
-def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, with the bound on the normal impulse."""
     stick_t, stick_n = space.impulse_to(0.0, 0.0)
     kappa = -space.v_n / space.K_nn
@@ -46,7 +46,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
     return c_t, (1.0 + epsilon) * c_n
 
 
-def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: without the bound."""
     stick_t, stick_n = space.impulse_to(0.0, 0.0)
     energies, ts = [], []
@@ -65,7 +65,7 @@ def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarra
     return c_t, (1.0 + epsilon) * np.where(sticks, stick_n, t)
 
 
-def _edge_optima(space: ContactSpace, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _edge_optima(space: Contact, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """On the edge c = t (slope, 1): t of least energy, and t at which v_n⁺ = 0."""
     reach = space.K_nn + slope * space.K_tn
     stiffness = reach + slope * (space.K_tn + slope * space.K_tt)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thesis_lib.contact.space import ContactSpace, contact_space
+from thesis_lib.mechanics.contact import Contact, contact_at, velocity_change
+from thesis_lib.mechanics.space import PLANE
 
 if TYPE_CHECKING:  # numba comes with it
     from thesis_lib.contact.compliant.normal_force import NormalForce
@@ -40,7 +41,7 @@ class Promise(enum.StrEnum):
     STICKS = "large μ and ε = 0 take all contact velocity"
 
 
-ImpulseFunction = Callable[[ContactSpace, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+ImpulseFunction = Callable[[Contact, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,8 @@ class Law:
         mu, epsilon = np.asarray(mu, dtype=float), np.asarray(epsilon, dtype=float)
         _check(v_pre, r, mass, k_g, mu, epsilon)
         with np.errstate(all="ignore"):  # the status says what went wrong
-            space = contact_space(v_pre, r, mass=mass, k_g=k_g)
+            w, w_I = 1.0 / mass, 1.0 / (mass * k_g * k_g)
+            space = contact_at(PLANE, v_pre.T[:2], v_pre.T[2:], r.T, w_I, w)
             c_t, c_n = self.impulse(space, mu, epsilon)
             status = np.zeros(len(v_pre), dtype=np.int8)
             # an infinite velocity can give a finite impulse: look at the input, too
@@ -133,12 +135,8 @@ class Law:
                 c_t, c_n = np.where(away, 0.0, c_t), np.where(away, 0.0, c_n)
             impulse = np.empty((len(v_pre), 2))
             impulse[:, 0], impulse[:, 1] = c_t, c_n
-            # v⁺ = v + M⁻¹ Jᵀ c (eq. 3.2)
-            w, w_I = 1.0 / mass, 1.0 / (mass * k_g * k_g)
             v_post = np.empty((len(v_pre), 3))
-            np.multiply(c_t, w, out=v_post[:, 0])
-            np.multiply(c_n, w, out=v_post[:, 1])
-            np.multiply(r[:, 0] * c_n - r[:, 1] * c_t, w_I, out=v_post[:, 2])
+            velocity_change((c_t, c_n), r.T, w_I, w, out=v_post.T)  # v⁺ = v + M⁻¹ Jᵀ c (eq. 3.2)
             v_post += v_pre
         return Outcome(v_post, impulse, status)
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from thesis_lib.contact.law import Law, Promise
 from thesis_lib.contact.slip_path import slip_path, tangential_impulse
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 MAX_STEPS = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
 SERIES_BELOW = 1e-3  # κp: four terms are then exact to rounding
@@ -31,7 +31,7 @@ RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of φ₃; Newt
 
 
 def impulse(
-    space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray, mu_after: np.ndarray | None = None
+    space: Contact, mu: np.ndarray, epsilon: np.ndarray, mu_after: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, at the end of restitution; `mu_after` as in `slip_path`."""
     path = slip_path(space, mu, mu_after)
@@ -50,7 +50,7 @@ def impulse(
     return tangential_impulse(path, c_n), c_n
 
 
-def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code: viscous tangential rate; μ in s/m."""
     kappa = mu * space.K_tt
 

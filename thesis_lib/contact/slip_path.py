@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 
 class SlipPath(NamedTuple):
@@ -33,7 +33,7 @@ class SlipPath(NamedTuple):
     p_c: np.ndarray
 
 
-def slip_path(space: ContactSpace, mu: np.ndarray, mu_after: np.ndarray | None = None) -> SlipPath:
+def slip_path(space: Contact, mu: np.ndarray, mu_after: np.ndarray | None = None) -> SlipPath:
     """The path of each impact; b₂ > 0 because det M_C⁻¹ > 0, so p_c always exists.
 
     `mu_after` (n,) is the coefficient once the first slip has ended, `mu` (n,) if not given.

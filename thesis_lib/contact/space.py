@@ -16,74 +16,29 @@ Source of the energy ellipse: Chatterjee and Ruina, J. Appl. Mech. 65 (1998), do
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-
-@dataclass(frozen=True)
-class ContactSpace:
-    """Velocity of the contact point and compliance M_C⁻¹ of n impacts; arrays (n,), broadcastable."""
-
-    v_t: np.ndarray
-    v_n: np.ndarray
-    K_tt: np.ndarray
-    K_nn: np.ndarray
-    K_tn: np.ndarray
-
-    @cached_property
-    def det(self) -> np.ndarray:
-        """det M_C⁻¹ > 0, 1/kg²."""
-        return self.K_tt * self.K_nn - self.K_tn * self.K_tn
-
-    @property
-    def M_c(self) -> np.ndarray:
-        """Contact space inertia M_C, (n, 2, 2) in kg, order (t, n)."""
-        rows = [[self.K_nn, -self.K_tn], [-self.K_tn, self.K_tt]]
-        return np.moveaxis(np.array(rows) / self.det, -1, 0)
-
-    def velocity_after(self, c_t: np.ndarray, c_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity (v_t, v_n) of the contact point in m/s after the impulse: v_C⁺ = v_C + M_C⁻¹ c (eq. 3.4)."""
-        return (self.v_t + self.K_tt * c_t + self.K_tn * c_n, self.v_n + self.K_tn * c_t + self.K_nn * c_n)
-
-    def impulse_to(self, v_t: np.ndarray | float, v_n: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Impulse (c_t, c_n) in N s that brings the contact point to (v_t, v_n) in m/s: c = M_C (v_C⁺ − v_C)."""
-        d_t, d_n = v_t - self.v_t, v_n - self.v_n
-        return ((self.K_nn * d_t - self.K_tn * d_n) / self.det, (self.K_tt * d_n - self.K_tn * d_t) / self.det)
-
-    def energy(self, v_t: np.ndarray, v_n: np.ndarray) -> np.ndarray:
-        """Quadratic form v_Cᵀ M_C v_C (twice the contact-space kinetic energy) in J."""
-        return (self.K_nn * v_t**2 - 2.0 * self.K_tn * v_t * v_n + self.K_tt * v_n**2) / self.det
-
-    def alpha(self, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
-        """Level α of the energy ellipse on which the impulse lies (eq. 3.5): 1 keeps the energy, 0 takes all."""
-        return self.energy(*self.velocity_after(c_t, c_n)) / self.energy(self.v_t, self.v_n)
-
-    def __getitem__(self, rows: np.ndarray | slice) -> "ContactSpace":
-        """The impacts at `rows`."""
-        return ContactSpace(*(a[rows] for a in (self.v_t, self.v_n, self.K_tt, self.K_nn, self.K_tn)))
+from thesis_lib.mechanics.contact import Contact, contact_at
+from thesis_lib.mechanics.contact import velocity_change as change_of_motion
+from thesis_lib.mechanics.space import PLANE
 
 
-def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> ContactSpace:
-    """Contact space of impacts with velocity `v_pre` (..., 3) and contact point `r` (..., 2) in m (eq. 3.4).
+def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> Contact:
+    """Contacts of impacts with velocity `v_pre` (..., 3) and contact point `r` (..., 2) in m (eq. 3.4).
 
     K_tt = 1/m + r_y²/I,  K_nn = 1/m + r_x²/I,  K_tn = −r_x r_y/I,  with I = m k².
     """
-    v_x, v_y, omega = v_pre[..., 0], v_pre[..., 1], v_pre[..., 2]
-    r_x, r_y = r[..., 0], r[..., 1]
-    w, w_I = 1.0 / mass, 1.0 / (mass * k_g * k_g)
-    x_I, y_I = r_x * w_I, r_y * w_I
-    return ContactSpace(
-        v_t=v_x - r_y * omega, v_n=v_y + r_x * omega, K_tt=w + r_y * y_I, K_nn=w + r_x * x_I, K_tn=-r_x * y_I
-    )
+    v, point = np.moveaxis(v_pre, -1, 0), np.moveaxis(r, -1, 0)
+    return contact_at(PLANE, v[:2], v[2:], point, 1.0 / (mass * k_g * k_g), 1.0 / mass)
 
 
 def velocity_change(c_t: np.ndarray, c_n: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> np.ndarray:
     """Velocity change Δv = M⁻¹ Jᵀ c (..., 3) of the centre of mass, in m/s and rad/s (eq. 3.2)."""
     dv = np.empty(np.broadcast_shapes(np.shape(c_t), r.shape[:-1]) + (3,))
-    dv[..., 0] = c_t / mass
-    dv[..., 1] = c_n / mass
-    dv[..., 2] = (r[..., 0] * c_n - r[..., 1] * c_t) / (mass * k_g * k_g)
+    change_of_motion(
+        (c_t, c_n), np.moveaxis(r, -1, 0), 1.0 / (mass * k_g * k_g), 1.0 / mass, out=np.moveaxis(dv, -1, 0)
+    )
     return dv
 
 
@@ -132,7 +87,7 @@ class EnergyEllipse:
         return self.centre[:, None, :] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
-def energy_ellipse(space: ContactSpace) -> EnergyEllipse:
+def energy_ellipse(space: Contact) -> EnergyEllipse:
     """Energy ellipse (c + M_C v_C)ᵀ M_C⁻¹ (c + M_C v_C) ≤ α v_Cᵀ M_C v_C of each impact."""
     centre = np.stack(space.impulse_to(0.0, 0.0), axis=-1)
     K = np.stack([np.stack([space.K_tt, space.K_tn], -1), np.stack([space.K_tn, space.K_nn], -1)], -2)
@@ -142,12 +97,12 @@ def energy_ellipse(space: ContactSpace) -> EnergyEllipse:
     return EnergyEllipse(centre, lengths, np.arctan2(major[:, 1], major[:, 0]))
 
 
-def line_of_sticking(space: ContactSpace, c_n: np.ndarray) -> np.ndarray:
+def line_of_sticking(space: Contact, c_n: np.ndarray) -> np.ndarray:
     """c_t (n,) in N s on the line of sticking v_t⁺ = 0 at the given c_n (n,)."""
     return -(space.v_t + space.K_tn * c_n) / space.K_tt
 
 
-def beyond_sticking(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+def beyond_sticking(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
     """Distance (n,) in N s of impulses beyond the line of sticking; negative on the side of c_t = 0.
 
     Friction that stops at sticking cannot go beyond it.  That is not the same as a change of sign of v_t: in a skewed
@@ -158,12 +113,12 @@ def beyond_sticking(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np
     return -np.sign(without_friction) * after / np.hypot(space.K_tt, space.K_tn)
 
 
-def line_of_maximum_compression(space: ContactSpace, c_t: np.ndarray) -> np.ndarray:
+def line_of_maximum_compression(space: Contact, c_t: np.ndarray) -> np.ndarray:
     """c_n (n,) in N s on the line of maximum compression v_n⁺ = 0 at the given c_t (n,)."""
     return -(space.v_n + space.K_tn * c_t) / space.K_nn
 
 
-def admissible(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
+def admissible(space: Contact, c_t: np.ndarray, c_n: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
     """Whether each impulse (n,) pushes, does not penetrate and does not gain energy (thesis, figure 3-2).
 
     `tolerance` is relative to the impulse, velocity and energy before the impact.

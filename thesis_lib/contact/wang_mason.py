@@ -9,10 +9,10 @@ import numpy as np
 
 from thesis_lib.contact.law import Law, Promise
 from thesis_lib.contact.slip_path import slip_path, tangential_impulse
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 
-def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, at the end of restitution."""
     path = slip_path(space, mu)
     c_n = (1.0 + epsilon) * path.p_c

@@ -18,10 +18,10 @@ from types import MappingProxyType
 import numpy as np
 
 from thesis_lib.contact.law import Law, Promise
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 
-def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s: slide with the initial slip, or stick."""
     dv_n = (-1.0 - epsilon) * space.v_n
     slope = -np.copysign(mu, space.v_t)
@@ -35,7 +35,7 @@ def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[n
     return np.where(slides, slide_t, stick_t), np.where(slides, slide_n, stick_n)
 
 
-def impulse_as_published(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code."""
     c_t, c_n = space.impulse_to(0.0, -epsilon * space.v_n)
     limit = mu * c_n

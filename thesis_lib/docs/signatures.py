@@ -22,7 +22,8 @@ from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.docs.effects import size_that_matters
-from thesis_lib.effects.effect import Effect, Rig, State
+from thesis_lib.effects.effect import Effect, Rig
+from thesis_lib.mechanics.state import State
 
 LAW = LAWS["mirtich"]
 COEFFICIENTS = {"mu": 0.15, "epsilon": 0.55, "tau": 5e-4}  # τ in s: only the gap at impact shows it
@@ -64,7 +65,7 @@ def states(rig: Rig, **changed: np.ndarray) -> State:
     s = {name: changed.get(name, np.full(n, value)) for name, value in BASE.items()}
     r_x, r_y = rig.shape.contact_point(s["theta"]).T
     same = {name: s[name] for name in ("x", "theta", "omega", "trial", "t")}
-    return State(y=rig.height - r_y, vx=s["v_t"] + r_y * s["omega"], vy=s["v_n"] - r_x * s["omega"], **same)
+    return State.planar(y=rig.height - r_y, vx=s["v_t"] + r_y * s["omega"], vy=s["v_n"] - r_x * s["omega"], **same)
 
 
 def impact_change(effect: Effect, state: State) -> np.ndarray:

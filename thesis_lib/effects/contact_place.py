@@ -12,7 +12,8 @@ they are up to half a diagonal apart.  It is counted from the reference, x_0, wh
 
 import numpy as np
 
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
 
 
 def along_surface(state: State, rig: Rig) -> np.ndarray:

@@ -21,9 +21,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects.effect import Impulse
 from thesis_lib.effects.impulse_path import STEPS, NormalPath, friction, whole_impulse
+from thesis_lib.mechanics.contact import Contact
 
 LARGEST = 1.0  # of |l|/k and |s|: what exceeds the normal force is no correction of a contact any more
 HIGHEST = 20.0  # of f
@@ -32,7 +32,7 @@ Moment = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of v_t (n,) in m/s an
 
 def driven(
     impulse: Impulse,
-    space: ContactSpace,
+    space: Contact,
     mu: np.ndarray,
     epsilon: np.ndarray,
     r: tuple[np.ndarray, np.ndarray],

@@ -31,13 +31,14 @@ Masses are 1 throughout: planar impacts need the radius of gyration only.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import Wall, wall_of
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
 FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface", "flight", "measurement")
@@ -70,62 +71,6 @@ class Parameter:
     starts: tuple[float, ...] = ()
     discrete: float | None = None
     along: Coordinate | Literal[""] = ""
-
-
-class State(NamedTuple):
-    """Poses and velocities of n bodies; arrays (n,) in m, rad, m/s, rad/s, and s for `t` since the first sample.
-
-    `trial` numbers releases in the order in which they were made.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    theta: np.ndarray
-    vx: np.ndarray
-    vy: np.ndarray
-    omega: np.ndarray
-    trial: np.ndarray
-    t: np.ndarray
-
-    @classmethod
-    def of(cls, q: np.ndarray, v: np.ndarray, trial: np.ndarray, t: np.ndarray) -> "State":
-        """The state with poses q (n, 3) in m, m, rad and velocities v (n, 3) in m/s, m/s, rad/s."""
-        return cls(q[:, 0], q[:, 1], q[:, 2], v[:, 0], v[:, 1], v[:, 2], trial, t)
-
-    @property
-    def q(self) -> np.ndarray:
-        """Poses (n, 3) in m, m, rad."""
-        return np.array((self.x, self.y, self.theta)).T
-
-    @property
-    def v(self) -> np.ndarray:
-        """Velocities (n, 3) in m/s, m/s, rad/s."""
-        return np.array((self.vx, self.vy, self.omega)).T
-
-    def moved(self, **changes: np.ndarray) -> "State":
-        """The same state with some arrays replaced."""
-        return self._replace(**changes)
-
-    def with_velocity(self, v: np.ndarray) -> "State":
-        """The same poses with velocities v (n, 3)."""
-        return self.moved(vx=v[:, 0], vy=v[:, 1], omega=v[:, 2])
-
-    def flown(self, a: np.ndarray, h: np.ndarray | float) -> "State":
-        """The state after times h (n,) in s of constant acceleration a (n, 3) in m/s², m/s², rad/s²."""
-        return State(
-            x=self.x + h * self.vx + 0.5 * h * h * a[:, 0],
-            y=self.y + h * self.vy + 0.5 * h * h * a[:, 1],
-            theta=self.theta + h * self.omega + 0.5 * h * h * a[:, 2],
-            vx=self.vx + h * a[:, 0],
-            vy=self.vy + h * a[:, 1],
-            omega=self.omega + h * a[:, 2],
-            trial=self.trial,
-            t=self.t + h,
-        )
-
-    def select(self, rows: np.ndarray) -> "State":
-        """The bodies at `rows`."""
-        return State(*(array[rows] for array in self))
 
 
 @dataclass(frozen=True)
@@ -280,19 +225,19 @@ class Effect:
         return k_g
 
     def coefficients(
-        self, mu: np.ndarray, epsilon: np.ndarray, space: ContactSpace, state: State, p: Parameters, rig: Rig
+        self, mu: np.ndarray, epsilon: np.ndarray, space: Contact, state: State, p: Parameters, rig: Rig
     ) -> tuple[np.ndarray, np.ndarray]:
         """μ and ε (n,) of each impact, given those of the law."""
         return mu, epsilon
 
-    def contact_time(self, tau: np.ndarray, space: ContactSpace, state: State, p: Parameters, rig: Rig) -> np.ndarray:
+    def contact_time(self, tau: np.ndarray, space: Contact, state: State, p: Parameters, rig: Rig) -> np.ndarray:
         """τ (n,) in s of each impact, as in a central one; not negative.  Only models that take time ask for it."""
         return tau
 
     def impulse(
         self,
         impulse: Impulse,
-        space: ContactSpace,
+        space: Contact,
         mu: np.ndarray,
         epsilon: np.ndarray,
         r: tuple[np.ndarray, np.ndarray],

@@ -29,15 +29,15 @@ import numpy as np
 from numba import njit
 
 from thesis_lib.contact.mirtich import impulse as exact_impulse
-from thesis_lib.contact.space import ContactSpace
 from thesis_lib.effects.effect import Impulse
+from thesis_lib.mechanics.contact import Contact
 
 STEPS = 12  # of one path; the velocities after impact then err by about 1 mm/s in the mean, at 1 to 3 m/s
 _TINY = 1e-30  # m/s; a step without any rise of v_n lies wholly in compression or in restitution
 _FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
 
 
-def whole_impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
+def whole_impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
     """Normal impulse (n,) in N s/kg of the path with constant μ: the length that is divided into steps."""
     with np.errstate(all="ignore"):
         return exact_impulse(space, mu, epsilon)[1]
@@ -49,7 +49,7 @@ def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndar
 
 
 def walk(
-    space: ContactSpace,
+    space: Contact,
     mu: np.ndarray,
     epsilon: np.ndarray,
     factor: Callable[[np.ndarray], np.ndarray] | None = None,
@@ -80,7 +80,7 @@ class NormalPath:
         lift: (n,) r_x / k² in rad/m, what a couple does to v_n.
     """
 
-    def __init__(self, space: ContactSpace, lift: np.ndarray | float = 0.0) -> None:
+    def __init__(self, space: Contact, lift: np.ndarray | float = 0.0) -> None:
         n = len(space.v_n)
         v_n, self._K_nn, self._K_tn, self.lift = (
             np.array(np.broadcast_to(values, n)) for values in (space.v_n, space.K_nn, space.K_tn, lift)

@@ -14,7 +14,7 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Impulse, Parameter, Reference, Rig, State
+from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Impulse, Parameter, Reference, Rig
 from thesis_lib.extensions.contract import Check, NothingYet
 from thesis_lib.extensions.stage_predictor import (
     EPSILON,
@@ -28,6 +28,7 @@ from thesis_lib.extensions.stage_predictor import (
     predict,
     random_states,
 )
+from thesis_lib.mechanics.state import State
 
 N = 300  # states
 FEW = 40  # where a single one would do

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.contact import Law, Outcome, Promise
-from thesis_lib.contact.space import ContactSpace, contact_space
+from thesis_lib.contact.space import contact_space
+from thesis_lib.mechanics.contact import Contact
 
 LARGE_MU = 1e3  # stands for infinite friction; a stick impulse outside even this cone is left out
 
@@ -26,7 +27,7 @@ class Impacts:
     epsilon: np.ndarray
 
     @property
-    def space(self) -> ContactSpace:
+    def space(self) -> Contact:
         return contact_space(self.v_pre, self.r, mass=1.0, k_g=1.0)
 
     @property

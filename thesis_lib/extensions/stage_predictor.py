@@ -10,9 +10,11 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import ContactSpace, contact_space
+from thesis_lib.contact.space import contact_space
 from thesis_lib.effects import Effect
-from thesis_lib.effects.effect import Impulse, Rig, State, in_order
+from thesis_lib.effects.effect import Impulse, Rig, in_order
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 MU, EPSILON = 0.25, 0.55
 TAU = 5e-4  # s, of a contact of a millisecond
@@ -39,14 +41,15 @@ def at_scale(effect: Effect) -> dict[str, float]:
 
 def arrays(state: State) -> dict[str, np.ndarray]:
     """The arrays of a state by name."""
-    return state._asdict()
+    names = ("x", "y", "theta", "vx", "vy", "omega", "trial", "t")
+    return {name: getattr(state, name) for name in names}
 
 
 def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
     """States of bodies that touch the surface and approach it with 0.8 to 3.3 m/s, sliding either way."""
     theta, omega = rng.uniform(-np.pi, np.pi, n), rng.uniform(-15.0, 15.0, n)
     r = rig.shape.contact_point(theta)
-    return State(
+    return State.planar(
         x=rng.uniform(-0.3, 0.3, n),
         y=rig.height - r[:, 1],
         theta=theta,
@@ -67,7 +70,7 @@ class Prediction:
     touch: np.ndarray
     flight: np.ndarray
     impulse: Impulse
-    space: ContactSpace
+    space: Contact
     after: State
 
 

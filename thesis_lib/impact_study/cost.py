@@ -18,8 +18,9 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse, velocity_change, velocity_error
+from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.mechanics.contact import Contact
 
 Metric = Literal["impulse", "velocity"]
 Weighting = Literal["kinetic", "unweighted"]
@@ -30,7 +31,7 @@ BLOCK = 16_384  # misfits at a time: some thirty arrays of 128 KiB; larger ones 
 class Target:
     """Measured impulses and contact spaces of n impacts, computed once for all laws and parameters."""
 
-    space: ContactSpace
+    space: Contact
     c_t: np.ndarray  # c_t, c_n: (n,) measured impulse c_irb in N s
     c_n: np.ndarray
     unreachable: np.ndarray  # (n,) m/s, kinetic norm of the part of Δv that no impulse through the contact can give

@@ -10,13 +10,13 @@ that of the admissible set is the share of the outcomes of rigid contact that th
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import ContactSpace
+from thesis_lib.mechanics.contact import Contact
 
 POINTS = 81  # a side of the parameter grid; doubling it changes the covered share by less than 0.002
 ARC = 721  # vertices of the half disc before it is cut to the admissible set
 
 
-def region(law: Law, space: ContactSpace, *, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
+def region(law: Law, space: Contact, *, points: int = POINTS) -> tuple[np.ndarray, np.ndarray]:
     """Impulses (c_t, c_n), (points μ, points ε, n) each, over a grid even in arctan μ and in ε."""
     mu = np.tan(np.linspace(0.0, 0.5 * np.pi, points, endpoint=False))
     epsilon = np.linspace(0.0, 1.0, points)
@@ -26,7 +26,7 @@ def region(law: Law, space: ContactSpace, *, points: int = POINTS) -> tuple[np.n
     return np.broadcast_to(c_t, shape), np.broadcast_to(c_n, shape)
 
 
-def covered_share(law: Law, space: ContactSpace) -> np.ndarray:
+def covered_share(law: Law, space: Contact) -> np.ndarray:
     """Area (n,) of the law's region over that of the admissible set, without grid cells that reach out of the set."""
     c_t, c_n = region(law, space)
     v_t, v_n = space.velocity_after(c_t, c_n)
@@ -40,14 +40,14 @@ def covered_share(law: Law, space: ContactSpace) -> np.ndarray:
     return np.where(inside, area, 0.0).sum(axis=(0, 1)) / admissible_area(space)
 
 
-def admissible_area(space: ContactSpace) -> np.ndarray:
+def admissible_area(space: Contact) -> np.ndarray:
     """Area (n,) in (N s)² of the set of admissible impulses (thesis, figure 3-2)."""
     outline_t, outline_n = admissible_outline(space)
     cross = outline_t * np.roll(outline_n, -1, axis=0) - outline_n * np.roll(outline_t, -1, axis=0)
     return 0.5 * np.abs(cross.sum(axis=0))
 
 
-def admissible_outline(space: ContactSpace) -> tuple[np.ndarray, np.ndarray]:
+def admissible_outline(space: Contact) -> tuple[np.ndarray, np.ndarray]:
     """Outline (c_t, c_n), (ARC + 2, n) each, of the admissible set: half the energy ellipse above the line of maximum
     compression, cut at c_n = 0.  The first and the last point are the ends of the line."""
     # whitened with M_C⁻¹ = L Lᵀ the ellipse is a disc; v_n⁺ ≥ 0 is the half of it about (l_nt, l_nn)

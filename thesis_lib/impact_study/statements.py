@@ -27,12 +27,13 @@ import pandas as pd
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
-from thesis_lib.contact.space import ContactSpace, beyond_sticking, velocity_error
+from thesis_lib.contact.space import beyond_sticking, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual_statements import individual_rows
 from thesis_lib.impact_study.study import convexity_violations, pick
 from thesis_lib.impact_study.tables import VARIANTS
+from thesis_lib.mechanics.contact import Contact
 from thesis_lib.statistics.intervals import mean_of, ratio_of_means, share_of
 
 MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
@@ -85,14 +86,14 @@ def statements(
     return table if energy is None else pd.concat([table, energy], ignore_index=True)
 
 
-def reverses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+def reverses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
     """1.0 (n,) where the impulse (n,) changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN: no impulse."""
     # a stuck contact has v_t⁺ = 0 up to rounding
     changes = space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)
     return np.where(np.isfinite(c_t + c_n), changes, np.nan)
 
 
-def crosses(space: ContactSpace, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+def crosses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
     """1.0 (n,) where the impulse (n,) lies beyond the line of sticking, else 0.0; NaN: no impulse."""
     beyond = beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)
     return np.where(np.isfinite(c_t + c_n), beyond, np.nan)

@@ -21,12 +21,13 @@ import pandas as pd
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse
+from thesis_lib.contact.space import contact_space, measured_impulse
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.impact_study.cost import Target, misfit, target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
 from thesis_lib.impact_study.tables import SIX_AS_PUBLISHED, best_and_worst
+from thesis_lib.mechanics.contact import Contact
 
 GRAVITY_STEP = np.array([0.0, -9.81 / 250.0, 0.0])  # m/s
 TABLE_3_1 = {  # (μ, ε)
@@ -114,13 +115,13 @@ def law_with_gravity_step(law: str, name: str) -> Law:
     """The variant `name` of a law as the authors call it, in a contact space after the gravity step."""
     variant = LAWS[name]
 
-    def impulse(space: ContactSpace, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return variant.impulse(space, mu, epsilon * _rebound(law, space))
 
     return replace(variant, impulse=impulse)
 
 
-def _rebound(law: str, after: ContactSpace) -> np.ndarray | float:
+def _rebound(law: str, after: Contact) -> np.ndarray | float:
     """For AP Newton v_n before the gravity step over v_n after it, since it rebounds from the former; otherwise 1."""
     return (after.v_n - GRAVITY_STEP[1]) / after.v_n if law == "anitescu_potra_newton" else 1.0
 

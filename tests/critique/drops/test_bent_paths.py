@@ -13,7 +13,8 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.residuals import flight_residuals, state_beside
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
 
 RIG = Rig(Disk(radius=0.03), 0.0212, 9.81, 0.0)
 N, WINDOW, FLIGHT, RATE = 12, 0.1, 0.3, 250.0

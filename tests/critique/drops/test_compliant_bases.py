@@ -21,8 +21,9 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import simulate_drake_drops
 from thesis_lib.simulate.drake.plant import STICTION

@@ -18,7 +18,8 @@ from thesis_lib.critique.drops.residuals import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
 from thesis_lib.simulate.rig.record import Drops

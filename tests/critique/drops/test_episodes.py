@@ -28,7 +28,8 @@ from thesis_lib.critique.results.tables import impacts
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import SQUARE
 
 MODEL = Model(LAWS["mirtich"], takes_time=True)

@@ -20,7 +20,8 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.proof.cases import SEEDS, Case, make
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import SQUARE
 
 LONG = 3e-3  # s

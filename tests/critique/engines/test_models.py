@@ -35,13 +35,14 @@ from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.engines.words import model_sentences
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.figures.critique.models import draw_models
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.state import State
 from thesis_lib.report.critique.models import models as page_of_models
 from thesis_lib.simulate.drake.drops import simulate_drake_drops
 from thesis_lib.simulate.mujoco.causes import MujocoCauses

@@ -25,8 +25,9 @@ from thesis_lib.critique.results.saved_model import (
 )
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Reference, Rig, State
+from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE
 

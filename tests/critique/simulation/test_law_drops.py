@@ -17,7 +17,7 @@ from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.simulation.law_drops import between, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import State
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE
 from thesis_lib.simulate.stepping.drops import simulate_drops
 

@@ -19,9 +19,10 @@ from thesis_lib.contact.law import Law
 from thesis_lib.critique.drops.bases import BASES
 from thesis_lib.critique.drops.contact_time import DAMPING_RATIO, IMPEDANCE
 from thesis_lib.critique.drops.model import Model, contact_space_of
-from thesis_lib.effects.effect import Effect, Rig, State
+from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.engines.engine import OUTSIDE, Press, impacts
 from thesis_lib.engines.parameters import DrakeNumbers, MujocoNumbers, drake_numbers, of_drake, of_mujoco
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 
 MASS = 1.0  # kg: planar drops do not show the mass, and contacts are given per mass

@@ -12,7 +12,7 @@ the motion is then integrated from the touch of the first with springs at all co
 A compliant law has all its contacts integrated, and an engine has its own (`engine_contact`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,8 @@ from thesis_lib.critique.drops.contact_time import duration
 from thesis_lib.critique.drops.engine_contact import press_in_engine
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.pressing import all_points, contact_points, one_point, press
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
 
 MOST_HITS = 12  # a body that hits more often has come to rest
 LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
@@ -172,7 +173,7 @@ class _Play:
         while len(at) and done < steps:
             ahead = min(steps - done, AHEAD, max(1, IN_CACHE // (len(at) * self.points)))
             path = self._path(origin, state, h[at], done, ahead, rows[at])
-            looked = path if first else _from(path, len(at))
+            looked = path if first else path.select(slice(len(at), None))
             count = ahead + first
             lands = _lands(*self._gaps(looked, np.tile(rows[at], count))).any(axis=0).reshape(count, len(at))
             hit = np.flatnonzero(lands.any(axis=0))
@@ -184,7 +185,7 @@ class _Play:
             state, origin = path.select(ahead * len(at) + fly), origin.select(fly)
             at, done, first = at[fly], done + ahead, False
         self._set(rows[at], state)
-        return np.concatenate(landed), np.concatenate(after), joined(starts)
+        return np.concatenate(landed), np.concatenate(after), State.joined(starts)
 
     def _path(self, origin: State, state: State, h: np.ndarray, done: int, ahead: int, rows: np.ndarray) -> State:
         """The states (n,) after `done`, `done` + 1, ... `done` + `ahead` steps of h (n,) in s, ((ahead + 1) n,).
@@ -193,11 +194,11 @@ class _Play:
         """
         if not self.model.has_varying_flight:
             times = np.multiply.outer(np.arange(done, done + ahead + 1), h).ravel()
-            return joined([origin] * (ahead + 1)).flown(np.array([[0.0, -self.rig.gravity, 0.0]]), times)
+            return origin.tiled(ahead + 1).flown(np.array([[0.0, -self.rig.gravity, 0.0]]), times)
         path = [state]
         for _ in range(ahead):
             path.append(path[-1].flown(self.acceleration(path[-1], h, rows), h))
-        return joined(path)
+        return State.joined(path)
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Times (n,) in s after `start` at which the first point touches; after `h` it has."""
@@ -235,7 +236,7 @@ class _Play:
         n, p = len(state.x), self.points
         values = self._values(rows, p)
         if p > 1:
-            state = joined([state] * p)
+            state = state.tiled(p)
         rig = all_points(self.rig, n)
         seen, r_x, *_ = self.model.contact_at(state, self.model.active(values), rig)
         return self.model.gap(state, values, rig).reshape(p, n), (seen.vy + r_x * seen.omega).reshape(p, n)
@@ -275,16 +276,6 @@ class _Play:
         after, elapsed = resolve(self.model, self._values(rows), self.rig, touch, left)
         self._set(rows, after)
         self.t[rows] = self.over[rows] = t + elapsed
-
-
-def joined(states: Sequence[State]) -> State:
-    """The states one after the other."""
-    return State(*map(np.concatenate, zip(*states)))
-
-
-def _from(states: State, first: int) -> State:
-    """The states but for those before the `first`."""
-    return State(*(array[first:] for array in states))
 
 
 def _lands(gap: np.ndarray, v_n: np.ndarray) -> np.ndarray:

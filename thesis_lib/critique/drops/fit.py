@@ -22,8 +22,9 @@ from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import impact_residuals
 from thesis_lib.critique.drops.sandwich import sandwich
 from thesis_lib.critique.drops.whitening import SIGMA_LOW, Whitening, robust, together, weight
-from thesis_lib.effects.effect import Effect, State
+from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.state import State
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thesis_lib.datasets.flights.parabolas import SOME, Parabolas
-from thesis_lib.effects.effect import State
+from thesis_lib.mechanics.state import State
 
 MANY = 1.0 / 3.0  # share of the flights; where something bends all of them, short ones do not show it
 
@@ -48,4 +48,4 @@ def flights_of(found: Parabolas) -> Flights:
     return Flights(state, found.fitted[:, 2], found.variance, found.span, found.bent)
 
 
-NO_FLIGHTS = Flights(State(*(np.zeros(0),) * 8), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+NO_FLIGHTS = Flights(State.empty(), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))

@@ -14,10 +14,11 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import ConvexDamper
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, CONTACT_TIME, OF_FRICTION, TURNED, mobility
 from thesis_lib.critique.drops.sliding import SLIDING, TABLE
-from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, State, in_order
+from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, in_order
+from thesis_lib.mechanics.contact import Contact, contact
+from thesis_lib.mechanics.state import State
 
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
 _H_PATH = 0.02  # s, for the change of the acceleration over a tenth of a second
@@ -29,16 +30,9 @@ def inward(p: Parameter, value: float, step: float) -> float:
     return step if value + step <= p.high else -step
 
 
-def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) -> ContactSpace:
+def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) -> Contact:
     """Contact space per unit mass of what `Model.contact` returns."""
-    w = 1.0 / (k_g * k_g)
-    return ContactSpace(
-        v_t=seen.vx - r_y * seen.omega,
-        v_n=seen.vy + r_x * seen.omega,
-        K_tt=1.0 + r_y * r_y * w,
-        K_nn=1.0 + r_x * r_x * w,
-        K_tn=-r_x * r_y * w,
-    )
+    return contact(seen, np.array((r_x, r_y)), 1.0 / (k_g * k_g))
 
 
 def _without_camera(effect: Effect) -> Effect:
@@ -253,7 +247,7 @@ class Model:
         return self._delay(contact, space, after, values, active, rig)
 
     def _delay(
-        self, contact: tuple, space: ContactSpace, after: State, values: Mapping[str, float], active: Sequence, rig: Rig
+        self, contact: tuple, space: Contact, after: State, values: Mapping[str, float], active: Sequence, rig: Rig
     ) -> np.ndarray:
         """t̄ (n,) in s of each impact, from what `contact` returns, its space, and the state after the impulse."""
         seen, r_x, *_ = contact
@@ -268,7 +262,7 @@ class Model:
         return tau / np.sqrt(b)
 
     def _struck(
-        self, contact: tuple, space: ContactSpace, active: Sequence, rig: Rig, mu: np.ndarray, epsilon: np.ndarray
+        self, contact: tuple, space: Contact, active: Sequence, rig: Rig, mu: np.ndarray, epsilon: np.ndarray
     ) -> State:
         """State after the impulse as the contact sees it, from what `contact` returns and (μ, ε) of each impact."""
         seen, r_x, r_y, k_g = contact

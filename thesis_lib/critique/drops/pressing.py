@@ -26,13 +26,14 @@ from thesis_lib.bodies.shapes import Corner, Ellipse, Polygon, Shape
 from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integrate
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import ContactSpace
 from thesis_lib.critique.drops.contact_time import IMPEDANCE
 from thesis_lib.critique.drops.model import Model, contact_space_of
-from thesis_lib.effects.effect import Effect, Impulse, Rig, State
+from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
 from thesis_lib.engines.parameters import PLANAR
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.state import State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
 STEPS = 64  # in one central contact: errors of contacts of 3 ms are then a twentieth of a rig's noise
@@ -100,7 +101,7 @@ def press(
     }
     active = model.active(at_corners)
     at_corner = rig if is_field else all_points(rig, n)
-    tiled = State(*(np.tile(array, corners) for array in true))
+    tiled = true.tiled(corners)
     others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
     seen, r_x, r_y, k_g = model.contact_at(tiled, others, at_corner)
     space = contact_space_of(seen, r_x, r_y, k_g)
@@ -201,7 +202,7 @@ def _added(
     rig: Rig,
     pressed: _Pressed,
     contact: tuple[State, np.ndarray, np.ndarray],
-    space: ContactSpace,
+    space: Contact,
     mu: np.ndarray,
     epsilon: np.ndarray,
     k_g: float,

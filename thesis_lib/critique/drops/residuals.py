@@ -22,7 +22,8 @@ from thesis_lib.critique.drops.episodes import MOST_HITS, play
 from thesis_lib.critique.drops.flights import Flights
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
 
 BENDINGS = 2  # steps to the state behind a bent path; each leaves a tenth of the error of a lens of 1 % at 0.25 m
 # nodes on [−1, 1] and weights, of sum 1, by which a flight's path is compared with a parabola; exact to degree 23

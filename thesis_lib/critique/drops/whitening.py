@@ -17,11 +17,10 @@ from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 
 from thesis_lib.critique.drops.covariance import noisy_residuals
-from thesis_lib.critique.drops.episodes import joined
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.observations import Observations
 from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
-from thesis_lib.effects.effect import State
+from thesis_lib.mechanics.state import State
 
 NU = 8.0
 BESIDE_STATES = ("span", "offset")  # the observations' arrays that a prediction needs beside the states
@@ -113,7 +112,7 @@ def together(
             parts[0], **{name: np.concatenate([getattr(o, name) for o in parts]) for name in BESIDE_STATES}
         )
         states = zip(*(flights[i, k][0] for i, k, _, _ in missing))
-        before, after = (joined(list(side)) for side in states)
+        before, after = (State.joined(list(side)) for side in states)
         values = _by_impact([values for _, _, _, values in missing], sizes)
         R = impact_residuals(missing[0][2].model, values, all_of, (before, after))
         found |= {(i, k): part for (i, k, _, _), part in zip(missing, np.split(R, np.cumsum(sizes)[:-1]))}

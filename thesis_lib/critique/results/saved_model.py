@@ -23,13 +23,14 @@ from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.model import Model
 from thesis_lib.critique.drops.sliding import SLIDING
 from thesis_lib.effects import EFFECTS, require_known
-from thesis_lib.effects.effect import Reference, Rig, State
+from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes, regular_size
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.foundation.settings import Section
+from thesis_lib.mechanics.state import State
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")
 POST = ("vx_post", "vy_post", "omega_post")
@@ -204,7 +205,7 @@ def load_model(path: str | Path) -> SavedModel:
         raise UserError(f"{path}: tau must be between {tau.low:g} and {tau.high:g} s; got {lasts:g}.")
     try:
         with np.errstate(all="ignore"):
-            _after(model, State(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
+            _after(model, State.planar(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
     except (ArithmeticError, ValueError) as error:  # for example sizes of 1e308 m
         raise UserError(f"{path} holds numbers that cannot be computed with ({error}). Write it again.") from error
     return model
@@ -261,7 +262,7 @@ def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.Dat
     # what is missing is that of the reference: far from it a limit such as ε ≤ 1 would hide what depends on it
     for name in (name for name in OPTIONAL if name not in states):
         columns[name] = np.full(len(states), getattr(model.rig.reference, name))
-    state = State(**columns)
+    state = State.planar(**columns)
     after, approaches = _after(model, state)
     for name in (name for name in OPTIONAL if name not in states):
         moved, _ = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))

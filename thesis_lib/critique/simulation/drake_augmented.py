@@ -27,8 +27,8 @@ from thesis_lib.critique.simulation.law_drops import REST, Releases, between, ca
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import POSE
-from thesis_lib.effects.effect import State
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.drake.clock import Clock, fly
 from thesis_lib.simulate.drake.plant import drop_plant
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses

@@ -21,7 +21,8 @@ from thesis_lib.critique.drops.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import POSE
-from thesis_lib.effects.effect import ORIGIN, Reference, Rig, State
+from thesis_lib.effects.effect import ORIGIN, Reference, Rig
+from thesis_lib.mechanics.state import State
 
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
 REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
@@ -147,4 +148,4 @@ def _put(state: State, rows: np.ndarray, new: State) -> State:
     arrays = {name: array.copy() for name, array in state._asdict().items()}
     for name, array in arrays.items():
         array[rows] = getattr(new, name)
-    return State(**arrays)
+    return State.planar(**arrays)

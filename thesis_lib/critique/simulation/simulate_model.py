@@ -23,8 +23,8 @@ from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
 from thesis_lib.critique.simulation.law_drops import Releases, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.effects.effect import State
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE
 from thesis_lib.simulate.rig.release import Release
 

@@ -41,6 +41,8 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, long_gaps
 from thesis_lib.datasets.impacts.at_walls import TOUCH_SIGMA, gravity_towards, off_wall, time_to_another_wall
 from thesis_lib.datasets.impacts.stays_down import landing_speeds
+from thesis_lib.mechanics.contact import contact_at
+from thesis_lib.mechanics.space import PLANE
 
 REASONS = (
     *("off_wall", "lost_frames", "second_hit", "window_too_short"),
@@ -66,22 +68,16 @@ class ContactMeasures:
 
 
 def contact_measures(impacts: Impacts) -> ContactMeasures:
-    """Contact velocities, impulse and energy ratio; written out here, so that this room does not depend on contact/."""
-    rx, ry = impacts.r[:, 0], impacts.r[:, 1]
-    m, k2 = impacts.mass, impacts.k_g**2
-
-    def at_contact(v: np.ndarray) -> np.ndarray:
-        return np.stack([v[:, 0] - ry * v[:, 2], v[:, 1] + rx * v[:, 2]], axis=1)
-
-    # K = J M⁻¹ Jᵀ = [[1 + r_y²/k², −r_x r_y/k²], [·, 1 + r_x²/k²]] / m;  M_C = K⁻¹
-    ktt, knn, ktn = (1 + ry**2 / k2) / m, (1 + rx**2 / k2) / m, -rx * ry / k2 / m
-    m_c = np.stack([np.stack([knn, -ktn], 1), np.stack([-ktn, ktt], 1)], 1)
-    m_c /= (ktt * knn - ktn**2)[:, None, None]
-    pre, post = at_contact(impacts.v_pre), at_contact(impacts.v_post)
-    before = np.einsum("ni,nij,nj->n", pre, m_c, pre)
-    after = np.einsum("ni,nij,nj->n", post, m_c, post)
-    alpha = np.divide(after, before, out=np.full(len(pre), np.inf), where=before > 0)
-    return ContactMeasures(pre, post, np.einsum("nij,nj->ni", m_c, post - pre), alpha)
+    """Contact velocities, impulse and energy ratio."""
+    m, r = impacts.mass, impacts.r.T
+    pre, post = (
+        contact_at(PLANE, v.T[:2], v.T[2:], r, 1.0 / (m * impacts.k_g**2), 1.0 / m)
+        for v in (impacts.v_pre, impacts.v_post)
+    )
+    before, after = pre.energy(*pre.v), pre.energy(*post.v)
+    alpha = np.divide(after, before, out=np.full(len(before), np.inf), where=before > 0)
+    v_pre, v_post, impulse = (np.stack(pair, axis=1) for pair in (pre.v, post.v, pre.impulse_to(*post.v)))
+    return ContactMeasures(v_pre, v_post, impulse, alpha)
 
 
 def flag_physics(impacts: Impacts, mu_max: float = 0.35) -> Impacts:

@@ -14,13 +14,7 @@ from matplotlib.patches import Arc
 from thesis_lib.bodies.body import Body
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import (
-    ContactSpace,
-    contact_space,
-    energy_ellipse,
-    line_of_maximum_compression,
-    line_of_sticking,
-)
+from thesis_lib.contact.space import contact_space, energy_ellipse, line_of_maximum_compression, line_of_sticking
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.law_style import style_of
 from thesis_lib.figures.marks import BLUE, GREEN, RED, arrow, turned, unit
@@ -29,6 +23,7 @@ from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.predictive_range import admissible_outline, region
 from thesis_lib.impact_study.shown_impacts import spin_reversal_case, zero_friction_case
 from thesis_lib.impact_study.tables import VARIANTS
+from thesis_lib.mechanics.contact import Contact
 
 # the thesis's grouping of figure 3-3
 GROUPS = {
@@ -56,7 +51,7 @@ class Example:
         """r, (1, 2) in m."""
         return body.shape.contact_point(np.array([self.theta]))
 
-    def space(self, body: Body) -> ContactSpace:
+    def space(self, body: Body) -> Contact:
         """Contact space of this one impact, arrays (1,)."""
         v = np.array([self.v])
         return contact_space(v, self.contact_point(body), mass=body.mass or 1.0, k_g=body.radius_of_gyration)
@@ -203,7 +198,7 @@ def figure_3_11(
     return figure, pd.concat(parts, ignore_index=True)[["panel", "trial", "impact", "series", "c_t", "c_n"]]
 
 
-def region_outline(law: Law, space: ContactSpace, points: int = 25) -> np.ndarray:
+def region_outline(law: Law, space: Contact, points: int = 25) -> np.ndarray:
     """Closed outline (4 (points − 1) + 1, 2) in N s of what a law can predict for the one impact in `space`.
 
     It is the image of the edge of the parameter box.  If a law maps parts of the box onto each other, its region may
@@ -222,7 +217,7 @@ def draw_region(ax: Axes, law: Law, outline: np.ndarray, axis: ImpulseAxis, labe
     ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * axis.factor * float(outline[:, 1].max())))
 
 
-def draw_ellipse(ax: Axes, space: ContactSpace, axis: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:
+def draw_ellipse(ax: Axes, space: Contact, axis: ImpulseAxis, *, labels: bool = False) -> pd.DataFrame:
     """Energy ellipse of the one impact in `space`, its lines and shaded admissible set; returns the plotted points."""
     ellipse = energy_ellipse(space)
     outline = ellipse.outline(points=121)[0]

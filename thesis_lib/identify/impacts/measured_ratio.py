@@ -38,11 +38,12 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.impacts.quality import has_flag
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Rig, State
+from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.identify.impacts.drop_spread import spreads
 from thesis_lib.identify.impacts.settings import MeasuredRatio
+from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 from thesis_lib.statistics.tails import chi_square_tail
 
@@ -136,7 +137,7 @@ class ImpactLink:
         effects = [(effect, {parameter.name: value}) for (effect, parameter), value in zip(self.free, p[1:])]
         theta = self.theta + turn
         zero = np.zeros_like(theta)
-        state = State(zero, zero, theta, zero, zero, zero, self.trial, zero)
+        state = State.planar(zero, zero, theta, zero, zero, zero, self.trial, zero)
         for effect, values in effects:
             state = effect.to_true(state, values, self.rig)
         r_x, r_y = self.rig.shape.contact_point(state.theta).T + self.offset.T

@@ -19,9 +19,9 @@ import numpy as np
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.effects.effect import State
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
+from thesis_lib.mechanics.state import State
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,14 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.contact.space import ContactSpace, contact_space, measured_impulse, residual_couple
+from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.mechanics.contact import Contact
 
 FeatureSet = Literal["X1", "X2", "X2_polar", "X1_omega", "full"]
 
 
-def space_of(impacts: Impacts) -> ContactSpace:
+def space_of(impacts: Impacts) -> Contact:
     """Contact space before impact, arrays (n,)."""
     return contact_space(impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
 

@@ -30,8 +30,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.contact.space import ContactSpace, contact_space
-from thesis_lib.effects.effect import Effect, Impulse, Parameters, Rig, State
+from thesis_lib.contact.space import contact_space
+from thesis_lib.effects.effect import Effect, Impulse, Parameters, Rig
+from thesis_lib.mechanics.contact import Contact, velocity_change
+from thesis_lib.mechanics.state import State
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 
@@ -67,7 +69,7 @@ class LawImpact:
         return q, push(v, r, np.stack([c_t, c_n], axis=1), self.k_g), 0.0
 
     def _with_effects(
-        self, space: ContactSpace, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
+        self, space: Contact, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
     ) -> np.ndarray:
         """Impulse per unit mass and couple about r, (n, 3)."""
         assert self.rig is not None
@@ -85,13 +87,8 @@ class LawImpact:
 
 def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.ndarray:
     """v⁺ = v + M⁻¹ Jᵀ c for impulses per unit mass (n, 2) = (c_t, c_n), or (n, 3) with a couple about r."""
-    after = v.copy()
-    after[:, :2] += impulse[:, :2]
-    couple = r[:, 0] * impulse[:, 1] - r[:, 1] * impulse[:, 0]
-    if impulse.shape[1] == 3:
-        couple = couple + impulse[:, 2]
-    after[:, 2] += couple / (k_g * k_g)
-    return after
+    couple = impulse[:, 2] if impulse.shape[1] == 3 else None
+    return v + velocity_change((impulse[:, 0], impulse[:, 1]), r.T, 1.0 / (k_g * k_g), couple=couple).T
 
 
 @dataclass(frozen=True)

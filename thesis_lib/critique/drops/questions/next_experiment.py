@@ -32,7 +32,8 @@ from thesis_lib.critique.drops.model import inward
 from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Effect, Rig, State
+from thesis_lib.effects.effect import Effect, Rig
+from thesis_lib.mechanics.state import State
 
 DRAWS = 400
 REACH = 1.3  # range of proposed states over that of measured ones

@@ -1,0 +1,90 @@
+"""Quaternions and turns against SciPy, and the inverse of each operation."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from thesis_lib.mechanics.inertia import in_world, mobility, require_inertia
+from thesis_lib.mechanics.space import (
+    PLANE,
+    SPACE,
+    Space,
+    multiplied,
+    of_rotation_vector,
+    rotated,
+    rotation_matrix,
+    rotation_vector,
+)
+
+N = 200
+EXACT = 1e-13  # rounding of numbers of order 1
+G = np.array([[4.0, 0.3, -0.2], [0.3, 5.0, 0.1], [-0.2, 0.1, 6.0]])
+
+
+def turns(space: Space, rng: np.random.Generator, size: float = 1.0) -> np.ndarray:
+    return size * rng.standard_normal((space.turns, N))
+
+
+def poses(space: Space, rng: np.random.Generator) -> np.ndarray:
+    position = rng.standard_normal((space.dimension, N))
+    return np.concatenate([position, turns(space, rng) if space.is_plane else of_rotation_vector(turns(space, rng))])
+
+
+def scipy_of(q: np.ndarray) -> Rotation:
+    return Rotation.from_quat(np.roll(q, -1, axis=0).T)
+
+
+def test_quaternions_agree_with_scipy(rng):
+    first, second = poses(SPACE, rng)[3:], poses(SPACE, rng)[3:]
+    u = rng.standard_normal((3, N))
+    np.testing.assert_allclose(rotated(first, u).T, scipy_of(first).apply(u.T), atol=EXACT)
+    np.testing.assert_allclose(np.moveaxis(rotation_matrix(first), -1, 0), scipy_of(first).as_matrix(), atol=EXACT)
+    product = scipy_of(multiplied(first, second)) * (scipy_of(first) * scipy_of(second)).inv()
+    assert product.magnitude().max() < 1e-7  # the angle of a product that is 1 up to rounding
+    np.testing.assert_allclose(rotation_vector(first).T, scipy_of(first).as_rotvec(), atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 2e-4, 1.0])
+def test_rotation_vectors_come_back(size, rng):
+    turn = turns(SPACE, rng, size)
+    turn /= np.maximum(np.linalg.norm(turn, axis=0) / 3.0, 1.0)  # within half a turn
+    np.testing.assert_allclose(rotation_vector(of_rotation_vector(turn)), turn, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("space", [PLANE, SPACE], ids=["plane", "space"])
+def test_shift_undoes_difference(space, rng):
+    first, second = poses(space, rng), poses(space, rng)
+    again = space.shift(first, space.difference(second, first))
+    assert np.abs(space.difference(again, second)).max() < 1e-12
+
+
+@pytest.mark.parametrize("space", [PLANE, SPACE], ids=["plane", "space"])
+def test_a_mirror_mirrors_velocities_of_points(space, rng):
+    pose, motion = poses(space, rng), rng.standard_normal((space.motions, N))
+    d, signs = space.dimension, np.array([-1.0, 1.0, 1.0][: space.dimension])[:, None]
+    point = rng.standard_normal((d, N))
+    r = space.turned(pose[d:], point)
+    other_pose, other_motion = space.mirrored(pose, motion)
+    # the mirrored body is another one: its point is mirrored, too
+    other_r = space.turned(other_pose[d:], signs * point)
+    np.testing.assert_allclose(other_r, signs * r, atol=EXACT)
+    seen = space.velocity_at(motion[:d], motion[d:], r)
+    other = space.velocity_at(other_motion[:d], other_motion[d:], other_r)
+    np.testing.assert_allclose(other, signs * seen, atol=1e-12)
+
+
+def test_mobility_is_the_inverse_inertia_in_the_world(rng):
+    attitude = poses(SPACE, rng)[3:]
+    product = np.einsum("ijn,jkn->nik", mobility(SPACE, G, attitude), in_world(G, attitude))
+    np.testing.assert_allclose(product, np.tile(np.eye(3), (N, 1, 1)), atol=EXACT)
+    each = np.repeat(G[:, :, None], N, axis=2)
+    np.testing.assert_allclose(mobility(SPACE, each, attitude), mobility(SPACE, G, attitude), atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [(np.diag([1.0, 2.0, -1.0]), "positive"), (np.diag([1.0, 1.0, 3.0]), "above the sum"), (np.ones((2, 2)), "3 × 3")],
+)
+def test_an_inertia_that_no_body_has_is_refused(wrong, says):
+    with pytest.raises(ValueError, match=says):
+        require_inertia(SPACE, wrong)

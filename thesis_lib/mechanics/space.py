@@ -1,0 +1,167 @@
+"""The plane and space: what a pose, a velocity and a turn are in each of them.
+
+All else asks a `Space`, so that one equation serves both.  Arrays hold components first: n vectors are (d, n), n poses
+(d + attitude, n), n motions (d + turns, n).
+
+| on paper      | in code    | plane             | space                          | axes   |
+|---------------|------------|-------------------|--------------------------------|--------|
+| d             | `dimension`| 2: x, y           | 3: x, y, z                     | world  |
+| attitude      | `attitude` | 1: θ, rad         | 4: quaternion, scalar first    | body into world |
+| ω             | `turns`    | 1: rad/s          | 3: rad/s                       | world  |
+| small turn φ  |            | 1: rad            | 3: rotation vector, rad        | world  |
+| normal        |            | +y                | +z                             | world  |
+
+A contact has the components (t, n) in the plane, (t_1, t_2, n) in space, along the axes of the world.  Quaternions are
+Hamilton's; (w, x, y, z) and its opposite are the same attitude.
+Source: Solà 2017, Quaternion kinematics for the error-state Kalman filter, arXiv:1711.02508.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+SMALL = 1e-4  # rad: half angles below it are by their series, exact to rounding
+
+
+@dataclass(frozen=True)
+class Space:
+    """The plane or space: number of components, their names and units, and what can be done with them.
+
+    Attributes:
+        dimension: d, components of a position.
+        attitude: numbers that give an attitude.
+        turns: components of a spin and of a small turn.
+        pose_names: columns of a pose.
+        motion_names: columns of a motion.
+    """
+
+    dimension: int
+    attitude: int
+    turns: int
+    pose_names: tuple[str, ...]
+    motion_names: tuple[str, ...]
+
+    @property
+    def poses(self) -> int:
+        """Numbers of a pose."""
+        return self.dimension + self.attitude
+
+    @property
+    def motions(self) -> int:
+        """Components of a motion, and of a small change of a pose."""
+        return self.dimension + self.turns
+
+    @property
+    def is_plane(self) -> bool:
+        return self.dimension == 2
+
+    # vectors ----------------------------------------------------------------------------------------------------
+    def velocity_at(self, velocity: np.ndarray, spin: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Velocity v + ω × r (d, n) in m/s of the point at r (d, n) in m from that which moves with v (d, n)."""
+        if self.is_plane:
+            return np.stack([velocity[0] - spin[0] * r[1], velocity[1] + spin[0] * r[0]])
+        return velocity + cross(spin, r)
+
+    def moment(self, r: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Moment r × f (turns, n) of what acts at r (d, n)."""
+        if self.is_plane:
+            return (r[0] * f[1] - r[1] * f[0])[None]
+        return cross(r, f)
+
+    def turned(self, attitude: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Vectors u (d, n) or (d, 1) in axes of the body, in those of the world."""
+        if self.is_plane:
+            sin, cos = np.sin(attitude[0]), np.cos(attitude[0])
+            return np.stack([cos * u[0] - sin * u[1], sin * u[0] + cos * u[1]])
+        return rotated(attitude, u)
+
+    def turned_back(self, attitude: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Vectors u (d, n) or (d, 1) in axes of the world, in those of the body."""
+        return self.turned(-attitude if self.is_plane else conjugate(attitude), u)
+
+    # attitudes --------------------------------------------------------------------------------------------------
+    def attitude_after(self, attitude: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        """Attitude after a turn by the rotation vectors `turn` (turns, n) in rad, about axes of the world."""
+        return attitude + turn if self.is_plane else multiplied(of_rotation_vector(turn), attitude)
+
+    def turn_between(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Rotation vector (turns, n) in rad, about axes of the world, from the first attitude to the second.
+
+        In space it is the shortest one; in the plane angles count on.
+        """
+        return second - first if self.is_plane else rotation_vector(multiplied(second, conjugate(first)))
+
+    def shift(self, pose: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Poses after small changes (d + turns, n) in m, rad."""
+        if self.is_plane:
+            return pose + change
+        d = self.dimension
+        return np.concatenate([pose[:d] + change[:d], self.attitude_after(pose[d:], change[d:])])
+
+    def difference(self, second: np.ndarray, first: np.ndarray) -> np.ndarray:
+        """Change (d + turns, n) in m, rad from the first poses to the second; `shift` undoes it."""
+        if self.is_plane:
+            return second - first
+        d = self.dimension
+        return np.concatenate([second[:d] - first[:d], self.turn_between(first[d:], second[d:])])
+
+    # mirrors ----------------------------------------------------------------------------------------------------
+    def mirrored(self, pose: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Poses and motions in a mirror across the first axis: x and all turns but those about x change sign."""
+        if self.is_plane:
+            signs = np.array([[-1.0], [1.0], [-1.0]])
+            return signs * pose, signs * motion
+        of_pose = np.array([-1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
+        of_motion = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
+        return of_pose * pose, of_motion * motion
+
+
+PLANE = Space(2, 1, 1, ("x", "y", "theta"), ("vx", "vy", "omega"))
+SPACE = Space(3, 4, 3, ("x", "y", "z", "qw", "qx", "qy", "qz"), ("vx", "vy", "vz", "wx", "wy", "wz"))
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a × b (3, ...) of vectors (3, ...)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def multiplied(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Product p q (4, ...) of quaternions: first the turn q, then p."""
+    w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
+    return np.concatenate([w[None], p[:1] * q[1:] + q[:1] * p[1:] + cross(p[1:], q[1:])])
+
+
+def conjugate(q: np.ndarray) -> np.ndarray:
+    """The opposite turn (4, ...) of unit quaternions."""
+    return np.concatenate([q[:1], -q[1:]])
+
+
+def rotated(q: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Vectors u (3, ...) turned by unit quaternions q (4, ...): u + 2 s (a × u) + 2 a × (a × u) for q = (s, a)."""
+    twice = 2.0 * cross(q[1:], u)
+    return u + q[:1] * twice + cross(q[1:], twice)
+
+
+def rotation_matrix(q: np.ndarray) -> np.ndarray:
+    """Matrices (3, 3, ...) of unit quaternions q (4, ...): columns are the axes of the body in the world."""
+    one = np.ones_like(q[0])
+    zero = np.zeros_like(q[0])
+    axes = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
+    return np.stack([rotated(q, np.stack(axis)) for axis in axes], axis=1)
+
+
+def of_rotation_vector(turn: np.ndarray) -> np.ndarray:
+    """Unit quaternions (4, ...) of rotation vectors (3, ...) in rad."""
+    half = 0.5 * np.sqrt((turn * turn).sum(axis=0))
+    # sin(h)/(2h), by its series near 0
+    share = np.where(half < SMALL, 0.5 - half * half / 12.0, 0.5 * np.sin(half) / np.maximum(half, SMALL))
+    return np.concatenate([np.cos(half)[None], share * turn])
+
+
+def rotation_vector(q: np.ndarray) -> np.ndarray:
+    """The shortest rotation vectors (3, ...) in rad of unit quaternions (4, ...)."""
+    q = np.where(q[:1] < 0.0, -q, q)
+    sine = np.sqrt((q[1:] * q[1:]).sum(axis=0))
+    angle = 2.0 * np.arctan2(sine, q[0])
+    share = np.where(sine < SMALL, 2.0 + sine * sine / 3.0, angle / np.maximum(sine, SMALL))
+    return share * q[1:]

@@ -1,0 +1,216 @@
+"""Poses and motions of n bodies, in the plane or in space.
+
+| on paper     | in code                        | unit       | shape             |
+|--------------|--------------------------------|------------|-------------------|
+| q            | `pose`; rows: `q`              | m, rad     | (d + attitude, n) |
+| v            | `motion`; rows: `v`            | m/s, rad/s | (d + turns, n)    |
+| x, y, θ      | `x`, `y`, `theta`              | m, rad     | (n,), plane only  |
+| v_x, v_y, ω  | `vx`, `vy`, `omega`            | m/s, rad/s | (n,), plane only  |
+| i            | `trial`                        | 1          | (n,)              |
+| t            | `t`                            | s          | (n,)              |
+|              | `surface`                      | 1          | (n,) or None      |
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from thesis_lib.mechanics.space import PLANE, Space
+
+AS_FILMED = -1  # surface of a body that is described in the axes of the recording
+_OF_POSE = {"x": 0, "y": 1, "theta": 2}
+_OF_MOTION = {"vx": 0, "vy": 1, "omega": 2}
+
+
+class State:
+    """Poses and motions of n bodies; nothing changes them.
+
+    `trial` numbers releases in the order in which they were made, `t` is the time since the first sample.  Where there
+    are several surfaces, `surface` is the number of the one in whose axes the body is described, `AS_FILMED` for those
+    of the recording; with a single one it is None.
+    """
+
+    __slots__ = ("motion", "pose", "space", "surface", "t", "trial")
+
+    def __init__(
+        self,
+        pose: np.ndarray,
+        motion: np.ndarray,
+        trial: np.ndarray,
+        t: np.ndarray,
+        surface: np.ndarray | None = None,
+        space: Space = PLANE,
+    ) -> None:
+        self.pose, self.motion, self.trial, self.t, self.surface, self.space = pose, motion, trial, t, surface, space
+
+    @classmethod
+    def of(
+        cls,
+        q: np.ndarray,
+        v: np.ndarray,
+        trial: np.ndarray,
+        t: np.ndarray,
+        surface: np.ndarray | None = None,
+        space: Space = PLANE,
+    ) -> "State":
+        """The state with poses q (n, ·) and motions v (n, ·), a row for each body."""
+        return cls(q.T, v.T, trial, t, surface, space)
+
+    @classmethod
+    def planar(cls, x, y, theta, vx, vy, omega, trial, t, surface: np.ndarray | None = None) -> "State":
+        """The planar state with these arrays (n,) in m, rad, m/s, rad/s, s."""
+        x, y, theta, vx, vy, omega = np.broadcast_arrays(x, y, theta, vx, vy, omega)
+        return cls(np.array((x, y, theta)), np.array((vx, vy, omega)), trial, t, surface)
+
+    @classmethod
+    def empty(cls, space: Space = PLANE) -> "State":
+        """No bodies."""
+        none = np.zeros(0)
+        return cls(np.zeros((space.poses, 0)), np.zeros((space.motions, 0)), none, none, None, space)
+
+    def __len__(self) -> int:
+        return self.pose.shape[1]
+
+    # components -------------------------------------------------------------------------------------------------
+    @property
+    def position(self) -> np.ndarray:
+        """(d, n) in m."""
+        return self.pose[: self.space.dimension]
+
+    @property
+    def attitude(self) -> np.ndarray:
+        """Angle (1, n) in rad, or unit quaternion (4, n)."""
+        return self.pose[self.space.dimension :]
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """(d, n) in m/s."""
+        return self.motion[: self.space.dimension]
+
+    @property
+    def spin(self) -> np.ndarray:
+        """(turns, n) in rad/s, in axes of the world."""
+        return self.motion[self.space.dimension :]
+
+    @property
+    def height(self) -> np.ndarray:
+        """Position along the normal (n,) in m."""
+        return self.pose[self.space.dimension - 1]
+
+    @property
+    def x(self) -> np.ndarray:
+        return self.pose[0]
+
+    @property
+    def y(self) -> np.ndarray:
+        return self.pose[1]
+
+    @property
+    def theta(self) -> np.ndarray:
+        return self.pose[2]
+
+    @property
+    def vx(self) -> np.ndarray:
+        return self.motion[0]
+
+    @property
+    def vy(self) -> np.ndarray:
+        return self.motion[1]
+
+    @property
+    def omega(self) -> np.ndarray:
+        return self.motion[2]
+
+    @property
+    def q(self) -> np.ndarray:
+        """Poses by row (n, d + attitude), a copy."""
+        return np.array(self.pose).T
+
+    @property
+    def v(self) -> np.ndarray:
+        """Motions by row (n, d + turns), a copy."""
+        return np.array(self.motion).T
+
+    # other states -----------------------------------------------------------------------------------------------
+    def changed(
+        self,
+        position: np.ndarray | None = None,
+        attitude: np.ndarray | None = None,
+        velocity: np.ndarray | None = None,
+        spin: np.ndarray | None = None,
+    ) -> "State":
+        """The same state with some of its parts replaced, arrays as the properties give them."""
+        pose, motion, d = self.pose, self.motion, self.space.dimension
+        if position is not None or attitude is not None:
+            pose = np.array(pose)
+            if position is not None:
+                pose[:d] = position
+            if attitude is not None:
+                pose[d:] = attitude
+        if velocity is not None or spin is not None:
+            motion = np.array(motion)
+            if velocity is not None:
+                motion[:d] = velocity
+            if spin is not None:
+                motion[d:] = spin
+        return State(pose, motion, self.trial, self.t, self.surface, self.space)
+
+    def moved(self, **changes: np.ndarray) -> "State":
+        """The same planar state with some of x, y, theta, vx, vy, omega (n,), trial and t replaced."""
+        pose = motion = None
+        trial, t = self.trial, self.t
+        for name, array in changes.items():
+            if name in _OF_POSE:
+                pose = np.array(self.pose) if pose is None else pose
+                pose[_OF_POSE[name]] = array
+            elif name in _OF_MOTION:
+                motion = np.array(self.motion) if motion is None else motion
+                motion[_OF_MOTION[name]] = array
+            elif name == "trial":
+                trial = array
+            elif name == "t":
+                t = array
+            else:
+                raise TypeError(f"a planar state has no {name!r}")
+        pose, motion = self.pose if pose is None else pose, self.motion if motion is None else motion
+        return State(pose, motion, trial, t, self.surface, self.space)
+
+    def with_pose(self, pose: np.ndarray) -> "State":
+        """The same motions with poses (d + attitude, n)."""
+        return State(pose, self.motion, self.trial, self.t, self.surface, self.space)
+
+    def with_motion(self, motion: np.ndarray) -> "State":
+        """The same poses with motions (d + turns, n)."""
+        return State(self.pose, motion, self.trial, self.t, self.surface, self.space)
+
+    def with_velocity(self, v: np.ndarray) -> "State":
+        """The same poses with motions by row v (n, d + turns)."""
+        return self.with_motion(v.T)
+
+    def flown(self, a: np.ndarray, h: np.ndarray | float) -> "State":
+        """The state after times h (n,) in s of constant acceleration by row a (n, d + turns) in m/s², rad/s²."""
+        pose = self.space.shift(self.pose, h * self.motion + 0.5 * h * h * a.T)
+        return State(pose, self.motion + h * a.T, self.trial, self.t + h, self.surface, self.space)
+
+    def select(self, rows: np.ndarray | slice) -> "State":
+        """The bodies at `rows`."""
+        surface = None if self.surface is None else self.surface[rows]
+        return State(self.pose[:, rows], self.motion[:, rows], self.trial[rows], self.t[rows], surface, self.space)
+
+    def tiled(self, copies: int) -> "State":
+        """The bodies `copies` times, one set after the other."""
+        return self.joined([self] * copies)
+
+    @staticmethod
+    def joined(states: "Sequence[State]") -> "State":
+        """The bodies of all states, one after the other."""
+        first = states[0]
+        surface = None if first.surface is None else np.concatenate([state.surface for state in states])
+        return State(
+            np.concatenate([state.pose for state in states], axis=1),
+            np.concatenate([state.motion for state in states], axis=1),
+            np.concatenate([state.trial for state in states]),
+            np.concatenate([state.t for state in states]),
+            surface,
+            first.space,
+        )
