@@ -13,13 +13,13 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.engine_contact import STAND_INS
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.engine_contact import STAND_INS
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.engines.proof import ENGINES, MU, NOTHING, SEEDS, Case, make
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 
 
 def measure(n: int, results: Results) -> None:

@@ -30,10 +30,10 @@ from benchmarks.baselines import Trained, gaussian_process, sindy
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.criticise import Critique, whole_critique
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.critique.proof.cases import NOTHING, Case, make
 from thesis_lib.critique.proof.results import is_right
 from thesis_lib.foundation.randomness import generator

@@ -5,7 +5,7 @@ import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.effects import EFFECTS

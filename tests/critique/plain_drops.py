@@ -6,9 +6,9 @@ import numpy as np
 from hidden_effects import RIG_NOISE
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations, observe
-from thesis_lib.critique.drops.residuals import synthesise
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.critique.likelihood.residuals import synthesise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE

@@ -8,7 +8,7 @@ from test_read import only
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.bodies.walls import LANE, Wall, along_wall, as_filmed, in_wall_frame, struck_wall, turns, wall_of
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets import find_impacts, read_dataset
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset

@@ -9,8 +9,8 @@ from scipy.stats import binom
 from tests.datasets.written_recordings import CASES as RECORDINGS
 from tests.datasets.written_recordings import NORMAL, Case, measure, recorded
 from thesis_lib.critique.drops.criticise import criticise
-from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.flights.colour import slope_variance
 from thesis_lib.datasets.flights.rounding import rounding_warning

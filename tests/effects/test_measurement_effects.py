@@ -6,7 +6,7 @@ from hand_cases import DISK, EXACT, RADIUS, on, one_state
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import residual_couple
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.extensions.stage_predictor import arrays, predict
 from thesis_lib.mechanics.state import State

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, TAU, at_scale, predict, random_states
 

@@ -8,9 +8,9 @@ from engine_states import BODIES, DISK, ELLIPSE, SQUARE, touching
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.compliant.normal_force import LinearDamper
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.pressing import press
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE, STEPS, BulletEngine
 from thesis_lib.engines.engine import episodes, impacts

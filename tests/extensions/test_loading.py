@@ -10,7 +10,7 @@ import own_files
 import pytest
 
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
-from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.saved_model import SavedModel, changed_code, load_model, save_model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES

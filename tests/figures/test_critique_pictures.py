@@ -9,7 +9,7 @@ from small_critique import drops, small_critique
 
 from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change
 from thesis_lib.critique.drops.questions.where import where
-from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results import numbers
 from thesis_lib.critique.results.residual_numbers import energy_disc
 from thesis_lib.critique.results.titles import handy_unit

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
 from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET, claims, proof, verdict

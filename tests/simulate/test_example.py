@@ -6,7 +6,7 @@ import pytest
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.commands.datasets import main
-from thesis_lib.critique.drops.contact_time import duration
+from thesis_lib.critique.contacts.contact_time import duration
 from thesis_lib.datasets import find_impacts, read_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.example import NEW_IMPACTS, causes_text, simulate_example

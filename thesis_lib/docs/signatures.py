@@ -20,7 +20,7 @@ import pandas as pd
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.docs.effects import size_that_matters
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.mechanics.state import State

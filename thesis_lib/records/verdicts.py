@@ -41,7 +41,7 @@ def verdict(diagnosis: Mapping) -> str:
 
 
 def _missing(diagnosis: Mapping, effects: Sequence[Mapping]) -> str:
-    from thesis_lib.critique.drops.bases import BASES  # late: loads every law; the next loads every effect
+    from thesis_lib.critique.contacts.bases import BASES  # late: loads every law; the next loads every effect
     from thesis_lib.effects import EFFECTS
 
     def named(group: Sequence[Mapping]) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.contact.compliant.normal_force import HuntCrossley, LinearDamper, NormalForce
-from thesis_lib.critique.drops.contact_time import duration
+from thesis_lib.critique.contacts.contact_time import duration
 from thesis_lib.simulate.mujoco.contact import damped_bounce
 
 TABLE = 2e-4  # of ε, S and s between the nodes of the table

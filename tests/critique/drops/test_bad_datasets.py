@@ -161,9 +161,9 @@ def with_outliers() -> Dataset:
 def test_huge_outliers_in_trajectories_leave_the_coefficients_alone():
     from plain_drops import LAW, TRUTH
 
-    from thesis_lib.critique.drops.fit import fit
-    from thesis_lib.critique.drops.model import Model
-    from thesis_lib.critique.drops.observations import observe
+    from thesis_lib.critique.contacts.model import Model
+    from thesis_lib.critique.likelihood.fit import fit
+    from thesis_lib.critique.likelihood.observations import observe
 
     o = observe(with_outliers())
     assert len(o) > 60

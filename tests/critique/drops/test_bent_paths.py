@@ -7,10 +7,10 @@ import pytest
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.lines import side_lines
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.residuals import flight_residuals, state_beside
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.flights import Flights
+from thesis_lib.critique.likelihood.lines import side_lines
+from thesis_lib.critique.likelihood.residuals import flight_residuals, state_beside
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig

@@ -9,17 +9,17 @@ import pytest
 from bouncing_disk import K_G, RADIUS, bouncing
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.bounds import Bound
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
 from thesis_lib.critique.drops.own_restitution import OwnRestitution
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.engines.compare import compare_models
 from thesis_lib.critique.export.export import exported
+from thesis_lib.critique.likelihood.bounds import Bound
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.proposal import terms as proposed
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.saved_model import load_model, predict, save_model, saved

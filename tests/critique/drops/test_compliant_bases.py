@@ -8,16 +8,16 @@ import pytest
 from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.compliant.compiled import central_pressure
-from thesis_lib.critique.drops.bases import BASES, RESERVE
-from thesis_lib.critique.drops.contact_time import STICTION_TOLERANCE
+from thesis_lib.critique.contacts.bases import BASES, RESERVE
+from thesis_lib.critique.contacts.contact_time import STICTION_TOLERANCE
+from thesis_lib.critique.contacts.episodes import play
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.criticise import criticise
-from thesis_lib.critique.drops.episodes import play
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.pressing import press
-from thesis_lib.critique.drops.whitening import Whitening
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.whitening import Whitening
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.effects import EFFECTS

@@ -9,12 +9,12 @@ from plain_drops import LAW, TRUTH, observed
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.contact_time import CONTACT_TIME, duration
+from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, duration
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import Critique, criticise
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.residuals import synthesise
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.residuals import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE

@@ -11,18 +11,19 @@ from test_contact_time import BODIES, EPSILON, MU, SIGMAS, T, critique, drops
 
 from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops import covariance, episodes
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.contact_time import duration
-from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.episodes import MOST_HITS, Outcome, play
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations, observe
-from thesis_lib.critique.drops.pressing import press
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact, synthesise
+from thesis_lib.critique.contacts import episodes
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.contact_time import duration
+from thesis_lib.critique.contacts.episodes import MOST_HITS, Outcome, play
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood import covariance
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact, synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.tables import impacts
 from thesis_lib.datasets.format.dataset import Dataset

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from plain_drops import LAW, TRUTH, observed
 
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.residuals import synthesise
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.residuals import synthesise
 
 DRAWS = 40
 OWN = 0.04  # one sigma of the restitution of a trial about the mean; the model has one for all

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.critique.drops.criticise import Critique, criticise
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops

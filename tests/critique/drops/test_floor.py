@@ -5,11 +5,11 @@ import pytest
 from hidden_effects import injected_impacts
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.fit import Fit, fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.questions.floor import FEWEST, NEAREST, floor
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import Fit, fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.effects import EFFECTS
 
 HIDDEN = "velocity_dependent_restitution"

@@ -7,16 +7,16 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_contact_time import BODIES, EPSILON, MU, drops
 
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.contact_time import duration
-from thesis_lib.critique.drops.covariance import noisy_residuals
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.pressing import press
-from thesis_lib.critique.drops.residuals import flight_residuals
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.contact_time import duration
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.covariance import noisy_residuals
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.flights import Flights
+from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.residuals import flight_residuals
 from thesis_lib.critique.proof.cases import SEEDS, Case, make
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS

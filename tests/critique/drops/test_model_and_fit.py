@@ -7,13 +7,13 @@ import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.fit import cramer_rao, fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact, synthesise
-from thesis_lib.critique.drops.whitening import NU, Whitening, log_t, most_probable_scatter
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import cramer_rao, fit
+from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact, synthesise
+from thesis_lib.critique.likelihood.whitening import NU, Whitening, log_t, most_probable_scatter
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter

@@ -8,13 +8,13 @@ import pytest
 from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import LAW, TRUTH, drops, observed
 
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations, observe
-from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.diagnosis import left_out
 from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.datasets.flights.parabolas import MIN_FLIGHT

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from plain_drops import LAW, TRUTH, observed
 
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.residuals import synthesise
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops, channel_is_material
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.residuals import synthesise
 from thesis_lib.effects import EFFECTS
 
 PATCH = EFFECTS["surface_patch"]

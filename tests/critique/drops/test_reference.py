@@ -10,11 +10,11 @@ from hidden_effects import injected_impacts, simulated
 from plain_drops import drops
 
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import Critique, criticise
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.proof.compute import counted_from
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.datasets.format.dataset import Dataset

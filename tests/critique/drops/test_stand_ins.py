@@ -10,9 +10,9 @@ from hidden_effects import injected_impacts
 
 from thesis_lib.bodies.body import Body, Uncertainty
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.critique.drops.bounds import Bound
 from thesis_lib.critique.drops.criticise import Critique, criticise
 from thesis_lib.critique.drops.stand_ins import CONTRADICTS, stand_ins
+from thesis_lib.critique.likelihood.bounds import Bound
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Parameter

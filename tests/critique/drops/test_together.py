@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.critique.drops.bases import BASES, RESERVE
-from thesis_lib.critique.drops.fit import fit, fit_each
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.whitening import Whitening, together
+from thesis_lib.critique.contacts.bases import BASES, RESERVE
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import fit, fit_each
+from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.whitening import Whitening, together
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops

@@ -6,14 +6,14 @@ import pytest
 from thesis_lib.bodies.walls import wall_of
 from thesis_lib.contact import mirtich
 from thesis_lib.critique import criticise
-from thesis_lib.critique.drops.covariance import residual_covariance, spin_covariance
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
-from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.planar.unknown_spin import velocity_left, what_is_left
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.unknown_spin import velocity_left, what_is_left
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.export.export import exported
+from thesis_lib.critique.likelihood.covariance import residual_covariance, spin_covariance
+from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.simulate_model import simulate_model
 from thesis_lib.datasets.format.dataset import Dataset

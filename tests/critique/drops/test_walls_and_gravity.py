@@ -6,7 +6,7 @@ import pytest
 
 from thesis_lib.bodies.walls import Wall, wall_of
 from thesis_lib.critique import criticise
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.saved_model import load_model, predict, save_model, saved
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header

@@ -8,12 +8,12 @@ import pytest
 from hidden_effects import injected_impacts
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import flight_features
 from thesis_lib.critique.drops.questions.where import FEWEST_HELD_OUT, LEVEL, Condition, flight_regions, regions, where
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 
 N = 300
 SEEDS = 20

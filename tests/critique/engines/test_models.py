@@ -12,9 +12,8 @@ import pytest
 from thesis_lib.bodies.body import Body
 from thesis_lib.commands.critique import critique as command
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.criticise import criticise
-from thesis_lib.critique.drops.engine_contact import (
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.engine_contact import (
     CAUSE_OF,
     DEFAULT,
     LATE,
@@ -25,14 +24,15 @@ from thesis_lib.critique.drops.engine_contact import (
     lacks,
     press_in_engine,
 )
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.criticise import criticise
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.engines import compare
 from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_models, read_models
 from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.engines.words import model_sentences
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig

@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse, Polygon
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.effects import EFFECTS
 from thesis_lib.engines.drake_engine import DrakeEngine

@@ -10,9 +10,9 @@ import pytest
 from stored_proof import OUTSIDE, many, put
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.proof import cause_sizes, sizes
 from thesis_lib.critique.proof.by_contact import accuracy, as_markdown, by_contact, contact_lines
 from thesis_lib.critique.proof.cases import (

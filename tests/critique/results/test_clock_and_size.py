@@ -7,9 +7,9 @@ from bouncing_disk import RADIUS, RATE, bouncing
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.clock_and_size import ON_EARTH, could_be, said
 from thesis_lib.critique.results.diagnosis import parameters
 from thesis_lib.datasets.format.dataset import Dataset

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
-from thesis_lib.critique.drops.residuals import synthesise
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.residuals import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table

@@ -10,10 +10,10 @@ import pytest
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.contact_time import duration
-from thesis_lib.critique.drops.episodes import contact
-from thesis_lib.critique.drops.residuals import end_of_episodes, states_at_impact
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.contact_time import duration
+from thesis_lib.critique.contacts.episodes import contact
+from thesis_lib.critique.likelihood.residuals import end_of_episodes, states_at_impact
 from thesis_lib.critique.results.saved_model import (
     STATE,
     SavedModel,

@@ -130,10 +130,10 @@ def test_a_mirrored_camera_is_beyond_rigid_point_contact():
     from hidden_effects import injected_impacts
 
     from thesis_lib.contact import LAWS
-    from thesis_lib.critique.drops.fit import fit
-    from thesis_lib.critique.drops.model import Model
-    from thesis_lib.critique.drops.observations import observe
-    from thesis_lib.critique.drops.residuals import synthesise
+    from thesis_lib.critique.contacts.model import Model
+    from thesis_lib.critique.likelihood.fit import fit
+    from thesis_lib.critique.likelihood.observations import observe
+    from thesis_lib.critique.likelihood.residuals import synthesise
     from thesis_lib.critique.results.tables import _bounds
 
     data = injected_impacts("one", 100, 2, "mirrored_rotation", {"mirrored_rotation.mirrored": 1.0})

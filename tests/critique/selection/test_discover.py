@@ -6,10 +6,10 @@ from hidden_effects import injected_impacts
 from plain_drops import injected
 
 from thesis_lib.contact import SIX_LAWS
-from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
+from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.selection import evidence
 from thesis_lib.critique.selection import search as search_module
 from thesis_lib.critique.selection.scan import scan

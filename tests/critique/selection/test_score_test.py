@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.residuals import synthesise
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.residuals import synthesise
 from thesis_lib.critique.selection.scan import Scan, scan
 
 SIGMAS = 4.0

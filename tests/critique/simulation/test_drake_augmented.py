@@ -5,7 +5,7 @@ import pytest
 
 from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in_drake
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops

@@ -10,10 +10,10 @@ from plain_drops import LAW, TRUTH, sizes
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.simulation.law_drops import between, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS

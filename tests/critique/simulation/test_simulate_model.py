@@ -10,9 +10,9 @@ from hidden_effects import RIG_NOISE, injected_impacts, simulated
 from thesis_lib.__main__ import main
 from thesis_lib.bodies.shapes import Ellipse, Shape
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, load_model, save_model
 from thesis_lib.critique.simulation import simulate_model as module
 from thesis_lib.critique.simulation.simulate_model import measured_releases, proof_releases, simulate_model

@@ -14,15 +14,15 @@ from threadpoolctl import threadpool_limits
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.few_impacts import FewImpacts, few_impacts
-from thesis_lib.critique.drops.fit import Fit, fit
-from thesis_lib.critique.drops.observations import Observations, observe
-from thesis_lib.critique.drops.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.own_restitution import own_restitution
-from thesis_lib.critique.drops.residuals import states_at_impact, turned_until_impulse
+from thesis_lib.critique.drops.planar.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, Judgement, testable_effects
+from thesis_lib.critique.likelihood.fit import Fit, fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.critique.likelihood.residuals import states_at_impact, turned_until_impulse
 from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
 from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.world import Remaining

@@ -12,10 +12,10 @@ import pandas as pd
 
 from thesis_lib.bodies.walls import along_wall, wall_of
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import states_at_impact
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.statistics.spread import robust_std
 

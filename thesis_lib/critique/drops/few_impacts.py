@@ -7,12 +7,12 @@ impact shows (`own_restitution`), and its standard error counts how far trials d
 from dataclasses import dataclass
 from functools import cached_property
 
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.fit import Fit, fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.own_restitution import OwnRestitution, own_restitution
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import Fit, fit
+from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.datasets.format.dataset import Dataset
 
 LAW = "mirtich"  # energetic restitution, which friction changes least

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.statistics.spread import robust_std
 from thesis_lib.statistics.tails import chi_square_quantile
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.selection.discovery import Step
 from thesis_lib.effects import EFFECTS
 

@@ -13,11 +13,11 @@ import pandas as pd
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.datasets.impacts.found import LEFT_OUT_COLUMNS
 
 WIDEST = 0.25  # of the change of velocity, in the kinetic norm

@@ -21,15 +21,15 @@ import numpy as np
 from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureField
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.bases import BASES, RESERVE
-from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, OF_FRICTION
-from thesis_lib.critique.drops.covariance import noisy_residuals, residual_covariance
-from thesis_lib.critique.drops.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
-from thesis_lib.critique.drops.model import Model, inward
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, states_at_impact, synthesise
-from thesis_lib.critique.drops.unknown_spin import left_over
-from thesis_lib.critique.drops.whitening import Whitening, given_the_others, weight
+from thesis_lib.critique.contacts.bases import BASES, RESERVE
+from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, OF_FRICTION
+from thesis_lib.critique.contacts.model import Model, inward
+from thesis_lib.critique.drops.planar.unknown_spin import left_over
+from thesis_lib.critique.likelihood.covariance import noisy_residuals, residual_covariance
+from thesis_lib.critique.likelihood.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import flight_residuals, states_at_impact, synthesise
+from thesis_lib.critique.likelihood.whitening import Whitening, given_the_others, weight
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Effort, Slopes, World

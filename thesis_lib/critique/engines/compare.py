@@ -15,10 +15,8 @@ from scipy.optimize import minimize_scalar
 from thesis_lib.contact import CANDIDATE_LAWS
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.bounds import Bound
-from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.engine_contact import (
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.engine_contact import (
     DEFAULT,
     MASS,
     STAND_INS,
@@ -27,11 +25,13 @@ from thesis_lib.critique.drops.engine_contact import (
     engine_law,
     lacks,
 )
-from thesis_lib.critique.drops.fit import ROUNDS, fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.engines.fit import fit_engine
+from thesis_lib.critique.likelihood.bounds import Bound
+from thesis_lib.critique.likelihood.fit import ROUNDS, fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.effects.effect import Effect
 from thesis_lib.extensions.registry import added_laws
 from thesis_lib.foundation.errors import UserError

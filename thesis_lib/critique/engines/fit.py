@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.critique.drops.bounds import Bound, doubtful, profiled
-from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.engine_contact import engine_law
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.levenberg_marquardt import NEAR, levenberg_marquardt
-from thesis_lib.critique.drops.model import Model, inward
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals
-from thesis_lib.critique.drops.whitening import Whitening, most_probable_scatter, robust
+from thesis_lib.critique.contacts.engine_contact import engine_law
+from thesis_lib.critique.contacts.model import Model, inward
+from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.levenberg_marquardt import NEAR, levenberg_marquardt
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals
+from thesis_lib.critique.likelihood.whitening import Whitening, most_probable_scatter, robust
 
 STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
 ROUNDS = 2  # of the scatter beyond noise, unless it stays, within this factor as a logarithm, or is far below noise

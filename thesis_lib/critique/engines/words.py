@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.engine_contact import DEFAULT, STAND_INS, engine_law
+from thesis_lib.critique.contacts.engine_contact import DEFAULT, STAND_INS, engine_law
 from thesis_lib.critique.engines.compare import WITH, WITHOUT, spread
 from thesis_lib.critique.results.titles import effect_title, law_title
 from thesis_lib.statistics.wording import listed, number

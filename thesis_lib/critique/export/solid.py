@@ -20,7 +20,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.compliant.normal_force import HuntCrossley
-from thesis_lib.critique.drops.contact_time import CONTACT_TIME, DAMPING_RATIO, IMPEDANCE, duration
+from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, DAMPING_RATIO, IMPEDANCE, duration
 from thesis_lib.critique.export.effects import reason, written
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError

@@ -31,7 +31,7 @@ import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.proof.sizes import EPSILON, LAW, MU, cause_size, law_size, stored_factor
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset

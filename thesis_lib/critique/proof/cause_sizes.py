@@ -16,11 +16,11 @@ from dataclasses import replace
 import numpy as np
 from pydantic import ValidationError
 
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops, Judgement
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.proof.cases import ALL_CAUSES, NOTHING, Case, simulate
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import Critique, whole_critique
-from thesis_lib.critique.drops.fit import cramer_rao
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.likelihood.fit import cramer_rao
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.sizes import LAW
 from thesis_lib.effects import EFFECTS

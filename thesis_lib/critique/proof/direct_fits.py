@@ -32,13 +32,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations, observe
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.questions.floor import floor
-from thesis_lib.critique.drops.residuals import states_at_impact
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.proof.cases import BODIES, NOTHING, SEEDS, Case, make
 from thesis_lib.critique.proof.law_free import nearest_face
 from thesis_lib.critique.selection.search import split

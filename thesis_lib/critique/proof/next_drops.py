@@ -29,12 +29,12 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import Critique, whole_critique
-from thesis_lib.critique.drops.fit import Fit, fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations, observe
 from thesis_lib.critique.drops.questions.next_experiment import PLACED, tell_apart
 from thesis_lib.critique.drops.world import testable_effects
+from thesis_lib.critique.likelihood.fit import Fit, fit
+from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.proof.cases import CORNERED, SEEDS
 from thesis_lib.critique.proof.store import STORE
 from thesis_lib.datasets.format.dataset import Dataset

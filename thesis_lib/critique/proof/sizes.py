@@ -13,10 +13,10 @@ import numpy as np
 
 import thesis_lib
 from thesis_lib.contact import LAWS
-from thesis_lib.critique.drops.fit import fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import observe
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError

@@ -19,8 +19,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.world import Drops, Judgement
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.proposal.effect_file import effect_of
 from thesis_lib.critique.proposal.regression import regress
 from thesis_lib.critique.proposal.terms import Term, testable_terms

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.proposal.effect_file import effect_of
 from thesis_lib.critique.proposal.terms import Term
 from thesis_lib.critique.selection.scan import Scan, orthonormal, scan

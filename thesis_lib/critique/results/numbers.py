@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, CONTACT_TIME
+from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_TIME
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 

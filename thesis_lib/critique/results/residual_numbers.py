@@ -15,11 +15,11 @@ contact-space energy (thesis, equations 3.5 and 3.6).
 import numpy as np
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple, velocity_error
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
-from thesis_lib.critique.drops.residuals import impact_residuals
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.statistics.spread import robust_std
 
 

@@ -16,12 +16,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, turns, wall_ahead
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.contact_time import CONTACT_TIME
-from thesis_lib.critique.drops.episodes import contact
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.sliding import SLIDING
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
+from thesis_lib.critique.contacts.episodes import contact
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.sliding import SLIDING
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.effects import EFFECTS, require_known
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
-from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.words import (
     CHANNEL_TEXT,
     NAMED,

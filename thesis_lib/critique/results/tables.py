@@ -20,17 +20,17 @@ import pandas as pd
 
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.few_impacts import FewImpacts
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.drops.planar.unknown_spin import what_is_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
-from thesis_lib.critique.drops.residuals import impact_residuals, synthesise
-from thesis_lib.critique.drops.unknown_spin import what_is_left
 from thesis_lib.critique.drops.world import Judgement
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals, synthesise
 from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts

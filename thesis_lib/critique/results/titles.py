@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.effects import EFFECTS

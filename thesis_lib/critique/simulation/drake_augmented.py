@@ -20,8 +20,8 @@ import pandas as pd
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from thesis_lib.bodies.body import Body, Noise, Surface
-from thesis_lib.critique.drops.episodes import contact
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.episodes import contact
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.law_drops import REST, Releases, between, camera_and_body
 from thesis_lib.datasets.format.dataset import Dataset

@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.critique.drops.episodes import contact
-from thesis_lib.critique.drops.model import Model
+from thesis_lib.critique.contacts.episodes import contact
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import POSE

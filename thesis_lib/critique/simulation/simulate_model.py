@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise, Surface
-from thesis_lib.critique.drops.observations import Observations, observe
-from thesis_lib.critique.drops.residuals import states_at_impact
-from thesis_lib.critique.drops.sliding import require_falling
+from thesis_lib.critique.contacts.sliding import require_falling
+from thesis_lib.critique.likelihood.observations import Observations, observe
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
 from thesis_lib.critique.simulation.law_drops import Releases, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset

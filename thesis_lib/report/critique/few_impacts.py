@@ -8,7 +8,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.drops.few_impacts import FewImpacts
-from thesis_lib.critique.drops.residuals import states_at_impact
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.few_impacts import few_diagnosis, few_parameters, with_error
 from thesis_lib.critique.results.saved_model import save_model, saved
 from thesis_lib.critique.results.tables import few_tables

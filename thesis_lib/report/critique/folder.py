@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from thesis_lib.critique.contacts.sliding import require_falling
 from thesis_lib.critique.drops.criticise import Critique, criticise, whole_critique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.sliding import require_falling
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.saved_model import save_model, saved
 from thesis_lib.critique.results.tables import tables

@@ -24,9 +24,9 @@ from matplotlib.ticker import MaxNLocator
 from thesis_lib.contact.space import contact_space, energy_ellipse, measured_impulse, velocity_error
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
 from thesis_lib.pages import FOLDER, render

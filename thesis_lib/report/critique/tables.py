@@ -11,8 +11,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import Fit
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.results.summary import origin_text
 from thesis_lib.critique.results.titles import counted_from, effect_title, law_title, symbol
 from thesis_lib.effects import EFFECTS

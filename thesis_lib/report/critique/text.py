@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.results.numbers import law_errors

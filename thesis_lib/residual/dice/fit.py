@@ -23,7 +23,7 @@ from itertools import combinations
 import numpy as np
 
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.bases import BASES
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.effects.effect import Effect, Parameters, Rig
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.settings import DiceFitSettings

@@ -17,10 +17,10 @@ from collections.abc import Callable
 import numpy as np
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
-from thesis_lib.critique.drops.covariance import noise_covariance, residual_covariance
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact, turned_until_impulse
+from thesis_lib.critique.likelihood.covariance import noise_covariance, residual_covariance
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact, turned_until_impulse
 from thesis_lib.statistics.spread import robust_std
 from thesis_lib.statistics.tails import binomial_tail, f_tail, normal_tail
 

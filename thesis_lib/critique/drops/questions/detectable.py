@@ -17,14 +17,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from thesis_lib.critique.drops.covariance import residual_covariance
+from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import SLOPE_STEP
-from thesis_lib.critique.drops.model import Model, inward
-from thesis_lib.critique.drops.residuals import impact_residuals
-from thesis_lib.critique.drops.unknown_spin import left_over
-from thesis_lib.critique.drops.whitening import Whitening, given_the_others
+from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.drops.world import testable_effects
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import SLOPE_STEP
+from thesis_lib.critique.likelihood.residuals import impact_residuals
+from thesis_lib.critique.likelihood.whitening import Whitening, given_the_others
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.spread import robust_std

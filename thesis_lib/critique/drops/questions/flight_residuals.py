@@ -13,9 +13,9 @@ import pandas as pd
 
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import within_half_a_turn
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.residuals import flight_residuals
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.flights import Flights
+from thesis_lib.critique.likelihood.residuals import flight_residuals
 from thesis_lib.effects.effect import Rig
 
 FLIGHT_UNITS = {"v_x": "m/s", "v_y": "m/s", "omega": "rad/s", "theta": "rad", "r_x": "m", "x": "m", "y": "m"}

@@ -19,10 +19,10 @@ import numpy as np
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.fit import Fit
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import states_at_impact
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 FOLDS = 5

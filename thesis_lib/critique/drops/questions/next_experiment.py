@@ -25,12 +25,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.critique.drops.covariance import residual_covariance
+from thesis_lib.critique.contacts.model import inward
 from thesis_lib.critique.drops.criticise import Critique
-from thesis_lib.critique.drops.fit import SLOPE_STEP, Fit, fit
-from thesis_lib.critique.drops.model import inward
-from thesis_lib.critique.drops.residuals import impact_residuals, states_at_impact
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import SLOPE_STEP, Fit, fit
+from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.mechanics.state import State

@@ -18,10 +18,9 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.covariance import residual_covariance
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.features import FEATURES, features
-from thesis_lib.critique.drops.fit import Fit
+from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import (
     FLIGHT_UNITS,
@@ -29,7 +28,8 @@ from thesis_lib.critique.drops.questions.flight_residuals import (
     misfit,
     relative_residuals,
 )
-from thesis_lib.critique.drops.unknown_spin import velocity_left
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.foundation.rounding import six_digits
 
 PERMUTATIONS = 499

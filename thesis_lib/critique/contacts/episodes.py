@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.critique.drops.contact_time import duration
-from thesis_lib.critique.drops.engine_contact import press_in_engine
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.pressing import all_points, contact_points, one_point, press
+from thesis_lib.critique.contacts.contact_time import duration
+from thesis_lib.critique.contacts.engine_contact import press_in_engine
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import all_points, contact_points, one_point, press
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
-from thesis_lib.critique.drops.flights import NO_FLIGHTS, Flights, flights_of
-from thesis_lib.critique.drops.lines import NODES, edges_of, later, side_lines
+from thesis_lib.critique.likelihood.flights import NO_FLIGHTS, Flights, flights_of
+from thesis_lib.critique.likelihood.lines import NODES, edges_of, later, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, position

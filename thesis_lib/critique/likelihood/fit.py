@@ -13,15 +13,15 @@ from itertools import product, zip_longest
 import numpy as np
 
 from thesis_lib.contact import mirtich
-from thesis_lib.critique.drops.bounds import Bound, doubtful, profiled, slip_is_known
-from thesis_lib.critique.drops.contact_time import CONTACT_TIME, DAMPING_RATIO, STICTION_TOLERANCE
-from thesis_lib.critique.drops.covariance import residual_covariance
-from thesis_lib.critique.drops.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
-from thesis_lib.critique.drops.model import Model, inward
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals
-from thesis_lib.critique.drops.sandwich import sandwich
-from thesis_lib.critique.drops.whitening import SIGMA_LOW, Whitening, robust, together, weight
+from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, DAMPING_RATIO, STICTION_TOLERANCE
+from thesis_lib.critique.contacts.model import Model, inward
+from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled, slip_is_known
+from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals
+from thesis_lib.critique.likelihood.sandwich import sandwich
+from thesis_lib.critique.likelihood.whitening import SIGMA_LOW, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State

@@ -19,9 +19,9 @@ from itertools import product
 
 import numpy as np
 
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import (
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import (
     compare,
     end_of_episodes,
     over_spins,

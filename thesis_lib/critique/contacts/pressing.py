@@ -26,8 +26,8 @@ from thesis_lib.bodies.shapes import Corner, Ellipse, Polygon, Shape
 from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integrate
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
-from thesis_lib.critique.drops.contact_time import IMPEDANCE
-from thesis_lib.critique.drops.model import Model, contact_space_of
+from thesis_lib.critique.contacts.contact_time import IMPEDANCE
+from thesis_lib.critique.contacts.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance

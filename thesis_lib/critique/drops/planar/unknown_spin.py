@@ -13,10 +13,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from thesis_lib.critique.drops.covariance import residual_covariance, spin_covariance
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import impact_residuals
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.covariance import residual_covariance, spin_covariance
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import impact_residuals
 
 _LEAST = 1e-18  # (m/s)²
 

@@ -1,7 +1,7 @@
 """The models without effects from which the critique starts: the impact laws, and compliant contacts.
 
 A compliant contact takes time, and the critique integrates the motion of the body under its force
-(`thesis_lib/critique/drops/pressing.py`), with Coulomb friction.  They differ in their normal force
+(`thesis_lib/critique/contacts/pressing.py`), with Coulomb friction.  They differ in their normal force
 (`thesis_lib/contact/compliant/normal_force.py`).
 
 The shorter the contact, the less does the body move meanwhile.  In the limit the impulse is that of Routh's path with
@@ -26,7 +26,7 @@ from thesis_lib.contact.compliant.normal_force import (
 )
 from thesis_lib.contact.law import ImpulseFunction, Law
 from thesis_lib.contact.slip_path import slip_path
-from thesis_lib.critique.drops.contact_time import LEAST_MOBILITY
+from thesis_lib.critique.contacts.contact_time import LEAST_MOBILITY
 
 HERTZ = 1.5  # exponent
 

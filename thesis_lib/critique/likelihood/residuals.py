@@ -16,12 +16,12 @@ from numpy.polynomial.hermite_e import hermegauss
 from numpy.polynomial.legendre import leggauss
 from scipy.special import roots_gegenbauer
 
-from thesis_lib.critique.drops.contact_time import TURNED
-from thesis_lib.critique.drops.engine_contact import press_in_engine
-from thesis_lib.critique.drops.episodes import MOST_HITS, play
-from thesis_lib.critique.drops.flights import Flights
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations
+from thesis_lib.critique.contacts.contact_time import TURNED
+from thesis_lib.critique.contacts.engine_contact import press_in_engine
+from thesis_lib.critique.contacts.episodes import MOST_HITS, play
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.flights import Flights
+from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 

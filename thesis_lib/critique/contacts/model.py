@@ -14,8 +14,8 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import ConvexDamper
 from thesis_lib.contact.law import Law
-from thesis_lib.critique.drops.contact_time import BASE_PARAMETERS, CONTACT_TIME, OF_FRICTION, TURNED, mobility
-from thesis_lib.critique.drops.sliding import SLIDING, TABLE
+from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_TIME, OF_FRICTION, TURNED, mobility
+from thesis_lib.critique.contacts.sliding import SLIDING, TABLE
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, in_order
 from thesis_lib.mechanics.contact import Contact, contact
 from thesis_lib.mechanics.state import State

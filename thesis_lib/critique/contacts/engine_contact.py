@@ -16,9 +16,9 @@ import numpy as np
 from thesis_lib.bodies.body import Body
 from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.law import Law
-from thesis_lib.critique.drops.bases import BASES
-from thesis_lib.critique.drops.contact_time import DAMPING_RATIO, IMPEDANCE
-from thesis_lib.critique.drops.model import Model, contact_space_of
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, IMPEDANCE
+from thesis_lib.critique.contacts.model import Model, contact_space_of
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.engines.engine import OUTSIDE, Press, impacts
 from thesis_lib.engines.parameters import DrakeNumbers, MujocoNumbers, drake_numbers, of_drake, of_mujoco

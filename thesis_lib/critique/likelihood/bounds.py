@@ -18,10 +18,10 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.critique.drops.model import Model, contact_space_of, inward
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import states_at_impact
-from thesis_lib.critique.drops.whitening import Whitening, robust
+from thesis_lib.critique.contacts.model import Model, contact_space_of, inward
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import states_at_impact
+from thesis_lib.critique.likelihood.whitening import Whitening, robust
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
 

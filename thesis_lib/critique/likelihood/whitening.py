@@ -16,10 +16,10 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 
-from thesis_lib.critique.drops.covariance import noisy_residuals
-from thesis_lib.critique.drops.model import Model
-from thesis_lib.critique.drops.observations import Observations
-from thesis_lib.critique.drops.residuals import flight_residuals, impact_residuals, states_at_impact
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.covariance import noisy_residuals
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.residuals import flight_residuals, impact_residuals, states_at_impact
 from thesis_lib.mechanics.state import State
 
 NU = 8.0

@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from thesis_lib.critique.drops.model import inward
-from thesis_lib.critique.drops.whitening import NU, Whitening
+from thesis_lib.critique.contacts.model import inward
+from thesis_lib.critique.likelihood.whitening import NU, Whitening
 from thesis_lib.statistics.tails import chi_square_quantile
 
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t

@@ -1,0 +1,1 @@
+"""Contacts of a planar body, from the state before to the state after: laws with effects, and the kinds of contact."""
