@@ -22,7 +22,7 @@ import pandas as pd
 from benchmarks.results import COLUMNS
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_text
-from thesis_lib.foundation.provenance import processor
+from thesis_lib.foundation.kernels import processor
 
 FOLDER = Path(__file__).resolve().parent.parent / "results/benchmarks"
 BEGIN, END = "<!-- benchmarks -->", "<!-- /benchmarks -->"

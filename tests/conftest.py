@@ -9,10 +9,9 @@ import os
 # as in the pipeline, and before numpy reads it; on a busy machine threads of BLAS and torch wait for each other
 os.environ["OMP_NUM_THREADS"] = "1"
 
-from thesis_lib.foundation.kernels import use_common_kernels
+import thesis_lib  # noqa: F401 -- asks for the common kernels
 
-use_common_kernels()
-
+# isort: split
 from collections.abc import Callable
 from pathlib import Path
 

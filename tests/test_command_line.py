@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+import thesis_lib
 from thesis_lib.__main__ import COMMANDS, main
 from thesis_lib.foundation.command_line import Parser, TerminalStream, command
 from thesis_lib.foundation.progress import Progress
@@ -47,6 +48,11 @@ def test_help_names_every_command_and_what_it_needs_to_teach(capsys):
     for part in ("examples:", "results/claims.html", "Exit codes: 0", "1 what was checked fails", "130"):
         assert part in text
     assert all(len(line) <= 120 for line in text.splitlines())
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"thesis_lib {thesis_lib.__version__}\n"
 
 
 @pytest.mark.parametrize("words", WORDS, ids=" ".join)

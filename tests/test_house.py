@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+import thesis_lib
 from thesis_lib.datasets.sources.published import SOURCES
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -156,9 +157,11 @@ def test_citation_names_the_data_that_are_fetched():
 
 
 def test_versions_and_licence_agree():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    project, dynamic = pyproject["project"], pyproject["tool"]["setuptools"]["dynamic"]
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert citation["version"] == project["version"]
+    assert dynamic["version"] == {"attr": "thesis_lib.__version__"} and project["dynamic"] == ["version"]
+    assert citation["version"] == thesis_lib.__version__
     assert citation["license"] == project["license"] == "MIT"
     assert (ROOT / "LICENSE").read_text(encoding="utf-8").startswith("MIT License")
 

@@ -11,9 +11,7 @@ from thesis_lib.foundation import kernels
 
 ROOT = Path(__file__).resolve().parent.parent
 ASK = """
-import os
-from thesis_lib.foundation.kernels import use_common_kernels
-use_common_kernels()
+import thesis_lib
 import numpy as np
 from threadpoolctl import threadpool_info
 print(*[pool["architecture"] for pool in threadpool_info() if pool["user_api"] == "blas"])
@@ -43,3 +41,10 @@ def test_what_is_set_stays(untouched, monkeypatch):
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Nehalem")
     kernels.use_common_kernels()
     assert os.environ["OPENBLAS_CORETYPE"] == "Nehalem"
+
+
+def test_what_a_processor_says_of_itself(tmp_path):
+    lines = "processor\t: 0\nmodel name\t: A 1\nflags\t\t: fpu avx2 fma sse4_2 x\n"
+    (tmp_path / "cpuinfo").write_text(2 * lines)
+    assert kernels.processor(tmp_path / "cpuinfo") == {"model": "A 1", "vector": ["avx2", "fma", "sse4_2"]}
+    assert kernels.processor(tmp_path / "none")["model"]

@@ -16,7 +16,6 @@ from thesis_lib.foundation.provenance import (
     file_sha256,
     folder_sha256,
     lib_hash,
-    processor,
     value_sha256,
 )
 
@@ -247,12 +246,6 @@ class TestEnvironment:
             check=True,
         )
         assert done.stdout.strip() == "{'Nehalem'}"
-
-    def test_processor(self, tmp_path):
-        lines = "processor\t: 0\nmodel name\t: A 1\nflags\t\t: fpu avx2 fma sse4_2 x\n"
-        (tmp_path / "cpuinfo").write_text(2 * lines)
-        assert processor(tmp_path / "cpuinfo") == {"model": "A 1", "vector": ["avx2", "fma", "sse4_2"]}
-        assert processor(tmp_path / "none")["model"]
 
     def test_no_times(self, requirements):
         """Equal bytes whenever it is recorded."""

@@ -4,9 +4,9 @@ import importlib
 import sys
 from collections.abc import Sequence
 
+from thesis_lib import __version__
 from thesis_lib.foundation.command_line import command, near
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.kernels import use_common_kernels
 
 COMMANDS = {  # name -> module, function, what it does; in groups
     "your own drops": {
@@ -40,7 +40,7 @@ all of the thesis (make reproduce, or snakemake --cores 2 chapter3) writes into 
 results/claims.html.
 
 Exit codes: 0 done; 1 what was checked fails; 2 wrong use or bad input, with what to do on stderr; 130 interrupted.
-python -m thesis_lib COMMAND --help explains a command, with examples.
+python -m thesis_lib COMMAND --help explains a command, with examples; --version says which version this is.
 """
 
 
@@ -51,11 +51,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name in ("-h", "--help"):
         print(help_text(), end="")
         return 0
+    if name == "--version":
+        print(f"thesis_lib {__version__}")
+        return 0
     known = {name: where for group in COMMANDS.values() for name, where in group.items()}
     if name not in known:
         what = f"there is no command {name}{near(name, known)}" if name else "a command is missing"
         raise UserError(f"{what}\npython -m thesis_lib --help lists them: {', '.join(known)}")
-    use_common_kernels()
     module, function, _ = known[name]
     return getattr(importlib.import_module(f"thesis_lib.{module}"), function)(arguments[1:])
 

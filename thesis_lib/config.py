@@ -16,6 +16,7 @@ from pydantic import Field, ValidationError
 from thesis_lib.critique.drops.settings import CritiqueRun, Name
 from thesis_lib.critique.mechanisms.settings import HiddenStudy
 from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.foundation import SEED
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.mistakes import LONGEST, Place, dotted, unknown_key, wrong_value
 from thesis_lib.foundation.regular_file import MissingFile
@@ -72,7 +73,7 @@ class Config(Section):
 
     scale: Literal["quick", "default", "full"] = Field("default", description="names the stored expectations")
     seed: Annotated[int, Field(ge=0)] = Field(
-        20190906, description="the one seed; every rule derives its own stream from it"
+        SEED, description="the one seed; every rule derives its own stream from it"
     )
     measured: tuple[str, ...] = Field(
         ("data/measured",), description="folders searched for the measured datasets, in order"

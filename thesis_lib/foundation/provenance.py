@@ -14,7 +14,6 @@ import hashlib
 import json
 import os
 import platform
-import re
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -22,9 +21,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
+from thesis_lib.foundation.kernels import processor
+
 PACKAGE = "thesis_lib"
-# instructions by which BLAS and torch choose their kernels
-VECTOR = {"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512bw"}
 KEPT = "code_hashes.json"  # in the __pycache__ of the package
 LISTING = ("iter_modules", "walk_packages")  # functions of pkgutil
 READER = 2  # what was kept by another one is read anew
@@ -275,19 +274,6 @@ def _version(name: str) -> str:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
         return "not installed"
-
-
-def processor(file: Path = Path("/proc/cpuinfo")) -> dict:
-    """`model` of the processor and its `vector` instructions, as far as the system (Linux: `file`) tells."""
-    try:
-        text = file.read_text(encoding="utf-8")
-    except OSError:
-        return {"model": platform.processor() or platform.machine(), "vector": []}
-    values = dict(re.findall(r"^(model name|flags)\s*:\s*(.*)$", text, re.MULTILINE))
-    return {
-        "model": values.get("model name", platform.machine()),
-        "vector": sorted(VECTOR & set(values.get("flags", "").split())),
-    }
 
 
 def _blas() -> list[dict]:

@@ -10,15 +10,13 @@ from thesis_lib.datasets.sources.locate import SIMULATED, locate
 from thesis_lib.datasets.sources.published import SOURCES
 from thesis_lib.foundation.byte_code import keep_byte_code
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.kernels import use_common_kernels
 from thesis_lib.foundation.provenance import Sources, value_sha256
 from thesis_lib.records.catalogue import figures, records, tables_read
 from thesis_lib.resources import read_measured, request
 
 if Path(sys.executable).is_file():  # Snakemake puts it into commands without quotes (its issue 2645)
     sys.executable = shlex.quote(sys.executable)
-use_common_kernels()  # jobs inherit them
-keep_byte_code()  # so do they this
+keep_byte_code()  # jobs inherit it, as they do the kernels that `import thesis_lib` asks for
 
 try:
     CONFIG = parse_config(config, workflow.configfiles)

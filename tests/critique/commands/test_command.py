@@ -12,11 +12,11 @@ import pytest
 import thesis_lib.figures.critique.pictures
 import thesis_lib.report.critique.page
 from thesis_lib.__main__ import main
-from thesis_lib.commands.critique import SEED
 from thesis_lib.config import Config
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation import SEED
 from thesis_lib.report.critique.folder import critique_folder, write_critique
 
 FILES = (
