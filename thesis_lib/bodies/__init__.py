@@ -1,1 +1,1 @@
-"""Planar rigid bodies: their shapes, their inertia, and what is believed of the rig that drops them."""
+"""Rigid bodies: planar shapes, solids, their inertia, and what is believed of the rig that drops them."""

@@ -1,0 +1,379 @@
+"""Convex solids and the point with which they touch a surface: shapes in space, by their support functions.
+
+| on paper | in code       | unit | shape   |                                                                       |
+|----------|---------------|------|---------|-----------------------------------------------------------------------|
+| d        | `direction`   | 1    | (3, n)  | direction in axes of the body, of any length above 0                  |
+| s(d)     | `support(d)`  | m    | (3, n)  | point of the solid that lies farthest along d, in axes of the body    |
+| ρ        | `edge_radius` | m    |         | radius of all edges and corners                                       |
+| q        | `attitude`    | 1    | (4, n)  | unit quaternion, scalar first, axes of the body into those of the world |
+| G        | `inertia_per_mass` | m² | (3, 3) | ∫ (|r|² 1 − r rᵀ) dm / m about the centre of mass, axes of the body |
+
+Solids are centred on the body's origin (a hull keeps the origin of its vertices).  An edge radius rounds *inside* the
+stated measures: the solid is the sharp one moved in by ρ, then swept by a ball of radius ρ,
+
+    s(d) = s_in(d) + ρ d / |d|,
+
+so that the half extents of a box are what a caliper gives.  Where a whole edge or face lies farthest, the support is
+its middle; mirrored solids then touch in mirrored points.  Volume, centre of mass and inertia are those of the
+homogeneous solid with sharp edges.
+
+Source of the moments of polyhedra: Tonon, J. Math. Stat. 1 (2005), doi:10.3844/jmssp.2005.8.11.
+"""
+
+from functools import cached_property
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from thesis_lib.bodies.shapes import Coordinate, Length
+from thesis_lib.foundation.settings import Section
+from thesis_lib.mechanics.space import SPACE
+
+UP = np.array([[0.0], [0.0], [1.0]])
+LEVEL = 1e-12  # of a unit direction, or of the extent: less is rounding, and the points lie equally far
+BLOCK = 2**22  # vertices times directions that are compared at once: 32 MiB
+
+
+class Moments(NamedTuple):
+    """Volume (m³), centre of mass (3,) in m, and inertia per mass (3, 3) in m² about it, of a homogeneous solid."""
+
+    volume: float
+    centre: np.ndarray
+    inertia_per_mass: np.ndarray
+
+
+class Solid(Section):
+    """A convex body in space."""
+
+    def support(self, direction: np.ndarray) -> np.ndarray:
+        """Point (3, n) in m that lies farthest along `direction` (3, n), both in axes of the body."""
+        raise NotImplementedError
+
+    @property
+    def moments(self) -> Moments:
+        """Volume, centre of mass and inertia per mass of the homogeneous solid with sharp edges."""
+        raise NotImplementedError
+
+    @property
+    def extent(self) -> float:
+        """Largest distance in m of a point of the solid from the body's origin."""
+        raise NotImplementedError
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Corners (3, k) in m of the sharp solid; a smooth one has none."""
+        return np.empty((3, 0))
+
+    def scaled(self, factor: float) -> "Solid":
+        """The similar solid with all lengths times `factor`."""
+        return type(self)(**{name: _times(value, factor) for name, value in self.model_dump().items()})
+
+    def lowest(self, attitude: np.ndarray, up: np.ndarray = UP) -> np.ndarray:
+        """Lowest point (3, n) in m from the body's origin, in axes of the world.
+
+        Args:
+            attitude: (4, n) unit quaternions.
+            up: (3, n) or (3, 1) normal of the surface, in axes of the world.
+        """
+        return SPACE.turned(attitude, self.support(SPACE.turned_back(attitude, -up)))
+
+
+class Sphere(Solid):
+    """Sphere about the body's origin."""
+
+    kind: Literal["sphere"] = "sphere"
+    radius: Length = Field(description="m")
+
+    def support(self, direction: np.ndarray) -> np.ndarray:
+        return self.radius * _unit(direction)
+
+    @property
+    def moments(self) -> Moments:
+        return _central(4.0 / 3.0 * np.pi * self.radius**3, np.full(3, 0.4 * self.radius**2))
+
+    @property
+    def extent(self) -> float:
+        return self.radius
+
+
+class Ellipsoid(Solid):
+    """Ellipsoid with semi-axes along the axes of the body."""
+
+    kind: Literal["ellipsoid"] = "ellipsoid"
+    semi_axes: tuple[Length, Length, Length] = Field(description="m, along x, y, z")
+
+    def support(self, direction: np.ndarray) -> np.ndarray:
+        # s = A d / √(dᵀ A d), A = diag(a², b², c²)
+        stretched = np.array(self.semi_axes)[:, None] * direction
+        return np.array(self.semi_axes)[:, None] * _unit(stretched)
+
+    @property
+    def moments(self) -> Moments:
+        squares = np.square(self.semi_axes)
+        return _central(4.0 / 3.0 * np.pi * float(np.prod(self.semi_axes)), 0.2 * (squares.sum() - squares))
+
+    @property
+    def extent(self) -> float:
+        return max(self.semi_axes)
+
+
+class Capsule(Solid):
+    """Cylinder along z with a half ball at each end."""
+
+    kind: Literal["capsule"] = "capsule"
+    radius: Length = Field(description="m")
+    half_length: Length = Field(description="m, of the cylinder without its caps")
+
+    def support(self, direction: np.ndarray) -> np.ndarray:
+        unit = _unit(direction)
+        point = self.radius * unit
+        point[2] += self.half_length * _sign(unit[2])
+        return point
+
+    @property
+    def moments(self) -> Moments:
+        R, h = self.radius, self.half_length
+        tube, ball = 2.0 * np.pi * R**2 * h, 4.0 / 3.0 * np.pi * R**3
+        # a half ball's centre of mass lies 3 R / 8 from its flat side
+        across = tube * (R**2 / 4.0 + h**2 / 3.0) + ball * (0.4 * R**2 + h**2 + 0.75 * h * R)
+        along = tube * R**2 / 2.0 + ball * 0.4 * R**2
+        return _central(tube + ball, np.array([across, across, along]) / (tube + ball))
+
+    @property
+    def extent(self) -> float:
+        return self.half_length + self.radius
+
+
+class Edged(Solid):
+    """A solid whose edges and corners may be rounded."""
+
+    edge_radius: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0.0, description="m, of all edges")
+
+    def rounded(self, edge_radius: float) -> "Edged":
+        """The same solid with edges of another radius in m, within the same measures."""
+        return type(self)(**{**self.model_dump(), "edge_radius": edge_radius})
+
+    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
+        """Support (3, n) along unit directions of the solid that is moved in by the edge radius."""
+        raise NotImplementedError
+
+    def support(self, direction: np.ndarray) -> np.ndarray:
+        unit = _unit(direction)
+        point = self._sharp_support(unit)
+        return point + self.edge_radius * unit if self.edge_radius else point
+
+    @model_validator(mode="after")
+    def _has_room_for_its_edges(self) -> "Edged":
+        if self.edge_radius and self.edge_radius > self.inradius:
+            raise ValueError(f"edge_radius is larger than the solid allows, which is {self.inradius:.4g} m")
+        return self
+
+    @property
+    def inradius(self) -> float:
+        """Radius in m of the largest ball inside."""
+        raise NotImplementedError
+
+
+class Box(Edged):
+    """Box with faces across the axes of the body."""
+
+    kind: Literal["box"] = "box"
+    half_extents: tuple[Length, Length, Length] = Field(description="m, along x, y, z")
+
+    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
+        return (np.array(self.half_extents) - self.edge_radius)[:, None] * _sign(unit)
+
+    @property
+    def moments(self) -> Moments:
+        squares = np.square(self.half_extents)
+        return _central(8.0 * float(np.prod(self.half_extents)), (squares.sum() - squares) / 3.0)
+
+    @property
+    def extent(self) -> float:
+        return float(np.linalg.norm(np.array(self.half_extents) - self.edge_radius) + self.edge_radius)
+
+    @property
+    def inradius(self) -> float:
+        return min(self.half_extents)
+
+    @property
+    def corners(self) -> np.ndarray:
+        signs = np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0], indexing="ij")).reshape(3, 8)
+        return np.array(self.half_extents)[:, None] * signs
+
+
+class Cylinder(Edged):
+    """Cylinder along z with flat ends."""
+
+    kind: Literal["cylinder"] = "cylinder"
+    radius: Length = Field(description="m")
+    half_length: Length = Field(description="m")
+
+    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
+        across = np.hypot(unit[0], unit[1])
+        # at an end that lies level, the middle of the end
+        share = np.where(across > LEVEL, self.radius - self.edge_radius, 0.0) / np.maximum(across, LEVEL)
+        return np.stack([share * unit[0], share * unit[1], (self.half_length - self.edge_radius) * _sign(unit[2])])
+
+    @property
+    def moments(self) -> Moments:
+        R, h = self.radius, self.half_length
+        across = R**2 / 4.0 + h**2 / 3.0
+        return _central(2.0 * np.pi * R**2 * h, np.array([across, across, R**2 / 2.0]))
+
+    @property
+    def extent(self) -> float:
+        ρ = self.edge_radius
+        return float(np.hypot(self.radius - ρ, self.half_length - ρ) + ρ)
+
+    @property
+    def inradius(self) -> float:
+        return min(self.radius, self.half_length)
+
+
+class Hull(Edged):
+    """Convex hull of vertices; points inside it change nothing."""
+
+    kind: Literal["hull"] = "hull"
+    vertices: Annotated[tuple[tuple[Coordinate, Coordinate, Coordinate], ...], Field(min_length=4)] = Field(
+        description="m, in axes of the body"
+    )
+
+    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
+        points, block = self._inner, max(1, BLOCK // self._inner.shape[1])
+        parts = [farthest(points, unit[:, i : i + block]) for i in range(0, max(1, unit.shape[1]), block)]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+
+    @cached_property
+    def _hull(self):
+        """The hull by qhull; `equations` (f, 4) are unit normals that point out, and offsets, of its triangles."""
+        from scipy.spatial import ConvexHull, QhullError
+
+        points = np.array(self.vertices)
+        if np.ptp(points, axis=0).min() == 0.0:
+            raise ValueError("the vertices lie in a plane: the solid has no volume")
+        try:
+            return ConvexHull(points)
+        except QhullError:
+            raise ValueError("the vertices lie in a plane: the solid has no volume") from None
+
+    @cached_property
+    def _planes(self) -> np.ndarray:
+        """Planes (f, 4) of the faces, each once: unit normal that points out, and offset."""
+        return _distinct(self._hull.equations)
+
+    @property
+    def corners(self) -> np.ndarray:
+        return self._hull.points[self._hull.vertices].T
+
+    @cached_property
+    def inradius(self) -> float:
+        return self._ball[1]
+
+    @cached_property
+    def _ball(self) -> tuple[np.ndarray, float]:
+        """Centre (3,) and radius in m of the largest ball inside: the linear program of Chebyshev's centre."""
+        from scipy.optimize import linprog
+
+        planes = self._planes
+        found = linprog(
+            [0.0, 0.0, 0.0, -1.0],
+            A_ub=np.column_stack([planes[:, :3], np.ones(len(planes))]),
+            b_ub=-planes[:, 3],
+            bounds=[(None, None)] * 3 + [(0.0, None)],
+        )
+        return found.x[:3], float(found.x[3])
+
+    @cached_property
+    def _inner(self) -> np.ndarray:
+        """Corners (3, k) in m of the hull that is moved in by the edge radius: its faces, each moved by ρ."""
+        if not self.edge_radius:
+            return self.corners
+        from scipy.spatial import HalfspaceIntersection
+
+        centre, radius = self._ball
+        if self.edge_radius > radius * (1.0 - 1e-9):  # nothing but the centre of the ball is left
+            return centre[:, None]
+        planes = self._planes + [0.0, 0.0, 0.0, self.edge_radius]
+        return _distinct(HalfspaceIntersection(planes, centre).intersections).T
+
+    @cached_property
+    def moments(self) -> Moments:
+        hull = self._hull
+        triangles = hull.points[hull.simplices]
+        # qhull does not order the corners of a triangle: turn those whose normal points in
+        normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        inwards = np.einsum("fi,fi->f", normal, hull.equations[:, :3]) < 0.0
+        triangles[inwards] = triangles[inwards][:, ::-1]
+        return moments_within(triangles)
+
+    @cached_property
+    def extent(self) -> float:
+        return float(np.linalg.norm(self._inner, axis=0).max() + self.edge_radius)
+
+    @model_validator(mode="after")
+    def _has_volume(self) -> "Hull":
+        _ = self._hull
+        return self
+
+
+Primitive = Annotated[Sphere | Ellipsoid | Box | Cylinder | Capsule, Field(discriminator="kind")]
+
+
+def farthest(points: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Of points (3, k) those (3, n) that lie farthest along `direction` (3, n); the middle of points equally far."""
+    along = points.T @ direction
+    first = along.max(axis=0)
+    equal = along >= first - LEVEL * np.abs(points).max()
+    if np.count_nonzero(equal) == len(first):  # no two lie equally far
+        return points[:, equal.argmax(axis=0)]
+    return (points @ equal) / equal.sum(axis=0)
+
+
+def moments_within(triangles: np.ndarray) -> Moments:
+    """Moments of what a closed surface of triangles (f, 3, 3) in m encloses, each counter-clockwise seen from outside.
+
+    Each triangle and the origin span a tetrahedron of signed volume V = a·(b × c)/6, with the centre of mass
+    (a + b + c)/4 and the second moments ∫ r rᵀ dV = V/20 (a aᵀ + b bᵀ + c cᵀ + s sᵀ), s = a + b + c.
+
+    Raises:
+        ValueError: the enclosed volume is not positive.
+    """
+    origin = triangles.reshape(-1, 3).mean(axis=0)  # near, so that no digits cancel
+    corners = triangles - origin
+    V = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    volume = float(V.sum())
+    if not volume > 0.0:
+        raise ValueError("the triangles enclose no volume: is the surface closed, and do its normals point out?")
+    s = corners.sum(axis=1)
+    centre = V @ s / (4.0 * volume)
+    second = (np.einsum("f,fci,fcj->ij", V, corners, corners) + np.einsum("f,fi,fj->ij", V, s, s)) / (20.0 * volume)
+    second -= np.outer(centre, centre)
+    return Moments(volume, centre + origin, np.trace(second) * np.eye(3) - second)
+
+
+def _central(volume: float, principal: np.ndarray) -> Moments:
+    """Moments of a solid with its centre at the origin and the principal moments (3,) in m² along its axes."""
+    return Moments(volume, np.zeros(3), np.diag(principal))
+
+
+def _distinct(rows: np.ndarray) -> np.ndarray:
+    """Rows that differ by more than rounding."""
+    size = np.abs(rows).max()
+    return rows[np.unique(np.round(rows / (size * LEVEL)), axis=0, return_index=True)[1]]
+
+
+def _unit(direction: np.ndarray) -> np.ndarray:
+    return direction / np.sqrt((direction * direction).sum(axis=0))
+
+
+def _sign(component: np.ndarray) -> np.ndarray:
+    """Sign of components of unit directions, 0 where it would be rounding alone."""
+    return np.where(np.abs(component) > LEVEL, np.sign(component), 0.0)
+
+
+def _times(value, factor: float):
+    if isinstance(value, str):
+        return value
+    return tuple(_times(part, factor) for part in value) if isinstance(value, tuple) else factor * value
