@@ -17,7 +17,7 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.engine_contact import STAND_INS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.engines.fit import fit_engine
-from thesis_lib.critique.engines.proof import ENGINES, MU, NOTHING, SEEDS, Case, make
+from thesis_lib.critique.engines.proof import ENGINES, MU, NOTHING, SEEDS, EngineCase, make
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
 
@@ -26,7 +26,7 @@ def measure(n: int, results: Results) -> None:
     """Add CPU seconds of each engine's fit to `n` impacts, and how far its friction is off."""
     for engine in [*ENGINES, *["bullet"] * bool(find_spec("pybullet"))]:
         maker = engine if engine in ENGINES else "mujoco"
-        observations = observe(make(Case(maker, "ellipse", NOTHING, SEEDS), drops=2 + n // 2))
+        observations = observe(make(EngineCase(maker, "ellipse", NOTHING, SEEDS), drops=2 + n // 2))
         trials = observations.trial[np.argsort(observations.trial, kind="stable")][:n]
         some = observations.select(np.unique(trials))
         begin = time.process_time()

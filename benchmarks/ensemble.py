@@ -22,27 +22,27 @@ from benchmarks.impacts import add_impact_options, chosen_impacts
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.impact_study.cost import Target, misfit, target_of
+from thesis_lib.impact_study.cost import MeasuredImpulses, misfit, target_of
 from thesis_lib.impact_study.ensemble import MU_MAX, fit_ensemble
 
 BOX = [(0.0, MU_MAX), (0.0, 1.0)]
 GRID = 31
 COMPARED = ("anitescu_potra_newton", "mirtich", "wang_mason")
-Solver = Callable[[Law, Target], np.ndarray]
+Solver = Callable[[Law, MeasuredImpulses], np.ndarray]
 
 
-def mean_misfit(law: Law, target: Target, p: np.ndarray) -> float:
+def mean_misfit(law: Law, target: MeasuredImpulses, p: np.ndarray) -> float:
     """What all of them minimise: mean misfit in N s at p = (μ, ε)."""
     return float(np.nan_to_num(misfit(law, target, p[0], p[1], "impulse"), nan=1e3).mean())
 
 
-def ours(law: Law, target: Target) -> np.ndarray:
+def ours(law: Law, target: MeasuredImpulses) -> np.ndarray:
     """(μ, ε) by the zooming grid."""
     found = fit_ensemble(law, target, "impulse")
     return np.array([found.mu, found.epsilon])
 
 
-def nelder_mead(law: Law, target: Target) -> np.ndarray:
+def nelder_mead(law: Law, target: MeasuredImpulses) -> np.ndarray:
     """(μ, ε) by scipy, from one start."""
     from scipy.optimize import minimize
 
@@ -51,14 +51,14 @@ def nelder_mead(law: Law, target: Target) -> np.ndarray:
     return found.x
 
 
-def differential_evolution(law: Law, target: Target) -> np.ndarray:
+def differential_evolution(law: Law, target: MeasuredImpulses) -> np.ndarray:
     """(μ, ε) by scipy, from everywhere."""
     from scipy.optimize import differential_evolution as evolve
 
     return evolve(lambda p: mean_misfit(law, target, p), BOX, rng=0).x
 
 
-def grid_search(law: Law, target: Target) -> np.ndarray:
+def grid_search(law: Law, target: MeasuredImpulses) -> np.ndarray:
     """(μ, ε) by scikit-learn: the law as an estimator without training, scored by its misfit."""
     from sklearn.base import BaseEstimator
     from sklearn.model_selection import GridSearchCV
@@ -88,7 +88,7 @@ SOLVERS: dict[str, Solver] = {
 }
 
 
-def measure(name: str, target: Target, rounds: int, results: Results) -> None:
+def measure(name: str, target: MeasuredImpulses, rounds: int, results: Results) -> None:
     """Print and add time and misfit of every solver for one law; each round runs all of them in turn."""
     law = LAWS[name]
     cpu, reached = np.empty((len(SOLVERS), rounds)), np.empty(len(SOLVERS))

@@ -18,7 +18,7 @@ from benchmarks.impacts import add_impact_options, chosen_impacts
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.impact_study.cost import Target, misfit, target_of
+from thesis_lib.impact_study.cost import MeasuredImpulses, misfit, target_of
 from thesis_lib.impact_study.individual import MU_MAX, fit_individual
 
 ROUNDS = 3
@@ -26,13 +26,13 @@ START = (0.1, 0.55)  # near the ensemble's parameters
 DIFFERENCE = 1e-6  # N s: a hundredth of the tolerance of table 3.2
 
 
-def one_by_one(law: Law, target: Target, rows: np.ndarray) -> np.ndarray:
+def one_by_one(law: Law, target: MeasuredImpulses, rows: np.ndarray) -> np.ndarray:
     """Errors (len(rows),) in N s that bounded Nelder-Mead reaches."""
     errors = np.empty(len(rows))
     for k, row in enumerate(rows):
         single = target[row : row + 1]
 
-        def error(p: np.ndarray, single: Target = single) -> float:
+        def error(p: np.ndarray, single: MeasuredImpulses = single) -> float:
             return float(np.nan_to_num(misfit(law, single, p[0], p[1], "impulse"), nan=1e3)[0])
 
         options = {"xatol": 1e-6, "fatol": 1e-9, "maxiter": 400}
@@ -41,7 +41,7 @@ def one_by_one(law: Law, target: Target, rows: np.ndarray) -> np.ndarray:
     return errors
 
 
-def measure(name: str, target: Target, rows: np.ndarray) -> dict[str, float]:
+def measure(name: str, target: MeasuredImpulses, rows: np.ndarray) -> dict[str, float]:
     """CPU seconds of both ways for all impacts, their ratio, and who is worse where."""
     law = LAWS[name]
     ours, one, excess = [], [], []

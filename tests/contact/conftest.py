@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.extensions import law_contract
-from thesis_lib.extensions.impact_draws import Impacts
+from thesis_lib.extensions.impact_draws import ImpactDraws
 
 
 @pytest.fixture
@@ -13,10 +13,10 @@ def rng() -> np.random.Generator:
 
 
 @pytest.fixture(scope="session")
-def draw() -> Impacts:
+def draw() -> ImpactDraws:
     return law_contract.reference()
 
 
 @pytest.fixture(scope="session")
-def central() -> Impacts:
+def central() -> ImpactDraws:
     return law_contract.central()

@@ -6,7 +6,7 @@ from impact_integration import coulomb_impact, coulomb_rate, integrate_all, visc
 from scipy.integrate import solve_ivp
 
 from thesis_lib.contact import LAWS
-from thesis_lib.extensions.impact_draws import Impacts, reference_draw
+from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw
 from thesis_lib.mechanics.contact import Contact
 
 # relative to the contact speed before impact (impulses are of its order, m = 1)
@@ -17,7 +17,7 @@ SOLVER = 1e-10  # interior point tolerance in the objective; much below, some pr
 CLARABEL = 1e-4  # its square root, times 10 for objectives that are flat in one direction
 
 
-def assert_agree(draw: Impacts, ours: np.ndarray, other: np.ndarray, tolerance: float) -> None:
+def assert_agree(draw: ImpactDraws, ours: np.ndarray, other: np.ndarray, tolerance: float) -> None:
     error = np.linalg.norm(ours - other, axis=1) / draw.speed
     assert error.max() <= tolerance, (error.max(), np.argmax(error), np.mean(error > tolerance))
 
@@ -36,7 +36,7 @@ def test_path_laws_from_rest_along_the_surface(name, work, rng):
     # v_t = 0, and ε = 0 or 1: events that coincide with the start or the end of a phase
     draw = reference_draw(rng, 2000)
     falling = np.stack([np.zeros(2000), draw.space.v_n, np.zeros(2000)], axis=-1)
-    draw = Impacts(falling, draw.r, draw.mu, np.round(draw.epsilon))
+    draw = ImpactDraws(falling, draw.r, draw.mu, np.round(draw.epsilon))
     assert np.all(draw.space.v_t == 0.0)
     other = integrate_all(draw.space, draw.mu, draw.epsilon, coulomb_impact, work=work)
     assert_agree(draw, draw.resolve(LAWS[name]).impulse, other, EVENTS)
@@ -104,7 +104,7 @@ def contact_lcp(K_tt, K_nn, K_tn, mu) -> np.ndarray:
     )
 
 
-def rows(draw: Impacts):
+def rows(draw: ImpactDraws):
     s: Contact = draw.space
     return zip(s.v_t, s.v_n, s.K_tt, s.K_nn, s.K_tn, draw.mu, draw.epsilon)
 
@@ -123,7 +123,7 @@ def test_anitescu_potra_poisson_against_lemke(rng):
     draw = reference_draw(rng, 2000)
     few = reference_draw(rng, 1000)
     # with strong friction too: μ |K_tn| > K_nn, where friction might press the contact down
-    draw = Impacts(
+    draw = ImpactDraws(
         np.concatenate([draw.v_pre, few.v_pre]),
         np.concatenate([draw.r, few.r]),
         np.concatenate([draw.mu, 4.0 * few.mu]),

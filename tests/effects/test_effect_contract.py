@@ -8,7 +8,7 @@ import pytest
 
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Parameter
-from thesis_lib.extensions.contract import Outcome, outcomes
+from thesis_lib.extensions.contract import CheckResult, outcomes
 from thesis_lib.extensions.effect_contract import EFFECT_CHECKS
 
 H = Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1)
@@ -29,7 +29,7 @@ class Right(Effect):
         return mu, np.clip(epsilon * (1.0 + p["h"] * speed / (1.0 + speed)), 0.0, 1.0)
 
 
-def of(effect: Effect) -> dict[str, Outcome]:
+def of(effect: Effect) -> dict[str, CheckResult]:
     return {outcome.check: outcome for outcome in outcomes(EFFECT_CHECKS, effect)}
 
 

@@ -23,7 +23,7 @@ from thesis_lib.config import Config, read_config
 from thesis_lib.critique.results.saved_model import SavedModel, load_model, save_model
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.header_file import load_header
-from thesis_lib.datasets.format.validate import Report
+from thesis_lib.datasets.format.validate import ValidationReport
 from thesis_lib.datasets.format.write import header_text
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.datasets.sources.fetch import unpack
@@ -189,7 +189,7 @@ class TestDatasets:
     def test_a_header_comes_back(self, folder, content):
         header = Header.model_validate(content)
         (folder / "dataset.yaml").write_text(header_text(header), encoding="utf-8", newline="\n")
-        report = Report()
+        report = ValidationReport()
         assert load_header(folder, report)[0] == header and not report.errors
 
     @few

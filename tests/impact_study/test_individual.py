@@ -8,7 +8,7 @@ from known_truth import falling_ellipses, with_outcome
 from scipy.optimize import differential_evolution
 
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.impact_study.cost import Target, misfit, target_of
+from thesis_lib.impact_study.cost import MeasuredImpulses, misfit, target_of
 from thesis_lib.impact_study.individual import MU_MAX, STUCK, fit_individual, sticking_bound
 
 N = 200
@@ -20,13 +20,13 @@ AMBIGUOUS = ("anitescu_potra_poisson", "mirtich", "wang_mason", "mirtich_as_publ
 DENSE = (400, 250)  # points of the grid in μ and ε
 
 
-def random_truth(rng: np.random.Generator, name: str, n: int = N) -> tuple[Target, np.ndarray, np.ndarray]:
+def random_truth(rng: np.random.Generator, name: str, n: int = N) -> tuple[MeasuredImpulses, np.ndarray, np.ndarray]:
     """Noise-free impacts, each with its own (μ, ε)."""
     mu, epsilon = rng.uniform(0.0, 0.3, n), rng.uniform(0.1, 0.95, n)
     return target_of(with_outcome(falling_ellipses(rng, n), name, mu, epsilon)), mu, epsilon
 
 
-def far_targets(rng: np.random.Generator, n: int) -> Target:
+def far_targets(rng: np.random.Generator, n: int) -> MeasuredImpulses:
     """Outcomes with so much noise that most are outside every law's range."""
     states = falling_ellipses(rng, n)
     mu, epsilon = rng.uniform(0.0, 0.3, n), rng.uniform(0.1, 0.95, n)

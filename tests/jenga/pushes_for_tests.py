@@ -9,7 +9,7 @@ import numpy as np
 
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import process_variance
-from thesis_lib.jenga.robot.samples import UNKNOWN, Samples
+from thesis_lib.jenga.robot.samples import UNKNOWN, PushSamples
 
 KINDS = ("none", "easy", "hard", "stuck", "drag")
 SHARES = (0.04, 0.32, 0.19, 0.25, 0.20)
@@ -62,7 +62,9 @@ def make_push(kind: str, rng: np.random.Generator, steps: int = 45, retract: flo
     return np.array(states), np.array(nexts), np.array(actions), np.array([layer, side], float)
 
 
-def make_samples(n: int, rng: np.random.Generator, kinds=KINDS, shares=SHARES, **options) -> tuple[Samples, np.ndarray]:
+def make_samples(
+    n: int, rng: np.random.Generator, kinds=KINDS, shares=SHARES, **options
+) -> tuple[PushSamples, np.ndarray]:
     """The first `n` samples of random pushes, and the kind (n,) of each."""
     parts, labels, count = [], [], 0
     while count < n:
@@ -73,7 +75,7 @@ def make_samples(n: int, rng: np.random.Generator, kinds=KINDS, shares=SHARES, *
     sizes = [len(part[0]) for part in parts]
     push = np.repeat(np.arange(len(parts)), sizes)
     label = np.repeat(labels, sizes)
-    samples = Samples(
+    samples = PushSamples(
         push=push,
         step=np.concatenate([np.arange(size) for size in sizes]),
         state=np.concatenate([part[0] for part in parts]),

@@ -8,7 +8,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
 from thesis_lib.ledger.page import render_page
-from thesis_lib.ledger.result import COLUMNS, Status, refuse_errors, summary_line, to_table, write_results
+from thesis_lib.ledger.result import COLUMNS, ClaimStatus, refuse_errors, summary_line, to_table, write_results
 
 PRESENT = {"planar_impact": True, "drops": True}
 ABS = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}
@@ -25,7 +25,9 @@ def one(claim, results, present=PRESENT):
 
 def test_all_kinds_are_reproduced(entries, results):
     found = run(entries, results)
-    assert [(r.claim.check.kind, r.status) for r in found] == [(r.claim.check.kind, Status.REPRODUCED) for r in found]
+    assert [(r.claim.check.kind, r.status) for r in found] == [
+        (r.claim.check.kind, ClaimStatus.REPRODUCED) for r in found
+    ]
     refuse_errors(found)
 
 
@@ -47,14 +49,14 @@ WRONG = [
 def test_a_wrong_number_deviates(entries, results, edit_table, kind, old, new):
     edit_table(old, new)
     result = {r.claim.check.kind: r for r in run(entries, results)}[kind]
-    assert result.status is Status.DEVIATES
+    assert result.status is ClaimStatus.DEVIATES
     assert result.finding
     assert result.reason.endswith("reason unknown")
 
 
 def test_by_how_much(make_claim, results):
     result = one(make_claim("x", ABS, 0.05, note="The authors' code is viscous."), results)
-    assert result.status is Status.DEVIATES
+    assert result.status is ClaimStatus.DEVIATES
     assert result.difference == pytest.approx(0.015, rel=1e-12)
     assert result.relative_difference == pytest.approx(0.3, rel=1e-12)
     assert result.std == 0.002
@@ -69,13 +71,13 @@ def test_the_edge_of_a_tolerance_is_inside(make_claim, results, edit_table):
     """0.13 − 0.12 is 0.01 and some last bits in binary fractions."""
     edit_table("0.065,", "0.13,")
     assert 0.13 - 0.12 > 0.01
-    assert one(make_claim("x", ABS, 0.12), results).status is Status.REPRODUCED
+    assert one(make_claim("x", ABS, 0.12), results).status is ClaimStatus.REPRODUCED
 
 
 def test_rounding_widens_an_interval(make_claim, results):
     narrow = {"kind": "interval", "k": 1, "reason": "one sigma"}
-    assert one(make_claim("x", narrow, 0.062), results).status is Status.DEVIATES
-    assert one(make_claim("x", {**narrow, "rounding": 0.001}, 0.062), results).status is Status.REPRODUCED
+    assert one(make_claim("x", narrow, 0.062), results).status is ClaimStatus.DEVIATES
+    assert one(make_claim("x", {**narrow, "rounding": 0.001}, 0.062), results).status is ClaimStatus.REPRODUCED
 
 
 @pytest.mark.parametrize(
@@ -137,11 +139,11 @@ def test_an_extreme_of_one_row_is_an_error(make_claim, results):
 def test_rows_are_selected_by_numbers_too(make_claim, results, where, rows):
     wide = {"kind": "less", "threshold": 1, "reason": "all are"}
     result = one(make_claim("x", wide, where=where), results)
-    assert result.status is (Status.REPRODUCED if rows == 1 else Status.ERROR)
+    assert result.status is (ClaimStatus.REPRODUCED if rows == 1 else ClaimStatus.ERROR)
 
 
 def test_rows_are_selected_by_flags(make_claim, results):
-    assert one(make_claim("x", ABS, 0.111, where={"converged": False}), results).status is Status.REPRODUCED
+    assert one(make_claim("x", ABS, 0.111, where={"converged": False}), results).status is ClaimStatus.REPRODUCED
 
 
 @pytest.mark.parametrize("cell", ["nan", "NaN", "", "inf", "-inf", "none", "0.065 kg"])
@@ -149,21 +151,21 @@ def test_rows_are_selected_by_flags(make_claim, results):
 def test_nan_and_text_never_pass(entries, results, edit_table, kind, cell):
     edit_table("0.065,", f"{cell},")
     result = {r.claim.check.kind: r for r in run(entries, results)}[kind]
-    assert result.status is Status.ERROR
+    assert result.status is ClaimStatus.ERROR
     assert "not a finite number" in result.finding
 
 
 @pytest.mark.parametrize("cell", ["nan", "", "maybe", "2"])
 def test_a_flag_must_be_a_flag(entries, results, edit_table, cell):
     edit_table("3,true", f"3,{cell}")
-    assert run(entries, results)[-1].status is Status.ERROR
+    assert run(entries, results)[-1].status is ClaimStatus.ERROR
 
 
 @pytest.mark.parametrize("std", ["nan", "", "-0.002"])
 @pytest.mark.parametrize("kind", ["interval", "greater"])
 def test_a_bad_standard_error_never_passes(entries, results, edit_table, kind, std):
     edit_table("0.065,0.002", f"0.065,{std}")
-    assert {r.claim.check.kind: r for r in run(entries, results)}[kind].status is Status.ERROR
+    assert {r.claim.check.kind: r for r in run(entries, results)}[kind].status is ClaimStatus.ERROR
 
 
 @pytest.mark.parametrize(
@@ -182,7 +184,7 @@ def test_a_source_that_is_not_one_cell_is_an_error(make_claim, results, source, 
     entry = make_claim("x", ABS, 0.062)
     entry["source"].update(source)
     result = one(entry, results)
-    assert result.status is Status.ERROR
+    assert result.status is ClaimStatus.ERROR
     assert words in result.finding
 
 
@@ -198,7 +200,7 @@ def test_a_source_that_is_not_one_cell_is_an_error(make_claim, results, source, 
 def test_a_damaged_table_is_an_error(make_claim, results, content, words):
     (results / "chapter3" / "table.csv").write_bytes(content)
     result = one(make_claim("x", ABS, 0.062), results)
-    assert result.status is Status.ERROR
+    assert result.status is ClaimStatus.ERROR
     assert words in result.finding
 
 
@@ -225,7 +227,7 @@ def test_an_absent_dataset_is_neutral(make_claim, results):
     entry = make_claim("x", ABS, 0.062)
     entry["source"]["file"] = "chapter3/missing.csv"  # is not even looked for
     result = one(entry, results, {"planar_impact": False})
-    assert result.status is Status.NO_DATA
+    assert result.status is ClaimStatus.NO_DATA
     assert result.finding == "needs the dataset planar_impact"
     refuse_errors([result])
 
@@ -233,7 +235,7 @@ def test_an_absent_dataset_is_neutral(make_claim, results):
 def test_a_dataset_that_the_run_does_not_know_is_an_error(make_claim, results):
     """A misspelt dataset must not make a claim neutral for ever."""
     result = one(make_claim("x", ABS, 0.062, needs=["planar_imapct"]), results)
-    assert result.status is Status.ERROR
+    assert result.status is ClaimStatus.ERROR
     assert "planar_imapct" in result.finding
 
 
@@ -266,10 +268,10 @@ def test_what_the_quick_scale_cannot_tell_is_not_decided_there(entries, results)
     missing = {**noisy, "id": "a.b", "source": {**noisy["source"], "file": "missing.csv"}}
     ledger = Ledger.model_validate({"schema": 1, "claims": [noisy, missing]})
     quick, error = evaluate(ledger, results, PRESENT, "quick")
-    assert (quick.status, quick.reason, quick.ours) == (Status.UNDECIDED, "10 impacts are too few", "0.065")
-    assert error.status is Status.ERROR
+    assert (quick.status, quick.reason, quick.ours) == (ClaimStatus.UNDECIDED, "10 impacts are too few", "0.065")
+    assert error.status is ClaimStatus.ERROR
     assert summary_line([quick]) == "1 claim: 0 reproduced, 0 deviate, 0 without data, 1 not decided at this scale."
-    assert evaluate(ledger, results, PRESENT, "default")[0].status is Status.REPRODUCED
+    assert evaluate(ledger, results, PRESENT, "default")[0].status is ClaimStatus.REPRODUCED
     assert "10 impacts are too few" in render_page([quick])
 
 

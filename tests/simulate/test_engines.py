@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.critique.mechanisms.effects import CANDIDATES, Motion
+from thesis_lib.critique.mechanisms.effects import CANDIDATES, MotionSteps
 from thesis_lib.critique.mechanisms.study import believed, true_sizes
 from thesis_lib.datasets.recordings.read import read_recording
 from thesis_lib.datasets.recordings.recording import write_recording
@@ -56,7 +56,7 @@ def test_an_engines_arm_moves_as_the_critiques_equations_with_the_hidden_force(e
     force = model.inverse_dynamics(q, v, a) - known
     effect = next(e for e in CANDIDATES["arm"] if e.name == truth)
     true = np.array(list(true_sizes("arm", truth, SIZES).values()))
-    expected = effect.force(model, Motion(q, v, a, np.zeros((len(q), 2))), true)
+    expected = effect.force(model, MotionSteps(q, v, a, np.zeros((len(q), 2))), true)
     assert np.abs(model.mechanism.contacts_of(q).phi).min() > 1e-3 and np.abs(expected).max() > 0.05
     # N, N m; forces that are updated every 0.5 ms lag by a quarter of one
     assert np.abs(force - expected).max() < 0.01

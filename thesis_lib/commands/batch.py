@@ -19,7 +19,7 @@ from pathlib import Path
 
 from thesis_lib.datasets.format.folder import looks_like_dataset
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.isolated import Outcome, Task, run_isolated
+from thesis_lib.foundation.isolated import ProcessResult, Task, run_isolated
 from thesis_lib.foundation.progress import duration
 from thesis_lib.report.batch_index import INDEX_FILES, NO_VERDICT, plain, row_of_failure, row_of_verdict, write_index
 
@@ -42,7 +42,7 @@ class Batch:
     """
 
     rows: list[dict]
-    finished: list[Outcome]
+    finished: list[ProcessResult]
     skipped: list[str]
 
     @property
@@ -138,7 +138,7 @@ def run_batch(
             for name, path in named.items()
             if name not in rows
         ]
-        finished: list[Outcome] = []
+        finished: list[ProcessResult] = []
         limits = {"jobs": jobs, "time_limit": time_limit, "memory_limit": memory_limit, "preload": PRELOAD}
         start = time.monotonic()
         try:
@@ -154,7 +154,7 @@ def run_batch(
     return Batch(ordered, finished, skipped)
 
 
-def _closed(out: Path, outcome: Outcome, key: str | None) -> dict:
+def _closed(out: Path, outcome: ProcessResult, key: str | None) -> dict:
     """The row of a dataset that has just ended; marks it as done if it has a verdict."""
     if outcome.failure is not None:
         return row_of_failure(outcome.name, outcome.failure)
@@ -173,7 +173,7 @@ def _row(out: Path, name: str) -> dict:
         return row_of_failure(name, str(error))
 
 
-def _progress(row: Mapping, count: int, total: int, outcome: Outcome, spent: float, ended: int) -> str:
+def _progress(row: Mapping, count: int, total: int, outcome: ProcessResult, spent: float, ended: int) -> str:
     """[ 3/100] my_drops: effects (com_offset), 21 s; about 12 min left"""
     what = f"FAILED: {row['reason']}" if row["status"] == "failed" else row["verdict"] or NO_VERDICT
     named = f" ({row['effects']})" if row["effects"] else ""

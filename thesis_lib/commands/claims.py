@@ -113,11 +113,11 @@ def _compared_figures(
 
 def _print_text(options: argparse.Namespace, results: list, changes: list, figures, differing) -> None:
     from thesis_lib.ledger.page import SIGNS
-    from thesis_lib.ledger.result import Status, summary_line
+    from thesis_lib.ledger.result import ClaimStatus, summary_line
 
     print(f"Claims at scale {options.scale}\n{summary_line(results)}")
     for r in results:
-        if r.status in (Status.DEVIATES, Status.ERROR):
+        if r.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR):
             print(f"  {SIGNS[r.status]} {r.claim.id} ({r.claim.location})")
             print(f"      published {r.published}, ours {r.ours or '–'}: {r.reason}")
     print(f"\nAgainst {options.expected}: " + (f"{len(changes)} changed" if changes else "no change"))

@@ -12,7 +12,7 @@ from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwr
 from thesis_lib.datasets.format.header_file import load_header, salvage_shape
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
 from thesis_lib.datasets.format.tables import load_table
-from thesis_lib.datasets.format.validate import Report, check_impacts, check_trajectories, read_checked
+from thesis_lib.datasets.format.validate import ValidationReport, check_impacts, check_trajectories, read_checked
 
 OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 
@@ -25,7 +25,7 @@ def read_dataset(path: str | Path) -> Dataset:
     return read_checked(path, "dataset.yaml and the tables", _read)
 
 
-def _read(folder: Path, name: str, report: Report) -> Dataset | None:
+def _read(folder: Path, name: str, report: ValidationReport) -> Dataset | None:
     header, raw = load_header(folder, report)
     turns_unseen = isinstance(salvage_shape(raw), Disk)  # theta moves no contact point
     optional = ("theta",) if turns_unseen else ()

@@ -51,7 +51,7 @@ class Press(Protocol):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class EngineResult:
     """What an engine makes of n states.
 
     Attributes:
@@ -80,7 +80,7 @@ def mechanics(body: Body, contact: CompliantContact, causes: HiddenCauses, gravi
     return Mechanics(body, contact, causes, gravity, n, np.zeros(n))
 
 
-def impacts(engine: Press, q: np.ndarray, v: np.ndarray) -> Outcome:
+def impacts(engine: Press, q: np.ndarray, v: np.ndarray) -> EngineResult:
     """The end of one contact of each body, from poses and velocities (n, 3) of its origin at the first touch.
 
     Bodies are set down where they touch: heights q[:, 1] need not.  Those that do not come down stay as they are, with
@@ -94,7 +94,7 @@ def impacts(engine: Press, q: np.ndarray, v: np.ndarray) -> Outcome:
     return made.outcome()
 
 
-def episodes(engine: Press, q: np.ndarray, v: np.ndarray, span: np.ndarray) -> Outcome:
+def episodes(engine: Press, q: np.ndarray, v: np.ndarray, span: np.ndarray) -> EngineResult:
     """States `span` (n,) in s after states q, v (n, 3) of the origin in flight or at a touch, with all hits between.
 
     A body below the surface is taken for one that touches.  At most `MOST_HITS` hits: what follows is flight.
@@ -140,8 +140,8 @@ class _Run:
         n = len(c)
         self.t, self.hits, self.left = np.zeros(n), np.zeros(n, int), np.ones(n, bool)
 
-    def outcome(self) -> Outcome:
-        return Outcome(*self.engine.mechanics.origin_state(self.c, self.w), self.t, self.hits, self.left)
+    def outcome(self) -> EngineResult:
+        return EngineResult(*self.engine.mechanics.origin_state(self.c, self.w), self.t, self.hits, self.left)
 
     def rate(self) -> np.ndarray:
         """Normal velocity (n,) in m/s of the lowest points."""

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 
-from thesis_lib.extensions.contract import Outcome, outcomes
+from thesis_lib.extensions.contract import CheckResult, outcomes
 from thesis_lib.extensions.effect_contract import EFFECT_CHECKS
 from thesis_lib.extensions.law_contract import LAW_CHECKS
 from thesis_lib.extensions.registry import Loaded
 
 
-def results(loaded: Loaded, described: bool = True) -> Iterator[tuple[str, str, list[Outcome]]]:
+def results(loaded: Loaded, described: bool = True) -> Iterator[tuple[str, str, list[CheckResult]]]:
     """Kind, name and outcomes of each effect and law; `described`: look also at what is said of them."""
     effect_checks = [check for check in EFFECT_CHECKS if described or not check.describes]
     for effect in loaded.effects:

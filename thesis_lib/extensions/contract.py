@@ -26,7 +26,7 @@ class Check(Generic[Checked]):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CheckResult:
     """What came of a check: passed, failed or still to do, with the reason unless it passed."""
 
     check: str
@@ -38,20 +38,20 @@ class NothingYet(Exception):
     """The remark of a check that cannot be made on an effect that changes nothing."""
 
 
-def outcomes(checks: Sequence[Check[Checked]], checked: Checked) -> list[Outcome]:
+def outcomes(checks: Sequence[Check[Checked]], checked: Checked) -> list[CheckResult]:
     """What came of each check; an error in a stranger's code is a failure with its file and line, no crash."""
     return [_outcome(check, checked) for check in checks]
 
 
-def _outcome(check: Check[Checked], checked: Checked) -> Outcome:
+def _outcome(check: Check[Checked], checked: Checked) -> CheckResult:
     try:
         with np.errstate(all="ignore"):  # what is not finite is found by the checks
             reason = check.find(checked)
     except NothingYet as todo:
-        return Outcome(check.name, "to do", str(todo))
+        return CheckResult(check.name, "to do", str(todo))
     except Exception as error:  # whatever the code of others raises
-        return Outcome(check.name, "FAIL", raised(error))
-    return Outcome(check.name, "FAIL" if reason else "pass", reason)
+        return CheckResult(check.name, "FAIL", raised(error))
+    return CheckResult(check.name, "FAIL" if reason else "pass", reason)
 
 
 def raised(error: BaseException) -> str:

@@ -21,7 +21,7 @@ from thesis_lib.extensions.stage_predictor import (
     MU,
     RIGS,
     TAU,
-    Prediction,
+    StagePrediction,
     arrays,
     at_scale,
     null,
@@ -366,7 +366,7 @@ def composes(effect: Effect) -> str:
     rig = RIGS["quadrilateral"]
     states = _states(rig, 13)
 
-    def made(*on: Effect) -> Prediction:
+    def made(*on: Effect) -> StagePrediction:
         return predict([(one, at_scale(one)) for one in on], states, rig, contact_time=TAU)
 
     alone, idle = made(effect), not any(_sizes(effect)[0].values())

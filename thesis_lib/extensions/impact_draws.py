@@ -18,7 +18,7 @@ LARGE_MU = 1e3  # stands for infinite friction; a stick impulse outside even thi
 
 
 @dataclass(frozen=True)
-class Impacts:
+class ImpactDraws:
     """n random impacts with mass 1 and radius of gyration 1."""
 
     v_pre: np.ndarray
@@ -45,16 +45,16 @@ class Impacts:
         return tuple(self.resolve(law, **changed).impulse.T)
 
 
-def reference_draw(rng: np.random.Generator, n: int, *, central: bool = False) -> Impacts:
+def reference_draw(rng: np.random.Generator, n: int, *, central: bool = False) -> ImpactDraws:
     """n impacts of the reference draw; `central` puts the centre of mass above the contact (r_x = 0)."""
     k_g = np.sqrt(rng.uniform(0.02, 0.5, n))
     r = rng.uniform(-1.0, 1.0, (n, 2)) * ([0.0, 1.0] if central else [1.0, 1.0]) / k_g[:, None]
     v_t, v_n, omega = rng.standard_normal(n), -np.abs(rng.standard_normal(n)), rng.standard_normal(n)
     v_pre = np.stack([v_t + r[:, 1] * omega, v_n - r[:, 0] * omega, omega], axis=-1)
-    return Impacts(v_pre, r, rng.uniform(0.0, 1.5, n), rng.uniform(0.0, 1.0, n))
+    return ImpactDraws(v_pre, r, rng.uniform(0.0, 1.5, n), rng.uniform(0.0, 1.0, n))
 
 
-def violation(promise: Promise, law: Law, draw: Impacts, central: Impacts, factor: np.ndarray) -> np.ndarray:
+def violation(promise: Promise, law: Law, draw: ImpactDraws, central: ImpactDraws, factor: np.ndarray) -> np.ndarray:
     """How far each impact of a draw is from keeping a promise, relative to its speed or energy; 0 or less: kept.
 
     `central` is a draw with r_x = 0, `factor` > 0 scales the velocities of `draw`.  Impacts to which a promise

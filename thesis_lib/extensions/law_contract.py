@@ -10,7 +10,7 @@ import numpy as np
 from thesis_lib.contact.law import Law, Promise, Status
 from thesis_lib.contact.space import velocity_change
 from thesis_lib.extensions.contract import Check
-from thesis_lib.extensions.impact_draws import Impacts, reference_draw, violation
+from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw, violation
 
 N_REFERENCE = 20_000  # as in the published constraint summary that the rates are compared with
 # Relative to the speed (or energy) before impact.  Rounding, amplified by the condition of M_C (r/k up to 10),
@@ -23,18 +23,18 @@ UNITS = 1e-10  # the same in other units of mass and length
 
 
 @functools.cache
-def reference() -> Impacts:
+def reference() -> ImpactDraws:
     """The reference draw; do not write into it."""
     return reference_draw(np.random.default_rng(1), N_REFERENCE)
 
 
 @functools.cache
-def central() -> Impacts:
+def central() -> ImpactDraws:
     """The same with the centre of mass above the contact."""
     return reference_draw(np.random.default_rng(2), N_REFERENCE, central=True)
 
 
-def few(n: int = 40) -> Impacts:
+def few(n: int = 40) -> ImpactDraws:
     """A few impacts."""
     return reference_draw(np.random.default_rng(20180608), n)
 

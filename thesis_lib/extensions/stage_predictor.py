@@ -62,7 +62,7 @@ def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class StagePrediction:
     """What is measured: velocity after impact (n, 3), jump of the pose (n, 3), gap (n,), acceleration (n, 3)."""
 
     impact: np.ndarray
@@ -83,7 +83,7 @@ def predict(
     epsilon: float = EPSILON,
     contact_time: float = 0.0,
     turned: np.ndarray | float = 0.0,
-) -> Prediction:
+) -> StagePrediction:
     """Predict all four channels from the measured state before the impact; `contact_time` is τ in s.
 
     The effects act in their own order, whatever that of `active`.
@@ -147,7 +147,7 @@ def predict(
         gap = effect.gap(gap, true, p, rig)
         a = effect.acceleration(a, true, p, rig)
     one, two = (seen_by_camera(true.flown(a, h)) for h in (-STEP, STEP))
-    return Prediction(
+    return StagePrediction(
         impact=np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1),
         meet=jump,
         touch=rig.shape.gap(true.y, true.theta, rig.height) - gap,

@@ -45,7 +45,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ProcessResult:
     """How a task ended: either `result` (what the work returned) or `failure` (the reason in words) is None.
 
     Times are in s, `peak_mib` is the peak of resident memory; that and `cpu_s` are None if the process was killed.
@@ -67,7 +67,7 @@ def run_isolated(
     time_limit: float | None = None,
     memory_limit: float | None = None,
     preload: Sequence[str] = (),
-) -> Generator[Outcome]:
+) -> Generator[ProcessResult]:
     """Outcomes of `work(*task.arguments)`, in the order in which tasks end; none of them raises.
 
     Args:
@@ -93,7 +93,7 @@ def run_isolated(
                 try:
                     running.append(_Running(context, work, task))
                 except (OSError, EOFError) as error:
-                    yield Outcome(task.name, None, f"its process could not be started: {error}", 0.0)
+                    yield ProcessResult(task.name, None, f"its process could not be started: {error}", 0.0)
             multiprocessing.connection.wait([process.channel for process in running], POLL)
             for process in list(running):
                 outcome = process.look(time_limit, memory_limit)
@@ -117,7 +117,7 @@ class _Running:
         self.start = time.monotonic()  # the first start waits for the server
         child_end.close()  # so that the end of the process ends the channel
 
-    def look(self, time_limit: float | None, memory_limit: float | None) -> Outcome | None:
+    def look(self, time_limit: float | None, memory_limit: float | None) -> ProcessResult | None:
         """The outcome if the task has ended or was ended for exceeding a limit; else None."""
         wall = time.monotonic() - self.start
         if self.channel.poll():
@@ -129,7 +129,7 @@ class _Running:
             code = self.end()
             if answer.get("result") is None and answer.get("failure") is None:
                 answer["failure"] = _exit_text(code)
-            return Outcome(self.task.name, **{"result": None, "failure": None} | answer, wall_s=wall)
+            return ProcessResult(self.task.name, **{"result": None, "failure": None} | answer, wall_s=wall)
         if time_limit is not None and wall > time_limit:
             failure = f"took longer than the time limit of {time_limit:g} s"
         elif memory_limit is not None and _resident(self.process.pid) > memory_limit:
@@ -137,7 +137,7 @@ class _Running:
         else:
             return None
         self.end()
-        return Outcome(self.task.name, None, failure, wall)
+        return ProcessResult(self.task.name, None, failure, wall)
 
     def end(self) -> int | None:
         """Kill the process if it is alive, and return its exit code (negative: the signal that ended it)."""

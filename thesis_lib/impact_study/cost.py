@@ -28,7 +28,7 @@ BLOCK = 16_384  # misfits at a time: some thirty arrays of 128 KiB; larger ones 
 
 
 @dataclass(frozen=True)
-class Target:
+class MeasuredImpulses:
     """Measured impulses and contact spaces of n impacts, computed once for all laws and parameters."""
 
     space: Contact
@@ -40,12 +40,12 @@ class Target:
     def __len__(self) -> int:
         return len(self.c_t)
 
-    def __getitem__(self, rows: np.ndarray | slice) -> "Target":
+    def __getitem__(self, rows: np.ndarray | slice) -> "MeasuredImpulses":
         """The impacts at `rows`."""
-        return Target(self.space[rows], self.c_t[rows], self.c_n[rows], self.unreachable[rows], self.mass)
+        return MeasuredImpulses(self.space[rows], self.c_t[rows], self.c_n[rows], self.unreachable[rows], self.mass)
 
 
-def target_of(impacts: Impacts, weighting: Weighting = "kinetic") -> Target:
+def target_of(impacts: Impacts, weighting: Weighting = "kinetic") -> MeasuredImpulses:
     """Measured impulse and contact space of impacts; the module's head explains the weightings."""
     body = {"mass": impacts.mass, "k_g": impacts.k_g}
     c_t, c_n = measured_impulse(impacts.dv, impacts.r, **body)
@@ -57,17 +57,19 @@ def target_of(impacts: Impacts, weighting: Weighting = "kinetic") -> Target:
         A = np.stack([velocity_change(*c, impacts.r, **body) for c in ((unit, zero), (zero, unit))], axis=-1)
         A_T = np.swapaxes(A, 1, 2)
         c_t, c_n = np.linalg.solve(A_T @ A, A_T @ impacts.dv[:, :, None])[:, :, 0].T
-    return Target(contact_space(impacts.v_pre, impacts.r, **body), c_t, c_n, unreachable, impacts.mass)
+    return MeasuredImpulses(contact_space(impacts.v_pre, impacts.r, **body), c_t, c_n, unreachable, impacts.mass)
 
 
-def misfit(law: Law, target: Target, mu: np.ndarray | float, epsilon: np.ndarray | float, metric: Metric) -> np.ndarray:
+def misfit(
+    law: Law, target: MeasuredImpulses, mu: np.ndarray | float, epsilon: np.ndarray | float, metric: Metric
+) -> np.ndarray:
     """Misfit for parameters that broadcast against n impacts, e.g. (G, 1) gives (G, n); NaN: no solution."""
     with np.errstate(all="ignore"):
         c_t, c_n = law.impulse(target.space, np.asarray(mu, float), np.asarray(epsilon, float))
         return misfit_of_impulse(target, c_t, c_n, metric)
 
 
-def misfit_table(law: Law, target: Target, mu: np.ndarray, epsilon: np.ndarray, metric: Metric) -> np.ndarray:
+def misfit_table(law: Law, target: MeasuredImpulses, mu: np.ndarray, epsilon: np.ndarray, metric: Metric) -> np.ndarray:
     """Misfit (G, n) at G parameter pairs, in blocks of impacts that fit the cache."""
     table = np.empty((len(mu), len(target)))
     width = max(1, BLOCK // len(mu))
@@ -77,7 +79,7 @@ def misfit_table(law: Law, target: Target, mu: np.ndarray, epsilon: np.ndarray, 
     return table
 
 
-def misfit_of_impulse(target: Target, c_t: np.ndarray, c_n: np.ndarray, metric: Metric) -> np.ndarray:
+def misfit_of_impulse(target: MeasuredImpulses, c_t: np.ndarray, c_n: np.ndarray, metric: Metric) -> np.ndarray:
     """Misfit of impulses (..., n) in N s: in N s, or in m/s for the metric "velocity"."""
     d_t, d_n = c_t - target.c_t, c_n - target.c_n
     if metric == "impulse":

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.impact_study.cost import Metric, Target, misfit_table
+from thesis_lib.impact_study.cost import MeasuredImpulses, Metric, misfit_table
 from thesis_lib.statistics.bootstrap import draw_counts
 
 MU_MAX = 1.0  # our choice: three times the friction of an inclined-plane test; a fit that ends here is reported
@@ -43,7 +43,7 @@ class EnsembleFit:
 
 def fit_ensemble(
     law: Law,
-    target: Target,
+    target: MeasuredImpulses,
     metric: Metric,
     *,
     trials: np.ndarray | None = None,
@@ -75,7 +75,7 @@ def fit_ensemble(
     )
 
 
-def cost_grid(law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
+def cost_grid(law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
     """Mean misfit (I, J) on the grid mu (I,) × epsilon (J,), for figure 3-7."""
     table = misfit_table(law, target, np.repeat(mu, len(epsilon)), np.tile(epsilon, len(mu)), metric)
     return np.nanmean(table, axis=1).reshape(len(mu), len(epsilon))
@@ -88,7 +88,7 @@ def _bootstrap_weights(trials: np.ndarray, replicates: int, rng: np.random.Gener
 
 
 def _zoom(
-    law: Law, target: Target, metric: Metric, weights: np.ndarray, tolerance: float = TOLERANCE
+    law: Law, target: MeasuredImpulses, metric: Metric, weights: np.ndarray, tolerance: float = TOLERANCE
 ) -> tuple[np.ndarray, float, int]:
     """Minimum of each column of weighted costs: best points (B, 2), the first's mean cost, failures."""
     low, high = np.zeros(2), np.array([MU_MAX, 1.0])
@@ -110,7 +110,7 @@ def _zoom(
 
 
 def _costs(
-    law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray, weights: np.ndarray
+    law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray, weights: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Weighted misfits (G, B) at the points mu, epsilon (G,), and numbers (G,) of impacts without a solution.
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.contact.law import Law
-from thesis_lib.impact_study.cost import BLOCK, Metric, Target, misfit, misfit_of_impulse
+from thesis_lib.impact_study.cost import BLOCK, MeasuredImpulses, Metric, misfit, misfit_of_impulse
 
 MU_MAX = 2.0  # our choice: above the friction of dry solids, and above nearly every μ_s of the chapter's data
 STUCK = 1e-3  # of the impulse: below a tenth of any measurement's noise; path-wise laws never stop changing
@@ -46,7 +46,7 @@ class IndividualFit:
     mu_s: np.ndarray
 
 
-def fit_individual(law: Law, target: Target, metric: Metric) -> IndividualFit:
+def fit_individual(law: Law, target: MeasuredImpulses, metric: Metric) -> IndividualFit:
     """Fit each impact; an impact without a solution of the law gets NaN."""
     n = len(target)
     mu, epsilon, error = np.empty((STARTS, n)), np.empty((STARTS, n)), np.empty((STARTS, n))
@@ -75,7 +75,7 @@ def _blocks(n: int, each: int) -> list[slice]:
 
 
 def _profile(
-    law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray
+    law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Least error over ε and its ε, (I, n) each, for grids mu (I, n or 1) and epsilon (J, n or 1)."""
     shape = (len(mu), len(epsilon), len(target))
@@ -99,7 +99,7 @@ def _profile(
     return error, low + share * (high - low)
 
 
-def _starts(law: Law, target: Target, metric: Metric) -> tuple[np.ndarray, np.ndarray]:
+def _starts(law: Law, target: MeasuredImpulses, metric: Metric) -> tuple[np.ndarray, np.ndarray]:
     """(μ, ε), (STARTS, n) each: the lowest minima over μ of the coarse profile; missing ones are filled with any."""
     mu = MU_MAX * np.linspace(0.0, 1.0, COARSE[0])[:, None] ** 2
     epsilon = np.linspace(0.0, 1.0, COARSE[1])[:, None]
@@ -112,7 +112,7 @@ def _starts(law: Law, target: Target, metric: Metric) -> tuple[np.ndarray, np.nd
 
 
 def _search(
-    law: Law, target: Target, metric: Metric, mu: np.ndarray, epsilon: np.ndarray
+    law: Law, target: MeasuredImpulses, metric: Metric, mu: np.ndarray, epsilon: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Best (μ, ε, error), (n,) each, of steps 2 and 3 from a start (n,)."""
     # a gap of the quadratic grid at μ = m (i/(N−1))² is m (2 i + 1)/(N−1)²
@@ -131,7 +131,7 @@ def _search(
 
 
 def _round(
-    law: Law, target: Target, metric: Metric, point: tuple[np.ndarray, ...], half: tuple[np.ndarray, ...]
+    law: Law, target: MeasuredImpulses, metric: Metric, point: tuple[np.ndarray, ...], half: tuple[np.ndarray, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """One round of the pattern search: best (μ, ε, error), and whether the pattern may shrink, (n,) each."""
     columns = np.arange(len(target))
@@ -169,7 +169,7 @@ def _round(
     return mu, epsilon, np.where(better, tried[k, columns], error), inside | better
 
 
-def sticking_bound(law: Law, target: Target, epsilon: np.ndarray) -> np.ndarray:
+def sticking_bound(law: Law, target: MeasuredImpulses, epsilon: np.ndarray) -> np.ndarray:
     """μ_s (n,): lowest μ from which the impulse equals that at `MU_MAX` up to the share `STUCK`."""
     space = target.space
     with np.errstate(all="ignore"):

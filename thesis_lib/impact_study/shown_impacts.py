@@ -14,7 +14,7 @@ import numpy as np
 from thesis_lib.contact.space import beyond_sticking
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.impact_study.cost import Target
+from thesis_lib.impact_study.cost import MeasuredImpulses
 from thesis_lib.impact_study.individual_statements import MU_ZERO
 
 
@@ -31,7 +31,7 @@ def zero_friction_case(impacts: Impacts, mu: np.ndarray, misfit: np.ndarray) -> 
     return int(central[np.argmax(misfit[central])])
 
 
-def spin_reversal_case(target: Target) -> int:
+def spin_reversal_case(target: MeasuredImpulses) -> int:
     """Row of case (b) among n measured impulses; UserError if none is finite."""
     beyond = beyond_sticking(target.space, target.c_t, target.c_n)
     usable = np.flatnonzero(np.isfinite(beyond))

@@ -24,7 +24,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import contact_space, measured_impulse
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study.cost import Target, misfit, target_of
+from thesis_lib.impact_study.cost import MeasuredImpulses, misfit, target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
 from thesis_lib.impact_study.tables import SIX_AS_PUBLISHED, best_and_worst
 from thesis_lib.mechanics.contact import Contact
@@ -102,7 +102,7 @@ def parameters(impacts: Impacts, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows).drop(columns="n_failed")
 
 
-def target_with_gravity_step(impacts: Impacts) -> Target:
+def target_with_gravity_step(impacts: Impacts) -> MeasuredImpulses:
     """Contact space after the gravity step, and the measured impulse without gravity's part, unweighted."""
     step = np.broadcast_to(GRAVITY_STEP, impacts.v_pre.shape)
     part = measured_impulse(step, impacts.r, mass=impacts.mass, k_g=impacts.k_g)

@@ -16,7 +16,7 @@ from thesis_lib.contact.space import contact_space, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.impacts.quality import thesis_filter
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study.cost import Metric, Target, Weighting, target_of
+from thesis_lib.impact_study.cost import MeasuredImpulses, Metric, Weighting, target_of
 from thesis_lib.impact_study.ensemble import cost_grid, fit_ensemble
 from thesis_lib.impact_study.individual import fit_individual
 from thesis_lib.impact_study.predictive_range import covered_share
@@ -155,7 +155,7 @@ def held_out_errors(
     return pd.DataFrame(columns | {"velocity_error": velocity, "impulse_error": impulse}, copy=False)
 
 
-def _distance(target: Target, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+def _distance(target: MeasuredImpulses, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
     return np.hypot(c_t - target.c_t, c_n - target.c_n)
 
 

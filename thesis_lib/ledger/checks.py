@@ -59,7 +59,7 @@ CellOrGroup = Annotated[Any, PlainValidator(cell_or_group)]
 Published = Annotated[Any, PlainValidator(published)]
 
 
-class Source(Section):
+class SourceCell(Section):
     """The cell that holds our value (for orderings, the cells) in a table of results."""
 
     file: CsvFile = Field(description="CSV below the results folder")

@@ -15,7 +15,7 @@ from thesis_lib.foundation.files import FLOAT_FORMAT
 from thesis_lib.ledger.checks import Extreme, Interval, IsTrue, Ordering, Threshold
 from thesis_lib.ledger.format import Claim, Ledger
 from thesis_lib.ledger.reading import Cells, number
-from thesis_lib.ledger.result import Result, Status
+from thesis_lib.ledger.result import ClaimStatus, Result
 
 SAME_NUMBER = 1e-8  # relative; tables carry 9 digits, so equal numbers differ by at most 5e-10
 SLACK = 1e-9  # relative; 0.13 − 0.12 must not exceed 0.01 by the last bits of binary fractions
@@ -35,9 +35,9 @@ def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool
 def _undecided(result: Result) -> Result:
     """The result at the quick scale, which decides nothing about claims that say so."""
     why = result.claim.quick
-    if why is None or result.status not in (Status.REPRODUCED, Status.DEVIATES):
+    if why is None or result.status not in (ClaimStatus.REPRODUCED, ClaimStatus.DEVIATES):
         return result
-    return replace(result, status=Status.UNDECIDED, finding=why)
+    return replace(result, status=ClaimStatus.UNDECIDED, finding=why)
 
 
 def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], Cells]) -> Result:
@@ -45,15 +45,15 @@ def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], C
     if unknown := [name for name in claim.needs if name not in present]:
         known = ", ".join(sorted(present)) or "none"
         finding = f"the run reports nothing about the dataset {', '.join(unknown)} (known: {known})"
-        return Result(claim, Status.ERROR, published, finding=finding)
+        return Result(claim, ClaimStatus.ERROR, published, finding=finding)
     if absent := [name for name in claim.needs if not present[name]]:
-        return Result(claim, Status.NO_DATA, published, finding=f"needs the dataset {', '.join(absent)}")
+        return Result(claim, ClaimStatus.NO_DATA, published, finding=f"needs the dataset {', '.join(absent)}")
     try:
         rows = _Rows.select(claim, read)
         measures = {Ordering: _measure_ordering, Extreme: _measure_extreme, IsTrue: _measure_flag}
         return replace(measures.get(type(claim.check), _measure_number)(rows), published=published)
     except UserError as error:
-        return Result(claim, Status.ERROR, published, finding=str(error))
+        return Result(claim, ClaimStatus.ERROR, published, finding=str(error))
 
 
 @dataclass(frozen=True)
@@ -232,5 +232,5 @@ def _ranked(rows: _Rows, members: list[int], pairs: list[tuple[int, int]], sign:
     return Result(rows.claim, _status(not broken), ours=ours, finding=finding)
 
 
-def _status(holds: bool) -> Status:
-    return Status.REPRODUCED if holds else Status.DEVIATES
+def _status(holds: bool) -> ClaimStatus:
+    return ClaimStatus.REPRODUCED if holds else ClaimStatus.DEVIATES

@@ -27,7 +27,7 @@ from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.regular_file import MissingFile
 from thesis_lib.foundation.settings import Section
 from thesis_lib.ledger.reading import load_yaml, validate
-from thesis_lib.ledger.result import Result, Status, refuse_errors
+from thesis_lib.ledger.result import ClaimStatus, Result, refuse_errors
 
 Scale = Literal["quick", "default", "full"]
 SCALES: tuple[str, ...] = get_args(Scale)
@@ -70,10 +70,10 @@ def compare_with_expected(
     for result in results:
         name, now = result.claim.id, str(result.status)
         before = committed.get(name, "")
-        if result.status is Status.NO_DATA or before == now != Status.ERROR:
+        if result.status is ClaimStatus.NO_DATA or before == now != ClaimStatus.ERROR:
             continue
         text = f"was {before}, now {now}" + (f" ({result.reason})" if result.reason else "")
-        if result.status is Status.ERROR:
+        if result.status is ClaimStatus.ERROR:
             text = f"could not be compared: {result.finding}"
         elif not before:
             text = f"{now}, with no status committed for scale {scale}: add the line `{name}: {now}`"
@@ -96,7 +96,7 @@ def update_expected(path: str | Path, results: Sequence[Result], scale: str) -> 
     refuse_errors(results)
     expected = read_expected(path)
     before = dict(expected.get(scale, {}))
-    now = {r.claim.id: before.get(r.claim.id) if r.status is Status.NO_DATA else str(r.status) for r in results}
+    now = {r.claim.id: before.get(r.claim.id) if r.status is ClaimStatus.NO_DATA else str(r.status) for r in results}
     after = {name: status for name, status in now.items() if status}
     lines = [
         f"{name}: {before.get(name, 'new')} → {after.get(name, 'removed')}"

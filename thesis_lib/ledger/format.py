@@ -60,7 +60,17 @@ from pydantic import Field, StringConstraints, model_validator
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.settings import Section
 from thesis_lib.foundation.yaml_file import Key
-from thesis_lib.ledger.checks import Check, Extreme, Interval, IsTrue, Ordering, Published, Source, Threshold, Within
+from thesis_lib.ledger.checks import (
+    Check,
+    Extreme,
+    Interval,
+    IsTrue,
+    Ordering,
+    Published,
+    SourceCell,
+    Threshold,
+    Within,
+)
 from thesis_lib.ledger.reading import Name, Text, line_of, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
@@ -78,7 +88,7 @@ class Claim(Section):
     statement: Text = Field(description="one sentence that a stranger can read")
     published: Published = None
     unit: Text = "1"
-    source: Source
+    source: SourceCell
     check: Check
     needs: list[Name] = Field([], description="datasets without which nothing is compared")
     note: Text | None = None

@@ -4,18 +4,24 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from thesis_lib.foundation.files import write_text
-from thesis_lib.ledger.result import Result, Status, count_statuses, summary_line
+from thesis_lib.ledger.result import ClaimStatus, Result, count_statuses, summary_line
 from thesis_lib.pages import page
 
 TEMPLATE = Path(__file__).with_name("page.html")
-SIGNS = {Status.REPRODUCED: "✓", Status.DEVIATES: "≠", Status.NO_DATA: "○", Status.UNDECIDED: "~", Status.ERROR: "!"}
+SIGNS = {
+    ClaimStatus.REPRODUCED: "✓",
+    ClaimStatus.DEVIATES: "≠",
+    ClaimStatus.NO_DATA: "○",
+    ClaimStatus.UNDECIDED: "~",
+    ClaimStatus.ERROR: "!",
+}
 CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "undecided", "error")))
 MEANINGS = {
-    Status.REPRODUCED: "our value agrees within the tolerance stated beside it",
-    Status.DEVIATES: "it does not; by how much, and why if known, stands beside it",
-    Status.NO_DATA: "the measurements behind it were not at hand in this run; nothing is said",
-    Status.UNDECIDED: "this scale is too noisy to tell; a larger one decides",
-    Status.ERROR: "our value is missing or not a number; this run is incomplete",
+    ClaimStatus.REPRODUCED: "our value agrees within the tolerance stated beside it",
+    ClaimStatus.DEVIATES: "it does not; by how much, and why if known, stands beside it",
+    ClaimStatus.NO_DATA: "the measurements behind it were not at hand in this run; nothing is said",
+    ClaimStatus.UNDECIDED: "this scale is too noisy to tell; a larger one decides",
+    ClaimStatus.ERROR: "our value is missing or not a number; this run is incomplete",
 }
 HEADINGS = {  # heading: class that sets the column's width
     "Where": "where",
@@ -23,7 +29,7 @@ HEADINGS = {  # heading: class that sets the column's width
     "Published": "value",
     "Ours": "value",
     "Difference": "difference",
-    "Status": "found",
+    "ClaimStatus": "found",
 }
 
 
@@ -32,7 +38,7 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
     chapters = []
     for number in sorted({result.claim.chapter for result in results}):
         group = [result for result in results if result.claim.chapter == number]
-        look = [result for result in group if result.status in (Status.DEVIATES, Status.ERROR)]
+        look = [result for result in group if result.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR)]
         rows = [_cells(result) for result in group]
         chapters.append({"number": number, "summary": summary_line(group), "look": look, "rows": rows})
     return page(
@@ -68,7 +74,7 @@ def _cells(result: Result) -> dict:
         difference += f" ({100 * result.relative_difference:+.3g}\u00a0%)"
     published = f"{result.published}{unit}" if numeric or _is_number(result.published) else result.published
     reason = result.reason
-    if numeric and result.status is Status.DEVIATES:
+    if numeric and result.status is ClaimStatus.DEVIATES:
         reason = claim.note or "reason unknown"  # the difference has its own column
     return {
         "claim": claim,
@@ -77,7 +83,7 @@ def _cells(result: Result) -> dict:
         "ours": value or "–",
         "difference": difference or "–",
         "reason": reason,
-        "weak": claim.weak if result.status is Status.REPRODUCED else None,
+        "weak": claim.weak if result.status is ClaimStatus.REPRODUCED else None,
     }
 
 

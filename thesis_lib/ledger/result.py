@@ -25,7 +25,7 @@ from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
 from thesis_lib.ledger.format import Claim
 
 
-class Status(StrEnum):
+class ClaimStatus(StrEnum):
     """Outcome of a claim (table in the module's head)."""
 
     REPRODUCED = "reproduced"
@@ -44,7 +44,7 @@ class Result:
     """
 
     claim: Claim
-    status: Status
+    status: ClaimStatus
     published: str = ""
     ours: str = ""
     std: float = math.nan
@@ -55,9 +55,9 @@ class Result:
     @property
     def reason(self) -> str:
         """Why the claim is not reproduced; '' if it is."""
-        if self.status is Status.REPRODUCED:
+        if self.status is ClaimStatus.REPRODUCED:
             return ""
-        if self.status is Status.DEVIATES:
+        if self.status is ClaimStatus.DEVIATES:
             return f"{self.finding}; {self.claim.note or 'reason unknown'}"
         return self.finding
 
@@ -70,7 +70,7 @@ COLUMNS = (  # explained in foundation/columns.yaml
 
 def refuse_errors(results: Sequence[Result]) -> None:
     """Raise a UserError that lists the claims that could not be compared, and why."""
-    errors = [f"- {r.claim.id}: {r.finding}" for r in results if r.status is Status.ERROR]
+    errors = [f"- {r.claim.id}: {r.finding}" for r in results if r.status is ClaimStatus.ERROR]
     if errors:
         count = "1 claim" if len(errors) == 1 else f"{len(errors)} claims"
         raise UserError(f"{count} could not be compared with the thesis:\n" + "\n".join(errors))
@@ -99,24 +99,24 @@ def write_results(results: Sequence[Result], path: str | Path) -> None:
     write_table(to_table(results), path)
 
 
-def count_statuses(results: Sequence[Result]) -> dict[Status, int]:
+def count_statuses(results: Sequence[Result]) -> dict[ClaimStatus, int]:
     """How many results have each status."""
-    return {status: sum(r.status is status for r in results) for status in Status}
+    return {status: sum(r.status is status for r in results) for status in ClaimStatus}
 
 
 def summary_line(results: Sequence[Result]) -> str:
     """The number of claims, how many have each status, and how many agree where a wrong result could."""
     counts = count_statuses(results)
     parts = [
-        f"{counts[Status.REPRODUCED]} reproduced",
-        f"{counts[Status.DEVIATES]} deviate{'s' if counts[Status.DEVIATES] == 1 else ''}",
-        f"{counts[Status.NO_DATA]} without data",
+        f"{counts[ClaimStatus.REPRODUCED]} reproduced",
+        f"{counts[ClaimStatus.DEVIATES]} deviate{'s' if counts[ClaimStatus.DEVIATES] == 1 else ''}",
+        f"{counts[ClaimStatus.NO_DATA]} without data",
     ]
-    if counts[Status.UNDECIDED]:
-        parts.append(f"{counts[Status.UNDECIDED]} not decided at this scale")
-    if counts[Status.ERROR]:
-        parts.append(f"{counts[Status.ERROR]} could not be compared")
+    if counts[ClaimStatus.UNDECIDED]:
+        parts.append(f"{counts[ClaimStatus.UNDECIDED]} not decided at this scale")
+    if counts[ClaimStatus.ERROR]:
+        parts.append(f"{counts[ClaimStatus.ERROR]} could not be compared")
     line = f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
-    weak = sum(r.status is Status.REPRODUCED and r.claim.weak is not None for r in results)
+    weak = sum(r.status is ClaimStatus.REPRODUCED and r.claim.weak is not None for r in results)
     say = "says" if weak == 1 else "say"
     return f"{line} Of those reproduced {weak} {say} little: a wrong result could agree as well." if weak else line

@@ -10,7 +10,7 @@ from thesis_lib.critique.engines.proof import (
     MU,
     SHAPES,
     TRUTHS,
-    Case,
+    EngineCase,
     as_markdown,
     cases,
     compute,
@@ -73,7 +73,7 @@ def test_shares_count_each_question(tmp_path):
 @pytest.mark.slow
 def test_a_dataset_goes_through_critique_and_comparison_into_a_row(tmp_path, monkeypatch):
     monkeypatch.setattr(proof, "DROPS", 24)
-    computed = compute(Case("mujoco", "ellipse", "nothing", 3))
+    computed = compute(EngineCase("mujoco", "ellipse", "nothing", 3))
     assert tuple(computed) == COLUMNS
     assert computed["best"] == "mujoco" and computed["own"] < 2.0 * computed["floor"] < computed["other"]
     assert abs(computed["mu"] - MU) < 5.0 * computed["mu_std"] and computed["ratio_before"] >= 1.0
@@ -81,7 +81,7 @@ def test_a_dataset_goes_through_critique_and_comparison_into_a_row(tmp_path, mon
 
 def test_a_case_is_made_the_same_each_time_and_hides_its_cause():
     one, two, plain = (
-        make(Case("mujoco", "ellipse", truth, 1)) for truth in ("com_offset_x", "com_offset_x", "nothing")
+        make(EngineCase("mujoco", "ellipse", truth, 1)) for truth in ("com_offset_x", "com_offset_x", "nothing")
     )
     assert one.digest() == two.digest() != plain.digest()
     assert one.header.body == plain.header.body

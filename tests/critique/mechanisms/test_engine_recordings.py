@@ -7,7 +7,17 @@ import pytest
 
 from thesis_lib.__main__ import main
 from thesis_lib.critique.mechanisms.__main__ import main as proof_main
-from thesis_lib.critique.mechanisms.proof import CAUSES, NOTHING, Case, cases, compute, is_exact, put, read, report
+from thesis_lib.critique.mechanisms.proof import (
+    CAUSES,
+    NOTHING,
+    MechanismCase,
+    cases,
+    compute,
+    is_exact,
+    put,
+    read,
+    report,
+)
 from thesis_lib.foundation.errors import UserError
 
 
@@ -89,7 +99,7 @@ def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
 
 def test_the_stored_proof_is_whole_and_meets_what_was_asked(capsys):
     table = read()
-    stored = {Case(*key) for key in table[["mechanism", "engine", "truth", "seed"]].itertuples(index=False)}
+    stored = {MechanismCase(*key) for key in table[["mechanism", "engine", "truth", "seed"]].itertuples(index=False)}
     assert stored >= set(cases(NOTHING, CAUSES))
     for _, rows in table.groupby("mechanism"):
         nothing = rows["truth"] == "nothing"

@@ -7,7 +7,7 @@ import pytest
 
 from thesis_lib.critique.mechanisms.critique import believed_model, trials_of
 from thesis_lib.critique.mechanisms.effects import SMOOTH_JOINT
-from thesis_lib.critique.mechanisms.settings import WindowSettings
+from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.simulate.engines.recording import record_engine
 from thesis_lib.simulate.engines.sensors import Sensors
@@ -27,7 +27,7 @@ def recordings():
 
 def weak_form(recording, velocities, settings=None):
     trials = [replace(t, velocities=velocities) for t in trials_of(recording)]
-    return WeakForm(trials, believed_model(recording.header), settings or WindowSettings())
+    return WeakForm(trials, believed_model(recording.header), settings or EquationWindowSettings())
 
 
 @pytest.mark.slow

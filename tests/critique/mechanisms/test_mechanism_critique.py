@@ -9,14 +9,14 @@ import pytest
 from thesis_lib.critique.mechanisms import diagnosis
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, criticise_mechanism, smallest_sizes
 from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis
-from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, PAYLOAD, Motion
+from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, PAYLOAD, MotionSteps
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
-from thesis_lib.critique.mechanisms.settings import HiddenStudy, MechanismSettings, WindowSettings
+from thesis_lib.critique.mechanisms.settings import EquationWindowSettings, HiddenStudy, MechanismSettings
 from thesis_lib.critique.mechanisms.study import believed, exact_form, hidden_effect_study, is_right, true_sizes
 from thesis_lib.critique.mechanisms.trials import measured
 from thesis_lib.critique.mechanisms.windows import WeakForm
-from thesis_lib.critique.mechanisms.world import ForceFit, Windows, fit_effects
+from thesis_lib.critique.mechanisms.world import ForceFit, MechanismWorld, fit_effects
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.report.critique.mechanisms import mechanism_page
@@ -74,15 +74,15 @@ def test_effects_without_normal_forces_do_not_see_them(kind, models, rng):
     model, n = models[kind], 7
     q, v, a = rng.normal(size=(3, n, len(model.coordinates)))
     pairs = len(model.mechanism.pairs)
-    motion = Motion(q, v, a, rng.uniform(1.0, 2.0, (n, pairs)))
+    motion = MotionSteps(q, v, a, rng.uniform(1.0, 2.0, (n, pairs)))
     for effect in CANDIDATES[kind]:
         p = np.full(len(effect.parameters), 0.3)
         force = effect.force(model, motion, p)
         other = effect.force(model, replace(motion, c_n=motion.c_n + 1.0), p)
         assert (force == other).all() != effect.needs_normal
         # what is kept of one motion is not taken for another
-        anew = effect.force(model, Motion(q, v, a, motion.c_n), p)
-        moved = effect.force(model, Motion(q + 0.5, v + 0.5, a, motion.c_n), p)
+        anew = effect.force(model, MotionSteps(q, v, a, motion.c_n), p)
+        moved = effect.force(model, MotionSteps(q + 0.5, v + 0.5, a, motion.c_n), p)
         assert (force == anew).all() and ((force != moved).any() or effect.name != PAYLOAD.name)
 
 
@@ -114,7 +114,7 @@ def test_turned_gravity_of_simulation_and_critique_agree(kind, models):
     nv = len(model.coordinates)
     q, v, a = states(4, nv, 3)
     hidden = gravity_direction(model.mechanism, 0.2)
-    motion = Motion(q, v, a, np.zeros((4, len(model.mechanism.pairs))))
+    motion = MotionSteps(q, v, a, np.zeros((4, len(model.mechanism.pairs))))
     ours = GRAVITY.force(model, motion, np.array([0.2]))
     assert np.abs(ours - [hidden(0.0, q[k], v[k]) for k in range(4)]).max() < ROUNDING
 
@@ -152,7 +152,7 @@ def test_null_counts_the_candidates(models, plans):
     rng = np.random.default_rng(2)
     weak = WeakForm(measured(plans["arm"], SNR, rng, SETTINGS.windows), models["arm"], SETTINGS.windows)
     empty = ForceFit((), {}, {}, np.zeros(len(weak.trial)), np.zeros((len(weak.trial), 0)))
-    tests = scan(Windows(weak, CANDIDATES["arm"], 999).slopes(empty, CANDIDATES["arm"]), 999, rng)
+    tests = scan(MechanismWorld(weak, CANDIDATES["arm"], 999).slopes(empty, CANDIDATES["arm"]), 999, rng)
     draws = rng.standard_normal((len(weak.trial), 400))
     best = np.max([0.5 * ((B.T @ draws) ** 2).sum(axis=0) for B in tests.basis.values()], axis=0)
     p = np.array([tests.p_value(gain) for gain in best])
@@ -287,7 +287,7 @@ def test_bad_input_is_refused(models, plans):
     with pytest.raises(UserError, match="Trial 0 holds"):
         WeakForm([replace(trials[0], q=broken)], models["wheel"], SETTINGS.windows)
     with pytest.raises(UserError, match=r"No window .* left out: \{'too short': \d+\}"):
-        WeakForm(trials[:1], models["wheel"], WindowSettings(min_window=1000))
+        WeakForm(trials[:1], models["wheel"], EquationWindowSettings(min_window=1000))
     with pytest.raises(UserError, match="hides one of"):
         run_with("wheel", "coulomb_joint_friction", plans["wheel"])
 

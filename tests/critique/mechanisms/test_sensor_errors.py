@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal
 from thesis_lib.critique.mechanisms.critique import believed_model, trials_of
 from thesis_lib.critique.mechanisms.effects import CANDIDATES
 from thesis_lib.critique.mechanisms.sensors import aligned, camera_delay, sensor_errors
-from thesis_lib.critique.mechanisms.settings import WindowSettings
+from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, fit_effects, predict, sensor_excess
 from thesis_lib.datasets.recordings.header import Sampling
@@ -24,7 +24,7 @@ def arm(**sensors):
 
 
 def weak_form(trials, model):
-    return WeakForm(trials, model, WindowSettings())
+    return WeakForm(trials, model, EquationWindowSettings())
 
 
 def test_the_cameras_clock_is_found_from_the_gap():

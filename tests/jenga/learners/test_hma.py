@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import Prediction, Scaling, bayes, log_likelihood, mix, push_groups
+from thesis_lib.jenga.learners.learner import PushPrediction, Scaling, bayes, log_likelihood, mix, push_groups
 from thesis_lib.jenga.learners.network import Network
 from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, NetworkSettings
 
@@ -121,7 +121,7 @@ class Blind(Hma):
     """One abstraction whose prediction is as wrong as can be, so that it bounds no noise."""
 
     def predict(self, state, action, context, belief):
-        return Prediction(state[:, None] + 1e3, np.ones((len(state), 1, 7)), belief)
+        return PushPrediction(state[:, None] + 1e3, np.ones((len(state), 1, 7)), belief)
 
 
 @pytest.mark.parametrize("process", [0.0, 1.0, 3.0])

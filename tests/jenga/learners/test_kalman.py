@@ -7,7 +7,7 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.kalman import KalmanBank, process_variance
-from thesis_lib.jenga.learners.learner import SEEN, Prediction
+from thesis_lib.jenga.learners.learner import SEEN, PushPrediction
 
 NOISE = np.array([0.3, 0.2, 0.25, 0.05, 0.04, 0.01, 0.2]) ** 2
 CONTEXT = np.array([8.0, 1.0])
@@ -28,9 +28,9 @@ class Linear:
     def n_abstractions(self) -> int:
         return len(self.a)
 
-    def predict(self, state, action, context, belief) -> Prediction:
+    def predict(self, state, action, context, belief) -> PushPrediction:
         mean = np.einsum("kij,nj->nki", self.a, state) + np.einsum("kij,nj->nki", self.b, action) + self.e
-        return Prediction(mean, np.broadcast_to(self.q + 2 * NOISE, mean.shape), belief)
+        return PushPrediction(mean, np.broadcast_to(self.q + 2 * NOISE, mean.shape), belief)
 
     def initial_belief(self, context) -> np.ndarray:
         return np.tile(self.belief, (len(context), 1))

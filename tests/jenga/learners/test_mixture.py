@@ -9,7 +9,7 @@ from pushes_for_tests import make_samples
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import FEATURES, push_groups, step_features, windows
 from thesis_lib.jenga.learners.mixture import fit_mixture, log_beta, log_normal, merge, names_of, push_posterior
-from thesis_lib.jenga.learners.settings import MixtureSettings, WindowSettings
+from thesis_lib.jenga.learners.settings import MixtureSettings, PushWindowSettings
 
 SETTINGS = MixtureSettings()
 
@@ -28,12 +28,12 @@ def _pushes(words_of_kind, counts, rng, length=12):
 
 def test_windows_are_those_of_their_own_push_and_have_one_row_per_sample() -> None:
     samples, _ = make_samples(120, np.random.default_rng(0))
-    settings = WindowSettings(depth=5)
+    settings = PushWindowSettings(depth=5)
     features = windows(samples, settings)
     assert features.shape == (120, len(FEATURES))
     for rows in push_groups(samples):
         np.testing.assert_allclose(features[rows], windows(samples.select(rows), settings), atol=1e-9)
-    one = windows(samples, WindowSettings(depth=1))
+    one = windows(samples, PushWindowSettings(depth=1))
     np.testing.assert_allclose(
         one, step_features(samples.state, samples.next_state, 1.0, settings.force_scale), atol=1e-9
     )
@@ -42,8 +42,8 @@ def test_windows_are_those_of_their_own_push_and_have_one_row_per_sample() -> No
 def test_window_of_five_steps_is_their_mean() -> None:
     samples, _ = make_samples(200, np.random.default_rng(1))
     rows = next(rows for rows in push_groups(samples) if len(rows) >= 8)
-    steps = windows(samples, WindowSettings(depth=1))[rows[3:8]]
-    window = windows(samples, WindowSettings(depth=5))[rows[7]]
+    steps = windows(samples, PushWindowSettings(depth=1))[rows[3:8]]
+    window = windows(samples, PushWindowSettings(depth=5))[rows[7]]
     # changes telescope only where the next state is read once: it is in these pushes
     np.testing.assert_allclose(window, steps.mean(axis=0), atol=1e-9)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.jenga.learners.learner import Prediction, bayes, log_likelihood
+from thesis_lib.jenga.learners.learner import PushPrediction, bayes, log_likelihood
 from thesis_lib.jenga.learners.settings import BeliefSettings
 from thesis_lib.jenga.play.controller import Learned, branch_costs, rollout
 from thesis_lib.jenga.play.controller_settings import ControllerSettings
@@ -44,7 +44,7 @@ class MadeLearner:
 
     def predict(self, state, action, context, belief):
         mean = self._next(state, action)
-        return Prediction(mean, np.full_like(mean, 0.1), belief)
+        return PushPrediction(mean, np.full_like(mean, 0.1), belief)
 
     def means(self, state, action, context, belief):
         out = self.predict(state, action, context, belief)
@@ -168,7 +168,7 @@ class MadeNetwork(MadeLearner):
     def predict(self, state, action, context, belief):
         both = self._next(state, action)
         mean = np.where((state[:, F_N] > 1.0)[:, None, None], both[:, 1:], both[:, :1])
-        return Prediction(mean, np.full_like(mean, 0.01), belief)
+        return PushPrediction(mean, np.full_like(mean, 0.01), belief)
 
 
 def test_a_network_says_by_its_prediction_that_a_block_does_not_move():

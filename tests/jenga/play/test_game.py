@@ -10,7 +10,7 @@ from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.jenga.play import game as playing
 from thesis_lib.jenga.play.game import Game, block_order, play, read_game, write_game
-from thesis_lib.jenga.play.policies import AlwaysPush, Rule
+from thesis_lib.jenga.play.policies import AlwaysPush, RulePolicy
 from thesis_lib.jenga.robot.primitives import PrimitiveOutcome
 from thesis_lib.jenga.robot.samples import FREE, STUCK
 from thesis_lib.jenga.tower.settings import RobotSettings, Setup, TowerSettings
@@ -123,7 +123,7 @@ def test_the_error_of_a_blocks_grasp_does_not_depend_on_the_blocks_before(made):
     errors = []
     for order in ([4, 6], [6, 5, 4]):
         made(order, {4: FREE_KIND, 6: FREE_KIND})
-        play(SEED, Rule())
+        play(SEED, RulePolicy())
         errors.append(dict(MadeGripper.errors))
         MadeGripper.errors.clear()
     assert errors[0] == errors[1] and len(set(errors[0].values())) == 2
@@ -131,7 +131,7 @@ def test_the_error_of_a_blocks_grasp_does_not_depend_on_the_blocks_before(made):
 
 def test_free_blocks_are_extracted_and_stuck_ones_given_up(made):
     made([4, 5, 6], {4: FREE_KIND, 6: FREE_KIND})
-    game = play(0, Rule())
+    game = play(0, RulePolicy())
     table = game.table().set_index("block")
     assert (game.extractions, game.placements, game.end) == (2, 2, "all tried")
     assert table["extracted"].tolist() == [1, -1, 1]
@@ -149,14 +149,14 @@ def test_always_push_does_damage_and_a_damaged_push_is_no_success(made):
 @pytest.mark.parametrize("kind, end", [(FATAL, "block dropped"), (LOST, "block dropped"), (COLLAPSES, "tower toppled")])
 def test_a_fall_ends_the_run_and_what_was_extracted_counts(made, kind, end):
     made([4, 7, 10], {4: FREE_KIND, 7: kind, 10: FREE_KIND})
-    game = play(0, Rule())
+    game = play(0, RulePolicy())
     assert (game.extractions, game.end, len(game.attempts)) == (1, end, 2)
     assert not game.refused
 
 
 def test_a_standing_tower_whose_simulation_breaks_down_is_refused(made):
     made([4, 7], {4: FREE_KIND, 7: BREAKS})
-    game = play(0, Rule())
+    game = play(0, RulePolicy())
     assert game.refused and "cap" in game.error
     for score in ("extractions", "placements"):
         with pytest.raises(UserError, match="refused"):
@@ -164,13 +164,13 @@ def test_a_standing_tower_whose_simulation_breaks_down_is_refused(made):
 
 
 def test_a_tower_that_cannot_be_settled_is_refused_and_not_a_score():
-    game = play(1, Rule(), Setup(tower=TowerSettings(iterations=2), robot=RobotSettings(step_time=0.05)))
+    game = play(1, RulePolicy(), Setup(tower=TowerSettings(iterations=2), robot=RobotSettings(step_time=0.05)))
     assert game.refused and not game.attempts and "iterations" in game.error
 
 
 def test_the_number_of_blocks_can_be_limited(made):
     made(list(range(45)), {})
-    assert len(play(0, Rule(), blocks=7).attempts) == 7
+    assert len(play(0, RulePolicy(), blocks=7).attempts) == 7
 
 
 def test_policies_meet_the_same_blocks_and_noise(made, monkeypatch):
@@ -182,9 +182,9 @@ def test_policies_meet_the_same_blocks_and_noise(made, monkeypatch):
         return np.array(seen[33:])
 
     made([4, 7], {4: FREE_KIND, 7: FREE_KIND})
-    first = readings(Rule())
+    first = readings(RulePolicy())
     np.testing.assert_array_equal(readings(AlwaysPush()), first)
-    assert (readings(Rule(), base_seed=1) != first).any() and (readings(Rule(), seed=1) != first).any()
+    assert (readings(RulePolicy(), base_seed=1) != first).any() and (readings(RulePolicy(), seed=1) != first).any()
 
 
 def test_the_order_is_a_permutation_fixed_by_the_seeds():
@@ -195,13 +195,13 @@ def test_the_order_is_a_permutation_fixed_by_the_seeds():
 
 def test_a_file_gives_the_same_game_again(made, tmp_path):
     made([4, 5], {4: FREE_KIND})
-    game = play(0, Rule(), frames=True)
+    game = play(0, RulePolicy(), frames=True)
     assert [frame[0] for frame in game.frames] == ["start", "extracted"]
     path = tmp_path / "game.json"
     write_game(game, path)
     assert read_game(path) == game
     text = path.read_bytes()
-    write_game(play(0, Rule(), frames=True), path)
+    write_game(play(0, RulePolicy(), frames=True), path)
     assert path.read_bytes() == text
 
 
@@ -226,7 +226,7 @@ def test_three_blocks_of_a_real_tower(monkeypatch):
     tower = Settled.get()
     monkeypatch.setattr(playing, "settled_tower", lambda *_: tower)
     monkeypatch.setattr(playing, "block_order", lambda *_: np.array([STUCK_BLOCK, FREE_BLOCK, 37]))
-    game = play(SEED, Rule(), label=True, frames=True)
+    game = play(SEED, RulePolicy(), label=True, frames=True)
     table = game.table()
     assert game.end == "all tried" and game.extractions == 2
     assert table["truth"].tolist() == [STUCK, FREE, FREE]

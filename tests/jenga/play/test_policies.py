@@ -16,7 +16,7 @@ from thesis_lib.jenga.play.policies import (
     Exploration,
     Push,
     Retract,
-    Rule,
+    RulePolicy,
 )
 from thesis_lib.jenga.tower.settings import CollectSettings
 
@@ -43,7 +43,7 @@ def test_always_push_never_gives_up():
 
 
 def test_the_rule_has_two_thresholds():
-    policy = begun(Rule(RuleSettings(force=1.0, tower=2.0)))
+    policy = begun(RulePolicy(RuleSettings(force=1.0, tower=2.0)))
     assert policy.act(state(force=0.99, tower=1.99), CONTEXT) == STRAIGHT
     assert policy.act(state(force=1.01), CONTEXT) == Retract("force")
     assert policy.act(state(tower=2.01), CONTEXT) == Retract("tower moves")

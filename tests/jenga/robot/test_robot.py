@@ -7,7 +7,7 @@ from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled, exact_robot
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.primitives import Gripper, free_places
 from thesis_lib.jenga.robot.robot import Robot, Sensor, standard_deviations
-from thesis_lib.jenga.robot.samples import STATE, Samples
+from thesis_lib.jenga.robot.samples import STATE, PushSamples
 from thesis_lib.jenga.tower.settings import HiddenEffects, RobotSettings, SensingSettings, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, Tower
 
@@ -109,7 +109,7 @@ def test_a_goal_of_three_quarters_is_pushed_to_and_needs_longer_pushes():
     state = robot.state()
     assert robot.reached_goal() and 56.25 <= state[X] < 58.0 and robot.steps > 45
     zeros, row = np.zeros((1, 2)), np.zeros(1)
-    Samples(row, row, state[None], zeros, state[None], zeros, row, row, row)  # within `RANGE`
+    PushSamples(row, row, state[None], zeros, state[None], zeros, row, row, row)  # within `RANGE`
 
 
 def _out(tower: Tower, block: int = FREE_BLOCK) -> None:

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.samples import ENOUGH, RANGE, STATE, Samples, join, read_samples, write_samples
+from thesis_lib.jenga.robot.samples import ENOUGH, RANGE, STATE, PushSamples, join, read_samples, write_samples
 
 
-def _samples(n: int = 12, seed: int = 0) -> Samples:
+def _samples(n: int = 12, seed: int = 0) -> PushSamples:
     rng = np.random.default_rng(seed)
     state = rng.uniform(0.0, 3.0, (n, len(STATE)))
-    return Samples(
+    return PushSamples(
         push=np.arange(n) // 4,
         step=np.arange(n) % 4,
         state=state,

@@ -7,7 +7,7 @@ from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
 from thesis_lib.figures.chapter5.render import figure_5_5a, figure_game
 from thesis_lib.jenga.robot.movable import comes_out, fractions, hidden_label, is_movable, scan, trial_push
-from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, Samples, as_table
+from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples, as_table
 from thesis_lib.jenga.study import collect as collecting
 from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
 from thesis_lib.jenga.study.tower_study import agreement
@@ -18,7 +18,7 @@ REDUCED = Setup(collect=CollectSettings(reduced=True))
 
 
 @pytest.fixture(scope="module")
-def collected() -> tuple[Samples, pd.DataFrame]:
+def collected() -> tuple[PushSamples, pd.DataFrame]:
     return explore_tower(SEED, 7, REDUCED, limit=25)
 
 
@@ -61,7 +61,7 @@ def test_samples_of_a_push_follow_each_other(collected):
     assert not equal[same & ~kept].all()
 
 
-def assert_the_same_but_unlabelled(unlabelled: Samples, labelled: Samples):
+def assert_the_same_but_unlabelled(unlabelled: PushSamples, labelled: PushSamples):
     assert set(labelled.truth) <= {FREE, STUCK} and set(unlabelled.truth) == {UNKNOWN}
     same = [as_table(samples).drop(columns="truth") for samples in (unlabelled, labelled)]
     pd.testing.assert_frame_equal(*same, check_exact=True)
@@ -94,7 +94,7 @@ def test_a_refused_tower_is_left_out_whole_and_recorded(monkeypatch):
             raise TowerError(f"tower {seed} has toppled")
         n = min(limit, 4)
         zeros, ids = np.zeros((n, len(STATE))), np.arange(n)
-        samples = Samples(ids, 0 * ids, zeros, zeros[:, :2], zeros, zeros[:, :2], 0 * ids, ids, ids)
+        samples = PushSamples(ids, 0 * ids, zeros, zeros[:, :2], zeros, zeros[:, :2], 0 * ids, ids, ids)
         return samples, pd.DataFrame([dict.fromkeys(collecting.ATTEMPT, seed)])
 
     monkeypatch.setattr(collecting, "explore_tower", sometimes)

@@ -9,7 +9,7 @@ from pushes_for_tests import make_samples
 from thesis_lib.jenga.learners.learner import push_groups
 from thesis_lib.jenga.learners.settings import ExpertSettings, LearnerSettings
 from thesis_lib.jenga.play.settings import ExpertChoice
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.robot.samples import PushSamples
 from thesis_lib.jenga.study.expert_study import FEW, MANY, clustered, expert_tables
 
 SETTINGS = LearnerSettings(experts=ExpertSettings(iterations=15))
@@ -58,11 +58,11 @@ def test_pushes_of_several_kinds_take_more_than_one_regression_and_a_line_does_n
     assert gains["line"].max() < 0.0
 
 
-def _made(seed: int) -> Samples:
+def _made(seed: int) -> PushSamples:
     return make_samples(600, np.random.default_rng(seed))[0]
 
 
-def _line(samples: Samples) -> Samples:
+def _line(samples: PushSamples) -> PushSamples:
     """Changes that are linear in the action, with normal noise."""
     change = 0.02 * samples.action[:, :1] + 0.05 * np.random.default_rng(len(samples)).normal(size=samples.state.shape)
     return replace(samples, next_state=samples.state + change)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.learner import YAW, Prediction, X, Y
+from thesis_lib.jenga.learners.learner import YAW, PushPrediction, X, Y
 from thesis_lib.jenga.play.settings import ShowcaseChoice
 from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, strayed_most
 from thesis_lib.jenga.tower.settings import RobotSettings, Setup
@@ -27,7 +27,7 @@ class Lever:
         mean[:, X] += 1.0
         mean[:, YAW] -= 0.05 * action[:, 0]
         mean[:, Y] += 0.5 * np.sin(action[:, 1])
-        return Prediction(mean[:, None], np.ones_like(mean)[:, None], np.ones((len(state), 1)))
+        return PushPrediction(mean[:, None], np.ones_like(mean)[:, None], np.ones((len(state), 1)))
 
     def means(self, state, action, context, belief):
         out = self.predict(state, action, context, belief)

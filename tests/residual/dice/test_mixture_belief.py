@@ -7,7 +7,7 @@ import pytest
 from throws_for_tests import HALF, RIG, throws
 
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.dice.data import MeasuredContacts, Releases
+from thesis_lib.residual.dice.data import MeasuredContacts, ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.mixture_belief import first_contact_scores, first_contact_summary, fly_gaussian, propagate
 from thesis_lib.residual.dice.models import Thrower
@@ -116,7 +116,7 @@ def measured(n, scatter):
     index = np.arange(n)
     states = state[:, :3], state[:, 3:], end[:, :3], end[:, 3:]
     contacts = MeasuredContacts(index, index >= 0, *states, span, last_hit=np.zeros(len(index)))
-    releases = Releases(index, state[:, :3], state[:, 3:], np.tile(START, (n, 1, 1)), end[:, :3], {}, np.ones(3))
+    releases = ThrowReleases(index, state[:, :3], state[:, 3:], np.tile(START, (n, 1, 1)), end[:, :3], {}, np.ones(3))
     good = np.isfinite(end).all(1)
     return releases.select(rng.permutation(n)), contacts.select(good)
 

@@ -8,7 +8,7 @@ from throws_for_tests import HALF, RIG, throws
 
 from thesis_lib.foundation.columns import explain
 from thesis_lib.records.chapter4_dice import PUBLISHED as SHOWN
-from thesis_lib.residual.dice.data import Releases
+from thesis_lib.residual.dice.data import ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.models import Thrower
 from thesis_lib.residual.dice.readings import LAW, PUBLISHED, _chi2, readings
@@ -24,13 +24,13 @@ SETTINGS = DiceStudySettings(particles=20, bootstrap=50)
 
 
 @pytest.fixture(scope="module")
-def thrown() -> Releases:
+def thrown() -> ThrowReleases:
     """Throws by the model, with the uncertainty of start that measured ones have."""
     q, v = throws(N)
     out = simulate_throws(MODEL.body, q, v, MODEL.impact, MODEL.mu, ThrowSettings(), np.random.default_rng(0))
     sigma = np.array([1e-4, 1e-4, 2e-3, 0.005, 0.005, 0.1])
     cov = np.tile(np.diag(sigma**2), (N, 1, 1))
-    return Releases(np.arange(N), q, v, cov, out.q, {}, sigma[:3])
+    return ThrowReleases(np.arange(N), q, v, cov, out.q, {}, sigma[:3])
 
 
 def widths(releases, contact):

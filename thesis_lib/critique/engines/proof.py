@@ -54,7 +54,7 @@ COLUMNS = (*KEY, "verdict", "named", "best", "own", "other", "floor", *RATIOS, "
 
 
 @dataclass(frozen=True)
-class Case:
+class EngineCase:
     """One dataset."""
 
     engine: str
@@ -63,10 +63,10 @@ class Case:
     seed: int
 
 
-def cases(seeds: int) -> list[Case]:
+def cases(seeds: int) -> list[EngineCase]:
     """The whole table, `seeds` of each engine and shape and truth, mixed: a part of it is like the whole."""
     return [
-        Case(engine, shape, truth, SEEDS + i)
+        EngineCase(engine, shape, truth, SEEDS + i)
         for i in range(seeds)
         for truth in TRUTHS
         for engine in ENGINES
@@ -74,7 +74,7 @@ def cases(seeds: int) -> list[Case]:
     ]
 
 
-def make(case: Case, drops: int = DROPS) -> "Dataset":
+def make(case: EngineCase, drops: int = DROPS) -> "Dataset":
     """The drops of a case, as a rig records them."""
     from thesis_lib.datasets.format.dataset import Dataset
     from thesis_lib.simulate.rig.hidden_causes import (
@@ -105,7 +105,7 @@ def make(case: Case, drops: int = DROPS) -> "Dataset":
     return Dataset("proof", made.header, made.trajectories)
 
 
-def compute(case: Case) -> dict[str, object]:
+def compute(case: EngineCase) -> dict[str, object]:
     """Criticise, compare both engines, and sum up: a row of the table."""
     from thesis_lib.critique.drops.criticise import whole_critique
     from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, spread
@@ -132,7 +132,7 @@ def compute(case: Case) -> dict[str, object]:
     return row | {name: float(f"{value:.4g}") for name, value in numbers.items()} | stamp(__file__)
 
 
-def run(todo: Sequence[Case], jobs: int, say: Callable[[str], None] = print, store: Path = STORE) -> None:
+def run(todo: Sequence[EngineCase], jobs: int, say: Callable[[str], None] = print, store: Path = STORE) -> None:
     """Compute the cases that are not stored yet, several at a time; each is stored as it ends."""
     done = {tuple(row) for row in read_rows(store, COLUMNS)[list(KEY)].itertuples(index=False)}
     left = [case for case in todo if tuple(vars(case).values()) not in done]

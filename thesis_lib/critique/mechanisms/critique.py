@@ -27,7 +27,7 @@ from thesis_lib.critique.mechanisms.sensors import aligned, camera_delay, sensor
 from thesis_lib.critique.mechanisms.settings import MechanismSettings
 from thesis_lib.critique.mechanisms.trials import Trial
 from thesis_lib.critique.mechanisms.windows import WeakForm
-from thesis_lib.critique.mechanisms.world import ForceFit, ForceJudgement, Windows, sensor_excess
+from thesis_lib.critique.mechanisms.world import ForceFit, ForceJudgement, MechanismWorld, sensor_excess
 from thesis_lib.critique.selection.discovery import Discovery, Step, judge_held_out, paired_gain
 from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.world import Remaining
@@ -183,7 +183,7 @@ def criticise_mechanism(
     sensors = sensor_errors(sampling, model.joints)
     late = camera_delay([trials[i] for i in kept], model, sampling.delay)
     held_out, training = (
-        Windows(
+        MechanismWorld(
             WeakForm(aligned([trials[i] for i in part], model, late), model, settings.windows),
             candidates,
             draws,

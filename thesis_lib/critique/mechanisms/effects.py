@@ -30,7 +30,7 @@ SMOOTH_JOINT, SMOOTH_ROLLING = 0.02, 0.03
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionSteps:
     """n steps of measured motion: q, v, a (n, nv) in m, rad and s; normal forces `c_n` (n, p) of the pairs in N.
 
     `f` (n, nv) is the known force in N or N m, `df` (n, nv) its time derivative; None where neither is needed.
@@ -70,7 +70,7 @@ class MechanismEffect:
     family: str
     title: str
     equation: str
-    force: Callable[[BelievedModel, Motion, np.ndarray], np.ndarray]
+    force: Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]
     parameters: tuple[Parameter, ...]
     needs_normal: bool = False
     prior: tuple[float, ...] = ()
@@ -80,26 +80,26 @@ def _parameters(unit: str, scale: float, *names: str) -> tuple[Parameter, ...]:
     return tuple(Parameter(name, unit, null=0.0, low=-np.inf, high=np.inf, scale=scale) for name in names)
 
 
-def _at_joints(model: BelievedModel, motion: Motion, of_speed: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def _at_joints(model: BelievedModel, motion: MotionSteps, of_speed: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Q of forces at the driven joints, from their speeds."""
     Q = np.zeros_like(motion.v)
     Q[:, : model.joints] = of_speed(motion.v[:, : model.joints])
     return Q
 
 
-def _viscous(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _viscous(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     return _at_joints(model, motion, lambda speed: -p * speed)
 
 
-def _coulomb(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _coulomb(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     return _at_joints(model, motion, lambda speed: -p * np.tanh(speed / SMOOTH_JOINT))
 
 
-def _torque_offset(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _torque_offset(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     return _at_joints(model, motion, lambda speed: np.broadcast_to(p, speed.shape))
 
 
-def _gravity(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _gravity(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     (alpha,), (gx, gy) = p, model.gravity
     # g - R(α) g; gravity's share of Y is linear in gravity
     change = (gx * (1.0 - np.cos(alpha)) + gy * np.sin(alpha), gy * (1.0 - np.cos(alpha)) - gx * np.sin(alpha))
@@ -112,12 +112,12 @@ def _gravity(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
     return change[0] * along_x + change[1] * along_y
 
 
-def _payload(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _payload(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     (of_unit,) = motion.once("payload", model, lambda: (model.regressor(motion.q, motion.v, motion.a) @ model.payload,))
     return -p * of_unit
 
 
-def _rolling(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _rolling(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     radius, pairs = model.roller
     normal = motion.c_n[:, list(pairs)].sum(axis=1)
     Q = np.zeros_like(motion.v)
@@ -125,7 +125,7 @@ def _rolling(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
     return Q
 
 
-def _rotation(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _rotation(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     Q = np.zeros_like(motion.v)
     Q[:, -1] = -p * motion.v[:, -1]
     return Q

@@ -50,7 +50,7 @@ WITHIN = 1.96  # standard errors
 
 
 @dataclass(frozen=True)
-class Case:
+class MechanismCase:
     """One recording."""
 
     mechanism: MechanismKind
@@ -59,10 +59,10 @@ class Case:
     seed: int
 
 
-def cases(nothing: int = NOTHING, causes: int = CAUSES, first: int = SEEDS) -> list[Case]:
+def cases(nothing: int = NOTHING, causes: int = CAUSES, first: int = SEEDS) -> list[MechanismCase]:
     """All recordings of the table: `nothing` without and `causes` with each cause, of each mechanism and engine."""
     return [
-        Case(kind, engine, truth, first + i)
+        MechanismCase(kind, engine, truth, first + i)
         for kind in TRUTHS
         for engine in ENGINES
         for truth in TRUTHS[kind]
@@ -70,7 +70,7 @@ def cases(nothing: int = NOTHING, causes: int = CAUSES, first: int = SEEDS) -> l
     ]
 
 
-def compute(case: Case) -> dict[str, object]:
+def compute(case: MechanismCase) -> dict[str, object]:
     """Record and criticise; a row of the table."""
     sizes = HiddenSizes()
     recording = record_engine(case.truth, case.mechanism, case.truth, case.engine, seed=case.seed)

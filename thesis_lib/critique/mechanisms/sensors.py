@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.critique.mechanisms.effects import MechanismEffect, Motion
+from thesis_lib.critique.mechanisms.effects import MechanismEffect, MotionSteps
 from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.critique.mechanisms.steps import interpolation
 from thesis_lib.critique.mechanisms.trials import Trial
@@ -58,18 +58,18 @@ def _of(unit: str, names: Sequence[str]) -> tuple[Parameter, ...]:
     return tuple(Parameter(name, unit, null=0.0, low=-np.inf, high=np.inf, scale=0.01) for name in names)
 
 
-def _delay(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _delay(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     assert motion.df is not None
     return -p[0] * motion.df
 
 
-def _offset(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _offset(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     Q = np.zeros_like(motion.v)
     Q[:, : model.joints] = p
     return Q
 
 
-def _ripple(model: BelievedModel, motion: Motion, p: np.ndarray) -> np.ndarray:
+def _ripple(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
     Q = np.zeros_like(motion.v)
     angles = np.arange(1, HARMONICS + 1) * motion.q[:, : model.joints, None]
     waves = np.concatenate([np.cos(angles), np.sin(angles)], axis=2)

@@ -7,7 +7,7 @@ from thesis_lib.foundation.settings import Section
 from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind
 
 
-class WindowSettings(Section):
+class EquationWindowSettings(Section):
     """How the equations are gathered; own choices."""
 
     window: int = Field(20, ge=1, description="steps, 0.1 s: shorter windows see noise, longer ones blur the cause")
@@ -24,7 +24,7 @@ class WindowSettings(Section):
 class MechanismSettings(Section):
     """Settings of the critique of mechanisms; thresholds are those of impacts."""
 
-    windows: WindowSettings = WindowSettings()
+    windows: EquationWindowSettings = EquationWindowSettings()
     thresholds: SearchSettings = SearchSettings()
     resamples: int = Field(999, ge=199, description="draws of the null distributions and of the bootstrap")
 

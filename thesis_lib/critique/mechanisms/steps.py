@@ -35,7 +35,7 @@ _PARABOLA = (-2.0, 3.0, 6.0, 7.0, 6.0, 3.0, -2.0)  # over 21: value in the middl
 
 
 @dataclass(frozen=True)
-class Rule:
+class StepRule:
     """How steps follow from samples.
 
     Attributes:
@@ -68,20 +68,20 @@ class Rule:
         return (1.0 - s**2) ** self.power
 
 
-def rule_of(velocities: Velocities, h: float) -> Rule:
+def rule_of(velocities: Velocities, h: float) -> StepRule:
     """The rule for samples every h seconds."""
     a = (("v", 1, 1.0 / h), ("v", 0, -1.0 / h))
     if velocities == "time_stepping":
-        return Rule((("q", 0, 1.0),), (("v", 0, 1.0),), a, ((0, 1.0),), ((0, 0.0),), 0, 1, 0)
+        return StepRule((("q", 0, 1.0),), (("v", 0, 1.0),), a, ((0, 1.0),), ((0, 0.0),), 0, 1, 0)
     if velocities == "measured":
         q, v = ((("q", 0, 0.5), ("q", 1, 0.5)), (("v", 0, 0.5), ("v", 1, 0.5)))
-        return Rule(q, v, a, ((0, 1.0),), ((-1, -0.5 / h), (1, 0.5 / h)), 1, 2, 1, True)
+        return StepRule(q, v, a, ((0, 1.0),), ((-1, -0.5 / h), (1, 0.5 / h)), 1, 2, 1, True)
     around = range(-_HALF, _HALF + 1)
     value = tuple(("q", j, w / 21.0) for j, w in zip(around, _PARABOLA))
     slope = tuple(("q", j, j / (28.0 * h)) for j in around)
     second = (("q", 1, 1.0 / h**2), ("q", 0, -2.0 / h**2), ("q", -1, 1.0 / h**2))
     f, df = ((-1, 0.5), (0, 0.5)), ((-1, -1.0 / h), (0, 1.0 / h))
-    return Rule(value, slope, second, f, df, _HALF, _HALF + 1, 2)
+    return StepRule(value, slope, second, f, df, _HALF, _HALF + 1, 2)
 
 
 def may_touch(phi: np.ndarray, reach: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thesis_lib.critique.mechanisms.settings import WindowSettings
+from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
 from thesis_lib.critique.mechanisms.steps import Velocities
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import Record
@@ -32,7 +32,7 @@ class Trial:
 
 
 def measured(
-    records: Sequence[Record], snr_db: float, rng: np.random.Generator, settings: WindowSettings
+    records: Sequence[Record], snr_db: float, rng: np.random.Generator, settings: EquationWindowSettings
 ) -> tuple[Trial, ...]:
     """Trials as measured at this signal-to-noise ratio; infinite: exact states."""
     trials = []

@@ -39,10 +39,10 @@ from itertools import combinations, pairwise, product
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from thesis_lib.critique.mechanisms.effects import SMOOTH_JOINT, Motion
+from thesis_lib.critique.mechanisms.effects import SMOOTH_JOINT, MotionSteps
 from thesis_lib.critique.mechanisms.model import BelievedModel
-from thesis_lib.critique.mechanisms.settings import WindowSettings
-from thesis_lib.critique.mechanisms.steps import Rule, lasting, may_touch, rule_of
+from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
+from thesis_lib.critique.mechanisms.steps import StepRule, lasting, may_touch, rule_of
 from thesis_lib.critique.mechanisms.trials import Trial
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.multibody import ContactGeometry
@@ -75,7 +75,7 @@ class WeakForm:
         UserError: no usable window, or a state that is not finite.
     """
 
-    def __init__(self, trials: Sequence[Trial], model: BelievedModel, settings: WindowSettings) -> None:
+    def __init__(self, trials: Sequence[Trial], model: BelievedModel, settings: EquationWindowSettings) -> None:
         self.model, self.h = model, trials[0].h
         self.left_out: Counter[str] = Counter()
         self.columns: dict[str, np.ndarray] = {}
@@ -83,7 +83,7 @@ class WeakForm:
         for i, t in enumerate(trials):
             if not all(np.isfinite(x).all() for x in (t.q, t.v, t.f_ext, t.sigma)):
                 raise UserError(f"Trial {i} holds states, forces or noise that are not finite; repair or drop it.")
-        self.rule: Rule = rule_of(trials[0].velocities, self.h)
+        self.rule: StepRule = rule_of(trials[0].velocities, self.h)
         windows = [w for i, t in enumerate(trials) for w in self._windows(i, t, settings)]
         if not windows:
             raise UserError(
@@ -97,7 +97,7 @@ class WeakForm:
         self._group(windows)
         q, v, a, f, df = (np.concatenate(parts) for parts in zip(*(self._states(trials[w.trial], w) for w in windows)))
         self.f, self.basis, self._to_contact = f, self._basis(q), self._constraints(q)
-        self.motion = Motion(q, v, a, np.zeros((len(q), len(model.mechanism.pairs))), f, df)
+        self.motion = MotionSteps(q, v, a, np.zeros((len(q), len(model.mechanism.pairs))), f, df)
         self._rest = model.inverse_dynamics(q, v, a) - f
         self.motion = self.with_normals(np.zeros_like(q))
         self._contact = np.concatenate(self.contact_forces(np.zeros_like(q)), axis=1)
@@ -112,7 +112,7 @@ class WeakForm:
         known = (sum((w * t.f_ext[np.clip(k + j, 0, last)] for j, w in weights), none) for weights in (rule.f, rule.df))
         return (*states, *known)
 
-    def _active(self, t: Trial, settings: WindowSettings) -> np.ndarray:
+    def _active(self, t: Trial, settings: EquationWindowSettings) -> np.ndarray:
         """(m, p) or (m, p + joints): which pairs may touch, and which joints stand, in the time that a step needs."""
         if t.velocities == "time_stepping":
             q, v = t.q[:-1], t.v[:-1]
@@ -135,12 +135,12 @@ class WeakForm:
             still[k, i] = lasting(slow, settings.min_window)
         return np.concatenate([active, still], axis=1)
 
-    def _reach(self, contacts: ContactGeometry, t: Trial, settings: WindowSettings) -> np.ndarray:
+    def _reach(self, contacts: ContactGeometry, t: Trial, settings: EquationWindowSettings) -> np.ndarray:
         """Gap (m, p) in m within which a contact counts: noise, and one step of free fall."""
         spread = np.sqrt(np.einsum("kpv,v->kp", contacts.J_n**2, t.sigma[0] ** 2))
         return settings.gap_sigmas * spread + np.linalg.norm(self.model.gravity) * self.h**2
 
-    def _windows(self, i: int, t: Trial, settings: WindowSettings) -> list[_Window]:
+    def _windows(self, i: int, t: Trial, settings: EquationWindowSettings) -> list[_Window]:
         active = self._active(t, settings)
         contacts = self.model.mechanism.contacts_of(t.q[:-1])
         first, last = self.rule.before, len(t.q) - self.rule.after
@@ -212,7 +212,7 @@ class WeakForm:
         c = np.einsum("kcv,kv->kc", self._to_contact[:, : 2 * p], self._rest - force)
         return c[:, :p], c[:, p:]
 
-    def with_normals(self, force: np.ndarray) -> Motion:
+    def with_normals(self, force: np.ndarray) -> MotionSteps:
         """The motion with the normal forces that it requires if `force` (n, nv) also acts."""
         c_n = self.contact_forces(force)[0]
         if self.rule.power:  # the noise of one step exceeds the force: the mean of a window
@@ -295,7 +295,7 @@ class WeakForm:
         return T
 
 
-def _pieces(a: int, b: int, settings: WindowSettings, rule: Rule) -> list[tuple[int, int]]:
+def _pieces(a: int, b: int, settings: EquationWindowSettings, rule: StepRule) -> list[tuple[int, int]]:
     """First and last-but-one steps of the windows of a stretch a..b-1: side by side, or half over each other."""
     if not rule.power:
         parts = max(1, round((b - a) / settings.window))

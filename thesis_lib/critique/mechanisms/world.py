@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from thesis_lib.critique.mechanisms.effects import MechanismEffect, Motion
+from thesis_lib.critique.mechanisms.effects import MechanismEffect, MotionSteps
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.selection.scan import RANK
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -111,7 +111,7 @@ class ForceJudgement:
         return self.misfit, *central_95(np.sqrt((counts @ squares) / (counts @ rows)))
 
 
-class Windows(World[MechanismEffect, ForceFit, ForceJudgement]):
+class MechanismWorld(World[MechanismEffect, ForceFit, ForceJudgement]):
     """Window equations of trials, and the forces that they may lack."""
 
     unit = "window"
@@ -255,7 +255,7 @@ def residual(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping
 def total_force(weak: WeakForm, effects: Sequence[MechanismEffect], values: Mapping[str, np.ndarray]) -> np.ndarray:
     """Force (n, nv) in N or N m of `effects` at `values`, with the contact forces that they cause."""
 
-    def of(motion: Motion) -> np.ndarray:
+    def of(motion: MotionSteps) -> np.ndarray:
         return sum((e.force(weak.model, motion, values[e.name]) for e in effects), np.zeros_like(weak.f))
 
     force = of(weak.motion)
@@ -283,7 +283,7 @@ def _columns(
     return found
 
 
-def _slopes(weak: WeakForm, effect: MechanismEffect, motion: Motion, here: np.ndarray) -> np.ndarray:
+def _slopes(weak: WeakForm, effect: MechanismEffect, motion: MotionSteps, here: np.ndarray) -> np.ndarray:
     """U (N, n_p) at the parameters `here`."""
     base = effect.force(weak.model, motion, here)
     slopes = [

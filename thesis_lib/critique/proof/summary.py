@@ -43,7 +43,7 @@ Measure = Literal["right", "coverage", "misfit"]
 
 
 @dataclass(frozen=True)
-class Target:
+class SummaryTarget:
     """One figure of the summary, of the datasets of a `kind` (`proof.results.KINDS`) with that many `drops`.
 
     `measure` is the share of right verdicts, the coverage of parameters, or the misfit over its floor; `at_least` and
@@ -70,14 +70,14 @@ _FIRST = "one effect, named alone or in its group, laws injected, 150 drops"
 _INSIDE = f"parameter inside its 95 % interval (laws injected), width over the Fisher bound ≤ {WIDEST:g}"
 _AFTER = "held-out error after, over the noise floor (single effects)"
 TARGETS = (
-    Target(_FIRST, "right", "single", (0.95, 1.0), (0.99, 1.0), (("law",),)),
-    Target("the same, mechanisms, 150 drops", "right", "single", (0.85, 1.0), (0.95, 1.0), _EACH),
-    Target("the same, mechanisms, 50 drops", "right", "single", (0.70, 1.0), (0.90, 1.0), _EACH, 50),
-    Target("nothing hidden, verdict adequate, per source", "right", NOTHING, (0.95, 1.0), (0.99, 1.0), _ALL[1:]),
-    Target("both effects of a pair", "right", "pair", (0.80, 1.0), (0.95, 1.0), _ALL),
-    Target("outside the library: unexplained", "right", "outside", (0.80, 1.0), (0.95, 1.0), _EACH),
-    Target(_INSIDE, "coverage", "single", (0.90, 1.0), (0.94, 0.96), (("law",),)),
-    Target(_AFTER, "misfit", "single", (0.0, 1.2), (0.0, 1.05), _ALL),
+    SummaryTarget(_FIRST, "right", "single", (0.95, 1.0), (0.99, 1.0), (("law",),)),
+    SummaryTarget("the same, mechanisms, 150 drops", "right", "single", (0.85, 1.0), (0.95, 1.0), _EACH),
+    SummaryTarget("the same, mechanisms, 50 drops", "right", "single", (0.70, 1.0), (0.90, 1.0), _EACH, 50),
+    SummaryTarget("nothing hidden, verdict adequate, per source", "right", NOTHING, (0.95, 1.0), (0.99, 1.0), _ALL[1:]),
+    SummaryTarget("both effects of a pair", "right", "pair", (0.80, 1.0), (0.95, 1.0), _ALL),
+    SummaryTarget("outside the library: unexplained", "right", "outside", (0.80, 1.0), (0.95, 1.0), _EACH),
+    SummaryTarget(_INSIDE, "coverage", "single", (0.90, 1.0), (0.94, 0.96), (("law",),)),
+    SummaryTarget(_AFTER, "misfit", "single", (0.0, 1.2), (0.0, 1.05), _ALL),
 )
 
 
@@ -106,13 +106,13 @@ def summary(store: Path = STORE) -> pd.DataFrame:
 _NOT_RUN = {"n": 0, "measured": np.nan, "low": np.nan, "high": np.nan, "met": "not run"}
 
 
-def _right(target: Target, rows: pd.DataFrame) -> dict:
+def _right(target: SummaryTarget, rows: pd.DataFrame) -> dict:
     share = float(rows["right"].mean())
     low, high = wilson(int(rows["right"].sum()), len(rows))
     return {"n": len(rows), "measured": share, "low": low, "high": high, "met": target.met(share)}
 
 
-def _coverage(target: Target, values: pd.DataFrame) -> dict:
+def _coverage(target: SummaryTarget, values: pd.DataFrame) -> dict:
     share, width = float(values["inside"].mean()), float(values["width"].median())
     low, high = wilson(int(values["inside"].sum()), len(values))
     n = len(values.drop_duplicates(["source", "truth", "seed"]))
@@ -121,7 +121,7 @@ def _coverage(target: Target, values: pd.DataFrame) -> dict:
     return {"n": n, "measured": share, "low": low, "high": high, "met": met, "note": note}
 
 
-def _misfit(target: Target, rows: pd.DataFrame) -> dict:
+def _misfit(target: SummaryTarget, rows: pd.DataFrame) -> dict:
     values = rows["after_over_floor"].to_numpy(float)
     median, (low, high) = float(np.median(values)), median_interval(values)
     by_truth, most = rows.groupby("truth")["after_over_floor"].median(), target.at_least[1]
@@ -136,7 +136,7 @@ def _misfit(target: Target, rows: pd.DataFrame) -> dict:
 _MEASURES = {"right": _right, "coverage": _coverage, "misfit": _misfit}
 
 
-def _asked(target: Target, group: Sequence[str]) -> float:
+def _asked(target: SummaryTarget, group: Sequence[str]) -> float:
     """Number of planned datasets; NaN if it is not planned per source, or depends on the named effects."""
     if target.measure == "coverage":
         return np.nan
@@ -148,7 +148,7 @@ def _asked(target: Target, group: Sequence[str]) -> float:
     return float(ASKED[target.kind]) if group == target.groups[0] else np.nan
 
 
-def _said(target: Target, limits: tuple[float, float]) -> str:
+def _said(target: SummaryTarget, limits: tuple[float, float]) -> str:
     low, high = limits
     if target.measure == "misfit":
         return f"≤ {high:g}"

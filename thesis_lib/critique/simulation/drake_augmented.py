@@ -23,7 +23,7 @@ from thesis_lib.bodies.body import Body, Noise, Surface
 from thesis_lib.critique.contacts.episodes import contact
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.critique.simulation.law_drops import REST, Releases, between, camera_and_body
+from thesis_lib.critique.simulation.law_drops import REST, ReleaseDistribution, between, camera_and_body
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import POSE
@@ -41,7 +41,7 @@ MAX_TOUCHES = 50  # of one drop; its impacts are slower than REST, and its recor
 
 def simulate_augmented_in_drake(
     model: SavedModel,
-    release: Releases,
+    release: ReleaseDistribution,
     n: int,
     *,
     duration: float = 0.6,

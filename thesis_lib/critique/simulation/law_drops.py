@@ -30,7 +30,7 @@ _NOW = 1e-9  # s
 _VELOCITY = ("vx", "vy", "omega")
 
 
-class Releases(Protocol):
+class ReleaseDistribution(Protocol):
     """Distribution of release states, or the measured releases of a dataset."""
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +40,7 @@ class Releases(Protocol):
 
 def simulate_law_drops(
     body: Body,
-    release: Releases,
+    release: ReleaseDistribution,
     n: int,
     model: Model,
     values: Mapping[str, float],

@@ -21,7 +21,7 @@ from thesis_lib.critique.contacts.sliding import require_falling
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
-from thesis_lib.critique.simulation.law_drops import Releases, simulate_law_drops
+from thesis_lib.critique.simulation.law_drops import ReleaseDistribution, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
@@ -76,7 +76,7 @@ def simulate_model(
     require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "simulate")
     rate, noise = RATE, RIG_NOISE
     if like is None:
-        releases: Releases = proof_releases(model)
+        releases: ReleaseDistribution = proof_releases(model)
         duration = DURATION * math.sqrt(9.81 / model.rig.gravity)
         n = n or 50
     else:

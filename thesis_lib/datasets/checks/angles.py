@@ -20,7 +20,7 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.checks.known_body import BLIND_SHAPE, FEW_HITS, RADIANS, TO_RAD, KnownBody
 from thesis_lib.datasets.checks.lasting_contacts import lasting_contacts
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.datasets.format.validate import Table
+from thesis_lib.datasets.format.validate import UsableRows
 
 BLIND_STEP = 3.0 * np.pi  # rad between samples: a true step below π plus a wrap of one turn
 BLIND_MEDIAN = 5  # samples on either side of a step, up to two of them glitches
@@ -39,7 +39,7 @@ DEEP = 0.1  # penetration in extents that no tracker error explains ...
 DEEP_SHARE = 0.05  # ... if it happens this often
 
 
-def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
+def check_degrees(table: UsableRows, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
     """Report angles in degrees and bodies deep inside the surface, as warnings if the data do not decide.
 
     `speeds` are |Δx|/Δt, |Δy|/Δt (m/s) and |Δθ|/Δt (rad/s) of all steps, by name; `noise` (3,) is in m, m, rad.
@@ -79,7 +79,7 @@ def check_degrees(table: Table, samples: Samples, speeds: dict, noise: np.ndarra
 
 
 def _doubt_degrees_of_a_disk(
-    table: Table, theta: np.ndarray, speed: float, spin: float, noise: np.ndarray, k_g: float
+    table: UsableRows, theta: np.ndarray, speed: float, spin: float, noise: np.ndarray, k_g: float
 ) -> None:
     """Warn of degrees where no contact can decide; `speed` and `spin` = k|ω| are medians in m/s."""
     position, rim = float(np.max(noise[:2])), k_g * noise[2]

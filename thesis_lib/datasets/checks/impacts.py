@@ -19,14 +19,14 @@ from thesis_lib.datasets.checks.known_body import (
     contradictions,
 )
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
-from thesis_lib.datasets.format.validate import Table
+from thesis_lib.datasets.format.validate import UsableRows
 
 FITS_BETTER = 5.0  # degrees must explain contact points this many times better than radians
 EXCHANGED = 0.9  # share of impacts that go backwards in time; the rest is noise of weak impacts
 MISFIT = 0.05  # extents; smaller misfits of contact points are tracker errors
 
 
-def check_impacts(table: Table, body: KnownBody) -> None:
+def check_impacts(table: UsableRows, body: KnownBody) -> None:
     """Report wrong directions and units of impacts."""
     data = table.data
     q, v_pre, v_post = (data[list(names)].to_numpy(float) for names in (POSE, V_PRE, V_POST))
@@ -52,7 +52,7 @@ def check_impacts(table: Table, body: KnownBody) -> None:
         _check_angles_and_energy(table, q, v_pre, v_post, body)
 
 
-def _contradicts_shape(table: Table, q: np.ndarray, shape: Shape, height: float) -> bool:
+def _contradicts_shape(table: UsableRows, q: np.ndarray, shape: Shape, height: float) -> bool:
     """Whether contact points, or poses without them, contradict the shape or the height of the surface."""
     if "r_x" in table.data and "r_y" in table.data:
         r_y = table.data["r_y"].to_numpy(float)
@@ -70,7 +70,7 @@ def _contradicts_shape(table: Table, q: np.ndarray, shape: Shape, height: float)
 
 
 def _check_angles_and_energy(
-    table: Table, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: KnownBody
+    table: UsableRows, q: np.ndarray, v_pre: np.ndarray, v_post: np.ndarray, body: KnownBody
 ) -> None:
     """Judge angles by the contact points, spin and direction of time by the energy; states are (n, 3)."""
     data, shape, k_g = table.data, body.shape, body.k_g

@@ -26,7 +26,7 @@ from thesis_lib.datasets.checks.known_body import (
 )
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples, noise_from_differences
-from thesis_lib.datasets.format.validate import MIN_SAMPLES, Report, Table
+from thesis_lib.datasets.format.validate import MIN_SAMPLES, UsableRows, ValidationReport
 
 LARGEST_GRAVITY = 100.0  # m/s²; 9810 mm/s² and 981 cm/s² lie beyond, planets do not
 DENSEST = 22_600.0  # kg/m³, osmium
@@ -37,7 +37,7 @@ FEW_FALLS = 0.05  # share of the flights that may fall as stated although all ot
 NEAR = 0.15  # relative distance to gravity on Earth within which the stated gravity is wrong
 
 
-def check_header(header: Header, report: Report) -> None:
+def check_header(header: Header, report: ValidationReport) -> None:
     """Report contradictions between size, inertia, mass, gravity and noise."""
     extent, body, noise = header.body.shape.extent, header.body, header.noise
 
@@ -65,7 +65,7 @@ def check_header(header: Header, report: Report) -> None:
         report.warn(FILE, "noise.angle", f"{noise.angle:g} rad is most of a turn: degrees?", "give it in rad")
 
 
-def check_trajectories(table: Table, body: KnownBody) -> None:
+def check_trajectories(table: UsableRows, body: KnownBody) -> None:
     """Report wrong directions and units of poses; angles between walls are not judged."""
     data = table.data
     trial = data["trial"].to_numpy()
@@ -89,7 +89,7 @@ def check_trajectories(table: Table, body: KnownBody) -> None:
         check_degrees(table, samples, speeds, noise, body)
 
 
-def _check_on_a_table(table: Table, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
+def _check_on_a_table(table: UsableRows, samples: Samples, speeds: dict, noise: np.ndarray, body: KnownBody) -> None:
     """Report wrong units of a motion without gravity, and a body behind its surface or a wall."""
     q = samples.q
     doubtful = False
@@ -124,7 +124,7 @@ def _first_acceleration(trial: np.ndarray, y: np.ndarray, dt: float) -> float:
     return float(np.median(2.0 * (y[starts[:, None] + i] @ curvature)) / dt**2)
 
 
-def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
+def _check_direction(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
     """Report y that points down, or a body below the surface; whether there is such a problem."""
     y = samples.q[:, 1]
     sunk = body.sunk(y)
@@ -141,7 +141,7 @@ def _check_direction(table: Table, samples: Samples, noise: np.ndarray, body: Kn
     return bool(what)
 
 
-def _check_lengths(table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, body: KnownBody, fall: float) -> bool:
+def _check_lengths(table: UsableRows, x: np.ndarray, y: np.ndarray, speeds: dict, body: KnownBody, fall: float) -> bool:
     """Report x or y in millimetres or centimetres; whether there is doubt.  `fall` is ÿ at release over −gravity."""
     doubts = {}
     high = 0.0
@@ -162,7 +162,7 @@ def _check_lengths(table: Table, x: np.ndarray, y: np.ndarray, speeds: dict, bod
     return bool(doubts)
 
 
-def _check_gravity(table: Table, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
+def _check_gravity(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
     """Report falls faster or slower than stated by a factor beyond any effect of a rig; whether there are any."""
     accelerations, n = free_accelerations(samples, noise[1], FALL_PRECISION)
     falls = -accelerations[accelerations < -FALL_CLEAR * FALL_PRECISION] / body.gravity

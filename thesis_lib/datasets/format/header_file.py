@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.validate import Report
+from thesis_lib.datasets.format.validate import ValidationReport
 from thesis_lib.foundation.mistakes import dotted, suggest, unknown_key, wrong_value
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile
 from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
@@ -47,7 +47,7 @@ _REMEDIES = {
 }
 
 
-def load_header(folder: Path, report: Report) -> tuple[Header | None, dict]:
+def load_header(folder: Path, report: ValidationReport) -> tuple[Header | None, dict]:
     """Header of the dataset in `folder` and its raw mapping; problems go to `report`.
 
     The header is None if something is wrong; the mapping is {} if the file holds none.
@@ -82,7 +82,7 @@ def salvage_shape(raw: Mapping) -> Shape | None:
         return None
 
 
-def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]:
+def _parse(folder: Path, report: ValidationReport) -> tuple[dict | None, dict[tuple, int]]:
     try:
         document = read_yaml(folder / FILE, folder, aliases=False)
     except MissingFile:
@@ -104,7 +104,7 @@ def _parse(folder: Path, report: Report) -> tuple[dict | None, dict[tuple, int]]
     return raw, lines
 
 
-def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: Report) -> None:
+def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: ValidationReport) -> None:
     """Report one validation error of pydantic as a problem."""
     loc, kind = tuple(mistake["loc"]), mistake["type"]
     key = tuple(part for i, part in enumerate(loc) if not (loc[:2] == ("body", "shape") and i == 2))

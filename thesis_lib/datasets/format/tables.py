@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.format.validate import SHOWN, Report, Table, row_text
+from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
 
 MAX_BYTES = 2_000_000_000  # 25 million samples; as arrays they take half of a 4 GB machine
@@ -37,8 +37,8 @@ class _NoTable(Exception):
 
 
 def load_table(
-    folder: Path, stem: str, required: Sequence[str], optional: Sequence[str], report: Report
-) -> Table | None:
+    folder: Path, stem: str, required: Sequence[str], optional: Sequence[str], report: ValidationReport
+) -> UsableRows | None:
     """The usable rows of `<stem>.csv` or `<stem>.parquet`, or None; problems go to `report`."""
     paths = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.parquet") if os.path.lexists(path)]
     if not paths:
@@ -62,7 +62,7 @@ def load_table(
     return _usable(path, frame, ragged, required, optional, report)
 
 
-def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
+def _read_csv(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, np.ndarray]:
     """Cells of a CSV file, and the mask (n,) of the rows that are empty, too short or too long."""
     again = "export it again as CSV in UTF-8"
     try:
@@ -110,7 +110,7 @@ def _read_csv(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
     return frame, ragged
 
 
-def _ragged(path: Path, width: int, report: Report) -> tuple[np.ndarray, int]:
+def _ragged(path: Path, width: int, report: ValidationReport) -> tuple[np.ndarray, int]:
     """Index of the data rows with too few or too many cells, and the number of rows before the final blank ones."""
     bad, cells, blank = [], [], []
     last = -1
@@ -148,7 +148,7 @@ def _ragged(path: Path, width: int, report: Report) -> tuple[np.ndarray, int]:
     return np.array(bad + blank, dtype=int), rows
 
 
-def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]:
+def _read_parquet(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, np.ndarray]:
     """Cells of a Parquet file, whose rows all have the same length."""
     import pyarrow.parquet
 
@@ -178,7 +178,7 @@ def _read_parquet(path: Path, report: Report) -> tuple[pd.DataFrame, np.ndarray]
 
 
 def _check_columns(
-    file: str, names: Sequence[str], required: Sequence[str], optional: Sequence[str], report: Report
+    file: str, names: Sequence[str], required: Sequence[str], optional: Sequence[str], report: ValidationReport
 ) -> bool:
     """Report missing and unknown columns; whether all required ones are present."""
     missing = [name for name in required if name not in names]
@@ -216,8 +216,8 @@ def _usable(
     ragged: np.ndarray,
     required: Sequence[str],
     optional: Sequence[str],
-    report: Report,
-) -> Table | None:
+    report: ValidationReport,
+) -> UsableRows | None:
     """The rows of `frame` in which every known column has a usable cell; None if there are none."""
     first_row = 2 if path.suffix == ".csv" else 1
     if len(frame) == 0:
@@ -240,7 +240,7 @@ def _usable(
     if len(data) == 0:
         return None
     data = data.astype({name: np.int64 for name in INTEGERS if name in data})
-    return Table(path.name, data, first_row, complete=bool(usable.all()), report=report)
+    return UsableRows(path.name, data, first_row, complete=bool(usable.all()), report=report)
 
 
 def _numbers(

@@ -1,8 +1,8 @@
 """Problems of a dataset, and the checks of the structure of its tables.
 
-A `Report` collects every problem of one reading; errors are raised together as one `DatasetError`, warnings stay on
-the dataset.  "row" is the line in the file: the header of a CSV is row 1, the first data row is row 2.  Units and
-signs are judged in `datasets.checks`.
+A `ValidationReport` collects every problem of one reading; errors are raised together as one `DatasetError`, warnings
+stay on the dataset.  "row" is the line in the file: the header of a CSV is row 1, the first data row is row 2.  Units
+and signs are judged in `datasets.checks`.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,7 +53,7 @@ class DatasetError(UserError):
 
 
 @dataclass
-class Report:
+class ValidationReport:
     """Collects problems while a dataset is read."""
 
     errors: list[Problem] = field(default_factory=list)
@@ -67,14 +67,14 @@ class Report:
 
 
 @dataclass(frozen=True)
-class Table:
+class UsableRows:
     """The usable rows of a file."""
 
     file: str  # its name
     data: pd.DataFrame  # the index counts all data rows of the file, unusable ones included
     first_row: int  # row number of index 0
     complete: bool  # False if unusable rows were removed: counts within a trial then mean nothing
-    report: Report  # receives the problems
+    report: ValidationReport  # receives the problems
 
     def rows(self, mask: np.ndarray) -> str:
         """'row 7' or 'rows 7, 8, 9, 10 and 12 more' for a mask over `data`."""
@@ -119,10 +119,10 @@ def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
     return folder, name
 
 
-def read_checked(path: str | Path, content: str, read: Callable[[Path, str, Report], T | None]) -> T:
+def read_checked(path: str | Path, content: str, read: Callable[[Path, str, ValidationReport], T | None]) -> T:
     """What `read(folder, name, report)` makes of a folder with `content`; DatasetError lists everything wrong in it."""
     folder, name = checked_folder(path, content)
-    report, result = Report(), None
+    report, result = ValidationReport(), None
     try:
         result = read(folder, name, report)
     except OSError as error:
@@ -132,7 +132,7 @@ def read_checked(path: str | Path, content: str, read: Callable[[Path, str, Repo
     return result
 
 
-def check_trajectories(table: Table, rate: float | None) -> None:
+def check_trajectories(table: UsableRows, rate: float | None) -> None:
     """Check order, continuity and length of trials, times, and the stated rate (Hz)."""
     trial, t = table.data["trial"].to_numpy(), table.data["t"].to_numpy(float)
     _check_contiguous(table, trial)
@@ -162,7 +162,7 @@ def check_trajectories(table: Table, rate: float | None) -> None:
         table.warn("column t", what, remedy, same & (step > 1.5 * usual))
 
 
-def _check_copies(table: Table, columns: list[str]) -> None:
+def _check_copies(table: UsableRows, columns: list[str]) -> None:
     """Report trials equal to another to the last digit: a release cannot be measured twice."""
     values = table.data[columns].to_numpy(float)
     if len(values) < 2 or (np.ptp(values, axis=0) == 0.0).any():
@@ -183,7 +183,7 @@ def _check_copies(table: Table, columns: list[str]) -> None:
     table.error("column trial", f"trials {shown} hold the same measurements to the last digit", remedy)
 
 
-def _check_step(table: Table, step: float, rate: float | None) -> None:
+def _check_step(table: UsableRows, step: float, rate: float | None) -> None:
     if step > SLOWEST:
         hint = "milliseconds" if rate is None or abs(step * rate / 1000.0 - 1.0) < 0.1 else "frame numbers"
         what = f"the median time step is {step:.4g} s, too slow to see a bounce; t looks like {hint}"
@@ -193,7 +193,7 @@ def _check_step(table: Table, step: float, rate: float | None) -> None:
         table.error("column t", what, "correct rate in dataset.yaml (or leave it out), or t if it is not in seconds")
 
 
-def check_impacts(table: Table) -> None:
+def check_impacts(table: UsableRows) -> None:
     """Check the numbering of impacts, the order of trials, and the optional columns."""
     data = table.data
     trial, impact = data["trial"].to_numpy(), data["impact"].to_numpy()
@@ -217,7 +217,7 @@ def check_impacts(table: Table) -> None:
     _check_optional(table)
 
 
-def _check_optional(table: Table) -> None:
+def _check_optional(table: UsableRows) -> None:
     data = table.data
     if ("r_x" in data) != ("r_y" in data):
         there, lacking = ("r_x", "r_y") if "r_x" in data else ("r_y", "r_x")
@@ -242,7 +242,7 @@ def _check_optional(table: Table) -> None:
         table.error("column t", what, "order the impacts of a trial by time", late)
 
 
-def _check_contiguous(table: Table, trial: np.ndarray) -> None:
+def _check_contiguous(table: UsableRows, trial: np.ndarray) -> None:
     starts = np.flatnonzero(np.diff(trial, prepend=trial[0] - 1) != 0)
     _, first = np.unique(trial[starts], return_index=True)
     again = np.zeros(len(trial), dtype=bool)

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import unwrap
 from thesis_lib.datasets.format.tables import load_table
-from thesis_lib.datasets.format.validate import Report, Table, check_trajectories, read_checked
+from thesis_lib.datasets.format.validate import UsableRows, ValidationReport, check_trajectories, read_checked
 from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Wheel
 from thesis_lib.datasets.recordings.recording import HEADER_FILE, STATES, Recording
 from thesis_lib.foundation.regular_file import FileProblem
@@ -22,7 +22,7 @@ def read_recording(path: str | Path) -> Recording:
     return read_checked(path, f"{HEADER_FILE} and {STATES}.csv", _read)
 
 
-def _read(folder: Path, name: str, report: Report) -> Recording | None:
+def _read(folder: Path, name: str, report: ValidationReport) -> Recording | None:
     if (folder / "dataset.yaml").exists():
         what = "stands beside dataset.yaml, so it is unclear what the folder holds"
         report.error(HEADER_FILE, "", what, "keep drops and recordings in folders of their own")
@@ -47,7 +47,7 @@ def _read(folder: Path, name: str, report: Report) -> Recording | None:
     return Recording(name, header, states, tuple(report.warnings))
 
 
-def _header(folder: Path, report: Report) -> RecordingHeader | None:
+def _header(folder: Path, report: ValidationReport) -> RecordingHeader | None:
     """The content of recording.yaml; a problem for each wrong key and value goes to `report`."""
     try:
         document = read_yaml(folder / HEADER_FILE, folder, aliases=False)
@@ -81,7 +81,7 @@ def _mistake(kind: str, message: str, key: tuple) -> tuple[str, str]:
     return (what, f"give {key[-1] if key else 'it'}{f' ({meaning})' if meaning else ''}, see docs/reference_dataset.md")
 
 
-def _check_steps(table: Table, rate: float) -> None:
+def _check_steps(table: UsableRows, rate: float) -> None:
     """Samples of a trial must follow at the stated rate: the equations of motion are summed over the steps."""
     trial, t = table.data["trial"].to_numpy(), table.data["t"].to_numpy(float)
     step = np.diff(t, prepend=t[0])

@@ -43,7 +43,7 @@ SURELY = 4.0  # standard errors by which the period must be off the stated one t
 
 
 @dataclass(frozen=True)
-class Clock:
+class CameraClock:
     """Pictures of a clock behind the rows: numbers, lateness of each row in s, whether its number is sure, period."""
 
     picture: np.ndarray
@@ -86,7 +86,7 @@ def times_of_pictures(
     return clock.sure, t, _said(clock, ratio)
 
 
-def _said(clock: Clock, ratio: float) -> str:
+def _said(clock: CameraClock, ratio: float) -> str:
     middle, most = 1e3 * np.quantile(clock.late, [0.5, 0.95])
     left_out = int((~clock.sure).sum())
     beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
@@ -102,7 +102,7 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times" if ratio < 100.0 else "over 100 times"
 
 
-def _clock_behind(samples: Samples, rate: float | None) -> Clock | None:
+def _clock_behind(samples: Samples, rate: float | None) -> CameraClock | None:
     """The clock of irregular stamps; None where they are regular, or too few."""
     same = samples.trial[1:] == samples.trial[:-1]
     step = np.diff(samples.t)[same]
@@ -120,7 +120,7 @@ def _clock_behind(samples: Samples, rate: float | None) -> Clock | None:
     if np.isfinite(found) and (not rate or abs(found - period) > SURELY * std):
         period = found
     late = samples.t - period * picture
-    return Clock(picture, late - np.minimum.reduceat(late, first)[number], sure, period)
+    return CameraClock(picture, late - np.minimum.reduceat(late, first)[number], sure, period)
 
 
 def _period_of_pictures(t: np.ndarray, picture: np.ndarray, number: np.ndarray, n: np.ndarray) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 
 from thesis_lib.datasets.sources.published import (
     SOURCES,
-    Source,
+    PublishedSet,
     checksums,
     convert_files,
     convert_published,
@@ -97,7 +97,7 @@ def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MA
         raise OSError(f"the connection ended after {done:,} of {expected} bytes")
 
 
-def unpack(archive: Path, source: Source, files: dict[str, Path]) -> None:
+def unpack(archive: Path, source: PublishedSet, files: dict[str, Path]) -> None:
     """Copy the expected members `<any one folder>/<source.inside>/<file>` of a zip file to `files`.
 
     UserError if it is not a zip file, or if a member is missing, too large, or leads out of it by its name.

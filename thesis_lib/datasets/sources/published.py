@@ -40,7 +40,7 @@ _PROCESSED = "mcubelab/planar-impact-dataset/f24a7e3b31ad0b53652d6b2a6b26a702cc4
 
 
 @dataclass(frozen=True)
-class Source:
+class PublishedSet:
     """Origin of a published set."""
 
     folders: tuple[str, ...]  # names under which a local copy of the files may lie
@@ -50,7 +50,7 @@ class Source:
 
 
 SOURCES = {
-    "planar_impact": Source(
+    "planar_impact": PublishedSet(
         folders=("fazeli_planar_impact",),
         raw={
             _STATES: "mcubelab/planar-impact-dataset/31b1787625432b2ae4c1d409ea7c3334bb6e7fd9/processed_data/data.mat",
@@ -62,7 +62,7 @@ SOURCES = {
             "fac1be5dbfd34042ea0e47bdb24444013182f9e0/data/ellipse_uniform.mat",
         },
     ),
-    "planar_dice": Source(
+    "planar_dice": PublishedSet(
         folders=("fazeli_planar_dice/dice-data-processed", "dice-data-processed", "fazeli_planar_dice"),
         raw={},
         archive=("Nima-Fazeli/residual-pybullet-public", "8f4f2218d4c6d52ef30004592b14a988d624593f"),

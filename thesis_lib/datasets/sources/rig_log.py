@@ -11,7 +11,7 @@ import pandas as pd
 
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.checks.trajectories import check_trajectories
-from thesis_lib.datasets.format.validate import SHOWN, Report, Table, row_text
+from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
 from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
 from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.datasets.sources.tables.options import TableOptions
@@ -98,8 +98,8 @@ def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: TableOptions
     """UserError if whole poses in SI have an angle in degrees: before whole turns are taken off, which hides it."""
     if "theta" not in poses:
         return
-    report = Report()
-    table = Table(Path(file).name, poses.assign(trial=pd.factorize(poses["trial"])[0]), 2, True, report)
+    report = ValidationReport()
+    table = UsableRows(Path(file).name, poses.assign(trial=pd.factorize(poses["trial"])[0]), 2, True, report)
     check_trajectories(table, KnownBody(rig.shape, rig.radius, rig.surface_height, rig.g, rig.walls))
     if found := next((problem.what for problem in report.errors if problem.where == "column theta"), None):
         others = [unit for quantity, unit in options.units.given.items() if quantity != "angle"]

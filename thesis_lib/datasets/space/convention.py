@@ -55,7 +55,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ReadingFit:
     """How well a reading fits: `out` is S, `mirrored` the couple with the turning reversed over the couple as read.
 
     `turned` (rad) is by how much the shape is turned against the frame that it was believed to have, 0 if nothing
@@ -72,7 +72,7 @@ class Fit:
         return not (self.out > OUT or self.mirrored < MIRRORED)
 
 
-def check_reading(motion: Motion, scene: Scene) -> Fit:
+def check_reading(motion: Motion, scene: Scene) -> ReadingFit:
     """The fit of the motion as it is read; UserError if another of its readings fits far better."""
     stated = fit(motion, scene)
     if stated.good:
@@ -96,7 +96,7 @@ def check_reading(motion: Motion, scene: Scene) -> Fit:
     )
 
 
-def fit(motion: Motion, scene: Scene) -> Fit:
+def fit(motion: Motion, scene: Scene) -> ReadingFit:
     """S and the sign of the turning of a motion; with a plane in `scene`, n is its normal."""
     samples, track, up, plane = 0, scene.track, scene.up, scene.plane
     omega = smoothed_turning(turning(motion), motion.t, track.half)
@@ -114,13 +114,13 @@ def fit(motion: Motion, scene: Scene) -> Fit:
         total.append(max(np.sum((v - np.outer(v @ up, up)) ** 2) + spin[-1], 1e-12))
         samples += len(v)
     if samples == 0 or np.sum(spin) < samples * SLOW**2:
-        return Fit(0.0, np.nan, 0.0)
+        return ReadingFit(0.0, np.nan, 0.0)
     if plane is None:
         plane = Plane.of(signed(np.linalg.eigh(np.sum(energy, axis=0))[1][:, 0], up), up)
     out = np.einsum("i,nij,j->n", plane.normal, np.stack(energy), plane.normal) + spin
     order = np.argsort(out / np.array(total))
     middle = order[np.searchsorted(np.cumsum(np.array(total)[order]), np.sum(total) / 2.0)]
-    return Fit(float(out[middle] / total[middle]), *_couples(motion, scene, omega, plane))
+    return ReadingFit(float(out[middle] / total[middle]), *_couples(motion, scene, omega, plane))
 
 
 def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> tuple[float, float]:

@@ -41,7 +41,7 @@ MARKS = {
 
 
 @dataclass(frozen=True)
-class Example:
+class ExampleImpact:
     """The impact of figures 3-1 to 3-3: fast slip to the right, contact to the right of the centre of mass."""
 
     theta: float = -0.6  # rad
@@ -57,7 +57,7 @@ class Example:
         return contact_space(v, self.contact_point(body), mass=body.mass or 1.0, k_g=body.radius_of_gyration)
 
 
-EXAMPLE = Example()
+EXAMPLE = ExampleImpact()
 
 
 @house_style

@@ -38,7 +38,7 @@ from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, push_groups, windows
 from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
-from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, Samples
+from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples
 
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
 LEVEL = 0.05  # of the predictive check, for a push and for all together
@@ -53,7 +53,7 @@ def stuck_group(learner: Hma) -> np.ndarray:
     return still | (look["drag"] > DRAG)
 
 
-def infer_first_steps(learner: Learner, samples: Samples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
+def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """First row (m,) of each push with `steps` samples or more, and the belief (m, K) after them; UserError if none."""
     rows = np.array([rows[:steps] for rows in push_groups(samples) if len(rows) >= steps])
     if not len(rows):
@@ -65,7 +65,7 @@ def infer_first_steps(learner: Learner, samples: Samples, steps: int = 5) -> tup
     return rows[:, 0], belief
 
 
-def agreement(learner: Hma, samples: Samples, rng: np.random.Generator, steps: int = 5) -> dict[str, float | int]:
+def agreement(learner: Hma, samples: PushSamples, rng: np.random.Generator, steps: int = 5) -> dict[str, float | int]:
     """How well the first `steps` samples of a push tell stuck from free.
 
     balanced_accuracy with low and high (95 %), rand_index, n_stuck, n_free (pushes).  UserError if no push of known
@@ -101,7 +101,7 @@ def abstraction_table(learner: Hma) -> pd.DataFrame:
     )
 
 
-def residuals(learner: Learner, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+def residuals(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.ndarray]:
     """r (n, 6) of the module, and the index (n,) of the abstraction nearest to each sample."""
     groups = push_groups(samples)
     residual = np.empty((len(samples), len(SEEN)))
@@ -137,7 +137,7 @@ class PredictiveCheck:
 
 
 def predictive_check(
-    learner: Learner, samples: Samples, reference: Samples, rng: np.random.Generator
+    learner: Learner, samples: PushSamples, reference: PushSamples, rng: np.random.Generator
 ) -> PredictiveCheck:
     """Compare predictions with new samples; `reference` are samples of the known tower that were not learned from.
 
@@ -185,7 +185,7 @@ def _square(
     return (values - reference.mean(axis=0)) ** 2 / (np.maximum(between, 0.0) + within / sizes[:, None])
 
 
-def _per_push(learner: Learner, samples: Samples) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
+def _per_push(learner: Learner, samples: PushSamples) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
     """A row per push, v (pushes, 7), and the variance (7,) within pushes."""
     residual, nearest = residuals(learner, samples)
     values = np.column_stack([residual, np.log((residual**2).mean(axis=1))])
@@ -201,7 +201,7 @@ def _per_push(learner: Learner, samples: Samples) -> tuple[pd.DataFrame, np.ndar
     return pd.DataFrame(rows, columns=names), np.array(means), spread / max(freedom, 1)
 
 
-def with_new_abstraction(learner: Hma, samples: Samples, rng: np.random.Generator) -> Hma:
+def with_new_abstraction(learner: Hma, samples: PushSamples, rng: np.random.Generator) -> Hma:
     """A copy of the learner with one more abstraction, learned from `samples` of failing pushes.
 
     Its share is 1/(K + 1), because the number of blocks that it holds for is unknown.  UserError for fewer than

@@ -31,7 +31,7 @@ from thesis_lib.jenga.learners.learner import (
     MIN_SAMPLES,
     SMALLEST,
     Learner,
-    Prediction,
+    PushPrediction,
     bayes,
     log_likelihood,
     mix,
@@ -39,7 +39,7 @@ from thesis_lib.jenga.learners.learner import (
     windows,
 )
 from thesis_lib.jenga.learners.mixture import WindowMixture, describe, fit_mixture, names_of, push_posterior
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.robot.samples import PushSamples
 
 FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell blocks apart
 PRIOR_PUSHES = 2.0  # weight of π in the initial belief, in pushes
@@ -64,7 +64,7 @@ class Hma(Learner):
     look: dict[str, np.ndarray] = field(init=False, repr=False)
     names: list[str] = field(init=False, repr=False)
 
-    def fit(self, samples: Samples, rng: np.random.Generator) -> "Hma":
+    def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Hma":
         """Run the steps of the module.  Errors as in `Learner.fit`."""
         config = self.settings
         features = windows(samples, config.window)
@@ -87,7 +87,7 @@ class Hma(Learner):
         return self
 
     def _one_shot(
-        self, samples: Samples, inputs: np.ndarray, outputs: np.ndarray, seed: int, rng: np.random.Generator
+        self, samples: PushSamples, inputs: np.ndarray, outputs: np.ndarray, seed: int, rng: np.random.Generator
     ) -> None:
         """Alternate responsibilities of whole pushes with networks, from random responsibilities."""
         config, k = self.settings, self.settings.mixture.max_abstractions
@@ -105,7 +105,7 @@ class Hma(Learner):
         self.resp = self.resp[:, keep] / self.resp[:, keep].sum(axis=1, keepdims=True)
         self.networks = train(inputs, outputs, self.resp, config.network, seed)
 
-    def _noise(self, samples: Samples) -> np.ndarray:
+    def _noise(self, samples: PushSamples) -> np.ndarray:
         """Σ_z (7,), mm² and N², by the module's moments."""
         from scipy.optimize import nnls
 
@@ -129,11 +129,11 @@ class Hma(Learner):
         most = (np.median(np.abs(samples.next_state - mean), axis=0) / 0.6745) ** 2
         return np.clip(shared + reread, SMALLEST**2, np.maximum(most, SMALLEST**2))
 
-    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
         """Next reading for each abstraction."""
         mean, var = self.networks.predict(self.scaling.inputs(state, action, context))
         weight = mix(belief, self.settings.belief.stay, self.shares)
-        return Prediction(self.scaling.next_state(state[:, None], mean), self.scaling.change**2 * var, weight)
+        return PushPrediction(self.scaling.next_state(state[:, None], mean), self.scaling.change**2 * var, weight)
 
     def means(
         self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray

@@ -34,8 +34,8 @@ from typing import Any, Self
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, WindowSettings
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, PushWindowSettings
+from thesis_lib.jenga.robot.samples import PushSamples
 
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
 SEEN = (X, Y, YAW, F_N, F_T, TOWER)  # dimensions whose prediction counts in the belief
@@ -50,7 +50,7 @@ SMALLEST = np.array([0.02, 0.02, 0.02, 0.01, 0.01, 0.01, 0.02])
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PushPrediction:
     """Next state for each abstraction: mean and var (n, K, 7), mm and N and their squares; weight (n, K)."""
 
     mean: np.ndarray
@@ -79,7 +79,7 @@ class Scaling:
     with_context: bool
 
     @classmethod
-    def of(cls, samples: Samples, force_scale: float, with_context: bool) -> "Scaling":
+    def of(cls, samples: PushSamples, force_scale: float, with_context: bool) -> "Scaling":
         """Scaling by these samples; UserError for fewer than `MIN_SAMPLES`."""
         if len(samples) < MIN_SAMPLES:
             raise UserError(f"a learner needs at least {MIN_SAMPLES} samples, got {len(samples)}; collect more pushes.")
@@ -125,18 +125,18 @@ class Learner(ABC):
         """Number of abstractions K."""
         return len(self.shares)
 
-    def scale(self, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    def scale(self, samples: PushSamples) -> tuple[np.ndarray, np.ndarray]:
         """Set `scaling` by these samples; their scaled inputs (n, d) and outputs (n, 7)."""
         self.scaling = Scaling.of(samples, self.settings.window.force_scale, self.settings.context)
         inputs = self.scaling.inputs(samples.state, samples.action, samples.context)
         return inputs, self.scaling.outputs(samples.state, samples.next_state)
 
     @abstractmethod
-    def fit(self, samples: Samples, rng: np.random.Generator) -> Self:
+    def fit(self, samples: PushSamples, rng: np.random.Generator) -> Self:
         """Learn from samples of whole pushes in order, and return self; UserError for fewer than `MIN_SAMPLES`."""
 
     @abstractmethod
-    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
         """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
 
     def means(
@@ -179,7 +179,7 @@ def step_features(
     return np.column_stack([force, change[:, F_N], change[:, X], lag, change[:, TOWER]])
 
 
-def windows(samples: Samples, settings: WindowSettings) -> np.ndarray:
+def windows(samples: PushSamples, settings: PushWindowSettings) -> np.ndarray:
     """Features (n, 5) of the window that ends with each sample; samples of a push must be consecutive."""
     rows = np.arange(len(samples))
     new = np.concatenate([[True], samples.push[1:] != samples.push[:-1]])
@@ -192,7 +192,7 @@ def windows(samples: Samples, settings: WindowSettings) -> np.ndarray:
     return features
 
 
-def push_groups(samples: Samples) -> list[np.ndarray]:
+def push_groups(samples: PushSamples) -> list[np.ndarray]:
     """Rows of each push, in order of collection."""
     return np.split(np.arange(len(samples)), np.flatnonzero(np.diff(samples.push)) + 1) if len(samples) else []
 

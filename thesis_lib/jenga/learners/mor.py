@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thesis_lib.jenga.learners.learner import Learner, Prediction, bayes, mix, windows
+from thesis_lib.jenga.learners.learner import Learner, PushPrediction, bayes, mix, windows
 from thesis_lib.jenga.learners.mixture import describe
 from thesis_lib.jenga.learners.settings import ExpertSettings
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.robot.samples import PushSamples
 
 SMALLEST_VAR = 1e-3  # of scaled changes: an expert with few samples must not fit them exactly
 GATE_STEPS = 5  # Newton-like steps of the gate in an M step: EM only needs an increase
@@ -141,7 +141,7 @@ class Mor(Learner):
     scores: dict[int, float] = field(init=False, repr=False)
     look: dict[str, np.ndarray] = field(init=False, repr=False)
 
-    def fit(self, samples: Samples, rng: np.random.Generator) -> "Mor":
+    def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Mor":
         """Choose the number of experts and fit them.  Errors as in `Learner.fit`."""
         config = self.settings.experts
         inputs, y = self.scale(samples)
@@ -156,11 +156,11 @@ class Mor(Learner):
         self.look = describe(windows(samples, self.settings.window), resp, self.settings.window.force_scale)
         return self
 
-    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
         """Next reading for each expert; weights combine belief and gate."""
         x = with_one(self.scaling.inputs(state, action, context))
         mean = self.scaling.next_state(state[:, None], np.einsum("nd,kdo->nko", x, self.experts.w))
         var = np.broadcast_to(self.scaling.change**2 * self.experts.var, mean.shape)
         prior = mix(belief, self.settings.belief.stay, self.shares)
         # belief and gate both contain the experts' shares, which must count once
-        return Prediction(mean, var, bayes(prior / self.shares, self.experts.log_gate(x)))
+        return PushPrediction(mean, var, bayes(prior / self.shares, self.experts.log_gate(x)))

@@ -15,9 +15,9 @@ import numpy as np
 import torch
 
 from thesis_lib.jenga.learners.bayesian_network import N_OUT, Descent, Layers, forward, layer_shapes, outputs_of
-from thesis_lib.jenga.learners.learner import Learner, Prediction
+from thesis_lib.jenga.learners.learner import Learner, PushPrediction
 from thesis_lib.jenga.learners.settings import NetworkSettings
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.robot.samples import PushSamples
 
 
 def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettings, seed: int) -> Layers:
@@ -49,20 +49,20 @@ class Network(Learner):
 
     layers: Layers = field(init=False, repr=False)
 
-    def fit(self, samples: Samples, rng: np.random.Generator) -> "Network":
+    def fit(self, samples: PushSamples, rng: np.random.Generator) -> "Network":
         """Train by the module's loss.  Errors as in `Learner.fit`."""
         self.shares = np.ones(1)
         self.layers = train_plain(*self.scale(samples), self.settings.network, int(rng.integers(2**31)))
         return self
 
-    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> Prediction:
+    def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
         """Next reading (n, 1, 7)."""
         inputs = self.scaling.inputs(state, action, context)
         with torch.no_grad():
             mean, log_var = forward(torch.as_tensor(inputs, dtype=torch.float32), self.layers)
         var = self.scaling.change**2 * torch.exp(log_var).double().numpy()
         mean = self.scaling.next_state(state, mean.double().numpy())
-        return Prediction(mean[:, None], var[:, None], belief)
+        return PushPrediction(mean[:, None], var[:, None], belief)
 
     def means(
         self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray

@@ -10,7 +10,7 @@ from pydantic import Field
 from thesis_lib.foundation.settings import Section
 
 
-class WindowSettings(Section):
+class PushWindowSettings(Section):
     """Windows of one push (the inner plate of figure 5-3)."""
 
     depth: int = Field(5, ge=1, le=45, description="D, steps in a window; shorter at the start of a push")
@@ -77,7 +77,7 @@ class NutsSettings(Section):
 class LearnerSettings(Section):
     """All learners of chapter 5."""
 
-    window: WindowSettings = WindowSettings()
+    window: PushWindowSettings = PushWindowSettings()
     mixture: MixtureSettings = MixtureSettings()
     belief: BeliefSettings = BeliefSettings()
     network: NetworkSettings = NetworkSettings()

@@ -13,9 +13,9 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.play.oracle import Oracle
-from thesis_lib.jenga.play.policies import AlwaysPush, Exploration, Policy, Rule
+from thesis_lib.jenga.play.policies import AlwaysPush, Exploration, Policy, RulePolicy
 from thesis_lib.jenga.play.settings import Chapter5
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.robot.samples import PushSamples
 
 if TYPE_CHECKING:  # learners need torch, which takes longer to import than a rule takes to play a block
     from thesis_lib.jenga.learners.hma import Hma
@@ -41,14 +41,16 @@ def learner_of(name: str, settings: Chapter5) -> "Learner":
     return learners[learns](settings.learner.model_copy(update={"one_shot": one_shot}))
 
 
-def policy_of(name: str, samples: Samples | None, size: int, settings: Chapter5, rng: np.random.Generator) -> Policy:
+def policy_of(
+    name: str, samples: PushSamples | None, size: int, settings: Chapter5, rng: np.random.Generator
+) -> Policy:
     """The policy of this name, trained on the first `size` samples if it learns.
 
     UserError for an unknown name, or fewer than `size` samples.
     """
     play = settings.play
     fixed = {
-        "rule": lambda: Rule(play.rule),
+        "rule": lambda: RulePolicy(play.rule),
         "always_push": AlwaysPush,
         "exploration": lambda: Exploration(play.supervisor, settings.setup.collect),
         "oracle": lambda: Oracle(play.oracle),
@@ -67,7 +69,7 @@ def policy_of(name: str, samples: Samples | None, size: int, settings: Chapter5,
     return Learned(learner.fit(samples.first(size), rng), controller, name)
 
 
-def fitted(sets: Sequence[Samples], settings: Chapter5, rng: np.random.Generator) -> "dict[tuple[int, int], Hma]":
+def fitted(sets: Sequence[PushSamples], settings: Chapter5, rng: np.random.Generator) -> "dict[tuple[int, int], Hma]":
     """HMA for every size and set, by (size, number of the set)."""
     return {
         (size, i): learner_of("hma", settings).fit(samples.first(size), rng)

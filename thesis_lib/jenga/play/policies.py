@@ -75,7 +75,7 @@ class AlwaysPush(Policy):
         return STRAIGHT
 
 
-class Rule(Policy):
+class RulePolicy(Policy):
     """Pushes straight and centred; gives up when force or tower perturbation exceeds a threshold."""
 
     name = "rule"

@@ -44,7 +44,7 @@ ENOUGH = 100  # samples, of which at least one must reach that resistance
 
 
 @dataclass(frozen=True)
-class Samples:
+class PushSamples:
     """Samples in order of collection.
 
     push: (n,) int, id of the push.  step: (n,) int, from 0 within the push.  state, next_state: (n, 7), mm and N, see
@@ -103,18 +103,18 @@ class Samples:
                 "it was empty or had exploded. Check the tower's health and collect again."
             )
 
-    def select(self, rows: np.ndarray) -> "Samples":
+    def select(self, rows: np.ndarray) -> "PushSamples":
         """The samples of `rows` (indices or mask), in that order."""
         return replace(self, **{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
-    def first(self, n: int) -> "Samples":
+    def first(self, n: int) -> "PushSamples":
         """The first `n` samples collected; UserError if there are fewer."""
         if n > len(self):
             raise UserError(f"{n} samples are asked for but only {len(self)} were collected; collect more.")
         return self.select(np.arange(n))
 
 
-def join(parts: list[Samples]) -> Samples:
+def join(parts: list[PushSamples]) -> PushSamples:
     """Concatenate, with pushes renumbered from 0; UserError without parts."""
     if not parts:
         raise UserError("samples: nothing to join; collect from at least one tower.")
@@ -123,8 +123,8 @@ def join(parts: list[Samples]) -> Samples:
         _, push = np.unique(part.push, return_inverse=True)
         numbered.append(replace(part, push=push + start))
         start += push.max(initial=-1) + 1
-    return Samples(
-        **{item.name: np.concatenate([getattr(part, item.name) for part in numbered]) for item in fields(Samples)}
+    return PushSamples(
+        **{item.name: np.concatenate([getattr(part, item.name) for part in numbered]) for item in fields(PushSamples)}
     )
 
 
@@ -137,7 +137,7 @@ _GROUPS = {
 }
 
 
-def as_table(samples: Samples) -> pd.DataFrame:
+def as_table(samples: PushSamples) -> pd.DataFrame:
     """A row per sample: push, step, tower, block, s_*, a_*, n_*, c_*, truth."""
     table = {name: getattr(samples, name) for name in _INTEGERS[:-1]}
     for group, names in _GROUPS.items():
@@ -145,17 +145,17 @@ def as_table(samples: Samples) -> pd.DataFrame:
     return pd.DataFrame(table | {"truth": samples.truth})
 
 
-def write_samples(samples: Samples, path: str | Path) -> None:
-    """Write one CSV.  Errors as in `Samples.check_resistance`."""
+def write_samples(samples: PushSamples, path: str | Path) -> None:
+    """Write one CSV.  Errors as in `PushSamples.check_resistance`."""
     samples.check_resistance()
     write_table(as_table(samples), path)
 
 
-def read_samples(path: str | Path) -> Samples:
-    """Read what `write_samples` wrote.  Errors as in `read_table`, `Samples` and `Samples.check_resistance`."""
+def read_samples(path: str | Path) -> PushSamples:
+    """Read what `write_samples` wrote.  Errors as in `read_table`, `PushSamples` and `PushSamples.check_resistance`."""
     columns = [*_INTEGERS, *(name for names in _GROUPS.values() for name in names)]
     table = read_table(path, columns)
     groups = {group: table[names].to_numpy() for group, names in _GROUPS.items()}
-    samples = Samples(**{name: table[name].to_numpy() for name in _INTEGERS}, **groups)
+    samples = PushSamples(**{name: table[name].to_numpy() for name in _INTEGERS}, **groups)
     samples.check_resistance()
     return samples

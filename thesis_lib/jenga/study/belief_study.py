@@ -22,7 +22,7 @@ import pandas as pd
 from thesis_lib.jenga.learners.abstractions import stuck_group
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import F_N, F_T, TOWER, YAW, X, Y, log_likelihood, push_groups
-from thesis_lib.jenga.robot.samples import FREE, STUCK, Samples
+from thesis_lib.jenga.robot.samples import FREE, STUCK, PushSamples
 from thesis_lib.jenga.study.model_study import filtered
 from thesis_lib.statistics.intervals import Z95
 
@@ -40,7 +40,7 @@ QUANTITIES = (
 )
 
 
-def belief_table(learners: Sequence[Hma], samples: Samples) -> pd.DataFrame:
+def belief_table(learners: Sequence[Hma], samples: PushSamples) -> pd.DataFrame:
     """Rows of quantity (`QUANTITIES`), value, std, low, high (95 %), n (pushes) for learners of one size.
 
     stuck_no_block_first, easy_no_block_first: p(no block) after the first sample, pushes of stuck and of free blocks.
@@ -68,7 +68,7 @@ def belief_table(learners: Sequence[Hma], samples: Samples) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["quantity", "value", "std", "low", "high", "n"])
 
 
-def _of_one(learner: Hma, samples: Samples) -> dict[str, np.ndarray]:
+def _of_one(learner: Hma, samples: PushSamples) -> dict[str, np.ndarray]:
     """Each quantity for each push, NaN where the push does not tell it."""
     belief = filtered(learner, samples)
     named = {
@@ -96,7 +96,7 @@ def _of_one(learner: Hma, samples: Samples) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in found.items()}
 
 
-def evidence(learner: Hma, samples: Samples, belief: np.ndarray, seen: Sequence[int]) -> np.ndarray:
+def evidence(learner: Hma, samples: PushSamples, belief: np.ndarray, seen: Sequence[int]) -> np.ndarray:
     """Growth (n,) of the log odds of stuck, towards the truth, by the readings `seen`; NaN without such abstractions.
 
     belief (n, K): before each sample.

@@ -4,8 +4,8 @@ A run on one tower tries blocks in random order until one falls, all 45 have bee
 A push ends when the robot gives up (at random, so that 100 samples hold both stuck and free blocks), sees the tower
 move too far, reads a force above the limit (if there is one), sees the block leave its way, has pushed as far as it
 may, or has the block out far enough, which is then extracted and placed.  A fall ends the run, and the sample in which
-it happens is discarded.  Each tower has its own random stream.  The hidden label of a push (`Samples.truth`) comes from
-a trial push just before it, which takes about as long as the push itself: samples to learn from go without it
+it happens is discarded.  Each tower has its own random stream.  The hidden label of a push (`PushSamples.truth`) comes
+from a trial push just before it, which takes about as long as the push itself: samples to learn from go without it
 (`UNKNOWN`) and are otherwise the same to the last bit.
 """
 
@@ -18,7 +18,7 @@ from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import Gripper
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import MM, RANGE, STATE, UNKNOWN, Samples, join
+from thesis_lib.jenga.robot.samples import MM, RANGE, STATE, UNKNOWN, PushSamples, join
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
 
@@ -109,10 +109,10 @@ class _Run:
         offset, heading = self.setup.collect.offset, self.setup.collect.heading
         return float(self.rng.uniform(-offset, offset)), float(self.rng.uniform(-heading, heading))
 
-    def samples(self) -> Samples:
+    def samples(self) -> PushSamples:
         push, step, block, truth, before, action, after, context = (np.array(column) for column in zip(*self.rows))
         tower = np.full(len(push), self.seed)
-        return Samples(push, step, before, action, after, context, truth, tower, block)
+        return PushSamples(push, step, before, action, after, context, truth, tower, block)
 
 
 def _in_range(state: np.ndarray) -> bool:
@@ -127,7 +127,7 @@ def explore_tower(
     blocks: Sequence[int] = tuple(REACHABLE),
     *,
     label: bool = True,
-) -> tuple[Samples | None, pd.DataFrame]:
+) -> tuple[PushSamples | None, pd.DataFrame]:
     """At most `limit` samples of one tower (None without any), and a table of the blocks tried.
 
     blocks: candidates, tried in random order.  seed: of the tower; with base_seed it also fixes the policy's choices
@@ -143,7 +143,7 @@ def explore_tower(
 
 def collect(
     n: int, first_seed: int, base_seed: int, setup: Setup | None = None, per_tower: int = 100, *, label: bool = True
-) -> tuple[Samples, pd.DataFrame]:
+) -> tuple[PushSamples, pd.DataFrame]:
     """`n` samples from towers first_seed, first_seed + 1, …, at most `per_tower` of each, and their tables.
 
     An unusable tower gives no samples and one row of the table: block -1, the error as reason.  TowerError for
@@ -171,7 +171,7 @@ def collect(
 
 def collect_named(
     name: str, most: int, setup: Setup, towers: TowerChoice, choice: SampleChoice, seed: int
-) -> tuple[Samples, pd.DataFrame]:
+) -> tuple[PushSamples, pd.DataFrame]:
     """Samples of "set_0", "set_1", ... (`most` of each, unlabelled) or of "held_out", and the table of blocks tried."""
     if name == "held_out":
         return collect(choice.held_out, towers.first_held_out + 1, seed, setup, choice.per_tower)

@@ -22,15 +22,15 @@ from thesis_lib.jenga.learners.learner import push_groups
 from thesis_lib.jenga.learners.mor import Mor, cross_validated, em, with_one
 from thesis_lib.jenga.learners.settings import LearnerSettings
 from thesis_lib.jenga.play.settings import ExpertChoice
-from thesis_lib.jenga.robot.samples import Samples
+from thesis_lib.jenga.robot.samples import PushSamples
 from thesis_lib.statistics.intervals import Z95
 
 FEW, MANY = 2, 11  # thesis
 
 
 def expert_tables(
-    sets: Sequence[Samples],
-    held_out: Samples,
+    sets: Sequence[PushSamples],
+    held_out: PushSamples,
     sizes: Sequence[int],
     choice: ExpertChoice,
     settings: LearnerSettings,
@@ -64,7 +64,11 @@ def expert_tables(
 
 
 def _of_one(
-    samples: Samples, held_out: Samples, choice: ExpertChoice, settings: LearnerSettings, rng: np.random.Generator
+    samples: PushSamples,
+    held_out: PushSamples,
+    choice: ExpertChoice,
+    settings: LearnerSettings,
+    rng: np.random.Generator,
 ) -> tuple[pd.DataFrame, dict[int, np.ndarray]]:
     """Rows of one training set, and the held-out log density (n,) for each number of experts."""
     learner = Mor(settings)
@@ -85,7 +89,7 @@ def _of_one(
     return pd.DataFrame(rows, columns=["experts", "cv", "cv_std", "held_out", "held_out_std", "chosen"]), held
 
 
-def clustered(values: np.ndarray, samples: Samples) -> tuple[float, float]:
+def clustered(values: np.ndarray, samples: PushSamples) -> tuple[float, float]:
     """Mean of values (n,) of samples, and its standard error over pushes."""
     groups = push_groups(samples)
     sums, counts = np.array([values[rows].sum() for rows in groups]), np.array([len(rows) for rows in groups])
@@ -93,7 +97,7 @@ def clustered(values: np.ndarray, samples: Samples) -> tuple[float, float]:
     return float(mean), float(np.sqrt(((sums - mean * counts) ** 2).sum()) / counts.sum())
 
 
-def _over_sets(gains: np.ndarray, held_out: Samples) -> tuple[float, float, float, float]:
+def _over_sets(gains: np.ndarray, held_out: PushSamples) -> tuple[float, float, float, float]:
     """Mean, standard error and 95 % interval of gains (sets, n) on the same held-out samples."""
     mean, between_pushes = clustered(gains.mean(axis=0), held_out)
     between_sets = gains.mean(axis=1).var(ddof=1) / len(gains) if len(gains) > 1 else 0.0

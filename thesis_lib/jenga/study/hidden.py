@@ -23,7 +23,7 @@ from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, push_groups
 from thesis_lib.jenga.play.players import learner_of
 from thesis_lib.jenga.play.settings import Chapter5, HiddenChoice
-from thesis_lib.jenga.robot.samples import Samples, join
+from thesis_lib.jenga.robot.samples import PushSamples, join
 from thesis_lib.jenga.study.collect import APART, explore_tower
 from thesis_lib.jenga.study.model_study import predictions
 from thesis_lib.jenga.tower.settings import HiddenEffects, Setup
@@ -48,7 +48,7 @@ def hidden_of(effect: str, choice: HiddenChoice) -> tuple[HiddenEffects, tuple[i
 def hidden_study(
     effect: str,
     learner: Hma,
-    reference: Samples,
+    reference: PushSamples,
     setup: Setup,
     choice: HiddenChoice,
     first_seed: int,
@@ -65,7 +65,7 @@ def hidden_study(
     hidden, affected_blocks = hidden_of(effect, choice)
     tower = setup.tower.model_copy(update={"hidden": hidden})
     with_effect = setup.model_copy(update={"tower": tower})
-    halves: list[list[Samples]] = [[], []]
+    halves: list[list[PushSamples]] = [[], []]
     for i in range(choice.towers):
         # some effects concern few blocks, others all
         affected = rng.permutation(affected_blocks)[: -(-choice.pushes // choice.towers)]
@@ -96,7 +96,7 @@ def hidden_study(
     }
 
 
-def error_rows(learner: Hma, samples: Samples, affected_blocks: tuple[int, ...]) -> pd.DataFrame:
+def error_rows(learner: Hma, samples: PushSamples, affected_blocks: tuple[int, ...]) -> pd.DataFrame:
     """Rows of group, error, low, high, n: pushes of blocks in `affected_blocks`, and of the others."""
     mean, _ = predictions(learner, samples)
     dims = list(SEEN)
@@ -121,8 +121,8 @@ def _summary(effect: str, check: PredictiveCheck, pushes: pd.DataFrame, samples:
 
 
 def hidden_tables(
-    samples: Samples,
-    reference: Samples,
+    samples: PushSamples,
+    reference: PushSamples,
     settings: Chapter5,
     base_seed: int,
     rng: np.random.Generator,

@@ -17,7 +17,7 @@ import pandas as pd
 from thesis_lib.jenga.learners.abstractions import abstraction_table, agreement, stuck_group
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import F_N, F_T, Learner, push_groups
-from thesis_lib.jenga.robot.samples import MM, STUCK, Samples
+from thesis_lib.jenga.robot.samples import MM, STUCK, PushSamples
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower_model import PER_LAYER
 from thesis_lib.statistics.bootstrap import resampled
@@ -26,7 +26,7 @@ SLACK = 2.0
 BOOTSTRAP = 500
 
 
-def filtered(learner: Learner, samples: Samples) -> np.ndarray:
+def filtered(learner: Learner, samples: PushSamples) -> np.ndarray:
     """Belief (n, K) before each sample, filtered along its push."""
     belief = np.empty((len(samples), learner.n_abstractions))
     for rows in push_groups(samples):
@@ -39,13 +39,13 @@ def filtered(learner: Learner, samples: Samples) -> np.ndarray:
     return belief
 
 
-def predictions(learner: Learner, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+def predictions(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.ndarray]:
     """Mean next reading (n, 7), mm and N, and weights (n, K) of the abstractions, with the filtered belief."""
     predicted = learner.predict(samples.state, samples.action, samples.context, filtered(learner, samples))
     return predicted.moments()[0], predicted.weight
 
 
-def cone_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
+def cone_table(learner: Hma, samples: PushSamples, setup: Setup) -> pd.DataFrame:
     """Predicted forces (figure 5-7A): push, step, f_n, f_t (N), abstraction (name), inside (0 or 1)."""
     mean, weight = predictions(learner, samples)
     f_n, f_t = mean[:, F_N], mean[:, F_T]
@@ -55,7 +55,7 @@ def cone_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
     return table.assign(abstraction=names, inside=(np.abs(f_t) <= limit).astype(int))
 
 
-def height_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
+def height_table(learner: Hma, samples: PushSamples, setup: Setup) -> pd.DataFrame:
     """A row per held-out push (figure 5-7B): push, block, height_mm, f_n, f_n_pred (predicted), abstraction, truth.
 
     Both forces (N) are means over the last half of the push, when the finger no longer bends further.
@@ -73,7 +73,7 @@ def height_table(learner: Hma, samples: Samples, setup: Setup) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=names)
 
 
-def looks(learners: Mapping[tuple[int, int], Hma], samples: Samples) -> pd.DataFrame:
+def looks(learners: Mapping[tuple[int, int], Hma], samples: PushSamples) -> pd.DataFrame:
     """Looks of the abstractions of `learners` by (size, set): size, set, columns of `abstraction_table`, stuck_share.
 
     stuck_share: share of stuck blocks among the held-out pushes that end in the abstraction (NaN without any).
@@ -119,7 +119,7 @@ def of_one(looks: pd.DataFrame) -> pd.DataFrame:
 
 
 def agreements(
-    learners: Mapping[tuple[int, int], Hma], samples: Samples, rng: np.random.Generator, steps: int = 5
+    learners: Mapping[tuple[int, int], Hma], samples: PushSamples, rng: np.random.Generator, steps: int = 5
 ) -> pd.DataFrame:
     """Stuck or free after `steps` steps, learned without truth: a row per (size, set), and the mean per size.
 

@@ -37,7 +37,7 @@ from thesis_lib.jenga.play.game import Game, play, read_game, write_game
 from thesis_lib.jenga.play.players import LEARNS_AS, policy_of
 from thesis_lib.jenga.play.policies import Policy
 from thesis_lib.jenga.play.settings import Chapter5
-from thesis_lib.jenga.robot.samples import Samples, read_samples, write_samples
+from thesis_lib.jenga.robot.samples import PushSamples, read_samples, write_samples
 from thesis_lib.jenga.study.collect import collect_named
 from thesis_lib.jenga.study.study import games_table, success_table
 from thesis_lib.statistics.intervals import standard_error, student_mean
@@ -51,7 +51,7 @@ FIXED = ("rule", "always_push", "exploration", "oracle")  # without training
 GAME, SAMPLE = 70.0, 0.25  # s of CPU time that a whole game and a sample took when this was written
 
 
-class Task(NamedTuple):
+class GameTask(NamedTuple):
     """A game to be played: the switch, who plays, from how many samples (0: does not learn), on which tower."""
 
     switch: str
@@ -72,28 +72,28 @@ class Study:
     seed: int
     blocks: int
 
-    def tasks(self, policies: Sequence[str], size: int, towers: int, first: int | None = None) -> list[Task]:
+    def tasks(self, policies: Sequence[str], size: int, towers: int, first: int | None = None) -> list[GameTask]:
         """All games, tower by tower, so that an interrupted study compares what it has on the same towers.
 
         first: seed of the first tower, by default of the first test tower.
         """
         first = self.settings[NONE].towers.first_test if first is None else first
         return [
-            Task(switch, policy, 0 if policy in FIXED else size, first + i)
+            GameTask(switch, policy, 0 if policy in FIXED else size, first + i)
             for i in range(towers)
             for switch in self.settings
             for policy in policies
         ]
 
-    def path(self, task: Task) -> Path:
+    def path(self, task: GameTask) -> Path:
         """The file of a game."""
         return self.folder / task.switch / "games" / f"{task.policy}_{task.size}_{task.tower}.json"
 
-    def missing(self, tasks: Sequence[Task]) -> list[Task]:
+    def missing(self, tasks: Sequence[GameTask]) -> list[GameTask]:
         """Games that have not been played."""
         return [task for task in tasks if not self.path(task).is_file()]
 
-    def run(self, tasks: Sequence[Task], say: Callable[[str], None] = lambda _: None) -> None:
+    def run(self, tasks: Sequence[GameTask], say: Callable[[str], None] = lambda _: None) -> None:
         """Play the games that are missing; UserError if those that are there were played with other settings."""
         self._check(tasks)
         missing = self.missing(tasks)
@@ -106,7 +106,7 @@ class Study:
                 learned[key] = self.policy(task)
             self.play(task, learned[key])
 
-    def catch_up(self, tasks: Sequence[Task], name: str, plan: bool) -> bool:
+    def catch_up(self, tasks: Sequence[GameTask], name: str, plan: bool) -> bool:
         """Say how many games are missing and about how long they take, and play them unless that is all that is asked.
 
         False if they were not played.
@@ -120,7 +120,7 @@ class Study:
                 self.run(tasks, say)
         return not plan
 
-    def _check(self, tasks: Sequence[Task]) -> None:
+    def _check(self, tasks: Sequence[GameTask]) -> None:
         for switch in dict.fromkeys(task.switch for task in tasks):
             names = ("setup", "learner", "play", "towers", "samples")
             now = {name: getattr(self.settings[switch], name).model_dump(mode="json") for name in names}
@@ -130,13 +130,13 @@ class Study:
                 raise UserError(f"the games of {path.parent} were played with other settings: move that folder away.")
             write_json(now, path)
 
-    def seconds(self, tasks: Sequence[Task]) -> float:
+    def seconds(self, tasks: Sequence[GameTask]) -> float:
         """About how long these games and their samples will take, from what they took when this was written."""
         sets = {(task.switch, self._set(task)): task.size for task in tasks if task.size}
         samples = sum(size for key, size in sets.items() if not self._samples_path(*key, size).is_file())
         return SAMPLE * samples + GAME * self.blocks / 45.0 * len(tasks)
 
-    def play(self, task: Task, policy: Policy | None = None) -> Game:
+    def play(self, task: GameTask, policy: Policy | None = None) -> Game:
         """Play a game and write its file."""
         settings = self.settings[task.switch]
         policy = policy or self.policy(task)
@@ -144,7 +144,7 @@ class Study:
         write_game(game, self.path(task))
         return game
 
-    def policy(self, task: Task) -> Policy:
+    def policy(self, task: GameTask) -> Policy:
         """Who plays a game, fitted as in `workflow/scripts/chapter5/ch5_game.py`."""
         number = self._set(task)
         learned_from = [f"results/chapter5/samples/set_{number}.csv"] if task.size else []
@@ -154,7 +154,7 @@ class Study:
         rng = generator(self.seed, "ch5_game", learns, str(task.size), *learned_from)
         return policy_of(task.policy, samples, task.size, self.settings[task.switch], rng)
 
-    def samples(self, switch: str, number: int, size: int) -> Samples:
+    def samples(self, switch: str, number: int, size: int) -> PushSamples:
         """The training set of this number with a switch, collected if there is none."""
         path = self._samples_path(switch, number, size)
         if not path.is_file():
@@ -165,16 +165,16 @@ class Study:
             write_samples(found, path)
         return read_samples(path)
 
-    def games_of(self, tasks: Sequence[Task]) -> list[tuple[str, int, Game]]:
+    def games_of(self, tasks: Sequence[GameTask]) -> list[tuple[str, int, Game]]:
         """(switch, size, game) of the games that have been played."""
         return [(task.switch, task.size, read_game(self.path(task))) for task in tasks if self.path(task).is_file()]
 
-    def tables(self, tasks: Sequence[Task]) -> dict[str, pd.DataFrame]:
+    def tables(self, tasks: Sequence[GameTask]) -> dict[str, pd.DataFrame]:
         """`effects` and `success` of the games that have been played."""
         games = self.games_of(tasks)
         return {"effects": effects(games), "success": successes(games)}
 
-    def _set(self, task: Task) -> int:
+    def _set(self, task: GameTask) -> int:
         return self.settings[task.switch].samples.of_game(task.tower)
 
     def _samples_path(self, switch: str, number: int, size: int) -> Path:

@@ -23,7 +23,7 @@ from scipy.spatial.distance import pdist
 from sklearn.neighbors import NearestNeighbors
 
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.dice.data import MeasuredContacts, Releases
+from thesis_lib.residual.dice.data import MeasuredContacts, ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.models import Thrower, throw_starts
 from thesis_lib.residual.dice.settings import DiceStudySettings
@@ -38,8 +38,8 @@ QUARTER = 0.5 * np.pi
 
 def budget(
     throwers: Sequence[Thrower],
-    training: Releases,
-    held: Releases,
+    training: ThrowReleases,
+    held: ThrowReleases,
     contacts: MeasuredContacts,
     side: float,
     settings: DiceStudySettings,
@@ -83,7 +83,7 @@ def budget(
 
 
 def _ends(
-    thrower: Thrower, q: np.ndarray, v: np.ndarray, releases: Releases, side: float, settings: DiceStudySettings
+    thrower: Thrower, q: np.ndarray, v: np.ndarray, releases: ThrowReleases, side: float, settings: DiceStudySettings
 ) -> tuple[np.ndarray, np.ndarray]:
     """Error in sides and whether the face is right, (n,) each, of throws from (q, v) (n, 3)."""
     model = thrower.model
@@ -92,7 +92,7 @@ def _ends(
     return (releases.end[:, 0] - out.q[:, 0]) / side, right.astype(float)
 
 
-def _touches(model: DiceModel, releases: Releases, side: float) -> tuple[np.ndarray, np.ndarray]:
+def _touches(model: DiceModel, releases: ThrowReleases, side: float) -> tuple[np.ndarray, np.ndarray]:
     """Features (n, 5) of the first touch, and outcomes (n, 2): displacement from there in sides, quarter turns."""
     q = model.seen(releases.q)
     t, _ = first_touch(model.body, q, releases.v)
@@ -110,7 +110,9 @@ def _with_mirrored(features: np.ndarray, outcomes: np.ndarray) -> tuple[np.ndarr
     return np.vstack([features, features * [-1.0, 1.0, -1.0, -1.0, 1.0]]), np.vstack([outcomes, -outcomes])
 
 
-def _nearest(model: DiceModel, training: Releases, held: Releases, side: float) -> tuple[np.ndarray, np.ndarray]:
+def _nearest(
+    model: DiceModel, training: ThrowReleases, held: ThrowReleases, side: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Error in sides and whether the number of quarter turns is right, (n,) each, by the nearest training throws."""
     n = len(training)
     known, outcomes = _with_mirrored(*_touches(model, training, side))
@@ -130,7 +132,7 @@ def _nearest(model: DiceModel, training: Releases, held: Releases, side: float) 
     return ends[:, 0] - found[:, :, 0].mean(axis=1), ((usual - ends[:, 1]) % 4 == 0).astype(float)
 
 
-def _pairs(model: DiceModel, parts: Sequence[Releases], side: float) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(model: DiceModel, parts: Sequence[ThrowReleases], side: float) -> tuple[np.ndarray, np.ndarray]:
     """Difference in sides over √2, and whether quarter turns are equal, of the pairs that start most alike."""
     features, outcomes = (np.vstack(rows) for rows in zip(*(_touches(model, part, side) for part in parts)))
     n = len(features)

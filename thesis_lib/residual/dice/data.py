@@ -45,7 +45,7 @@ class ByTrial:
 
 
 @dataclass(frozen=True)
-class Releases(ByTrial):
+class ThrowReleases(ByTrial):
     """Throws with a usable first flight and a pose at rest."""
 
     q: np.ndarray  # q, v: (n, 3) at the last sample of the flight, m, rad and m/s, rad/s
@@ -96,7 +96,7 @@ def flight_drag(flights: LongFlights) -> tuple[float, float]:
 
 def read_throws(
     dataset: Dataset, hits: pd.DataFrame, settings: DiceDataSettings
-) -> tuple[Releases, MeasuredContacts, LongFlights]:
+) -> tuple[ThrowReleases, MeasuredContacts, LongFlights]:
     """States, contacts and long flights of all throws of a dataset with trajectories.
 
     `hits` has columns trial, t (s) of all detected hits, measurable or not, as in arcs.csv.  Raises UserError if there
@@ -139,7 +139,9 @@ def read_throws(
         raise UserError(f"{dataset.name} holds no throw with a first flight that comes to rest: nothing to study.")
     a, c, f = np.array(releases), np.array(contacts), np.array(long).reshape(-1, 7)
     return (
-        Releases(a[:, 0].astype(int), a[:, 1:4], a[:, 4:7], a[:, 7:43].reshape(-1, 6, 6), a[:, 43:46], left_out, sigma),
+        ThrowReleases(
+            a[:, 0].astype(int), a[:, 1:4], a[:, 4:7], a[:, 7:43].reshape(-1, 6, 6), a[:, 43:46], left_out, sigma
+        ),
         MeasuredContacts(
             c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14], c[:, 15]
         ),

@@ -32,7 +32,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.dice.data import MeasuredContacts, Releases
+from thesis_lib.residual.dice.data import MeasuredContacts, ThrowReleases
 from thesis_lib.residual.dice.models import Thrower, perturbed
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.tables import spread
@@ -151,7 +151,7 @@ def widened(mean: np.ndarray, cov: np.ndarray) -> GaussianMixture:
 
 def first_contact_scores(
     throwers: Sequence[Thrower],
-    releases: Releases,
+    releases: ThrowReleases,
     contacts: MeasuredContacts,
     settings: DiceStudySettings,
     rng: np.random.Generator,

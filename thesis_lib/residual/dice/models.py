@@ -25,7 +25,7 @@ from thesis_lib.effects.effect import Effect, in_order
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.ensemble import fit_ensemble
-from thesis_lib.residual.dice.data import MAD_TO_STD, MeasuredContacts, Releases
+from thesis_lib.residual.dice.data import MAD_TO_STD, MeasuredContacts, ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel, contact_path, touch_down
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.learners.bases import LawBase
@@ -249,7 +249,11 @@ def contact_map(name: str, model: DiceModel, missed: Missed, settings: DiceStudy
 
 
 def slide_fitted(
-    make: Callable[[DiceModel], Thrower], model: DiceModel, releases: Releases, side: float, settings: DiceStudySettings
+    make: Callable[[DiceModel], Thrower],
+    model: DiceModel,
+    releases: ThrowReleases,
+    side: float,
+    settings: DiceStudySettings,
 ) -> Thrower:
     """Thrower whose friction, in sliding and in its slowest contacts, gives the least |error| of training throws."""
     best = None
@@ -270,7 +274,7 @@ def throw_starts(
     return simulate_throws(model.body, model.seen(q), v, contact, model.mu, settings, rng)
 
 
-def perturbed(releases: Releases, copies: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def perturbed(releases: ThrowReleases, copies: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Poses and velocities (n copies, 3) drawn from the covariance of each start, copies of a throw together."""
     root = covariance_root(releases.cov)
     noise = np.einsum("nij,ncj->nci", root, rng.standard_normal((len(root), copies, 6)))
@@ -279,7 +283,7 @@ def perturbed(releases: Releases, copies: int, rng: np.random.Generator) -> tupl
 
 
 def noise_limit(
-    thrower: Thrower, releases: Releases, side: float, settings: DiceStudySettings, rng: np.random.Generator
+    thrower: Thrower, releases: ThrowReleases, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> pd.DataFrame:
     """How far noise of the measured start alone moves the end: trial, spread (in sides of `side` m), face_kept.
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.residual.dice.data import Releases
+from thesis_lib.residual.dice.data import ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import simulate_throws
@@ -33,7 +33,7 @@ MIRRORED = np.array([1.0, 1.0, -1.0])
 
 def readings(
     believed: DiceModel,
-    releases: Releases,
+    releases: ThrowReleases,
     side: float,
     settings: ThrowSettings,
     mu: Sequence[float] = MU,

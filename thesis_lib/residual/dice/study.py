@@ -38,7 +38,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.residual.dice.budget import budget
-from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, Releases, flight_drag, read_throws
+from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, ThrowReleases, flight_drag, read_throws
 from thesis_lib.residual.dice.fit import DiceModel, choose_mechanisms, fit_dice
 from thesis_lib.residual.dice.mixture_belief import first_contact_scores
 from thesis_lib.residual.dice.models import (
@@ -63,7 +63,7 @@ from thesis_lib.residual.throwing.propagation import LearnedImpact
 class DiceStudy:
     """Results of one held-out part."""
 
-    releases: Releases  # releases, contacts: all measured ones, training and held out
+    releases: ThrowReleases  # releases, contacts: all measured ones, training and held out
     contacts: MeasuredContacts
     train: np.ndarray  # trials of the training throws, ascending
     outcomes: dict[str, HeldOutThrows]  # held-out throws of each model, by its name
@@ -117,7 +117,7 @@ def parts_of(trials: np.ndarray, settings: DiceStudySettings) -> list[np.ndarray
 class Measured:
     """Measurements of some throws."""
 
-    releases: Releases
+    releases: ThrowReleases
     contacts: MeasuredContacts
     flights: LongFlights
     impacts: Impacts
@@ -214,7 +214,7 @@ def _train(
 
 
 def throw_held_out(
-    thrower: Thrower, releases: Releases, settings: DiceStudySettings, rng: np.random.Generator
+    thrower: Thrower, releases: ThrowReleases, settings: DiceStudySettings, rng: np.random.Generator
 ) -> HeldOutThrows:
     """All held-out throws of one model, with and without uncertainty."""
     model = thrower.model
@@ -228,7 +228,12 @@ def throw_held_out(
 
 
 def first_contacts(
-    thrower: Thrower, releases: Releases, trial: int, count: int, settings: DiceStudySettings, rng: np.random.Generator
+    thrower: Thrower,
+    releases: ThrowReleases,
+    trial: int,
+    count: int,
+    settings: DiceStudySettings,
+    rng: np.random.Generator,
 ) -> pd.DataFrame:
     """Samples of the belief over one throw: contact (0: start, 1, 2, ...), t (s), x, y (m), theta (rad), trial.
 

@@ -16,7 +16,7 @@ import pandas as pd
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.dice.data import MeasuredContacts, Releases
+from thesis_lib.residual.dice.data import MeasuredContacts, ThrowReleases
 from thesis_lib.residual.dice.models import Thrower, contact_residuals
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.throwing.belief import RestBelief
@@ -82,7 +82,7 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
     return pd.DataFrame({"trial": impacts.trial, "model": thrower.name, "pit": pit, "misfit": misfit})
 
 
-def throw_rows(outcome: HeldOutThrows, releases: Releases, side: float, rng: np.random.Generator) -> pd.DataFrame:
+def throw_rows(outcome: HeldOutThrows, releases: ThrowReleases, side: float, rng: np.random.Generator) -> pd.DataFrame:
     """A row per held-out throw; see foundation/columns.yaml."""
     model = outcome.thrower.model
     face = model.face(releases.end[:, 2])

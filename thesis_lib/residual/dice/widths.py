@@ -14,7 +14,7 @@ uncertain, but the ratio does: it is 1 where they add nothing, and √2 where th
 import numpy as np
 import pandas as pd
 
-from thesis_lib.residual.dice.data import Releases
+from thesis_lib.residual.dice.data import ThrowReleases
 from thesis_lib.residual.dice.models import Thrower, perturbed, throw_starts
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.tables import spread
@@ -25,7 +25,7 @@ FEWEST = 5  # particles that have a contact, for a width after it
 
 
 def belief_widths(
-    thrower: Thrower, held: Releases, side: float, settings: DiceStudySettings, rng: np.random.Generator
+    thrower: Thrower, held: ThrowReleases, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> pd.DataFrame:
     """A row per state: throws, std, certain and ratio, each with its standard error (bootstrap over throws).
 

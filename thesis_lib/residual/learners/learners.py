@@ -6,9 +6,9 @@
     beyond    s ~ GP(X), v⁺ = v⁺(s)               every s is a feasible velocity (see `feasible`)
     v⁺ ~ N(v + A c̄, A Σ Aᵀ),  A = M⁻¹ Jᵀ           equations 4.14 and 4.15 (whose factors are printed transposed)
 
-`learner.fit(impacts, rng)` gives a trained model, and `model.predict(impacts)` a `Prediction` with velocity, impulse
-and its covariance.  Infeasible predictions are flagged and given with their projection; impacts outside the range of
-training are flagged.
+`learner.fit(impacts, rng)` gives a trained model, and `model.predict(impacts)` an `ImpactPrediction` with velocity,
+impulse and its covariance.  Infeasible predictions are flagged and given with their projection; impacts outside the
+range of training are flagged.
 
 Where a law has no solution, the impact is left out of training and its prediction is NaN.  The prior mean of class 1 is
 the mean of its outputs, that of residuals zero.  μ and ε are learned from training impacts that the law can explain
@@ -36,7 +36,7 @@ IDENTITY = LawBase("")  # the frame of a learner without a base
 
 
 @dataclass(frozen=True)
-class Prediction:
+class ImpactPrediction:
     """Prediction of n impacts."""
 
     v_post: np.ndarray  # (n, 3) mean velocity after impact as measured, m/s, rad/s; NaN where the base has none
@@ -85,8 +85,8 @@ class TrainedImpulse:
     process: GaussianProcess
     range: TrainingRange
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
-        """Prediction; see `Prediction`."""
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
+        """Prediction; see `ImpactPrediction`."""
         wrench = self.learner.wrench
         seen = self.base.seen(impacts)
         x = features(seen, self.learner.feature_set)
@@ -130,7 +130,7 @@ class TrainedParameters:
     process: GaussianProcess
     range: TrainingRange
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
         """Prediction; the covariance is that of (μ, ε) through the law, by secants over one standard deviation."""
         x = features(impacts, self.learner.feature_set)
         mean, variance = self.process.predict(x, noise=noise, variance=covariance)
@@ -179,7 +179,7 @@ class TrainedFeasible:
     process: GaussianProcess
     range: TrainingRange
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
         """Prediction at the mean coordinates; covariance by linearisation."""
         x = features(impacts, self.learner.feature_set)
         s, variance = self.process.predict(x, noise=noise, variance=covariance)
@@ -213,7 +213,7 @@ class TrainedLaw:
     base: Base
     range: TrainingRange
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> Prediction:
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
         """Prediction with zero covariance; as a wrench, since effects may add a couple."""
         seen = self.base.seen(impacts)
         v_seen = _seen_prediction(self.base, impacts)
@@ -247,7 +247,7 @@ def _prediction(
     trained: TrainingRange,
     *,
     wrench: bool,
-) -> Prediction:
+) -> ImpactPrediction:
     A = velocity_map(seen, wrench=impulse.shape[1] == 3)
     v_post = base.measured(impacts, v_seen)
     # `measured` is affine in the velocity, so unit impulses give its slope
@@ -255,7 +255,7 @@ def _prediction(
     inside = feasibility.feasible(seen.v_pre, v_seen, seen.r, seen.k_g)
     near = feasibility.project(seen.v_pre, v_seen, seen.r, seen.k_g, wrench=wrench)
     projected = np.where(inside[:, None], v_post, base.measured(impacts, near))
-    return Prediction(v_post, impulse, covariance, jacobian, inside, projected, trained.contains(seen))
+    return ImpactPrediction(v_post, impulse, covariance, jacobian, inside, projected, trained.contains(seen))
 
 
 def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[str, Learner]:

@@ -29,7 +29,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.impact_study.study import split_trials
 from thesis_lib.residual.learners.bases import AugmentedBase, LawBase
-from thesis_lib.residual.learners.learners import ImpulseLearner, LawLearner, Learner, Prediction, learners
+from thesis_lib.residual.learners.learners import ImpactPrediction, ImpulseLearner, LawLearner, Learner, learners
 from thesis_lib.residual.learners.settings import LearningStudySettings
 from thesis_lib.statistics.bootstrap import CENTRAL_95, bootstrap_mean
 from thesis_lib.statistics.intervals import student_mean
@@ -239,7 +239,7 @@ def _sizes(sizes: Sequence[int], available: int) -> list[int]:
 
 def _trained(
     models: Mapping[str, Learner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
-) -> Iterator[tuple[int, dict[str, Prediction]]]:
+) -> Iterator[tuple[int, dict[str, ImpactPrediction]]]:
     """Predictions of all models for each size; each search starts from the model of the previous size."""
     previous = dict.fromkeys(models)
     for n in sizes:
@@ -251,7 +251,7 @@ def _trained(
         yield n, predictions
 
 
-def _row(name: str, n: int, split: int, p: Prediction, held_out: Impacts) -> dict:
+def _row(name: str, n: int, split: int, p: ImpactPrediction, held_out: Impacts) -> dict:
     error = velocity_error(held_out.v_post - p.v_post, held_out.k_g)
     kept = velocity_error(held_out.v_post - p.v_projected, held_out.k_g)
     return _error_row(name, n, split, error) | {
@@ -276,7 +276,7 @@ def _bounds(table: Mapping[str, np.ndarray], laws: Sequence[str], held_out: Impa
     }
 
 
-def _errors(name: str, error: np.ndarray, p: Prediction | None, held_out: Impacts) -> pd.DataFrame:
+def _errors(name: str, error: np.ndarray, p: ImpactPrediction | None, held_out: Impacts) -> pd.DataFrame:
     table = pd.DataFrame({"model": name, "trial": held_out.trial, "impact": held_out.impact, "error": error})
     feasible, in_range = (1, 1) if p is None else (p.feasible.astype(int), p.in_range.astype(int))
     return table.assign(feasible=feasible, in_range=in_range)
