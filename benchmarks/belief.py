@@ -19,7 +19,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.residual.learners.learners import ImpulseLearner
-from thesis_lib.residual.throwing.compliant_contact import CompliantContact, compliant_path
+from thesis_lib.residual.throwing.compliant_contact import CornerContact, compliant_path
 from thesis_lib.residual.throwing.contact_map import ContactMap, Regime, contact_features
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.propagation import LearnedImpact, ScatteredLaw
@@ -64,7 +64,7 @@ def measure(particles: int, trained_on: int = TRAINED, singly: int = ALONE) -> d
     process = fit_gaussian_process(features, residual, rng, FAST, centred=False)
 
     def path(q: np.ndarray, v: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
-        return compliant_path(body, CompliantContact(), q, v, duration)
+        return compliant_path(body, CornerContact(), q, v, duration)
 
     regimes = (Regime(np.inf, process, np.ones(6)),)
     models = {

@@ -58,7 +58,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import Record, external_force
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, external_force
 
 SHARP = 1e-6  # m; radius of the sphere that stands for a corner
 THIN = 1e-4  # m; radius of the capsule that stands for link 2
@@ -85,7 +85,7 @@ def simulate_sap(
     *,
     stiffness: float = STIFFNESS,
     relaxation_time: float = RELAXATION,
-) -> Record:
+) -> SimulatedMotion:
     """Simulate `steps` steps of h s from (q0, v0) with Drake's compliant contact.
 
     Args:
@@ -139,7 +139,7 @@ def simulate_sap(
     for k, pair, point, n, force in touched:
         J_n[k, pair], J_t[k, pair] = _rows_at(mechanism, q[k], pair, point, n)
         c_n[k, pair], c_t[k, pair] = force @ n, force @ np.array([n[1], -n[0]])
-    return Record(
+    return SimulatedMotion(
         h=float(h),
         q=q,
         v=v,

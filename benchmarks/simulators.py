@@ -16,13 +16,13 @@ import numpy as np
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.stepping.multibody import Mechanism
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 KINDS = ("block", "ellipse", "disk", "rod", "wheel")
 SETTINGS = chapter2.DEFAULT
 
 
-def rate(run: Callable[[], Record], repeat: int) -> float:
+def rate(run: Callable[[], SimulatedMotion], repeat: int) -> float:
     """Steps per CPU second of the fastest of `repeat` calls."""
     best = np.inf
     for _ in range(repeat):

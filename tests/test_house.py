@@ -131,13 +131,34 @@ def test_rooms_use_no_command_line_and_no_configuration():
 # --- size of rooms ---
 
 MOST_MODULES = 20  # in a folder: more are several concepts
-# registries, where a file is one member; and rooms that are still to be divided
-LARGE_ROOMS = {"effects", "critique.drops"}
+LARGE_ROOMS = {"effects"}  # a registry: each file is one member
 
 
 def test_rooms_hold_few_modules():
     sizes = Counter(room(module) for module in MODULES)
     assert {name for name, size in sizes.items() if size > MOST_MODULES} <= LARGE_ROOMS
+
+
+# --- names ---
+
+# classes in two rooms that are still to be told apart by their names
+SAME_NAMES = {"Case", "Drops", "World"}
+
+
+def test_each_noun_is_one_class():
+    """A public class of `thesis_lib` has a name of its own, so that a reader need not ask which one is meant."""
+    places: dict[str, list[str]] = {}
+    for module, path in MODULES.items():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(module)
+    assert {name: modules for name, modules in places.items() if len(modules) > 1 and name not in SAME_NAMES} == {}
+
+
+def test_files_of_tests_have_names_of_their_own():
+    """pytest imports the files by their base names, and cannot collect two of the same name together."""
+    names = Counter(path.name for path in (ROOT / "tests").rglob("test_*.py"))
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 # --- files that other tools read ---

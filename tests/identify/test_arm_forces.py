@@ -32,7 +32,7 @@ from thesis_lib.identify.base_parameters.regressor import PlantRegressor
 from thesis_lib.identify.programs.mode_qp import solve_mode_qp
 from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 MU = 0.4
 ROUNDING = 1e-9  # relative; over 240 steps of contact rounding errors grow by up to a million
@@ -41,7 +41,7 @@ L1 = float(ARM.link_lengths[0])
 
 
 @pytest.fixture(scope="module")
-def records() -> tuple[Record, ...]:
+def records() -> tuple[SimulatedMotion, ...]:
     return arm_trajectories(3, np.random.default_rng(5)).records
 
 

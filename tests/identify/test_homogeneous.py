@@ -14,7 +14,7 @@ from thesis_lib.identify.programs.mode_qp import solve_mode_qp
 from thesis_lib.identify.programs.result import SolveStatus
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, block, releases
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 EXACT = 1e-9  # relative: rounding of some hundred steps
 AGREE = 1.1  # errors of the two programs on the same noise, relative
@@ -22,7 +22,7 @@ PROPORTIONAL = (8.0, 12.5)  # errors at ten times the noise, relative: 10 where 
 DROPS = 12
 
 
-def drop(kind: str, seed: int = 0) -> tuple[Record, ContactWindow]:
+def drop(kind: str, seed: int = 0) -> tuple[SimulatedMotion, ContactWindow]:
     body = BODIES[kind]()
     (q,), (v,) = releases(kind, 1, np.random.default_rng(seed), DEFAULT)
     record = simulate(body, q, v, None, DEFAULT.h, 200, DEFAULT.mu, DEFAULT.epsilon)

@@ -6,7 +6,7 @@ from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
 from thesis_lib.simulate.stepping.contact_modes import TOUCH
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody, Rod
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 RESIDUAL_TOL = 1e-9  # promised complementarity of every step, dimensionless; rounding leaves about 1e-15
 BALANCE_TOL = 1e-9  # N s; momentum balance of every step, of impulses up to 10 N s
@@ -22,7 +22,7 @@ BODIES = {
 }
 
 
-def balance(mechanism: Mechanism, record: Record) -> np.ndarray:
+def balance(mechanism: Mechanism, record: SimulatedMotion) -> np.ndarray:
     """M (v⁺ - v) - h (g + f_ext - C v + J' c) of each step, (m, nv) in N s."""
     M = np.array([mechanism.mass_matrix(q) for q in record.q[:-1]])
     force = np.array([mechanism.gravity(q) - mechanism.bias(q, v) for q, v in zip(record.q[:-1], record.v[:-1])])
@@ -30,12 +30,12 @@ def balance(mechanism: Mechanism, record: Record) -> np.ndarray:
     return np.einsum("kij,kj->ki", M, np.diff(record.v, axis=0)) - record.h * force
 
 
-def contact_force(record: Record) -> np.ndarray:
+def contact_force(record: SimulatedMotion) -> np.ndarray:
     """J_n' c_n + J_t' c_t, (m, nv) in N, N m."""
     return np.einsum("kpi,kp->ki", record.J_n, record.c_n) + np.einsum("kpi,kp->ki", record.J_t, record.c_t)
 
 
-def checked(mechanism, q, v, steps, mu=MU, epsilon=EPSILON, h=H, torque=None, **options) -> Record:
+def checked(mechanism, q, v, steps, mu=MU, epsilon=EPSILON, h=H, torque=None, **options) -> SimulatedMotion:
     """Simulate, and hold every step to complementarity, the cone and the balance of momentum."""
     record = simulate(mechanism, np.array(q, float), np.array(v, float), torque, h, steps, mu, epsilon, **options)
     assert (record.status == LcpStatus.SOLVED).all()
@@ -60,6 +60,6 @@ def drops(name, n, seed=0):
     return q, rng.uniform([-2, -1, -4], [2, 0, 4], (n, 3))
 
 
-def contact_velocity(record: Record) -> tuple[np.ndarray, np.ndarray]:
+def contact_velocity(record: SimulatedMotion) -> tuple[np.ndarray, np.ndarray]:
     """J_n v⁺ and J_t v⁺, each (m, p) in m/s, with J at the start of the step."""
     return tuple(np.einsum("kpi,ki->kp", J, record.v[1:]) for J in (record.J_n, record.J_t))

@@ -15,7 +15,7 @@ from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, plan
 from thesis_lib.simulate.engines.drake_motion import drake_motions
 from thesis_lib.simulate.engines.mujoco_motion import mujoco_motions
 from thesis_lib.simulate.engines.recording import record_engine
-from thesis_lib.simulate.engines.sensors import Rig, Sensors, low_passed
+from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors, low_passed
 from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion
 from thesis_lib.simulate.rig.release import Spread
 
@@ -97,7 +97,7 @@ def test_sensors_count_lag_and_write_what_is_stated():
     motion = EngineMotion(t, steady, np.broadcast_to([2.0, -1.0, 0.3, 0.1, 1.0], steady.shape))
     sensors = Sensors(jitter=0.0, camera_position=1e-9, camera_angle=1e-9)
     rng = np.random.default_rng(2)
-    rig = replace(Rig.draw(sensors, 2, rng), delays=(2e-3, 4.5e-3))
+    rig = replace(DrawnSensors.draw(sensors, 2, rng), delays=(2e-3, 4.5e-3))
     at, q, v, u = rig.record(motion, np.ones((600, 2)), 5e-3, rng)
     assert at[0] == pytest.approx(5e-3) and at[-1] == pytest.approx(3.0)
     count = 2.0 * np.pi / 4096

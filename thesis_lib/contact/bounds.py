@@ -21,7 +21,7 @@ TOLERANCE = 1e-10  # of the disc's radius: candidates lie on the boundaries only
 
 
 @dataclass(frozen=True)
-class Bound:
+class BestImpulse:
     """Post-hoc best of n impacts: impulse (n, 2) in N s, v_post (n, 3) in m/s and rad/s, kinetic error (n,) in m/s."""
 
     impulse: np.ndarray
@@ -29,7 +29,7 @@ class Bound:
     error: np.ndarray
 
 
-def irb_bound(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> Bound:
+def irb_bound(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> BestImpulse:
     """Ideal Rigid-Body Bound: best admissible impulse for each measured impact.
 
     Args:
@@ -57,7 +57,7 @@ def irb_bound(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, *, mass: flo
     c_n = z[:, 1] / l_nn
     c_t = (z[:, 0] - l_nt * c_n) / l_tt
     change = velocity_change(c_t, c_n, r, mass=mass, k_g=k_g)
-    return Bound(np.stack([c_t, c_n], axis=-1), v_pre + change, velocity_error(dv - change, k_g))
+    return BestImpulse(np.stack([c_t, c_n], axis=-1), v_pre + change, velocity_error(dv - change, k_g))
 
 
 def project_on_cut_disc(target: np.ndarray, centre: np.ndarray, radius: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts import episodes
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
-from thesis_lib.critique.contacts.episodes import MOST_HITS, Outcome, play
+from thesis_lib.critique.contacts.episodes import MOST_HITS, EpisodeOutcome, play
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.unpredictable import predictable
@@ -60,7 +60,7 @@ def simulated_episodes(table: pd.DataFrame) -> list[pd.DataFrame]:
 
 
 @cache
-def played(contact_time: float) -> tuple[Outcome, np.ndarray, np.ndarray]:
+def played(contact_time: float) -> tuple[EpisodeOutcome, np.ndarray, np.ndarray]:
     """Episodes of the simulator as the model plays them: outcome, true number of contacts, error in m/s, each (n,)."""
     groups = simulated_episodes(drops("square", contact_time, noisy=False).impacts)
     first, last = (pd.DataFrame([group.iloc[i] for group in groups]) for i in (0, -1))

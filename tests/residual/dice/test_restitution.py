@@ -7,7 +7,7 @@ from throws_for_tests import throws
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.fit import DiceModel, contact_path
 from thesis_lib.residual.dice.results import restitution
-from thesis_lib.residual.throwing.compliant_contact import CompliantContact
+from thesis_lib.residual.throwing.compliant_contact import CornerContact
 from thesis_lib.residual.throwing.flight import first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 
@@ -35,7 +35,7 @@ def test_newtons_restitution_is_read():
 
 
 def test_a_place_that_gives_back_more_shows():
-    soft = CompliantContact(place=-0.03, width=0.03, far=1.0, far_dashpot=1.0)
+    soft = CornerContact(place=-0.03, width=0.03, far=1.0, far_dashpot=1.0)
     model = DiceModel(0.03, 0.0, 0.0, 0.0245, "mirtich", 0.1, 0.5, 9.81, contact=soft)
     table = restitution(model, contacts_of(model), ThrowSettings())
     near = np.abs(table["x"] + 0.03) < 0.015

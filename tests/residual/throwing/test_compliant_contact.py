@@ -8,11 +8,11 @@ from scipy.integrate import solve_ivp
 from throws_for_tests import BODY, RIG, throws
 
 from thesis_lib.contact import LAWS
-from thesis_lib.residual.throwing.compliant_contact import CompliantContact, compliant_path, press
+from thesis_lib.residual.throwing.compliant_contact import CornerContact, compliant_path, press
 from thesis_lib.residual.throwing.flight import first_touch, fly
 from thesis_lib.residual.throwing.throw import LawImpact
 
-CONTACT = CompliantContact(omega=1000.0, damping=0.2, dashpot=0.15, mu=0.2, tau=0.3)
+CONTACT = CornerContact(omega=1000.0, damping=0.2, dashpot=0.15, mu=0.2, tau=0.3)
 LONG = np.full(1, 0.02)
 
 
@@ -35,7 +35,7 @@ def touches(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("zeta", [0.05, 0.2, 0.4])
 def test_a_dashpot_restitutes_as_the_oscillator_does_that_cannot_pull(zeta):
-    contact = CompliantContact(omega=1000.0, damping=0.0, dashpot=zeta, mu=0.0)
+    contact = CornerContact(omega=1000.0, damping=0.0, dashpot=zeta, mu=0.0)
     q, v = on_a_corner(20.0)  # so fast that weight does not matter
     _, after, took = press(BODY, contact, q, v, LONG, longest=0.02, dt=2e-6)
     # the force of −(Ω² x + 2 ζ Ω x') vanishes before the spring is relaxed
@@ -46,7 +46,7 @@ def test_a_dashpot_restitutes_as_the_oscillator_does_that_cannot_pull(zeta):
 
 
 def test_hunt_and_crossley_restitute_less_the_faster_and_all_of_it_when_slow():
-    contact = CompliantContact(omega=1000.0, damping=0.3, dashpot=0.0, mu=0.0)
+    contact = CornerContact(omega=1000.0, damping=0.3, dashpot=0.0, mu=0.0)
     e = []
     for speed in (0.3, 1.0, 3.0):
         q, v = on_a_corner(speed)
@@ -85,7 +85,7 @@ def test_stiff_corners_without_friction_hit_like_the_law_with_their_restitution(
     q, v = touches(300)
     zeta = 0.2
     root = np.sqrt(1.0 - zeta**2)
-    contact = CompliantContact(omega=20_000.0, damping=0.0, dashpot=zeta, mu=0.0)
+    contact = CornerContact(omega=20_000.0, damping=0.0, dashpot=zeta, mu=0.0)
     _, corner = first_touch(BODY, q, v)
     r = BODY.contact_point(q[:, 2], corner)
     single = np.abs(np.sin(2.0 * q[:, 2])) > 0.5  # the neighbour comes much later
@@ -114,7 +114,7 @@ def test_steps_are_small_enough():
 
 
 def test_a_flat_landing_without_friction_is_what_a_solver_of_its_own_finds():
-    contact = CompliantContact(omega=800.0, damping=0.1, dashpot=0.1, mu=0.0)
+    contact = CornerContact(omega=800.0, damping=0.1, dashpot=0.1, mu=0.0)
     q, v = np.array([[0.0, 0.0, 0.03]]), np.array([[0.0, -2.0, 1.0]])
     q[:, 1] -= BODY.gap(q)
 

@@ -13,7 +13,7 @@ from thesis_lib.residual.dice.models import contact_map, train_missed
 from thesis_lib.residual.dice.settings import DiceFitSettings, DiceStudySettings
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
 from thesis_lib.residual.throwing.belief import covariance_root
-from thesis_lib.residual.throwing.compliant_contact import CompliantContact
+from thesis_lib.residual.throwing.compliant_contact import CornerContact
 from thesis_lib.residual.throwing.flight import first_touch, fly
 from thesis_lib.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, draw, wrench_map
 from thesis_lib.residual.throwing.settings import ThrowSettings
@@ -22,7 +22,7 @@ from thesis_lib.residual.throwing.throw import LawImpact, push, simulate_throws
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.5, RIG.k_g)
 WIDE = np.diag([0.2, 0.2, 0.005]) ** 2
 TRUTH = DiceModel(0.026, 0.002, 0.001, 0.0215, "mirtich", 0.11, 0.47, 9.81, d_theta=-0.03)
-SOFT = replace(TRUTH, contact=CompliantContact(omega=900.0, damping=0.2, dashpot=0.2, mu=0.18, tau=0.2))
+SOFT = replace(TRUTH, contact=CornerContact(omega=900.0, damping=0.2, dashpot=0.2, mu=0.18, tau=0.2))
 BELIEVED = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.1, 0.5, 9.81)
 
 
@@ -138,7 +138,7 @@ def test_without_a_feasible_sample_the_distribution_is_the_laws():
 def test_the_fit_finds_a_planted_body_and_contact():
     contacts = made_contacts(SOFT, 120)
     fitted, misfit = fit_dice(BELIEVED, contacts, np.random.default_rng(0), DiceFitSettings(evaluations=1500))
-    even = replace(SOFT, contact=CompliantContact())
+    even = replace(SOFT, contact=CornerContact())
     _, v = contact_path(even, even.seen(contacts.q), contacts.v, contacts.span, ThrowSettings())
     without = np.linalg.norm((contacts.v_after - v) * [1.0, 1.0, SOFT.k_g], axis=1).mean()
     assert misfit < 0.03 and misfit < 0.15 * without

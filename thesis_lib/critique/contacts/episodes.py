@@ -36,7 +36,7 @@ _NOW = 1e-9  # s
 
 
 @dataclass(frozen=True)
-class Outcome:
+class EpisodeOutcome:
     """What follows from n states: the true state at the end, hits (n,), and masks of what is no sequence of impacts."""
 
     after: State
@@ -47,7 +47,7 @@ class Outcome:
 
 def play(
     model: Model, values: Mapping[str, float], rig: Rig, true: State, span: np.ndarray, most: int = MOST_HITS
-) -> Outcome:
+) -> EpisodeOutcome:
     """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
 
     The states belong to the flight before the first hit, continued below the surface where it must: each body first
@@ -128,8 +128,8 @@ class _Play:
             if not len(rows):
                 return
 
-    def outcome(self) -> Outcome:
-        return Outcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, self.rests)
+    def outcome(self) -> EpisodeOutcome:
+        return EpisodeOutcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, self.rests)
 
     def _values(self, rows: np.ndarray, copies: int = 1) -> Mapping:
         """The values of the bodies `rows`, all of them `copies` times one after the other."""

@@ -10,7 +10,7 @@ surface alike, because Drake mixes those of a pair.
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Ellipse
-from thesis_lib.critique.export.solid import Solid
+from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.critique.export.text import comment, n, story
 from thesis_lib.engines.parameters import DrakeNumbers, drake_numbers
 from thesis_lib.simulate.compliant.forces import rounded_centres
@@ -24,17 +24,17 @@ GRAVITY = {
 WIDE, THICK = 20.0, 1.0  # m, of the box that is the surface in URDF
 
 
-def points(solid: Solid) -> int:
+def points(solid: ExportedBody) -> int:
     """Points in which the body touches: one of an ellipsoid or a cylinder, two spheres at an edge of a prism."""
     return 1 if isinstance(solid.shape, Ellipse | Disk) else 2
 
 
-def numbers(solid: Solid, of: int) -> DrakeNumbers:
+def numbers(solid: ExportedBody, of: int) -> DrakeNumbers:
     """The contact of a body that touches in so many points."""
     return drake_numbers(solid.mu, solid.epsilon, solid.contact_time, mass=solid.mass, points=of, speed=solid.speed)
 
 
-def contact_story(solid: Solid, of: int) -> list[str]:
+def contact_story(solid: ExportedBody, of: int) -> list[str]:
     """Where stiffness and dissipation come from, and how the engine differs from the law."""
     speed = solid.speed or REFERENCE_SPEED
     lines = [
@@ -50,7 +50,7 @@ def contact_story(solid: Solid, of: int) -> list[str]:
     return lines
 
 
-def sdf(solid: Solid) -> str:
+def sdf(solid: ExportedBody) -> str:
     """The file as SDF, a world with two models."""
     of = points(solid)
     contact = _sdf_contact(numbers(solid, of))
@@ -98,7 +98,7 @@ def sdf(solid: Solid) -> str:
 """
 
 
-def urdf(solid: Solid) -> str:
+def urdf(solid: ExportedBody) -> str:
     """The file as URDF, a robot whose surface is fixed to the world."""
     of = points(solid)
     contact = _urdf_contact(numbers(solid, of))
@@ -168,7 +168,7 @@ _URDF = {
 _ALONG_Y = f"{n(0.5 * np.pi)} 0 0"  # turns the axis of a cylinder
 
 
-def _collisions(solid: Solid, form: dict[str, str]) -> list[tuple[str, np.ndarray, str, str]]:
+def _collisions(solid: ExportedBody, form: dict[str, str]) -> list[tuple[str, np.ndarray, str, str]]:
     """Name, place (3,) in m, turn and shape of each collision geometry."""
     shape, half = solid.shape, 0.5 * solid.depth
     if isinstance(shape, Ellipse):
@@ -185,7 +185,7 @@ def _collisions(solid: Solid, form: dict[str, str]) -> list[tuple[str, np.ndarra
     return [(f"corner{i}", place, "0 0 0", ball) for i, place in enumerate(places)]
 
 
-def _placed(solid: Solid, indent: str) -> str:
+def _placed(solid: ExportedBody, indent: str) -> str:
     """Pose and geometry of the prism that is seen, of a box."""
     if not solid.box:
         return ""

@@ -9,7 +9,7 @@ from pathlib import Path
 from thesis_lib.critique.contacts.sliding import require_falling
 from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjcf
 from thesis_lib.critique.export.effects import FORMATS
-from thesis_lib.critique.export.patch import Patch, Plane
+from thesis_lib.critique.export.patch import BodyAxes, Patch
 from thesis_lib.critique.export.solid import solid
 from thesis_lib.critique.export.text import only_bounds
 from thesis_lib.critique.results.saved_model import SavedModel
@@ -73,7 +73,7 @@ def patched(
         raise UserError(f"--points must be 1 or more; got {points}.")
     if surface and target == "mjcf":
         raise UserError("--surface is for SDF and URDF: MuJoCo takes the numbers of the geom with priority alone.")
-    own = Patch(file, Plane(plane))
+    own = Patch(file, BodyAxes(plane))
     of_file = patch_mjcf.mass_in(own, body) if target == "mjcf" else patch_drake.mass_in(own, body, target)
     if mass is None and of_file is not None and not of_file > 0.0:
         raise UserError(f"{file}: the mass of {body!r} is {of_file:g} kg; it must be positive.")

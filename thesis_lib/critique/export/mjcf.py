@@ -9,7 +9,7 @@ numbers do not mix in.
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Ellipse
-from thesis_lib.critique.export.solid import Solid
+from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.critique.export.text import comment, n, story
 from thesis_lib.engines.parameters import MujocoNumbers, mujoco_numbers
 from thesis_lib.foundation.errors import UserError
@@ -23,19 +23,19 @@ STEPS = 200
 UNSEEN = 'contype="0" conaffinity="0"'
 
 
-def points(solid: Solid) -> int:
+def points(solid: ExportedBody) -> int:
     """Points in which the body touches: one of an ellipsoid, both ends of an edge of a prism."""
     return 1 if isinstance(solid.shape, Ellipse) else 2
 
 
-def numbers(solid: Solid, of: int) -> MujocoNumbers:
+def numbers(solid: ExportedBody, of: int) -> MujocoNumbers:
     """The contact of a body that touches in so many points."""
     ratio = IMPRATIO if solid.damping_ratio is None else solid.damping_ratio
     d = solid.impedance or IMPEDANCE
     return mujoco_numbers(solid.mu, solid.epsilon, solid.contact_time, impedance=d, impratio=ratio, points=of)
 
 
-def contact_story(solid: Solid, of: int) -> list[str]:
+def contact_story(solid: ExportedBody, of: int) -> list[str]:
     """Where solref, solimp and impratio come from, and how the engine differs from the law."""
     ratio = "fitted (damping_ratio)" if solid.damping_ratio is not None else "not fitted"
     lines = [
@@ -50,7 +50,7 @@ def contact_story(solid: Solid, of: int) -> list[str]:
     return lines
 
 
-def mjcf(solid: Solid) -> str:
+def mjcf(solid: ExportedBody) -> str:
     """The file; UserError for round corners that do not fit into the prism."""
     of = points(solid)
     made = numbers(solid, of)
@@ -74,11 +74,11 @@ def mjcf(solid: Solid) -> str:
 """
 
 
-def _name(solid: Solid) -> str:
+def _name(solid: ExportedBody) -> str:
     return {"ellipse": "ellipsoid", "disk": "cylinder", "polygon": "prism"}[solid.shape.kind]
 
 
-def _reach(solid: Solid) -> float:
+def _reach(solid: ExportedBody) -> float:
     return float(-solid.shape.contact_point(np.zeros(1))[0, 1])
 
 
@@ -90,7 +90,7 @@ def _contact(made: MujocoNumbers) -> str:
     )
 
 
-def _geoms(solid: Solid, contact: str) -> tuple[str, str]:
+def _geoms(solid: ExportedBody, contact: str) -> tuple[str, str]:
     """Assets, and the geoms of the body."""
     shape, half = solid.shape, 0.5 * solid.depth
     if isinstance(shape, Ellipse):

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from thesis_lib.critique.export.solid import Solid
+from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.critique.export.text import n
 from thesis_lib.foundation.command_line import near
 from thesis_lib.foundation.errors import UserError
@@ -35,7 +35,7 @@ SAME = 1e-9  # m
 
 
 @dataclass(frozen=True)
-class Plane:
+class BodyAxes:
     """Axes of the user's body that are x and y of the drops, as "xz"."""
 
     axes: str
@@ -55,7 +55,7 @@ class Plane:
         return 3 - sum(self.indices)
 
     def turned(self, tensor: np.ndarray) -> np.ndarray:
-        """A tensor (3, 3) of `Solid`, whose plane is x-z, in the axes of the body."""
+        """A tensor (3, 3) of `ExportedBody`, whose plane is x-z, in the axes of the body."""
         new = np.empty((3, 3))
         order = [self.indices[0], self.across, self.indices[1]]
         new[np.ix_(order, order)] = tensor
@@ -65,7 +65,7 @@ class Plane:
 class Patch:
     """A user's file with the edits made in it; `changed` and `left` are lines for the terminal."""
 
-    def __init__(self, path: str | Path, plane: Plane) -> None:
+    def __init__(self, path: str | Path, plane: BodyAxes) -> None:
         """Read the file; UserError if it cannot be read, is no XML, has a document type, or nests too deeply."""
         self.path, self.plane = path, plane
         self.changed: list[str] = []
@@ -141,7 +141,7 @@ class Patch:
         parent.insert(0, new)
         return new
 
-    def inertia_factor(self, tensor: np.ndarray, solid: Solid, where: str) -> float:
+    def inertia_factor(self, tensor: np.ndarray, solid: ExportedBody, where: str) -> float:
         """What makes m k² of the moment across the plane of a file's tensor (3, 3); UserError if it has none there."""
         old = tensor[self.plane.across, self.plane.across]
         if not old > 0.0:
@@ -150,7 +150,7 @@ class Patch:
             )
         return float(solid.mass * solid.k_g**2 / old)
 
-    def moved(self, position: Sequence[float], solid: Solid) -> list[float]:
+    def moved(self, position: Sequence[float], solid: ExportedBody) -> list[float]:
         """The place of the centre of mass with the fitted offset; the same place if none was fitted."""
         place = list(position)
         if "com_offset" in solid.model.effects:
@@ -166,7 +166,7 @@ class Patch:
         return max(flat.count(one) for one in flat)
 
 
-def not_patched(solid: Solid) -> list[str]:
+def not_patched(solid: ExportedBody) -> list[str]:
     """What the model has of things that a patch leaves alone, and what no file can hold."""
     values = {
         "factor": 1.0 + solid.model.values.get("wrong_size.s", 0.0),

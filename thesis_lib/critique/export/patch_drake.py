@@ -11,7 +11,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.critique.export import drake_files
 from thesis_lib.critique.export.patch import Patch, not_patched
-from thesis_lib.critique.export.solid import Solid
+from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.foundation.errors import UserError
 
 ROOTS = {"sdf": "sdf", "urdf": "robot"}
@@ -25,7 +25,9 @@ def mass_in(file: Patch, name: str, target: str) -> float | None:
     return values[0] if values else None
 
 
-def patch(file: Patch, name: str, solid: Solid, target: str, points: int | None = None, surface: str = "") -> None:
+def patch(
+    file: Patch, name: str, solid: ExportedBody, target: str, points: int | None = None, surface: str = ""
+) -> None:
     """Make the edits in a file of the format `target`; `points` as in `patch_mjcf`, `surface`: a link with the same."""
     link = _link(file, name, target)
     _inertial(file, link, solid, target)
@@ -59,7 +61,7 @@ def _link(file: Patch, name: str, target: str) -> etree._Element:
     return file.named(file.root.iter("link"), name, "link")
 
 
-def _inertial(file: Patch, link: etree._Element, solid: Solid, target: str) -> None:
+def _inertial(file: Patch, link: etree._Element, solid: ExportedBody, target: str) -> None:
     inertial, mass, inertia = (link.find(f"inertial{tag}") for tag in ("", "/mass", "/inertia"))
     where = f"{file.where(link)}: the link"
     if inertial is None or mass is None or inertia is None:

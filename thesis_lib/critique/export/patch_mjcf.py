@@ -10,7 +10,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.export import mjcf
 from thesis_lib.critique.export.patch import Patch, not_patched
-from thesis_lib.critique.export.solid import Solid
+from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.critique.export.text import n
 from thesis_lib.engines.parameters import MujocoNumbers
 from thesis_lib.foundation.errors import UserError
@@ -27,7 +27,7 @@ def mass_in(file: Patch, name: str) -> float | None:
     return values[0] if values else None
 
 
-def patch(file: Patch, name: str, solid: Solid, points: int | None = None) -> None:
+def patch(file: Patch, name: str, solid: ExportedBody, points: int | None = None) -> None:
     """Make the edits; `points` in which the body touches, None: by its geoms."""
     body = _body(file, name)
     _inertial(file, body, solid)
@@ -45,7 +45,7 @@ def patch(file: Patch, name: str, solid: Solid, points: int | None = None) -> No
     file.left += not_patched(solid)
 
 
-def points_of(file: Patch, geoms: list[etree._Element], solid: Solid) -> int:
+def points_of(file: Patch, geoms: list[etree._Element], solid: ExportedBody) -> int:
     """Points that share the load: both ends of an edge, or geoms that stand behind each other across the plane."""
     if isinstance(solid.shape, Ellipse) and len(geoms) == 1:
         return 1
@@ -65,7 +65,7 @@ def _body(file: Patch, name: str) -> etree._Element:
         raise
 
 
-def _inertial(file: Patch, body: etree._Element, solid: Solid) -> None:
+def _inertial(file: Patch, body: etree._Element, solid: ExportedBody) -> None:
     if (compiler := file.root.find("compiler[@inertiafromgeom='true']")) is not None:
         raise UserError(f'{file.where(compiler)}: inertiafromgeom="true" makes MuJoCo ignore <inertial>; remove it.')
     inertial = body.find("inertial")
@@ -118,7 +118,7 @@ def _numbers(file: Patch, which: str, element: etree._Element, made: MujocoNumbe
         file.write(f"{which}: {attribute}", values, element, attribute)
 
 
-def _options(file: Patch, solid: Solid, made: MujocoNumbers) -> list[str]:
+def _options(file: Patch, solid: ExportedBody, made: MujocoNumbers) -> list[str]:
     """Options of the whole file that the fitted contact needs, and that it does not have."""
     options = {name: value for one in file.root.findall("option") for name, value in one.attrib.items()}
     coarsest, asked = solid.contact_time / COARSEST, []

@@ -33,7 +33,7 @@ ALIGNED = 1e-9  # m, how far corners may be from those of a box
 
 
 @dataclass(frozen=True)
-class Solid:
+class ExportedBody:
     """A body over its surface; `speed` in m/s is that of ε, None if ε holds at any; `damping_ratio` and `impedance`
     None: not fitted.
 
@@ -89,7 +89,7 @@ class Solid:
         return np.array([np.sin(self.tilt), 0.0, np.cos(self.tilt)])
 
 
-def solid(model: SavedModel, target: str, mass: float | None = None, depth: float | None = None) -> Solid:
+def solid(model: SavedModel, target: str, mass: float | None = None, depth: float | None = None) -> ExportedBody:
     """The body of a model for the format `target`.
 
     Args:
@@ -119,7 +119,7 @@ def solid(model: SavedModel, target: str, mass: float | None = None, depth: floa
         left_out.append((IMPEDANCE.name, "MuJoCo's alone: Drake's spring and damper do not know the mass behind them"))
     if model.scatter:
         left_out.append(("scatter", f"{model.scatter:g} m/s after impact that no effect explains"))
-    return Solid(
+    return ExportedBody(
         model=model,
         shape=shape,
         depth=depth or longest,

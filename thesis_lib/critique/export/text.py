@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from thesis_lib.critique.export.solid import NO_MASS, NO_TIME, Solid
+from thesis_lib.critique.export.solid import NO_MASS, NO_TIME, ExportedBody
 from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter
 from thesis_lib.foundation.terminal import visible
 from thesis_lib.statistics.wording import bounded
@@ -26,7 +26,7 @@ def comment(lines: Iterable[str], indent: str = "") -> str:
     return "\n".join([f"{indent}<!--", *(f"{indent}  {line}".rstrip() for line in wrapped), f"{indent}-->"])
 
 
-def story(solid: Solid, engine: Sequence[str]) -> list[str]:
+def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
     """Where the numbers come from, what was left out; `engine` says how the contact's numbers are made."""
     return [*provenance(solid), *engine, "", *said_of_effects(solid)]
 
@@ -46,7 +46,7 @@ def _sized(p: SavedParameter) -> str:
     return f"= {p.value:g}" + ("" if p.std is None else f" +/- {p.std:g}") + ("" if p.unit == "1" else f" {p.unit}")
 
 
-def provenance(solid: Solid) -> list[str]:
+def provenance(solid: ExportedBody) -> list[str]:
     """Where each number comes from."""
     m = solid.model
     fitted = ", ".join(f"{name} {_sized(p)}" for name, p in m.parameters.items())
@@ -74,7 +74,7 @@ def provenance(solid: Solid) -> list[str]:
     ]
 
 
-def said_of_effects(solid: Solid) -> list[str]:
+def said_of_effects(solid: ExportedBody) -> list[str]:
     """The effects that the file holds, and those that it cannot."""
     held = [f"  {name}: {where}" for name, where in solid.expressed] or ["  (none)"]
     left = [f"  {name}: {why}" for name, why in solid.left_out] or ["  (nothing)"]

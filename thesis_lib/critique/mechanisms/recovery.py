@@ -23,7 +23,7 @@ from thesis_lib.critique.mechanisms.effects import PAYLOAD
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, total_force
 from thesis_lib.identify.base_parameters.combinations import BaseParameters, base_parameters
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 IMPACT = 10.0  # times a pair's median normal force: steps above it are impacts and are skipped
 
@@ -75,7 +75,9 @@ def identify_parameters(weak: WeakForm, fitted: ForceFit) -> Identified:
     return Identified(base, columns, believed + (change / scale)[:r], std[:r], believed)
 
 
-def force_error(weak: WeakForm, records: tuple[Record, ...], fitted: ForceFit) -> tuple[float, np.ndarray, np.ndarray]:
+def force_error(
+    weak: WeakForm, records: tuple[SimulatedMotion, ...], fitted: ForceFit
+) -> tuple[float, np.ndarray, np.ndarray]:
     """Relative rms error of contact forces against those of the simulation, over all contact steps except impacts.
 
     Also the estimated and true forces (n, 2, p) in N, NaN where skipped.  `weak` holds the exact states of `records`.

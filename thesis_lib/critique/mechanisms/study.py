@@ -35,7 +35,7 @@ from thesis_lib.foundation.randomness import streams
 from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 from thesis_lib.statistics.intervals import wilson
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def hidden_effect_study(
     return {"effects": table, "parameters": pd.DataFrame(parameters), "summary": summary, "forces": forces}, shown
 
 
-def exact_form(records: tuple[Record, ...], model: BelievedModel, settings: HiddenStudy) -> WeakForm:
+def exact_form(records: tuple[SimulatedMotion, ...], model: BelievedModel, settings: HiddenStudy) -> WeakForm:
     """Window equations of the exact states of the last record."""
     windows = settings.critique.windows
     # an infinite ratio adds no noise, so that this generator draws nothing
@@ -128,7 +128,11 @@ def exact_form(records: tuple[Record, ...], model: BelievedModel, settings: Hidd
 
 
 def _effects_row(
-    critique: MechanismCritique, exact: WeakForm, records: tuple[Record, ...], truth: str, true_sizes: dict[str, float]
+    critique: MechanismCritique,
+    exact: WeakForm,
+    records: tuple[SimulatedMotion, ...],
+    truth: str,
+    true_sizes: dict[str, float],
 ) -> tuple[dict, "pd.DataFrame"]:
     first, tests = critique.steps[0] if critique.steps else None, critique.discovery.first_scan
     believed = fit_effects(critique.training, ())

@@ -8,7 +8,7 @@ import numpy as np
 from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
 from thesis_lib.critique.mechanisms.steps import Velocities
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Trial:
 
 
 def measured(
-    records: Sequence[Record], snr_db: float, rng: np.random.Generator, settings: EquationWindowSettings
+    records: Sequence[SimulatedMotion], snr_db: float, rng: np.random.Generator, settings: EquationWindowSettings
 ) -> tuple[Trial, ...]:
     """Trials as measured at this signal-to-noise ratio; infinite: exact states."""
     trials = []

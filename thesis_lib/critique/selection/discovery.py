@@ -8,7 +8,7 @@ import numpy as np
 
 from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import E, F, J, Judgement, World
+from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, World
 from thesis_lib.statistics.bootstrap import bootstrap_gain
 
 # no better than chance; no error falls by an amount that matters; an error rises by one
@@ -182,7 +182,7 @@ def _fitted_without(training: World[E, F, J], steps: Sequence[Step[E, F, J]], at
 
 
 def paired_gain(
-    better: Judgement, worse: Judgement, rng: np.random.Generator, draws: int = 999
+    better: HeldOutScores, worse: HeldOutScores, rng: np.random.Generator, draws: int = 999
 ) -> tuple[float, float, float]:
     """Gain of log score per unit in nats, with a 95 % interval from the bootstrap over trials."""
     difference = better.by_trial(better.trials) - worse.by_trial(better.trials)

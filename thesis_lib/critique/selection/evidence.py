@@ -12,7 +12,7 @@ import numpy as np
 from thesis_lib.critique.selection.discovery import Failure, Step, paired_gain
 from thesis_lib.critique.selection.scan import Scan, scan
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import E, F, J, Judgement, Slopes, World
+from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, Slopes, World
 from thesis_lib.foundation.randomness import generator
 
 CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
@@ -110,7 +110,7 @@ class Evidence(Generic[E, F, J]):
         return None
 
 
-def scatter(one: Judgement, other: Judgement) -> float:
+def scatter(one: HeldOutScores, other: HeldOutScores) -> float:
     """Two standard errors of the difference of the log scores of two judgements of the same trials, in nats."""
     difference = one.by_trial(one.trials) - other.by_trial(one.trials)
     return 2.0 * float(np.sqrt(len(difference)) * np.std(difference))

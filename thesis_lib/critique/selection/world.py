@@ -21,7 +21,7 @@ class Candidate(Protocol):
     def name(self) -> str: ...
 
 
-class Fit(Protocol):
+class FittedModel(Protocol):
     """A fitted model: base, effects, parameter values, and log score of the fitted data in nats."""
 
     @property
@@ -34,7 +34,7 @@ class Fit(Protocol):
     def score(self) -> float: ...
 
 
-class Judgement(Protocol):
+class HeldOutScores(Protocol):
     """How well a fitted model predicts data that it was not fitted to.
 
     `trials`: their numbers, ascending.  `units`: impacts or windows; gains are reported per unit.  `total`, `by_trial`:
@@ -53,8 +53,8 @@ class Judgement(Protocol):
 Effort = Literal["quick", "near", "full"]  # a part of the data; all of them in one round; until nothing changes
 
 E = TypeVar("E", bound=Candidate)
-F = TypeVar("F", bound=Fit)
-J = TypeVar("J", bound=Judgement)
+F = TypeVar("F", bound=FittedModel)
+J = TypeVar("J", bound=HeldOutScores)
 
 
 @dataclass(frozen=True)

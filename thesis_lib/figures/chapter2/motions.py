@@ -19,7 +19,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.chapter2.scenes import Mode, NoisyMotion, RodFall
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 MODE_LOOK = {Mode.OPEN: (GREY, "open"), Mode.STICKS: (BLUE, "sticks"), Mode.SLIDES: (RED, "slides")}
 ROD_EVERY, DISK_EVERY = 0.04, 0.13  # s between the configurations drawn
@@ -119,7 +119,7 @@ def figure_2_4(motion: NoisyMotion) -> Drawn:
 
 
 @house_style
-def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, Record]]) -> Drawn:
+def figure_2_9(shown: dict[str, tuple[PlanarFreeBody, SimulatedMotion]]) -> Drawn:
     """Traces of block (a), ellipse (b) and rimless wheel (c) with high (top) and low friction (bottom).
 
     `shown`: bodies and records with the keys of `chapter2_scenes.traces`.

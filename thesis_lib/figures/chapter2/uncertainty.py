@@ -23,7 +23,7 @@ from thesis_lib.identify.base_parameters.projection import ProjectedRecord
 from thesis_lib.identify.base_parameters.window import ContactWindow
 from thesis_lib.simulate.chapter2.scenes import NoisyMotion
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 SAMPLE_EVERY = 3  # poses between the dots of panel (a)
 LANDING_SHOWN = 5  # squares drawn of each landing, at equal intervals
@@ -32,7 +32,7 @@ NOISY, MOVED = RED, BLUE
 
 @house_style
 def figure_2_5(
-    motion: NoisyMotion, projected: ProjectedRecord, landings: dict[str, tuple[Record, ContactWindow]]
+    motion: NoisyMotion, projected: ProjectedRecord, landings: dict[str, tuple[SimulatedMotion, ContactWindow]]
 ) -> Drawn:
     """Projection of noisy poses to the contact manifold (a, b), and flat against tilted landing as excitation (c, d).
 
@@ -104,7 +104,7 @@ def _manifold(ax: Axes, motion: NoisyMotion, projected: ProjectedRecord) -> pd.D
 
 
 def _landing(
-    ax: Axes, letter: str, name: str, body: PlanarFreeBody, record: Record, window: ContactWindow
+    ax: Axes, letter: str, name: str, body: PlanarFreeBody, record: SimulatedMotion, window: ContactWindow
 ) -> pd.DataFrame:
     """Squares during a landing, side by side in time, and what the window identifies."""
     free_mass, fixed_mass = identifiability(window), identifiability(window.fix({"m": body.mass}))

@@ -33,7 +33,7 @@ from thesis_lib.identify.programs.mode_qp import solve_mode_qp
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, arm_disk, arm_trajectories
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,7 +47,7 @@ DEFAULT_STUDY = ArmStudy()
 class ArmForces:
     """One trajectory at one noise level, identified by all methods."""
 
-    record: Record  # the true motion
+    record: SimulatedMotion  # the true motion
     data: ArmData  # noisy states and torques
     c: dict[str, tuple[np.ndarray, np.ndarray]]  # for each method the forces (c_n, c_t), each (m, 2) in N
     theta: dict[str, np.ndarray]  # for each method Θ (6,)
@@ -110,7 +110,7 @@ def window_rank(window: ContactWindow) -> int:
 
 
 def arm_forces(
-    arm: ArmDisk, record: Record, mu: float, rng: np.random.Generator, settings: ArmStudy = DEFAULT_STUDY
+    arm: ArmDisk, record: SimulatedMotion, mu: float, rng: np.random.Generator, settings: ArmStudy = DEFAULT_STUDY
 ) -> ArmForces:
     """All methods on one trajectory; the inertia of `arm` is used only for the bound."""
     noisy = add_noise(record, settings.snr_db, rng)

@@ -24,7 +24,7 @@ from thesis_lib.identify.base_parameters.identifiability import RANK_TOLERANCE, 
 from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_window
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, block, disk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,27 +43,29 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.array([a * np.sin(w * t * 2.0 * np.pi + phase) for a, w, phase in PUSH])
 
 
-def _balanced(body: PlanarFreeBody, mu: float, v: tuple[float, float, float], force: Callable | None) -> Record:
+def _balanced(
+    body: PlanarFreeBody, mu: float, v: tuple[float, float, float], force: Callable | None
+) -> SimulatedMotion:
     """A disk on the surface: its one contact stays closed under any force."""
     q = np.array([0.0, 0.0, 0.0])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
     return simulate(body, q, np.array(v), force, DEFAULT.h, STEPS, mu, 0.0)
 
 
-def _pivoting(body: PlanarFreeBody, force: Callable | None) -> Record:
+def _pivoting(body: PlanarFreeBody, force: Callable | None) -> SimulatedMotion:
     """A square that is released on a corner and falls about it, without slip, until just before the next one lands."""
     q = np.array([0.0, 0.0, TILTED])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
     return simulate(body, q, np.zeros(3), force, DEFAULT.h, PIVOT_STEPS, HIGH_FRICTION, 0.0)
 
 
-def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
+def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMotion, ContactWindow]]:
     """For each case name, the motion and its window in unknown (m, I)."""
     rolling, square = disk(settings), block(settings)
     fast, still = (4.0, 0.0, 3.0), (0.0, 0.0, 0.0)
     high, flat, tilted = (0.0, 3.0, 0.4), (0.0, 0.8, 0.0), (0.0, 0.95, 0.35)
 
-    def released(q: tuple, v: tuple, force: Callable | None) -> tuple[Record, float]:
+    def released(q: tuple, v: tuple, force: Callable | None) -> tuple[SimulatedMotion, float]:
         arguments = (settings.h, STEPS, settings.mu, settings.epsilon)
         return simulate(square, np.array(q), np.array(v), force, *arguments), settings.mu
 
@@ -86,7 +88,7 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Reco
     }
 
 
-def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Record, ContactWindow]]:
+def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMotion, ContactWindow]]:
     """The square of figure 2-5 without external force: "flat" and "tilted" landings."""
     cases = excitation_cases(settings)
     return {name: cases[f"square lands {name}, no force"] for name in ("flat", "tilted")}
@@ -112,7 +114,7 @@ def excitation_table(settings: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
     return pd.DataFrame(rows)
 
 
-def _sliding_rank(record: Record, window: ContactWindow, settings: Chapter2Bodies) -> int:
+def _sliding_rank(record: SimulatedMotion, window: ContactWindow, settings: Chapter2Bodies) -> int:
     if window.gap.shape[1] != 1:
         return -1
     slides = window.touching[:, 0] & (window.v_t[:, 0] != 0.0) & (record.c_n[:, 0] > 0.0)

@@ -19,7 +19,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.window import States, expected_gap
 from thesis_lib.simulate.chapter2.scenes import NoisyMotion
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 # Newton steps; three or four are enough for a body unless contacts contradict each other
 ITERATIONS = 20
@@ -36,7 +36,7 @@ class ProjectedRecord(States):
 
 
 def project_to_contact(
-    record: Record | States,
+    record: SimulatedMotion | States,
     mechanism: Mechanism,
     *,
     a_free: np.ndarray,

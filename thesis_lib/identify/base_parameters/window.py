@@ -26,7 +26,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.regressor import free_body_regressor
 from thesis_lib.simulate.stepping.contact_modes import TOUCH
 from thesis_lib.simulate.stepping.multibody import Mechanism
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 V_TOLERANCE = 1e-9  # m/s: far above the rounding of a time step (1e-15), far below any sliding that matters
 GAP_TOLERANCE = 1e-9  # m: the same for gaps
@@ -157,7 +157,7 @@ def expected_gap(
 
 
 def window_of(
-    record: Record | States,
+    record: SimulatedMotion | States,
     Y: np.ndarray,
     a_free: np.ndarray,
     mu: float,
@@ -202,7 +202,7 @@ def window_of(
 
 
 def free_body_window(
-    record: Record | States,
+    record: SimulatedMotion | States,
     mu: float,
     *,
     gravity: tuple[float, float] = (0.0, -9.81),

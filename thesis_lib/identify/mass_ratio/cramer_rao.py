@@ -23,7 +23,7 @@ from thesis_lib.identify.mass_ratio.arc_fit import fit_arcs
 from thesis_lib.identify.mass_ratio.likelihood import STICK, ArcModel, BodyShape
 from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
 from thesis_lib.identify.segmentation import check_states, without_gravity
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 # share of μ c_n that |c_t| reaches when an impact slides; sticking ones miss it by far more
 SLIDE_SHARE = 1.0 - 1e-6
@@ -39,7 +39,7 @@ class TrueImpacts:
     alone: np.ndarray  # (J,) bool, whether no second pair has a force in that step
 
 
-def true_impacts(record: Record, mu: float) -> TrueImpacts:
+def true_impacts(record: SimulatedMotion, mu: float) -> TrueImpacts:
     """The steps of `record` with contact forces; `mu` is the friction coefficient."""
     steps = np.flatnonzero((record.c_n > 0).any(axis=1))
     c_n, c_t = record.c_n[steps], record.c_t[steps]

@@ -34,7 +34,7 @@ from thesis_lib.identify.settings import Table21
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, releases
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 from thesis_lib.statistics.spread import MAD_TO_STD
 
 Method = Literal["plain", "softened", "complementary", "projected", "least_squares", "arcs", "arcs_gap", "arcs_law"]
@@ -64,7 +64,7 @@ class KeptDrops:
     """Accepted drops of one body."""
 
     body: PlanarFreeBody
-    records: tuple[Record, ...]  # windows of the simulation
+    records: tuple[SimulatedMotion, ...]  # windows of the simulation
     impacts: tuple[TrueImpacts, ...]  # of each record
     left_out: dict[str, int]  # number of drops left out, by reason of `LEFT_OUT`
 
@@ -95,7 +95,7 @@ def make_drops(
     raise RuntimeError(f"only {len(records)} of {_MAX_BATCHES * _BATCH} drops of the {kind} were kept: {reasons}")
 
 
-def _window(record: Record, mu: float, settings: Table21) -> tuple[Record, TrueImpacts | None, str]:
+def _window(record: SimulatedMotion, mu: float, settings: Table21) -> tuple[SimulatedMotion, TrueImpacts | None, str]:
     if not record.solved:
         return record, None, "not solved"
     steps = true_impacts(record, mu).steps

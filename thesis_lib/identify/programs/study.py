@@ -28,7 +28,7 @@ from thesis_lib.identify.programs.nonlinear import ContactProgram, Products
 from thesis_lib.identify.programs.result import ProgramResult
 from thesis_lib.identify.settings import Mechanism, Programs
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, arm_disk, arm_trajectories, releases
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,7 +100,7 @@ def cases(
     return windows
 
 
-def _motions(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[Record]:
+def _motions(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapter2Bodies) -> Iterator[SimulatedMotion]:
     surface = settings.wheel if kind == "wheel" else settings
     steps = max(settings.steps, n_steps)
     while True:
@@ -111,7 +111,7 @@ def _motions(kind: str, n_steps: int, rng: np.random.Generator, settings: Chapte
             yield simulate(BODIES[kind](settings), q, v, None, settings.h, steps, surface.mu, surface.epsilon)
 
 
-def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> TrueWindow:
+def _whole(kind: str, record: SimulatedMotion, settings: Chapter2Bodies) -> TrueWindow:
     """The whole motion as one case to cut windows from."""
     if kind == "arm_disk":
         window, theta = _arm_window(record, settings)
@@ -123,7 +123,7 @@ def _whole(kind: str, record: Record, settings: Chapter2Bodies) -> TrueWindow:
     return TrueWindow(window, np.array([body.inertia]), record.c_n, record.c_t)
 
 
-def _arm_window(record: Record, settings: Chapter2Bodies) -> tuple[ContactWindow, np.ndarray]:
+def _arm_window(record: SimulatedMotion, settings: Chapter2Bodies) -> tuple[ContactWindow, np.ndarray]:
     """Arm and disk in the base parameters of the motion, and their true values."""
     arm = arm_disk(settings)
     regressor = PlantRegressor(arm.plant, ARM_BODIES)

@@ -40,7 +40,7 @@ from thesis_lib.identify.programs.mode_qp import Program, solve_mode_qp
 from thesis_lib.identify.programs.result import ProgramResult
 from thesis_lib.identify.segmentation import check_states, floored
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 from thesis_lib.statistics.spread import robust_std
 from thesis_lib.statistics.tails import chi_square_tail
 
@@ -70,7 +70,7 @@ class WheelStatus(StrEnum):
 class WheelFit:
     """Maximum-likelihood motion of a wheel and its forces, for m steps and p spokes."""
 
-    record: Record  # the fitted motion; its c_n, c_t (m, p) in N are the estimated forces
+    record: SimulatedMotion  # the fitted motion; its c_n, c_t (m, p) in N are the estimated forces
     inertia: float  # inertia, inertia_std: kg m², about the hub
     inertia_std: float
     sigma: np.ndarray  # (2, 3) noise σ of q and v in m, rad and per s, from the residuals
@@ -243,7 +243,7 @@ class _Fit:
         costs = [np.sum(self.residuals(eta, sigma, steps) ** 2) for eta in grid]
         return [grid[i] for i in np.argsort(costs)[:KEPT]]
 
-    def motion(self, eta: np.ndarray, steps: int) -> Record:
+    def motion(self, eta: np.ndarray, steps: int) -> SimulatedMotion:
         """The motion from η, starting on the spoke nearest to the downward direction."""
         w = self.wheel
         inertia = w.mass * w.length**2 * float(np.exp(eta[3]))
@@ -272,7 +272,7 @@ class _Fit:
             self.residuals, eta, args=(sigma, steps), bounds=(low, high), x_scale=scale, xtol=1e-10, ftol=1e-10
         )
 
-    def deviations(self, eta: np.ndarray, covariance: np.ndarray, record: Record) -> np.ndarray:
+    def deviations(self, eta: np.ndarray, covariance: np.ndarray, record: SimulatedMotion) -> np.ndarray:
         """(8, 2, m, p) forces c_n, c_t at the sigma points minus those of the record at η."""
         root = np.linalg.cholesky(covariance).T
         points = [self.motion(point, record.steps) for point in np.concatenate([eta + root, eta - root])]

@@ -25,7 +25,7 @@ from thesis_lib.identify.wheel.forces import WheelFit, fit_wheel, plain_forces
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, releases, wheel
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 METHODS = ("noise_free", "plain", "fit")
 BELIEVED = ("ok", "solved")  # statuses of a fit and of a program
@@ -39,7 +39,7 @@ ERRORS = ("error_n", "error_t", "impulse_error_n", "impulse_error_t")
 class WheelForces:
     """Forces of successive spokes by every method, on one record."""
 
-    truth: Record  # the simulated motion
+    truth: SimulatedMotion  # the simulated motion
     pairs: tuple[int, ...]  # (≤ 3,) contact pairs in the order in which they touch
     c_n: dict[str, np.ndarray]  # c_n, c_t: method -> (m, p) in N
     c_t: dict[str, np.ndarray]
@@ -72,7 +72,7 @@ def rolling_steps(c_n: np.ndarray) -> np.ndarray:
 
 
 def identify(
-    truth: Record, made: RimlessWheel, mu: float, epsilon: float, snr: float, rng: np.random.Generator
+    truth: SimulatedMotion, made: RimlessWheel, mu: float, epsilon: float, snr: float, rng: np.random.Generator
 ) -> WheelForces:
     """Forces of a simulated record by every method; `snr` in dB of the noise.
 
@@ -109,7 +109,7 @@ def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float
     return out
 
 
-def wheel_record(q: np.ndarray, v: np.ndarray, steps: int, bodies: Chapter2Bodies = DEFAULT) -> Record:
+def wheel_record(q: np.ndarray, v: np.ndarray, steps: int, bodies: Chapter2Bodies = DEFAULT) -> SimulatedMotion:
     """The chapter's wheel from one start (3,), (3,)."""
     w = bodies.wheel
     return simulate(wheel(bodies), q, v, None, bodies.h, steps, w.mu, w.epsilon)

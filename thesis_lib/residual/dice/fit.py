@@ -27,7 +27,7 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.effects.effect import Effect, Parameters, Rig
 from thesis_lib.residual.dice.data import MeasuredContacts
 from thesis_lib.residual.dice.settings import DiceFitSettings
-from thesis_lib.residual.throwing.compliant_contact import CompliantContact, compliant_path
+from thesis_lib.residual.throwing.compliant_contact import CornerContact, compliant_path
 from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
 from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, state_at
@@ -62,7 +62,7 @@ class DiceModel:
     c_y: float = 0.0
     c_v: float = 0.0  # c_v, c_w: 1/s, drag in flight
     c_w: float = 0.0
-    contact: CompliantContact | None = None
+    contact: CornerContact | None = None
     effects: tuple[tuple[Effect, Parameters], ...] = ()  # of the contacts, and what they are told of body and rig
     rig: Rig | None = None
 
@@ -173,7 +173,7 @@ def fit_dice(
     if len(used) > settings.contacts:
         used = used.select(np.sort(rng.choice(len(used), settings.contacts, replace=False)))
     width = max(float(np.std(used.q[:, 0])), 2.0 * MECHANISMS["place"]["width"])
-    even = CompliantContact(place=float(np.median(used.q[:, 0])), width=width)
+    even = CornerContact(place=float(np.median(used.q[:, 0])), width=width)
     begin = begin or replace(start, contact=even)
     contact_steps = dict(CONTACT_STEPS)
     for mechanism in mechanisms:

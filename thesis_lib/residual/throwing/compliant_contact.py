@@ -31,7 +31,7 @@ _ROUNDS = 12  # of flight and contact, at most
 
 
 @dataclass(frozen=True)
-class CompliantContact:
+class CornerContact:
     """Stiffness, damping and friction of the corners."""
 
     omega: float = 1000.0  # Ω, 1/s: root of a corner's stiffness per mass; a contact takes about π/Ω
@@ -56,11 +56,11 @@ class CompliantContact:
         return min(stiffness, positive, below_one, self.far + 1.0, self.far_dashpot + 1.0)
 
 
-PARAMETERS = tuple(field.name for field in fields(CompliantContact))
+PARAMETERS = tuple(field.name for field in fields(CornerContact))
 
 
 def compliant_path(
-    body: ThrownBody, contact: CompliantContact, q: np.ndarray, v: np.ndarray, until: np.ndarray, dt: float = DT
+    body: ThrownBody, contact: CornerContact, q: np.ndarray, v: np.ndarray, until: np.ndarray, dt: float = DT
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pose and velocity (n, 3) at the times `until` (n,) in s, flights and contacts in turn; NaN for too many."""
     n = len(q)
@@ -88,7 +88,7 @@ def compliant_path(
 
 def press(
     body: ThrownBody,
-    contact: CompliantContact,
+    contact: CornerContact,
     q: np.ndarray,
     v: np.ndarray,
     left: np.ndarray,

@@ -33,7 +33,7 @@ from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping.stepping import Force, Record, StateTerms, simulate, step_lcp
+from thesis_lib.simulate.stepping.stepping import Force, SimulatedMotion, StateTerms, simulate, step_lcp
 
 MechanismKind = Literal["arm", "wheel"]
 TRUTHS: dict[MechanismKind, tuple[str, ...]] = {
@@ -199,7 +199,7 @@ def planned(
     rng: np.random.Generator,
     settings: Chapter2Bodies = chapter2.DEFAULT,
     sizes: HiddenSizes | None = None,
-) -> tuple[Record, ...]:
+) -> tuple[SimulatedMotion, ...]:
     """n trials of the believed mechanism, whose starts and torques `run_with` applies to the true one.
 
     The wheel starts on a spoke, alternately downhill and uphill: a resistance changes its sign, a slope does not.
@@ -221,10 +221,10 @@ def planned(
 def run_with(
     kind: MechanismKind,
     truth: str,
-    plans: tuple[Record, ...],
+    plans: tuple[SimulatedMotion, ...],
     settings: Chapter2Bodies = chapter2.DEFAULT,
     sizes: HiddenSizes | None = None,
-) -> tuple[Record, ...]:
+) -> tuple[SimulatedMotion, ...]:
     """The planned trials on a mechanism with a hidden effect, one of `TRUTHS[kind]`; unsolvable trials are left out.
 
     Raises:

@@ -28,7 +28,7 @@ from thesis_lib.simulate.rig.release import Spread
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody, Rod
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 Kind = Literal["block", "ellipse", "disk", "rod", "wheel"]
 # trajectories drawn per accepted one of the arm; more mean that the settings give no contact
@@ -210,7 +210,7 @@ def releases(
 class ArmTrajectories:
     """Trajectories of arm and disk with enough contact."""
 
-    records: tuple[Record, ...]
+    records: tuple[SimulatedMotion, ...]
     tried: int  # number drawn
     left_out: dict[str, int]  # number left out, by reason of `FILTERS`
 
@@ -222,7 +222,7 @@ def arm_trajectories(n: int, rng: np.random.Generator, settings: Chapter2Bodies 
         UserError: fewer than one in `MAX_TRIES` draws is accepted.
     """
     arm, a = arm_disk(settings), settings.arm
-    kept: list[Record] = []
+    kept: list[SimulatedMotion] = []
     reasons: dict[str, int] = dict.fromkeys(FILTERS, 0)
     tried = 0
     while len(kept) < n:
@@ -263,7 +263,7 @@ def _start(
     return q, np.array([0.0, 0.0, 0.0, 0.0, a.disk_spin.quantile(u[5])]), torque
 
 
-def _left_out(arm: ArmDisk, record: Record, a: ArmSettings) -> str:
+def _left_out(arm: ArmDisk, record: SimulatedMotion, a: ArmSettings) -> str:
     if not record.solved:
         return "not solved"
     if np.abs(record.v).max() > a.max_speed:

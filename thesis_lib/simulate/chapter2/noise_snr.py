@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class NoisyStates:
     sigma: np.ndarray
 
 
-def add_noise(record: Record, snr_db: float, rng: np.random.Generator) -> NoisyStates:
+def add_noise(record: SimulatedMotion, snr_db: float, rng: np.random.Generator) -> NoisyStates:
     """Gaussian noise of `snr_db` in dB on q and v of a record, independent in every sample and channel.
 
     Raises:
@@ -37,7 +37,7 @@ def add_noise(record: Record, snr_db: float, rng: np.random.Generator) -> NoisyS
     if not (np.isfinite(record.q).all() and np.isfinite(record.v).all()):
         raise UserError(
             "Noise cannot be added to a record with a step that was not solved. Look at its status, and leave it out "
-            "or cut it with `Record.window`."
+            "or cut it with `SimulatedMotion.window`."
         )
     sigma = np.stack([record.q.std(axis=0), record.v.std(axis=0)]) * 10.0 ** (-snr_db / 20.0)
     noise = rng.standard_normal((2, *record.q.shape)) * sigma[:, None, :]

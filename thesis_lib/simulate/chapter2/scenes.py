@@ -37,7 +37,7 @@ from thesis_lib.simulate.chapter2.motions import (
 from thesis_lib.simulate.chapter2.noise_snr import NoisyStates, add_noise
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
-from thesis_lib.simulate.stepping.stepping import Record, simulate
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 SLIPS = 1e-6  # m/s; sticking contacts of a record move by rounding, 1e-13
 
@@ -79,7 +79,7 @@ class RodFall:
     """A rod whose left end lands and sticks and whose right end lands later and slides."""
 
     body: PlanarFreeBody  # its pairs are the left and the right end
-    record: Record
+    record: SimulatedMotion
     modes: np.ndarray  # (m, 2) `Mode` of the ends in each step
     lands: tuple[int, int]  # steps in which left and right end first touch
 
@@ -89,13 +89,13 @@ class NoisyMotion:
     """A motion, its noisy states, and a window start..stop-1 of its steps."""
 
     body: PlanarFreeBody
-    record: Record
+    record: SimulatedMotion
     observed: NoisyStates
     start: int
     stop: int
 
 
-def contact_modes(record: Record) -> np.ndarray:
+def contact_modes(record: SimulatedMotion) -> np.ndarray:
     """`Mode` (m, p) of each contact pair in each step: open without normal force, else by J_t v_{k+1}."""
     v_t = np.einsum("kpv,kv->kp", record.J_t, record.v[1:])
     closed = np.where(np.abs(v_t) > SLIPS, Mode.SLIDES, Mode.STICKS)
@@ -172,12 +172,12 @@ def tipping_block(
 
 def traces(
     rng: np.random.Generator, settings: Chapter2Bodies = DEFAULT, scenes: SceneSettings = SCENES
-) -> dict[str, tuple[PlanarFreeBody, Record]]:
+) -> dict[str, tuple[PlanarFreeBody, SimulatedMotion]]:
     """Motions of figure 2-9: "block", "ellipse", "wheel, high friction" and "wheel, low friction".
 
     Of a few random drops, those whose centre travels farthest.  The wheel starts at the middle of its range of speeds.
     """
-    shown: dict[str, tuple[PlanarFreeBody, Record]] = {}
+    shown: dict[str, tuple[PlanarFreeBody, SimulatedMotion]] = {}
     drops: dict[Kind, PlanarFreeBody] = {"block": block(settings), "ellipse": ellipse(settings)}
     for kind, body in drops.items():
         starts = zip(*releases(kind, scenes.candidates, rng, settings))

@@ -36,7 +36,7 @@ RECTANGLE = 1e-9  # m, how far corners may be from a rectangle's
 
 
 @dataclass(frozen=True)
-class Solid:
+class HydroelasticBody:
     """A soft body: `modulus` in Pa, `dissipation` d in s/m, and the `edge` length of its mesh in m."""
 
     modulus: float

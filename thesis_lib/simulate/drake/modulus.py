@@ -12,7 +12,7 @@ import numpy as np
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Ellipse
 from thesis_lib.simulate.drake.hunt_crossley import dissipation, duration
-from thesis_lib.simulate.drake.hydroelastic import Solid
+from thesis_lib.simulate.drake.hydroelastic import HydroelasticBody
 from thesis_lib.simulate.drake.plant import Surface, drop_plant
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED, CompliantContact, HiddenCauses
 
@@ -45,12 +45,12 @@ def central_angle(body: Body) -> float:
     return float(-0.5 * np.pi - np.arctan2(y, x))
 
 
-def solid(body: Body, epsilon: float, contact_time: float) -> Solid:
+def solid(body: Body, epsilon: float, contact_time: float) -> HydroelasticBody:
     """The soft body with restitution `epsilon` and duration `contact_time` (s) in a central impact."""
     assert body.mass is not None  # bodies without one are refused earlier
     d = dissipation(epsilon)
     shortest = min(body.shape.semi_axes) if isinstance(body.shape, Ellipse) else body.shape.extent
-    trial = Solid(TRIAL_MODULUS, 0.0, RESOLUTION * shortest)
+    trial = HydroelasticBody(TRIAL_MODULUS, 0.0, RESOLUTION * shortest)
     exponent, force, depth = 2.0, 0.0, 0.0
     for _ in range(ROUNDS):
         depth = contact_time * REFERENCE_SPEED / duration(d * REFERENCE_SPEED, exponent)
@@ -58,4 +58,4 @@ def solid(body: Body, epsilon: float, contact_time: float) -> Solid:
         exponent = float(np.log2(force / half))
     # k Lⁿ = m v² / L is the force at depth L
     wanted = body.mass * REFERENCE_SPEED**2 / depth
-    return Solid(float(TRIAL_MODULUS * wanted / force), d, trial.edge)
+    return HydroelasticBody(float(TRIAL_MODULUS * wanted / force), d, trial.edge)

@@ -56,7 +56,7 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Ellipse
 from thesis_lib.simulate.compliant.forces import rounded_centres
 from thesis_lib.simulate.drake.hunt_crossley import Spring
-from thesis_lib.simulate.drake.hydroelastic import Solid, solid_shape
+from thesis_lib.simulate.drake.hydroelastic import HydroelasticBody, solid_shape
 from thesis_lib.simulate.drake.viscoelastic_pad import Pad, design
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
@@ -65,7 +65,7 @@ STICTION = 2e-3
 SHARP = 1e-6  # m; radius of the sphere at a sharp corner
 HEAVY = 1e6  # body masses: an impact then moves the carriage by a millionth of its Δv
 SKID_SHARE = 0.03  # of the body's mass; lighter ones need more time steps and change little
-Surface = Pad | Spring | Solid  # what the body falls on
+Surface = Pad | Spring | HydroelasticBody  # what the body falls on
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
@@ -108,7 +108,7 @@ def drop_plant(
         plant = builder.AddSystem(MultibodyPlant(time_step=0.0))
     else:
         plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-        soft = isinstance(surface, Solid)
+        soft = isinstance(surface, HydroelasticBody)
         plant.set_contact_model(ContactModel.kHydroelastic if soft else ContactModel.kPoint)
     moving, plate = plant.AddModelInstance("moving"), plant.AddModelInstance("plate")
 
@@ -124,7 +124,7 @@ def drop_plant(
     carriage = None
     if surface is not None:
         of_body, of_plate = _properties(surface, contact, m)
-        if isinstance(surface, Solid):
+        if isinstance(surface, HydroelasticBody):
             middle = RigidTransform([-m.com_offset_x, -m.com_offset_y, 0.0])
             plant.RegisterCollisionGeometry(frame, middle, solid_shape(body, 1.0 + m.size_error), "solid", of_body)
         else:
@@ -158,7 +158,7 @@ def _properties(
     surface: Surface, contact: CompliantContact, m: HiddenCauses
 ) -> tuple[ProximityProperties, ProximityProperties]:
     """Properties of the body's shape, and of the plate's."""
-    if isinstance(surface, Solid):
+    if isinstance(surface, HydroelasticBody):
         return surface.properties(contact, soft=True), surface.properties(contact, soft=False)
     if isinstance(surface, Spring):
         stiffness, dissipation = surface.stiffness, surface.dissipation

@@ -44,7 +44,7 @@ from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind, loaded_arm
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 _UP = np.array([0.0, 1.0, 0.0])
 
@@ -52,7 +52,7 @@ _UP = np.array([0.0, 1.0, 0.0])
 def drake_motions(
     kind: MechanismKind,
     truth: str,
-    plans: Sequence[Record],
+    plans: Sequence[SimulatedMotion],
     bodies: Chapter2Bodies,
     sizes: HiddenSizes,
     contact: DrawnContact,
@@ -74,7 +74,7 @@ def drake_motions(
     return [_run(simulator, plant, ground, _force(kind, truth, bodies, sizes), plan, contact) for plan in plans]
 
 
-def _run(simulator, plant: MultibodyPlant, ground, force, plan: Record, contact: DrawnContact) -> EngineMotion:
+def _run(simulator, plant: MultibodyPlant, ground, force, plan: SimulatedMotion, contact: DrawnContact) -> EngineMotion:
     """One trial; `force` gives a generalised force (nv,) from q, v and the ground's normal force."""
     context = simulator.get_mutable_context()
     context.SetTime(0.0)

@@ -28,7 +28,7 @@ from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
-from thesis_lib.simulate.stepping.stepping import Record
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 IMPEDANCE = 0.95  # d of MuJoCo's contact: the share of the constraint that is kept, without change over depth
 
@@ -39,7 +39,7 @@ STIFF_FRICTION = 1e-3
 def mujoco_motions(
     kind: MechanismKind,
     truth: str,
-    plans: Sequence[Record],
+    plans: Sequence[SimulatedMotion],
     bodies: Chapter2Bodies,
     sizes: HiddenSizes,
     contact: DrawnContact,
@@ -51,7 +51,7 @@ def mujoco_motions(
     return [_run(model, plan, contact, cogging) for plan in plans]
 
 
-def _run(model: object, plan: Record, contact: DrawnContact, cogging: tuple[float, int]) -> EngineMotion:
+def _run(model: object, plan: SimulatedMotion, contact: DrawnContact, cogging: tuple[float, int]) -> EngineMotion:
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = plan.q[0], plan.v[0]
     amplitude, periods = cogging

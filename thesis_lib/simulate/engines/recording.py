@@ -10,7 +10,7 @@ from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, MechanismKind, planned
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies
 from thesis_lib.simulate.chapter2.recording import MIN_TRIALS, TRIALS, hidden_sizes, recording_header
-from thesis_lib.simulate.engines.sensors import Rig, Sensors
+from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors
 from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion, EngineName
 
 DESCRIPTION = "{kind} in {engine}, with its own contact, that may not be what recording.yaml says"
@@ -69,7 +69,7 @@ def record_engine(
     )
     driven = len(header.mechanism.torques)
     rng = generator(seed, "recording", kind, engine, hidden, "sensors")
-    rig = Rig.draw(sensors, driven, rng)
+    rig = DrawnSensors.draw(sensors, driven, rng)
     tables = []
     for i, (plan, motion) in enumerate(usable):
         t, q, v, u = rig.record(motion, plan.f_ext[:, :driven], bodies.h, rng)

@@ -67,7 +67,7 @@ class Sensors(Section):
 
 
 @dataclass(frozen=True)
-class Rig:
+class DrawnSensors:
     """Sensors with what is fixed during a recording.
 
     Attributes:
@@ -84,7 +84,7 @@ class Rig:
     offset: np.ndarray
 
     @classmethod
-    def draw(cls, sensors: Sensors, joints: int, rng: np.random.Generator) -> "Rig":
+    def draw(cls, sensors: Sensors, joints: int, rng: np.random.Generator) -> "DrawnSensors":
         delays = sensors.delay.quantile(rng.random(2))
         n = min(sensors.harmonics, sensors.highest)
         harmonics = np.array([1 + rng.choice(sensors.highest, n, replace=False) for _ in range(joints)]).reshape(-1, n)

@@ -45,7 +45,7 @@ Force = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Record:
+class SimulatedMotion:
     """A simulated motion of m steps with all its forces; without a hidden force, the equation above holds exactly."""
 
     h: float  # s, time step
@@ -75,13 +75,13 @@ class Record:
         """Whether every step was solved."""
         return bool((self.status == LcpStatus.SOLVED).all())
 
-    def window(self, start: int, stop: int) -> "Record":
+    def window(self, start: int, stop: int) -> "SimulatedMotion":
         """Steps start..stop-1 with the stop - start + 1 states around them."""
         if not 0 <= start < stop <= self.steps:
             raise UserError(f"A window of the record must lie in steps 0..{self.steps}; got {start}..{stop}.")
         states = {name: getattr(self, name)[start : stop + 1] for name in ("q", "v")}
         names = ("f_ext", "phi", "J_n", "J_t", "c_n", "c_t", "residual", "status")
-        return Record(h=self.h, **states, **{name: getattr(self, name)[start:stop] for name in names})
+        return SimulatedMotion(h=self.h, **states, **{name: getattr(self, name)[start:stop] for name in names})
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def simulate(
     epsilon: np.ndarray | float,
     *,
     hidden: Force | None = None,
-) -> Record:
+) -> SimulatedMotion:
     """Simulate `steps` steps from (q0, v0).
 
     Args:
@@ -149,7 +149,7 @@ def simulate(
     p, nv = len(mechanism.pairs), mechanism.nv
     q0, v0 = np.array(q0, dtype=float), np.array(v0, dtype=float)
     _check(mechanism, q0, v0, h, steps, np.asarray(mu, float), np.asarray(epsilon, float))
-    out = Record(
+    out = SimulatedMotion(
         h=float(h),
         q=np.full((steps + 1, nv), np.nan),
         v=np.full((steps + 1, nv), np.nan),
@@ -173,7 +173,12 @@ def simulate(
 
 
 def _run(
-    mechanism: Mechanism, out: Record, force: Force | None, hidden: Force | None, mu: np.ndarray, epsilon: np.ndarray
+    mechanism: Mechanism,
+    out: SimulatedMotion,
+    force: Force | None,
+    hidden: Force | None,
+    mu: np.ndarray,
+    epsilon: np.ndarray,
 ) -> int:
     """Fill the record step by step; returns the number of steps with a known starting state."""
     h, steps = out.h, out.steps
@@ -216,7 +221,7 @@ def _run(
     return k
 
 
-def _fly(mechanism: Mechanism, out: Record, acceleration: np.ndarray, k: int, ahead: int) -> int:
+def _fly(mechanism: Mechanism, out: SimulatedMotion, acceleration: np.ndarray, k: int, ahead: int) -> int:
     """Fill up to `ahead` steps without contact from step k on; returns their number."""
     h = out.h
     v = out.v[k] + h * np.cumsum(acceleration[k : k + ahead], axis=0)

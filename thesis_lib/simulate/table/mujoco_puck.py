@@ -13,7 +13,7 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.mujoco.contact import solref
-from thesis_lib.simulate.table.puck import CONTACT, CUSHIONS, FRICTION, MASS, RADIUS, SLOW, Table
+from thesis_lib.simulate.table.puck import CONTACT, CUSHIONS, FRICTION, MASS, RADIUS, SLOW, Cushions
 
 STEP, EVERY = 2e-5, 25  # s; a fiftieth of the contact, and force of the table every half millisecond
 IMPEDANCE, IMPRATIO = 0.01, 10.0  # as of dropped bodies
@@ -21,7 +21,7 @@ IMPEDANCE, IMPRATIO = 0.01, 10.0  # as of dropped bodies
 SHARE = 1.0 / (IMPEDANCE + (1.0 - IMPEDANCE) * 2.0 / 3.0)
 
 
-def slide_in_mujoco(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Table, times: np.ndarray) -> np.ndarray:
+def slide_in_mujoco(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Cushions, times: np.ndarray) -> np.ndarray:
     """Positions (n, T, 2) in m at `times` (T,) in s of pucks from q, v (n, 2) and spin omega (n,); NaN once at rest.
 
     UserError for a restitution that depends on speed, which no contact of MuJoCo's has.
@@ -50,7 +50,7 @@ def slide_in_mujoco(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Tabl
     return path
 
 
-def _xml(table: Table) -> str:
+def _xml(table: Cushions) -> str:
     planes = ""
     for wall, out, mu, (stiffness, damping) in zip(
         CUSHIONS, table.out, table.mu, solref(table.epsilon, np.full(len(CUSHIONS), CONTACT), SHARE)

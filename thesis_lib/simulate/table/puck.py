@@ -52,7 +52,7 @@ DESCRIPTION = "example: a puck between four cushions, simulated; the table may n
 
 
 @dataclass(frozen=True)
-class Table:
+class Cushions:
     """What may be hidden, each at one cushion by its number, as arrays (4,).
 
     Attributes:
@@ -69,7 +69,7 @@ class Table:
 
 @dataclass(frozen=True)
 class HiddenInATable:
-    """A cause: the field of `Table` that it changes, by how much by default, and what it means."""
+    """A cause: the field of `Cushions` that it changes, by how much by default, and what it means."""
 
     field: str
     size: float
@@ -83,14 +83,14 @@ CAUSES = {
     "shifted_cushion": HiddenInATable("out", 3e-3, "m by which the east cushion stands further out than stated"),
 }
 EAST = 3
-Move = Callable[[np.ndarray, np.ndarray, np.ndarray, Table, np.ndarray], np.ndarray]
+Move = Callable[[np.ndarray, np.ndarray, np.ndarray, Cushions, np.ndarray], np.ndarray]
 TRIALS = 60
 FLOAT_FORMAT = "%.6f"  # a micrometre, far below the noise
 
 
-def hidden_table(hidden: str, size: float | None = None) -> Table:
+def hidden_table(hidden: str, size: float | None = None) -> Cushions:
     """The table with a cause of `CAUSES`, or "nothing"; UserError for others and for impossible sizes."""
-    table = Table(np.zeros(4), np.full(4, EPSILON), np.full(4, MU), np.zeros(4))
+    table = Cushions(np.zeros(4), np.full(4, EPSILON), np.full(4, MU), np.zeros(4))
     if hidden == "nothing":
         if size is not None:
             raise UserError("--size has no meaning with --hidden nothing; leave it out.")
@@ -168,7 +168,7 @@ def cushions_text() -> str:
     return "\n".join(["of a puck (--shape puck):", *lines])
 
 
-def slide(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Table, times: np.ndarray) -> np.ndarray:
+def slide(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Cushions, times: np.ndarray) -> np.ndarray:
     """Positions (n, T, 2) in m at `times` (T,) in s of pucks from q, v (n, 2) and spin omega (n,); NaN once at rest."""
     n = len(q)
     q, v, omega, now = q.copy(), v.copy(), omega.copy(), np.zeros(n)
@@ -212,7 +212,7 @@ def _strike(
     v: np.ndarray,
     omega: np.ndarray,
     now: np.ndarray,
-    table: Table,
+    table: Cushions,
     times: np.ndarray,
     path: np.ndarray,
 ) -> None:
