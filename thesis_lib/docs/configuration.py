@@ -9,7 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from thesis_lib.docs.markdown import code, table
+from thesis_lib.foundation.markdown import code, table
 from thesis_lib.foundation.settings import Section
 
 PLAIN = {int: "whole number", float: "number", str: "text", bool: "true or false", Any: "anything"}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pydantic.fields import FieldInfo
 
 from thesis_lib.docs.configuration import kind
-from thesis_lib.docs.markdown import code, table
+from thesis_lib.foundation.markdown import code, table
 from thesis_lib.foundation.settings import Section
 
 

@@ -2,9 +2,9 @@
 
 from importlib import import_module
 
-from thesis_lib.docs.markdown import code, docstring, table, with_links
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.effect import FAMILIES, Parameter
+from thesis_lib.foundation.markdown import code, docstring, table, with_links
 
 CHANNELS = {
     "impact": "velocity after impact",

@@ -8,7 +8,6 @@ from thesis_lib.critique.proof.headline import ages_as_markdown
 from thesis_lib.critique.proof.headline import as_markdown as headline_as_markdown
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proposal import proof as proposals_proof
-from thesis_lib.foundation.rows import read_rows
 
 
 def headline() -> str:
@@ -28,27 +27,27 @@ def real_contacts() -> str:
 
 def fits_of_simulated_drops() -> str:
     """Models fitted directly to drops of simulators."""
-    return _fits(0)
+    return direct_fits.tables()[0]
 
 
 def fits_of_measured_drops() -> str:
     """Models fitted directly to measured drops."""
-    return _fits(1)
+    return direct_fits.tables()[1]
 
 
 def measured_sets() -> str:
     """Critiques of measured sets."""
-    return "\n".join(measured.table())
+    return measured.table()
 
 
 def engines() -> str:
     """Is an engine recognised as the model of its own drops, and right?"""
-    return engines_proof.as_markdown(read_rows(engines_proof.STORE, engines_proof.COLUMNS))
+    return engines_proof.as_markdown()
 
 
 def proposals() -> str:
     """Is the right term proposed where no named effect fits, and none where nothing is hidden?"""
-    return proposals_proof.as_markdown(read_rows(proposals_proof.STORE, proposals_proof.COLUMNS))
+    return proposals_proof.as_markdown()
 
 
 def next_experiment() -> str:
@@ -58,8 +57,4 @@ def next_experiment() -> str:
 
 def models_of_measured_sets() -> str:
     """Laws and engines on both measured sets."""
-    return engines_measured.as_markdown(engines_measured.stored())
-
-
-def _fits(which: int) -> str:
-    return "\n".join(direct_fits.table()).split("\n\n")[which]
+    return engines_measured.as_markdown()

@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thesis_lib.docs.markdown import table
+from thesis_lib.foundation.markdown import table
 from thesis_lib.statistics.wording import MINUS
 
 if TYPE_CHECKING:

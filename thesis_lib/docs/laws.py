@@ -3,7 +3,7 @@
 import sys
 
 from thesis_lib.contact import LAWS, Law, Promise
-from thesis_lib.docs.markdown import docstring, table
+from thesis_lib.foundation.markdown import docstring, table
 
 
 def text() -> str:

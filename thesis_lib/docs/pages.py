@@ -13,10 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from thesis_lib.docs import configuration, dataset_keys, effects, findings, games, laws
-from thesis_lib.docs.markdown import code, table
 from thesis_lib.docs.sentences import read_sentences, with_numbers
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.markdown import code, table
 
 COLUMN_HEAD = ("column", "unit", "meaning")
 

@@ -1,20 +1,34 @@
-"""A table to which several runs add rows at once, each under its key, with the code that made them and the date."""
+"""Tables to which several runs add rows at once, each under its key, with the code that made them and the date.
 
+Cells are text, so that a row that stays is written as it was read.  Numbers are written in their shortest exact form,
+or rounded to `Rows.digits`; what is unknown is empty.
+"""
+
+import contextlib
+import csv
 import fcntl
+import io
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
 from datetime import date
+from multiprocessing import get_context
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.files import MAX_TABLE, write_text
 from thesis_lib.foundation.provenance import lib_hash
+from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
 
 if TYPE_CHECKING:
     import pandas as pd
 
 STAMP = ("code", "made")
+Made = TypeVar("Made")
 
 
 def today() -> str:
@@ -27,30 +41,145 @@ def stamp(script: str | Path) -> dict[str, str]:
     return dict(zip(STAMP, (lib_hash(script), today())))
 
 
-def read_rows(path: Path, columns: Sequence[str]) -> "pd.DataFrame":
-    """The stored rows, none if there is no table; UserError if it holds other columns."""
-    import pandas as pd
-
-    if not path.exists():
-        return pd.DataFrame(columns=list(columns))
-    table = pd.read_csv(path, keep_default_na=False)
-    if tuple(table.columns) != tuple(columns):
-        raise UserError(f"{path} does not have the columns {', '.join(columns)}; delete it and run the proof again.")
-    return table
+def as_cell(value: Any, digits: int | None = None) -> str:
+    """A value as it stands in a table, a float with so many significant digits (None: all)."""
+    if not isinstance(value, float):
+        return "" if value is None else str(value)
+    if math.isnan(value):
+        return ""
+    value = float(value if digits is None else f"{value:.{digits}g}")
+    return repr(int(value) if value.is_integer() else value)
 
 
-def put_row(row: Mapping[str, object], key: Sequence[str], path: Path, columns: Sequence[str]) -> None:
-    """Store a row in place of an earlier one of the same `key`; rows are sorted by it, parallel runs wait."""
-    import pandas as pd
+def by_cells(*names: str) -> Callable[[Mapping[str, str]], list[tuple]]:
+    """Sorts rows by the cells in some columns, numbers as numbers and before texts."""
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX)  # the kernel releases it when the process ends
-        table = read_rows(path, columns)
-        same = (table[list(key)] == [row[name] for name in key]).all(axis=1)
-        rows = [*table[~same].to_dict("records"), row]
-        ordered = pd.DataFrame(rows, columns=list(columns)).sort_values(list(key))
-        write_text(ordered.to_csv(index=False, lineterminator="\n"), path)
-    finally:
-        os.close(folder)
+    def comparable(cell: str) -> tuple:
+        try:
+            return 0, float(cell), ""
+        except ValueError:
+            return 1, 0.0, cell
+
+    return lambda row: [comparable(row[name]) for name in names]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A table in a file.
+
+    Attributes:
+        columns: of the table.
+        key: columns that name a row; a new one replaces those that have the same there.
+        command: that makes rows, for messages.
+        digits: significant ones of numbers; None: all.
+        order: of the rows, by a function of their cells; None: `by_cells` of the key.
+    """
+
+    path: Path
+    columns: Sequence[str]
+    key: Sequence[str]
+    command: str
+    digits: int | None = None
+    order: Callable[[dict[str, str]], Any] | None = None
+
+    def at(self, path: str | Path) -> "Rows":
+        """The same table in another file."""
+        return replace(self, path=Path(path))
+
+    def parsed(self, make: Callable[[dict[str, str]], Made]) -> list[Made]:
+        """What `make` makes of the cells of each row; nothing if there is no table.
+
+        CorruptFileError with the line if a row cannot be read, or `make` raises a ValueError, KeyError or TypeError.
+        """
+        try:
+            lines = csv.reader(io.StringIO(read_bytes(self.path, MAX_TABLE).decode("utf-8"), newline=""), strict=True)
+        except MissingFile:
+            return []
+        except (FileProblem, UnicodeDecodeError) as error:
+            raise CorruptFileError(
+                f"{self.path} cannot be read ({error}); delete it and run {self.command}."
+            ) from error
+        try:
+            header = next(lines, [])
+            if tuple(header) != tuple(self.columns):
+                raise ValueError(f"it does not have the columns {', '.join(self.columns)}")
+            return [make(dict(zip(header, cells, strict=True))) for cells in lines]
+        except (ValueError, KeyError, TypeError, csv.Error) as error:
+            raise CorruptFileError(
+                f"{self.path}, line {lines.line_num}, is no row of this table ({type(error).__name__}: "
+                f"{str(error)[:200]}); delete the line and run it again with {self.command}."
+            ) from error
+
+    def table(self) -> "pd.DataFrame":
+        """The rows as a data frame, empty cells as ""; UserError if there are none."""
+        import pandas as pd
+
+        rows = self.parsed(dict)
+        if not rows:
+            raise UserError(f"{self.path.name} holds no row: {self.command}.")
+        text = io.StringIO()
+        _write(text, self.columns, rows)
+        text.seek(0)
+        return pd.read_csv(text, keep_default_na=False)
+
+    def put(self, *rows: Mapping[str, Any], keep: bool = False) -> None:
+        """Store rows, in place of those of the same key unless these are to be kept; parallel runs wait."""
+        new = [{name: as_cell(row.get(name), self.digits) for name in self.columns} for row in rows]
+        with self._locked():
+            old = self.parsed(dict)
+            if keep:
+                old, new = new, old
+            taken = set(map(self._key, new))
+            kept = [row for row in old if self._key(row) not in taken]
+            text = io.StringIO(newline="")
+            _write(text, self.columns, sorted([*kept, *new], key=self.order or by_cells(*self.key)))
+            write_text(text.getvalue(), self.path)
+
+    def compute(
+        self,
+        cases: Iterable[Any],
+        work: Callable[[Any], dict],
+        say: Callable[[str], Any],
+        told: Callable[[dict], str],
+        jobs: int = 1,
+        again: bool = False,
+    ) -> None:
+        """Store the rows that `work` makes of cases, dataclasses of the key; those that are stored are left out.
+
+        `told` says what a row found; `jobs` at a time; `again`: those that are stored, too.
+        """
+        cases, stored = list(cases), set() if again else set(self.parsed(self._key))
+        left = [case for case in cases if self._key({k: as_cell(v) for k, v in vars(case).items()}) not in stored]
+        say(f"{len(cases) - len(left)} of {len(cases)} are stored, {len(left)} to compute")
+        for i, row in enumerate(_results(work, left, jobs), 1):
+            self.put(row)
+            say(f"{i} of {len(left)}  {' '.join(str(row[name]) for name in self.key)}: {told(row)}")
+
+    def _key(self, row: Mapping[str, str]) -> tuple[str, ...]:
+        return tuple(row[name] for name in self.key)
+
+    @contextlib.contextmanager
+    def _locked(self) -> Iterator[None]:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        folder = os.open(self.path.parent, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX)  # the kernel releases it when the process ends
+            yield
+        finally:
+            os.close(folder)
+
+
+def _write(stream: io.StringIO, columns: Sequence[str], rows: Iterable[Mapping[str, str]]) -> None:
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(map(itemgetter(*columns), rows))
+
+
+def _results(work: Callable[[Any], dict], cases: Sequence[Any], jobs: int) -> Iterator[dict]:
+    """Results in the order in which they come."""
+    if jobs == 1:
+        yield from map(work, cases)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(work, case) for case in cases]):
+            yield future.result()

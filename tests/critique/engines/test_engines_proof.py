@@ -6,19 +6,17 @@ from thesis_lib.critique.engines import measured, proof
 from thesis_lib.critique.engines.proof import (
     COLUMNS,
     ENGINES,
-    KEY,
     MU,
     SHAPES,
+    STORE,
     TRUTHS,
     EngineCase,
     as_markdown,
     cases,
     compute,
     make,
-    shares,
 )
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.rows import put_row, read_rows
 
 
 def row(engine="mujoco", truth="tilt", seed=1, **more):
@@ -42,32 +40,33 @@ def test_a_part_of_the_table_is_mixed_as_the_whole():
 
 
 def test_rows_of_parallel_runs_are_kept_by_their_key(tmp_path):
-    store = tmp_path / "proof" / "engines.csv"
+    store = STORE.at(tmp_path / "proof" / "engines.csv")
     for one in (row(seed=2), row(seed=1), row("drake"), row(seed=2, best="drake")):
-        put_row(one, KEY, store, COLUMNS)
-    table = read_rows(store, COLUMNS)
+        store.put(one)
+    table = store.table()
     assert table[["engine", "seed", "best"]].to_numpy().tolist() == [
         ["drake", 1, "drake"],
         ["mujoco", 1, "mujoco"],
         ["mujoco", 2, "drake"],
     ]
-    store.write_text("engine\nmujoco\n")
-    with pytest.raises(UserError, match="does not have the columns"):
-        read_rows(store, COLUMNS)
+    store.put(row(seed=1, best="nobody", own=0.0123456), row(seed=3), keep=True)
+    assert store.table()["best"].tolist() == ["drake", "mujoco", "drake", "mujoco"]
+    store.path.write_text("engine\nmujoco\n")
+    with pytest.raises(UserError, match=r"line 1, is no row of this table.*does not have the columns"):
+        store.table()
 
 
 def test_shares_count_each_question(tmp_path):
-    store = tmp_path / "engines.csv"
+    store = STORE.at(tmp_path / "engines.csv")
     with pytest.raises(UserError, match="holds no row"):
-        shares(read_rows(store, COLUMNS))
+        as_markdown(store)
     made = (row(), row(seed=2, best="drake", own=0.02), row("drake", ratio_before=1.02), row(seed=3, ratio_after=1.2))
-    for one in made:
-        put_row(one, KEY, store, COLUMNS)
-    lines = as_markdown(read_rows(store, COLUMNS)).splitlines()
+    store.put(*made)
+    lines = as_markdown(store).splitlines()
     assert lines[2] == "| drake | tilt | 1 of 1 | 1 of 1 | 0 of 1 | 1 of 1 | 1 of 1 |"
     assert lines[3] == "| mujoco | tilt | 2 of 3 | 2 of 3 | 0 of 3 | 0 of 3 | 2 of 3 |"
-    assert lines[4].startswith("| both | all | 3 of 4 (30 to 95 %) | 3 of 4 ")
-    assert lines[5] == "| both | all: median factor between their μ | | | 2 | 1.3 | 1.05 |"
+    assert lines[4].startswith("| both | all | 3 of 4 (30 to 95 %) | 3 of 4 ")
+    assert lines[5] == "| both | all: median factor between their μ |  |  | 2 | 1.3 | 1.05 |"
 
 
 @pytest.mark.slow
@@ -94,8 +93,8 @@ def test_rows_of_a_measured_set_become_a_table(tmp_path):
         ("drake:default", "friction", {"error": 0.5, "lacks": "wear + com_offset", "noise_floor": float("nan")}),
         ("mirtich", "law", {"error": 0.1, "contact_time": float("nan")}),
     ):
-        put_row(one | {"model": model, "kind": kind} | more, measured.KEY, tmp_path / "m.csv", measured.COLUMNS)
-    lines = measured.as_markdown(read_rows(tmp_path / "m.csv", measured.COLUMNS)).splitlines()
+        measured.STORE.at(tmp_path / "m.csv").put(one | {"model": model, "kind": kind} | more)
+    lines = measured.as_markdown(measured.STORE.at(tmp_path / "m.csv")).splitlines()
     assert lines[2].startswith("| die, 9 | Mirtich | without | 0.100 (0.250 to 0.250) | 0.250 | 0.250 | 0.250 |  |  |")
     assert "at its defaults, friction fitted | without | 0.500" in lines[3]
     assert "| unknown |" in lines[3] and lines[3].endswith("| 250 ms | wear, displaced centre of mass |")

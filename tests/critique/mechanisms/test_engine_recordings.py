@@ -10,11 +10,11 @@ from thesis_lib.critique.mechanisms.__main__ import main as proof_main
 from thesis_lib.critique.mechanisms.proof import (
     CAUSES,
     NOTHING,
+    STORE,
     MechanismCase,
     cases,
     compute,
     is_exact,
-    put,
     read,
     report,
 )
@@ -74,13 +74,12 @@ def test_only_an_exact_verdict_is_right(truth, verdict, named, right):
 
 
 def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
-    store = tmp_path / "proof" / "mechanisms.csv"
+    store = STORE.at(tmp_path / "proof" / "mechanisms.csv")
     with pytest.raises(UserError, match="holds no row"):
         report(read(store))
-    for seed in (2, 1):
-        put(row(seed=seed), store)
-    put(row(seed=2, verdict="unexplained", parameters="m_p=0.05:0.05:0.0005"), store)
-    put(row("nothing", verdict="adequate", named="", parameters=""), store)
+    store.put(row(seed=2), row(seed=1))
+    store.put(row(seed=2, verdict="unexplained", parameters="m_p=0.05:0.05:0.0005"))
+    store.put(row("nothing", verdict="adequate", named="", parameters=""))
     table = read(store)
     assert table[["truth", "seed", "right"]].to_numpy().tolist() == [
         ["nothing", 1, True],
@@ -92,7 +91,7 @@ def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
     assert "wheel mujoco payload 2: unexplained, payload (4 → 1, sensors 0)" in text
     # one of the two is 4 standard errors off
     assert "interval: 50.0 %" in text
-    store.write_text("a,b\n1,2\n")
+    store.path.write_text("a,b\n1,2\n")
     with pytest.raises(UserError, match="does not have the columns"):
         read(store)
 

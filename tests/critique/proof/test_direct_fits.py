@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.critique.proof import direct_fits
-from thesis_lib.critique.proof.direct_fits import COLUMNS, SERIES, STORE, Series, rows, store, table
+from thesis_lib.critique.proof.direct_fits import COLUMNS, PATH, SERIES, STORE, Series, rows, tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
@@ -50,14 +50,14 @@ def test_rows_are_replaced_and_kept_in_order(tmp_path):
     names, path = list(SERIES), tmp_path / "rows.csv"
     row = dict.fromkeys(COLUMNS, 1.0) | {"model": "mirtich", "parameters": "mu 0.1 ± 0.01", "flat_hits": 0}
     for name, error in ((names[-1], 0.3), (names[0], 0.2), (names[0], 0.1)):
-        store(name, [row | {"drops": name, "error": error}], path)
+        STORE.at(path).put(row | {"drops": name, "error": error})
     assert pd.read_csv(path)["drops"].tolist() == [names[0], names[-1]]
     assert pd.read_csv(path)["error"].tolist() == [0.1, 0.3]
-    assert any("| Mirtich | 0.100 |" in line for line in table(path))
+    assert any("| Mirtich | 0.100 |" in table for table in tables(path))
 
 
 def test_all_series_are_stored():
-    stored = pd.read_csv(STORE)
+    stored = pd.read_csv(PATH)
     assert [(row.drops, row.model) for row in stored.itertuples()] == [
         (name, model) for name, series in SERIES.items() for model in series.models
     ]
@@ -65,7 +65,7 @@ def test_all_series_are_stored():
 
 def test_the_command_prints_the_table(capsys):
     assert direct_fits.main(["table"]) == 0
-    assert capsys.readouterr().out.splitlines() == table()
+    assert capsys.readouterr().out == "\n\n".join(tables()) + "\n"
 
 
 def test_a_bound_is_stored_as_one_and_has_no_standard_error(tmp_path):

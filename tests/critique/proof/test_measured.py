@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.stand_ins import StandIn
-from thesis_lib.critique.proof.measured import COLUMNS, STORE, row, store, table
+from thesis_lib.critique.proof.measured import COLUMNS, PATH, STORE, row, store, table
 
 
 def test_a_row_says_what_the_critique_says(hidden_impacts, tmp_path):
@@ -14,14 +14,15 @@ def test_a_row_says_what_the_critique_says(hidden_impacts, tmp_path):
     assert tuple(told) == COLUMNS and told["effects"] == "tangential_restitution" and told["verdict"] == "effects"
     assert told["used"] == told["detected"] == 80 and told["error"] < told["base"]
     path = tmp_path / "rows.csv"
-    store(told, path)
-    store(told | {"verdict": "adequate"}, path)  # the same key replaces
-    store(told | {"hits": "single"}, path)
+    rows = STORE.at(path)
+    store(told, rows)
+    store(told | {"verdict": "adequate"}, rows)  # the same key replaces
+    store(told | {"hits": "single"}, rows)
     assert list(pd.read_csv(path)["verdict"]) == ["adequate", "effects"]
     for effects in ("time_lag", "wear", "time_lag"):  # another choice by hand is another row
-        store(told | {"chosen": "by hand", "effects": effects}, path)
+        store(told | {"chosen": "by hand", "effects": effects}, rows)
     assert list(pd.read_csv(path)["effects"]) == ["time_lag", "wear", *[told["effects"]] * 2]
-    assert "100 % of 80 | tangential restitution | adequate" in table(path)[4]
+    assert "100 % of 80 | tangential restitution | adequate" in table(path).splitlines()[4]
 
 
 def test_a_stand_in_is_marked(hidden_impacts, tmp_path):
@@ -29,9 +30,9 @@ def test_a_stand_in_is_marked(hidden_impacts, tmp_path):
     marked.__dict__["stand_ins"] = {"tangential_restitution": StandIn("inertia", 9.0, ())}
     told = row(marked, "all", "searched")
     assert told["effects"] == "~tangential_restitution" and told["verdict"] == "unexplained"
-    store(told, tmp_path / "rows.csv")
-    assert "tangential restitution (a stand-in) | unexplained" in table(tmp_path / "rows.csv")[2]
+    store(told, STORE.at(tmp_path / "rows.csv"))
+    assert "tangential restitution (a stand-in) | unexplained" in table(tmp_path / "rows.csv")
 
 
 def test_every_stored_row_has_an_error():
-    assert np.isfinite(pd.read_csv(STORE)["error"]).all()
+    assert np.isfinite(pd.read_csv(PATH)["error"]).all()

@@ -17,10 +17,11 @@ from thesis_lib.critique.proof.next_drops import (
     Launcher,
     Question,
     ask,
+    cells_of,
     plan,
     read_answers,
     run,
-    write_answers,
+    table_of,
 )
 from thesis_lib.critique.proof.next_drops_table import as_markdown, saved
 from thesis_lib.figures.proof.next_drops import draw_next_drops
@@ -155,7 +156,7 @@ def test_shares_and_words_of_answers(tmp_path) -> None:
     assert (of.n, of.halved, of.looked_at) == (3, 2, 5) and of.median == pytest.approx(0.25)
     text = as_markdown(answers)
     assert f"Of 5 datasets of {FIRST} random drops 3 leave" in text and "wrongly settled | 23 |" in text
-    write_answers(answers, tmp_path)
+    table_of(tmp_path).put(*map(cells_of, answers))
     read = list(read_answers(tmp_path).values())
     assert read[:3] == answers[:3]
     assert not read[4].is_open and math.isnan(read[4].chosen)
@@ -172,8 +173,8 @@ def test_the_place_stands_in_the_report_where_it_matters() -> None:
 
 @pytest.mark.parametrize("spoil", ["wear,x", "nothing", "wear,0.25,0,wear,witchcraft,1,1,1,1,0,0"])
 def test_a_spoilt_table_is_refused(tmp_path, spoil: str) -> None:
-    write_answers([Answer(plan()[0], "wear")], tmp_path)
+    table_of(tmp_path).put(cells_of(Answer(plan()[0], "wear")))
     path = tmp_path / "next_experiment.csv"
     path.write_text(path.read_text() + spoil + "\n")
-    with pytest.raises(CorruptFileError, match="delete it"):
+    with pytest.raises(CorruptFileError, match="delete the line"):
         read_answers(tmp_path)

@@ -25,7 +25,7 @@ from thesis_lib.critique.proof.check import (
     rows_to_check,
 )
 from thesis_lib.critique.proof.compute import code_hash, compute
-from thesis_lib.critique.proof.store import STORE, put_row, read_rows, write_rows
+from thesis_lib.critique.proof.store import STORE, cells_of, put_row, read_rows, table_of
 from thesis_lib.foundation.errors import UserError
 
 WEAR = Case("law", "wear", SEEDS)
@@ -36,7 +36,7 @@ class TestStore:
         stored = [source for source in SOURCES if (STORE / f"{source}.csv").exists()]
         assert set(RIGID) <= set(stored)
         for source in stored:
-            write_rows(source, read_rows(source), tmp_path)
+            table_of(source, tmp_path).put(*map(cells_of, read_rows(source).values()))
             assert (tmp_path / f"{source}.csv").read_bytes() == (STORE / f"{source}.csv").read_bytes()
 
     def test_a_row_reads_back_the_same_to_the_last_bit(self, tmp_path):

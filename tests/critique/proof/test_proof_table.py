@@ -145,7 +145,7 @@ class TestBadStores:
     )
     def test_a_row_that_cannot_be_read_is_named(self, table, old, new):
         table.write_text(table.read_text().replace(old, new, 1))
-        with pytest.raises(CorruptFileError, match=r"law\.csv, line [12], is no result of the proof"):
+        with pytest.raises(CorruptFileError, match=r"law\.csv, line [12], is no row of this table"):
             outcomes(table.parent)
 
     def test_so_is_one_that_stands_twice_and_a_table_of_other_columns(self, table):
@@ -154,5 +154,5 @@ class TestBadStores:
         with pytest.raises(CorruptFileError, match=r"line 3, .* stands twice"):
             outcomes(table.parent)
         table.write_text(header.replace("verdict", "opinion"))
-        with pytest.raises(CorruptFileError, match="the columns are not truth, ratio"):
+        with pytest.raises(CorruptFileError, match="does not have the columns truth, ratio"):
             confusion(table.parent)

@@ -5,7 +5,6 @@ import pytest
 
 from thesis_lib.critique.proposal import proof
 from thesis_lib.critique.proposal.proof import (
-    COLUMNS,
     ENOUGH,
     KEY,
     NOTHING,
@@ -16,11 +15,10 @@ from thesis_lib.critique.proposal.proof import (
     cases,
     make,
     right,
-    run,
+    told,
 )
 from thesis_lib.critique.proposal.terms import TARGETS, all_terms
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.rows import put_row, read_rows
 from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
 
 
@@ -69,32 +67,31 @@ def test_what_is_right() -> None:
 
 
 def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path, monkeypatch) -> None:
-    store = tmp_path / "proposals.csv"
+    store = STORE.at(tmp_path / "proposals.csv")
     with pytest.raises(UserError, match="holds no row"):
-        as_markdown(read_rows(store, COLUMNS))
+        as_markdown(store)
     computed = []
 
-    def compute(case: Case, drops: int) -> dict:
+    def compute(case: Case) -> dict:
         computed.append(case)
         if case.truth == NOTHING:
             return row(NOTHING, "", "", seed=case.seed, after="")
         return row(case.truth, OWN[case.truth], HIDDEN_LAWS[case.truth].size, seed=case.seed)
 
-    monkeypatch.setattr(proof, "compute", compute)
     todo = cases(1, 2)
-    run(todo[:3], say=str, store=store)
-    run(todo, say=str, store=store)
+    store.compute(todo[:3], compute, str, told)
+    store.compute(todo, compute, str, told)
     assert sorted(map(str, computed)) == sorted(map(str, todo))
-    text = as_markdown(read_rows(store, COLUMNS))
+    text = as_markdown(store)
     assert "| couple by spin | couple | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |" in text
     assert "no term is proposed in 2 of 2" in text
 
 
 def test_a_row_that_is_computed_again_replaces_the_first(tmp_path) -> None:
-    store = tmp_path / "proposals.csv"
+    store = STORE.at(tmp_path / "proposals.csv")
     for a in (-0.15, -0.14):
-        put_row(row(a=a), KEY, store, COLUMNS)
-    assert read_rows(store, COLUMNS)["a"].astype(float).tolist() == [-0.14]
+        store.put(row(a=a))
+    assert store.table()["a"].astype(float).tolist() == [-0.14]
 
 
 def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
@@ -103,9 +100,9 @@ def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
     assert not one.equals(other)
 
 
-@pytest.mark.skipif(not STORE.exists(), reason="the table has not been computed")
+@pytest.mark.skipif(not STORE.path.exists(), reason="the table has not been computed")
 def test_the_stored_table_is_of_these_cases() -> None:
-    table = read_rows(STORE, COLUMNS)
+    table = STORE.table()
     assert set(table["truth"]) <= {*HIDDEN_LAWS, NOTHING}
     assert not table.duplicated(list(KEY)).any()
     terms = {term.name for term in all_terms()} | {""}

@@ -8,9 +8,8 @@ python -m thesis_lib.critique.engines measured data/measured/planar_dice [--tria
 import sys
 from collections.abc import Sequence
 
-from thesis_lib.critique.engines.proof import COLUMNS, STORE, as_markdown, cases, run
+from thesis_lib.critique.engines.proof import STORE, as_markdown, cases, compute, told
 from thesis_lib.foundation.command_line import Parser, command
-from thesis_lib.foundation.rows import read_rows
 
 
 @command
@@ -20,7 +19,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         description="Drops that MuJoCo or Drake made: is the engine recognised, and right?",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run | table | measured")
-    running = commands.add_parser("run", help="compute what is not stored yet; goes on where it was stopped")
+    running = commands.add_parser(
+        "run", help="compute what is not stored yet, 40 s of CPU each; goes on where it was stopped"
+    )
     running.add_argument("--seeds", type=int, default=5, help="of each engine, shape and cause; default: %(default)s")
     running.add_argument("--jobs", type=int, default=1, help="datasets at a time; default: %(default)s")
     commands.add_parser("table", help="print the shares")
@@ -29,19 +30,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     measured.add_argument("--trials", type=int, help="the first ones; default: all")
     options = parser.parse_args(argv)
     if options.command == "table":
-        print(as_markdown(read_rows(STORE, COLUMNS)))
+        print(as_markdown())
     elif options.command == "measured":
         from thesis_lib.critique.engines.measured import as_markdown as side_by_side
-        from thesis_lib.critique.engines.measured import compute, stored
+        from thesis_lib.critique.engines.measured import compute as compare
         from thesis_lib.datasets.read import read_dataset
         from thesis_lib.foundation.progress import Progress
 
         dataset = read_dataset(options.folder).first_trials(options.trials)
         with Progress(dataset.name) as say:
-            compute(dataset, say)
-        print(side_by_side(stored()))
+            compare(dataset, say)
+        print(side_by_side())
     else:
-        run(cases(options.seeds), options.jobs)
+        STORE.compute(cases(options.seeds), compute, print, told, options.jobs)
     return 0
 
 

@@ -16,25 +16,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
+from thesis_lib.foundation.rows import STAMP, Rows, stamp
 from thesis_lib.statistics.wording import number
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from thesis_lib.datasets.format.dataset import Dataset
 
-STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "models_measured.csv"
 KEY = ("dataset", "effects", "model", "kind")
 ROUNDED = (
     *("mu", "mu_std", "epsilon", "epsilon_std", "contact_time", "error", "error_low", "error_high"),
     *("behind", "behind_low", "behind_high", "noise_floor"),
 )
 COLUMNS = ("dataset", "trials", "named", "model", "kind", "effects", "lacks", *ROUNDED, *STAMP)
+PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "models_measured.csv"
+STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.engines measured", digits=4)
 
 
-def compute(dataset: "Dataset", say: Callable[[str], None], store: Path = STORE) -> None:
+def compute(dataset: "Dataset", say: Callable[[str], None], store: Rows = STORE) -> None:
     """Criticise a measured set, compare laws and engines on it, and store the rows."""
     import numpy as np
 
@@ -47,31 +47,22 @@ def compute(dataset: "Dataset", say: Callable[[str], None], store: Path = STORE)
     about = {"dataset": dataset.name, "trials": len(np.unique(critique.observations.trial)), "named": named}
     about |= stamp(__file__)
     for one in compare_models(critique, (LAWS, *ENGINES), say).to_dict("records"):
-        row = {str(name): value for name, value in one.items()}
-        put_row(about | row | {name: float(f"{row[name]:.4g}") for name in ROUNDED}, KEY, store, COLUMNS)
+        store.put(about | {str(name): value for name, value in one.items()})
 
 
-def as_markdown(table: "pd.DataFrame") -> str:
+def as_markdown(store: Rows = STORE) -> str:
     """The stored rows as a table of a page; the best first."""
     from thesis_lib.critique.engines.words import row_title
     from thesis_lib.critique.results.titles import effect_title
 
-    lines = [
-        "| set | model | effects | held-out error (m/s), 95 % | noise | μ | ε | contact | cannot have |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for (name, trials), part in table.groupby(["dataset", "trials"], sort=False):
+    head = ("set", "model", "effects", "held-out error (m/s), 95 %", "noise", "μ", "ε", "contact", "cannot have")
+    lines = []
+    for (name, trials), part in store.table().groupby(["dataset", "trials"], sort=False):
         for row in part.sort_values("error").to_dict("records"):
             lacks = ", ".join(effect_title(effect) for effect in row["lacks"].split(" + ")) if row["lacks"] else ""
             lasting = f"{1e3 * round(float(row['contact_time']), 7):.3g} ms" if row["contact_time"] != "" else ""
             error = f"{number(row['error'])} ({number(row['error_low'])} to {number(row['error_high'])})"
             floor = number(float(row["noise_floor"])) if row["noise_floor"] != "" else "unknown"
             cells = (f"{name}, {trials}", row_title(row), row["effects"], error, floor)
-            numbers = f"{row['mu']:.3f} | {row['epsilon']:.3f} | {lasting} | {lacks} |"
-            lines.append(f"| {' | '.join(cells)} | {numbers}")
-    return "\n".join(lines)
-
-
-def stored() -> "pd.DataFrame":
-    """The stored rows."""
-    return read_rows(STORE, COLUMNS)
+            lines.append((*cells, f"{row['mu']:.3f}", f"{row['epsilon']:.3f}", lasting, lacks))
+    return table(head, lines)

@@ -21,24 +21,20 @@ config/proof/engines.csv holds a row per dataset:
 | code, made                      |      | hash of the code that made the row, empty: unknown; date         |
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
-from thesis_lib.statistics.intervals import wilson
+from thesis_lib.foundation.rows import STAMP, Rows, stamp
+from thesis_lib.statistics.wording import count
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from thesis_lib.datasets.format.dataset import Dataset
 
-STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "engines.csv"
 SEEDS = 1000  # the table's begin here
 ENGINES = ("mujoco", "drake")
 SHAPES = ("ellipse", "square")
@@ -51,6 +47,8 @@ ASKED = ("recognised", "adequate", "agreed_default", "agreed_before", "agree")
 KEY = ("engine", "shape", "truth", "seed")
 RATIOS = ("ratio_default", "ratio_before", "ratio_after")
 COLUMNS = (*KEY, "verdict", "named", "best", "own", "other", "floor", *RATIOS, "mu", "mu_std", *STAMP)
+PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "engines.csv"
+STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.engines run", digits=4)
 
 
 @dataclass(frozen=True)
@@ -112,72 +110,54 @@ def compute(case: EngineCase) -> dict[str, object]:
 
     rng = generator(case.seed, "engines proof critique", case.engine, case.shape, case.truth)
     judged = whole_critique(make(case, DROPS), rng=rng)
-    table = compare_models(judged, ENGINES)
+    models = compare_models(judged, ENGINES)
     label = WITH if judged.ladder[-1][1].effects else WITHOUT
-    last = table[(table["effects"] == label) & (table["kind"] == "engine")].set_index("model")
+    last = models[(models["effects"] == label) & (models["kind"] == "engine")].set_index("model")
     own = last.loc[case.engine]
     numbers = {
         "own": own["error"],
         "other": last["error"].drop(case.engine).min(),
         "floor": own["noise_floor"],
-        "ratio_default": spread(table, WITHOUT, "friction"),
-        "ratio_before": spread(table, WITHOUT),
-        "ratio_after": spread(table, label),
+        "ratio_default": spread(models, WITHOUT, "friction"),
+        "ratio_before": spread(models, WITHOUT),
+        "ratio_after": spread(models, label),
         "mu": own["mu"],
         "mu_std": own["mu_std"],
     }
     named = "+".join(step.effect.name for step in judged.discovery.steps)
     row: dict[str, object] = {**vars(case), "verdict": judged.verdict, "named": named}
     row["best"] = str(last["error"].idxmin())
-    return row | {name: float(f"{value:.4g}") for name, value in numbers.items()} | stamp(__file__)
+    return row | numbers | stamp(__file__)
 
 
-def run(todo: Sequence[EngineCase], jobs: int, say: Callable[[str], None] = print, store: Path = STORE) -> None:
-    """Compute the cases that are not stored yet, several at a time; each is stored as it ends."""
-    done = {tuple(row) for row in read_rows(store, COLUMNS)[list(KEY)].itertuples(index=False)}
-    left = [case for case in todo if tuple(vars(case).values()) not in done]
-    say(f"{len(todo) - len(left)} of {len(todo)} are stored, {len(left)} to compute, about 40 s of CPU each")
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for i, future in enumerate(as_completed([pool.submit(compute, case) for case in left]), 1):
-            row = future.result()
-            put_row(row, KEY, store, COLUMNS)
-            where = " ".join(str(row[name]) for name in KEY)
-            say(f"{i} of {len(left)}  {where}: {row['best']}, {row['named'] or 'nothing named'}")
+def told(row: dict) -> str:
+    """What a row found, in words."""
+    return f"{row['best']}, {row['named'] or 'nothing named'}"
 
 
-def shares(table: "pd.DataFrame") -> "pd.DataFrame":
+def shares(rows: "pd.DataFrame") -> "pd.DataFrame":
     """Counts of what is asked, by engine and by what was hidden: hits and n of each question."""
-    import pandas as pd
-
-    if table.empty:
-        raise UserError("The proof of engines holds no row: python -m thesis_lib.critique.engines run.")
-    right = table.assign(
-        recognised=table["best"] == table["engine"],
-        adequate=table["own"] < ENOUGH * table["floor"],
-        agree=table["ratio_after"].astype(float) < AGREE,
-        agreed_before=table["ratio_before"].astype(float) < AGREE,
-        agreed_default=table["ratio_default"].astype(float) < AGREE,
+    right = rows.assign(
+        recognised=rows["best"] == rows["engine"],
+        adequate=rows["own"] < ENOUGH * rows["floor"],
+        agree=rows["ratio_after"].astype(float) < AGREE,
+        agreed_before=rows["ratio_before"].astype(float) < AGREE,
+        agreed_default=rows["ratio_default"].astype(float) < AGREE,
     )
-    rows = []
-    for (engine, truth), part in right.groupby(["engine", "truth"], sort=False):
-        counts = {name: int(part[name].sum()) for name in ASKED}
-        rows.append({"engine": engine, "hidden": truth, "n": len(part)} | counts)
-    return pd.DataFrame(rows)
+    by = right.groupby(["engine", "truth"], sort=False)
+    return by[list(ASKED)].sum().assign(n=by.size()).reset_index()
 
 
-def as_markdown(table: "pd.DataFrame") -> str:
-    """The shares as a table of a page, and their sums with 95 % intervals."""
-    counted = shares(table)
-    head = "| drops of | hidden | recognised | adequate | μ agree: default contact | contact fitted | effects, too |"
-    lines = [head, "|---|---|---|---|---|---|---|"]
-    for row in counted.to_dict("records"):
-        cells = [f"{row[name]} of {row['n']}" for name in ASKED]
-        lines.append(f"| {row['engine']} | {row['hidden']} | {' | '.join(cells)} |")
-    n, sums = int(counted["n"].sum()), []
-    for name in ASKED:
-        low, high = wilson(int(counted[name].sum()), n)
-        sums.append(f"{counted[name].sum()} of {n} ({100 * low:.0f} to {100 * high:.0f} %)")
-    lines.append(f"| both | all | {' | '.join(sums)} |")
-    medians = [f"{table[name].astype(float).median():.3g}" for name in RATIOS]
-    lines.append(f"| both | all: median factor between their μ | | | {' | '.join(medians)} |")
-    return "\n".join(lines)
+def as_markdown(store: Rows = STORE) -> str:
+    """The shares as a table of a page, and their sums with 95 % intervals; UserError without rows."""
+    rows = store.table()
+    counted = shares(rows)
+    head = ("drops of", "hidden", "recognised", "adequate", "μ agree: default contact", "contact fitted")
+    lines = [
+        (row["engine"], row["truth"], *(f"{row[name]} of {row['n']}" for name in ASKED))
+        for row in counted.to_dict("records")
+    ]
+    lines.append(("both", "all", *(count(counted[name].sum(), counted["n"].sum()) for name in ASKED)))
+    medians = (f"{rows[name].astype(float).median():.3g}" for name in RATIOS)
+    lines.append(("both", "all: median factor between their μ", "", "", *medians))
+    return table((*head, "effects, too"), lines)

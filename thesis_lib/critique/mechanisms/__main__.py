@@ -5,20 +5,10 @@ python -m thesis_lib.critique.mechanisms table
 """
 
 import argparse
+import functools
 import sys
 
-from thesis_lib.critique.mechanisms.proof import (
-    CAUSES,
-    ENGINES,
-    KEY,
-    NOTHING,
-    cases,
-    compute,
-    is_exact,
-    put,
-    read,
-    report,
-)
+from thesis_lib.critique.mechanisms.proof import CAUSES, ENGINES, NOTHING, STORE, cases, compute, read, report, told
 from thesis_lib.foundation.errors import UserError
 
 DEVELOPMENT = 100  # first of the seeds for tuning
@@ -40,23 +30,16 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     first = {"first": DEVELOPMENT} if options.development else {}
-    stored = read()
-    done = set() if options.again else {tuple(row) for row in stored[list(KEY)].itertuples(index=False)}
-    for case in cases(options.nothing, options.causes, **first):
-        if case.engine not in options.engine or (options.truths and case.truth not in options.truths):
-            continue
-        if not options.development and tuple(vars(case).values()) in done:
-            continue
-        row = compute(case)
-        if not options.development:
-            put(row)
-        right = "right" if is_exact(case.truth, str(row["verdict"]), str(row["named"])) else "WRONG"
-        print(
-            f"{case.mechanism} {case.engine} {case.truth} {case.seed}: {right}, {row['verdict']}, "
-            f"{row['named'] or 'nothing named'}, {row['before']} → {row['after']}, sensors {row['sensor_excess']}, "
-            f"{row['parameters']}",
-            flush=True,
-        )
+    chosen = [
+        case
+        for case in cases(options.nothing, options.causes, **first)
+        if case.engine in options.engine and (not options.truths or case.truth in options.truths)
+    ]
+    if options.development:
+        for case in chosen:
+            print(f"{case}: {told(compute(case))}", flush=True)
+    else:
+        STORE.compute(chosen, compute, functools.partial(print, flush=True), told, again=options.again)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING
 
 from thesis_lib.critique.mechanisms.critique import GROUP, criticise_recording
 from thesis_lib.critique.mechanisms.study import OUTSIDE, true_sizes
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
+from thesis_lib.foundation.rows import STAMP, Rows, stamp
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind
 from thesis_lib.simulate.engines.recording import record_engine
 from thesis_lib.simulate.engines.settings import EngineName
@@ -37,7 +37,6 @@ from thesis_lib.statistics.intervals import wilson
 if TYPE_CHECKING:
     import pandas as pd
 
-STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "mechanisms.csv"
 SEEDS = 1100  # the table's begin here; those below 1000 are for development
 ENGINES: tuple[EngineName, ...] = ("mujoco", "drake")
 NOTHING, CAUSES = 10, 3  # recordings of each mechanism and engine
@@ -46,6 +45,8 @@ COLUMNS = (
     *(*KEY, "trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters"),
     *STAMP,
 )
+PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "mechanisms.csv"
+STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.mechanisms run", digits=4)
 WITHIN = 1.96  # standard errors
 
 
@@ -88,10 +89,10 @@ def compute(case: MechanismCase) -> dict[str, object]:
         "trials": len(recording.trials),
         "verdict": critique.verdict,
         "named": " + ".join("/".join((step.effect.name, *step.alternatives)) for step in critique.steps),
-        "before": float(f"{critique.ladder[0][0]:.4g}"),
-        "after": float(f"{critique.ladder[-1][0]:.4g}"),
-        "remaining_p": float(f"{critique.remaining.p_value:.4g}"),
-        "sensor_excess": float(f"{critique.sensor_excess[0]:.4g}"),
+        "before": critique.ladder[0][0],
+        "after": critique.ladder[-1][0],
+        "remaining_p": critique.remaining.p_value,
+        "sensor_excess": critique.sensor_excess[0],
         "parameters": ";".join(f"{n}={':'.join(f'{x:.6g}' for x in numbers)}" for n, numbers in found.items()),
         **stamp(__file__),
     }
@@ -105,40 +106,39 @@ def is_exact(truth: str, verdict: str, named: str) -> bool:
     return verdict == "effects" and len(groups) == 1 and truth in groups[0] and len(groups[0]) <= GROUP
 
 
-def read(store: Path = STORE) -> "pd.DataFrame":
-    """The stored rows, with columns `right` and none if there is no table; UserError if it holds other columns."""
-    table = read_rows(Path(store), COLUMNS)
-    table["right"] = [is_exact(*row) for row in zip(table["truth"], table["verdict"], table["named"])]
-    return table
+def read(store: Rows = STORE) -> "pd.DataFrame":
+    """The stored rows, and a column `right`; UserError if there are none, or other columns."""
+    rows = store.table()
+    return rows.assign(right=[is_exact(*row) for row in zip(rows["truth"], rows["verdict"], rows["named"])])
 
 
-def put(row: dict[str, object], store: Path = STORE) -> None:
-    """Store a row in place of an earlier one of the same recording."""
-    put_row(row, KEY, Path(store), COLUMNS)
+def told(row: dict) -> str:
+    """What a row found, in words."""
+    right = "right" if is_exact(row["truth"], row["verdict"], row["named"]) else "WRONG"
+    misfit = f"{row['before']:.4g} → {row['after']:.4g}, sensors {row['sensor_excess']:.4g}"
+    return f"{right}, {row['verdict']}, {row['named'] or 'nothing named'}, {misfit}, {row['parameters']}"
 
 
-def report(table: "pd.DataFrame") -> str:
+def report(rows: "pd.DataFrame") -> str:
     """Shares by mechanism and engine with 95 % intervals, by cause, all misses, and parameters in their interval."""
-    if table.empty:
-        raise UserError("The proof of mechanisms holds no row: python -m thesis_lib.critique.mechanisms run.")
-    lines = ["| hidden | engine | mechanism | right | 95 % interval | recordings |", "|---|---|---|---|---|---|"]
-    nothing = table["truth"] == "nothing"
-    for label, part in (("nothing", table[nothing]), ("a cause", table[~nothing])):
-        for (mechanism, engine), rows in part.groupby(["mechanism", "engine"]):
-            lines.append(f"| {label} | {engine} | {mechanism} | {_share(rows)} |")
-        lines.append(f"| {label} | both | both | {_share(part)} |")
+    shares, nothing = [], rows["truth"] == "nothing"
+    for label, part in (("nothing", rows[nothing]), ("a cause", rows[~nothing])):
+        for (mechanism, engine), some in part.groupby(["mechanism", "engine"]):
+            shares.append((label, engine, mechanism, *_share(some)))
+        shares.append((label, "both", "both", *_share(part)))
+    lines = [table(("hidden", "engine", "mechanism", "right", "95 % interval", "recordings"), shares)]
     lines += ["", "Right of all, by cause:", ""]
-    for (mechanism, truth), rows in table.groupby(["mechanism", "truth"]):
-        by = ", ".join(f"{engine} {int(r['right'].sum())} of {len(r)}" for engine, r in rows.groupby("engine"))
+    for (mechanism, truth), some in rows.groupby(["mechanism", "truth"]):
+        by = ", ".join(f"{engine} {int(r['right'].sum())} of {len(r)}" for engine, r in some.groupby("engine"))
         lines.append(f"    {mechanism:<6} {truth:<24} {by}")
-    misses = table[~table["right"]]
+    misses = rows[~rows["right"]]
     lines += ["", f"Misses: {len(misses)}", ""]
     lines += [
         f"    {r.mechanism} {r.engine} {r.truth} {r.seed}: {r.verdict}, {r.named or 'nothing named'} "
         f"({r.before:g} → {r.after:g}, sensors {r.sensor_excess:g})"
         for r in misses.itertuples()
     ]
-    inside = within(table)["inside"]
+    inside = within(rows)["inside"]
     low, high = wilson(int(inside.sum()), len(inside))
     lines += [
         "",
@@ -148,16 +148,16 @@ def report(table: "pd.DataFrame") -> str:
     return "\n".join(lines) + "\n"
 
 
-def _share(rows: "pd.DataFrame") -> str:
+def _share(rows: "pd.DataFrame") -> tuple[str, str, str]:
     right, n = int(rows["right"].sum()), len(rows)
     low, high = wilson(right, n)
-    return f"{100 * right / n:.3g} % | {100 * low:.3g} to {100 * high:.3g} % | {n}"
+    return f"{100 * right / n:.3g} %", f"{100 * low:.3g} to {100 * high:.3g} %", f"{n}"
 
 
-def within(table: "pd.DataFrame") -> "pd.DataFrame":
+def within(rows: "pd.DataFrame") -> "pd.DataFrame":
     """A row per parameter of a hidden cause: its error in standard errors, and whether it lies in its 95 % interval."""
     import pandas as pd
 
-    parts = (part.split("=")[1].split(":") for text in table["parameters"] for part in text.split(";") if part)
+    parts = (part.split("=")[1].split(":") for text in rows["parameters"] for part in text.split(";") if part)
     errors = [(float(found) - float(true)) / float(std) for true, found, std in parts]
     return pd.DataFrame({"error": errors, "inside": [abs(error) <= WITHIN for error in errors]})

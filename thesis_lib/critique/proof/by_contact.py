@@ -5,13 +5,12 @@
 Parameters count where they have a true value.  Shares have 95 % Wilson intervals.
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import FRESH, NOTHING, RIGID
 from thesis_lib.critique.proof.results import of_table, usual
+from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.statistics.intervals import Z95, wilson
 
 # figure, kind of the datasets, drops, share asked
@@ -117,13 +116,13 @@ def accuracy(recovered: pd.DataFrame) -> list[str]:
         return []
     rows = rows.assign(off=100.0 * np.abs(rows["found"] / rows["true"] - 1.0), z=np.abs(rows["z"]))
     heads = ("source", "parameters inside", "off by (median)", "9 of 10 within", "95 % if standard errors times")
-    lines = ["", _line(heads), _line(["---"] * len(heads))]
+    lines = []
     for source, group in [(EVERY, rows), *rows.groupby("source")]:
         beyond = max(float(np.quantile(group["z"], 0.95)) / Z95, 1.0)
         inside = f"{group['inside'].sum():.0f} of {len(group)}"
         off = [f"{np.quantile(group['off'], share):.2g} %" for share in (0.5, 0.9)]
-        lines.append(_line((source, inside, *off, f"{beyond:.2g}")))
-    return lines
+        lines.append((source, inside, *off, f"{beyond:.2g}"))
+    return ["", markdown(heads, lines)]
 
 
 def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame, folded: bool = False) -> str:
@@ -145,19 +144,12 @@ def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame, folded: bool = 
     }
     places = table[list(PLACE)].drop_duplicates().sort_values(list(PLACE))
     ordered = pd.concat([places[places["source"] == EVERY], places[places["source"] != EVERY]])
-    lines = [
-        _line(("source", "shape", "ms", *(SHORT[figure] for figure in figures))),
-        "|---" * (len(PLACE) + len(figures)) + "|",
-        _line(("asked", "", "", *figures.values())),
-    ]
+    lines = [("asked", "", "", *figures.values())]
     for source, shape, time in ordered.to_numpy():
         counted = (cells.get((source, shape, time, figure), "") for figure in figures)
-        lines.append(_line((source, shape, f"{1e3 * time:g}" if time else EVERY, *counted)))
+        lines.append((source, shape, f"{1e3 * time:g}" if time else EVERY, *counted))
     missed = [*misses(outcomes), *outside(recovered)]
     if folded:
         missed = ["", "<details>", "<summary>Every miss by name</summary>", *missed, "", "</details>"]
-    return "\n".join([*lines, *accuracy(recovered), *missed]) + "\n"
-
-
-def _line(cells: Iterable[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    text = markdown(("source", "shape", "ms", *(SHORT[figure] for figure in figures)), lines)
+    return "\n".join([text, *accuracy(recovered), *missed]) + "\n"

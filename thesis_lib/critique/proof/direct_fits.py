@@ -27,7 +27,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,15 +44,14 @@ from thesis_lib.critique.proof.law_free import nearest_face
 from thesis_lib.critique.selection.search import split
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, stamp
+from thesis_lib.foundation.rows import STAMP, Rows, stamp
 from thesis_lib.statistics.wording import bounded, number
 
 if TYPE_CHECKING:
     import pandas as pd
 
-STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "direct_fits.csv"
 COLUMNS = (
     *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
     *("flat_hits", "flat", "learned", "low", "high", "pairs", "parameters", *STAMP),
@@ -115,6 +114,15 @@ SERIES = {
     ),
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
+
+
+PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "direct_fits.csv"
+# new rows of some drops replace all that these have
+STORE = Rows(
+    *(PATH, COLUMNS, ("drops",), "python -m thesis_lib.critique.proof.direct_fits run"),
+    digits=6,
+    order=lambda row: list(SERIES).index(row["drops"]),
+)
 
 
 def drops_of(series: Series, measured: Path) -> Dataset:
@@ -196,7 +204,7 @@ def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:
     return {"learned": rest.learned, "low": rest.gain[1], "high": rest.gain[2], "pairs": rest.pairs}
 
 
-def parameters(path: Path = STORE) -> "pd.DataFrame":
+def parameters(path: Path = PATH) -> "pd.DataFrame":
     """The stored parameters without those that are only bounded, a row each: drops, model, name, value, std."""
     import pandas as pd
 
@@ -209,65 +217,45 @@ def parameters(path: Path = STORE) -> "pd.DataFrame":
     return pd.DataFrame(rows, columns=["drops", "model", "name", "value", "std"])
 
 
-def table(path: Path = STORE) -> list[str]:
-    """The stored rows as lines of Markdown: of simulated drops, of measured ones, and parameters of the latter."""
+def tables(path: Path = PATH) -> tuple[str, str, str]:
+    """The stored rows as Markdown: those of simulated drops, of measured ones, and parameters of the latter."""
     import pandas as pd
 
     stored = pd.read_csv(path)
     measured = np.array([SERIES[str(name)].is_measured for name in stored["drops"]])
-    lines = ["| drops | model | error | noise | gain in nats | parameters |", "|---|---|---|---|---|---|"]
-    for _, one in stored[~measured].iterrows():
-        cells = (one["drops"], _model(one), number(one["error"]), number(one["noise_floor"]), _gain(one))
-        lines.append(f"| {' | '.join(cells)} | {one['parameters']} |")
-    lines += [
-        "",
-        "| drops | model | hits used | error (median) | noise | single hits | two corners at once | episodes "
-        "| with the rest learned | nearest pairs |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+    plain = [
+        (one["drops"], _model(one), number(one["error"]), number(one["noise_floor"]), _gain(one), one["parameters"])
+        for _, one in stored[~measured].iterrows()
     ]
-    for _, one in stored[measured].iterrows():
-        flat = f"{_cell(one['flat'])} ({one['flat_hits']})" if one["flat_hits"] else ""
-        share = f"{100 * one['used'] / one['detected']:.0f} % of {one['detected']:,}"
-        error = f"{number(one['error'])} ({number(one['median'])})"
-        numbers = (_cell(one[name]) for name in ("episodes", "learned", "pairs"))
-        cells = (
-            one["drops"],
-            _model(one),
-            share,
-            error,
-            _cell(one["noise_floor"]),
-            _cell(one["single"]),
-            flat,
-            *numbers,
-        )
-        lines.append(f"| {' | '.join(cells)} |")
-    return [*lines, "", *(f"{one['drops']}: {one['parameters']}" for _, one in stored[measured].iterrows())]
+    head = ("drops", "model", "hits used", "error (median)", "noise", "single hits", "two corners at once", "episodes")
+    return (
+        markdown(("drops", "model", "error", "noise", "gain in nats", "parameters"), plain),
+        markdown((*head, "with the rest learned", "nearest pairs"), map(_line, stored[measured].to_dict("records"))),
+        "\n".join(f"{one['drops']}: {one['parameters']}" for _, one in stored[measured].iterrows()),
+    )
 
 
-def _model(one: "pd.Series") -> str:
+def _line(one: dict) -> tuple[str, ...]:
+    flat = f"{_cell(one['flat'])} ({one['flat_hits']})" if one["flat_hits"] else ""
+    share = f"{100 * one['used'] / one['detected']:.0f} % of {one['detected']:,}"
+    error = f"{number(one['error'])} ({number(one['median'])})"
+    about = (one["drops"], _model(one), share, error, _cell(one["noise_floor"]), _cell(one["single"]), flat)
+    return (*about, *(_cell(one[name]) for name in ("episodes", "learned", "pairs")))
+
+
+def _model(one: Any) -> str:
     base, *effects = one["model"].split("+")
     return " with ".join(
         [BASES[base].title, *([", ".join(EFFECTS[name].title for name in effects)] if effects else [])]
     )
 
 
-def _gain(one: "pd.Series") -> str:
+def _gain(one: Any) -> str:
     return "" if one["gain"] == 0.0 else f"{one['gain']:,.0f}"
 
 
 def _cell(value: float) -> str:
     return "" if np.isnan(value) else number(value)
-
-
-def store(name: str, new: Sequence[dict], path: Path = STORE) -> None:
-    """Replace the rows of a series."""
-    import pandas as pd
-
-    old = pd.read_csv(path).to_dict("records") if path.exists() else []
-    stored = [*(row for row in old if row["drops"] != name), *new]
-    stored.sort(key=lambda row: list(SERIES).index(row["drops"]))
-    made = pd.DataFrame(stored, columns=list(COLUMNS))
-    write_text(made.to_csv(index=False, float_format="%.6g", lineterminator="\n"), path)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -280,11 +268,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
     args = parser.parse_args(argv)
     if args.command == "table":
-        print("\n".join(table()))
+        print("\n\n".join(tables()))
         return 0
     for name in args.drops or SERIES:
         made = rows(name, drops_of(SERIES[name], args.measured))
-        store(name, made)
+        STORE.put(*made)
         print("\n".join(f"{name}: {row['model']} {row['error']:.4f} m/s" for row in made), flush=True)
     return 0
 

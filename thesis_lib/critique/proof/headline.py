@@ -12,8 +12,10 @@ from thesis_lib.critique.proof.cases import FRESH, NOTHING
 from thesis_lib.critique.proof.plan import WORLDS, headline
 from thesis_lib.critique.proof.results import of_table, outcomes, recovered
 from thesis_lib.critique.proof.store import STORE, read_rows
+from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.rows import STAMP
 from thesis_lib.statistics.intervals import wilson
+from thesis_lib.statistics.wording import count
 
 # heads of the columns, and the kind of datasets whose verdicts are counted
 FIGURES = {
@@ -56,29 +58,23 @@ def as_markdown(store: Path = STORE) -> str:
         return f"None of the {len(planned)} datasets is computed yet: `python -m thesis_lib.critique.proof run-table`."
     table = counts(store)
     worlds = list(dict.fromkeys(table["world"]))
-    lines = [f"| | {' | '.join(worlds)} |", "|---" * (len(worlds) + 1) + "|"]
-    for figure, part in table.groupby("figure", sort=False):
-        cells = (_cell(row) for row in part.to_dict("records"))
-        lines.append(f"| {figure} | {' | '.join(cells)} |")
+    lines = [
+        (str(figure), *(count(row["hits"], row["n"]) if row["n"] else "" for row in part.to_dict("records")))
+        for figure, part in table.groupby("figure", sort=False)
+    ]
     by = Counter(row.code for row in made)
     codes = ", ".join(f"{n} by `{code or UNKNOWN}`" for code, n in by.most_common())
     days = sorted({row.made for row in made})
     span = days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
-    lines += ["", f"{len(made)} of {len(planned)} planned datasets, made on {span}: {codes}."]
-    return "\n".join(lines)
-
-
-def _cell(row: dict) -> str:
-    if not row["n"]:
-        return ""
-    return f"{row['hits']} of {row['n']} ({100 * row['low']:.0f} to {100 * row['high']:.0f} %)"
+    made_by = f"{len(made)} of {len(planned)} planned datasets, made on {span}: {codes}."
+    return f"{markdown(('', *worlds), lines)}\n\n{made_by}"
 
 
 def ages_as_markdown(store: Path = STORE) -> str:
     """How old each stored table of the proof is: its rows, when they were made, and whether they name their code."""
-    lines = ["| table | rows | made | rows that name the code that made them |", "|---|---|---|---|"]
+    lines = []
     for path in sorted(Path(store).glob("*.csv")):
         code, made = pd.read_csv(path, usecols=list(STAMP), keep_default_na=False)[list(STAMP)].to_numpy().T
         days = ", ".join(f"{day} ({n})" for day, n in sorted(Counter(made).items()))
-        lines.append(f"| `{path.stem}` | {len(code)} | {days} | {sum(map(bool, code))} |")
-    return "\n".join(lines)
+        lines.append((f"`{path.stem}`", str(len(code)), days, str(sum(map(bool, code)))))
+    return markdown(("table", "rows", "made", "rows that name the code that made them"), lines)

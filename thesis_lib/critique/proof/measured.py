@@ -19,7 +19,8 @@
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,21 +30,23 @@ from thesis_lib.critique.drops.criticise import Critique, whole_critique
 from thesis_lib.critique.drops.questions.floor import floor
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.progress import Progress
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, stamp
+from thesis_lib.foundation.rows import STAMP, Rows, by_cells, stamp
 from thesis_lib.statistics.wording import number
 
 if TYPE_CHECKING:
     import pandas as pd
 
-STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "measured.csv"
 KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
 COLUMNS = (
     *(*KEY, "detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
     *("learned", "low", "high", "max_effects", *STAMP),
 )
+PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "measured.csv"
+ORDER = by_cells(*KEY, "effects")
+STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.proof.measured run", digits=6, order=ORDER)
 MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
 SEED = 0
 _SEEN = {"planar_impact": "ellipse", "planar_dice": "dice"}
@@ -76,45 +79,34 @@ def row(critique: Critique, hits: str, chosen: str) -> dict:
     }
 
 
-def _key(one: Mapping) -> tuple[str, ...]:
-    by_hand = () if one["chosen"] == "searched" else (one["effects"],)
-    return (*(str(one[name]) for name in KEY), *by_hand)
+def store(new: dict, rows: Rows = STORE) -> None:
+    """Add a row, or replace that of the same key; chosen by hand, also of the same effects."""
+    by_hand = () if new["chosen"] == "searched" else ("effects",)
+    replace(rows, key=(*KEY, *by_hand)).put(new)
 
 
-def store(new: dict, path: Path = STORE) -> None:
-    """Add a row, or replace that of the same key."""
+def table(path: Path = PATH) -> str:
+    """The stored rows as Markdown."""
     import pandas as pd
 
-    rows = [] if not path.exists() else pd.read_csv(path).to_dict("records")
-    rows = [old for old in rows if _key(old) != _key(new)] + [new]
-    table = pd.DataFrame(rows, columns=list(COLUMNS)).sort_values([*KEY, "effects"])
-    write_text(table.to_csv(index=False, float_format="%.6g", lineterminator="\n"), path)
+    head = ("set", "hits used", "effects", "verdict", "before", "after (median)", "noise", "with the rest learned")
+    return markdown(head, [_line(one) for _, one in pd.read_csv(path).iterrows()])
 
 
-def table(path: Path = STORE) -> list[str]:
-    """The stored rows as lines of Markdown."""
-    import pandas as pd
-
-    lines = [
-        "| set | hits used | effects | verdict | before | after (median) | noise | with the rest learned |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [_line(one) for _, one in pd.read_csv(path).iterrows()]
-    return lines
-
-
-def _line(one: "pd.Series") -> str:
-    share = f"{100 * one['used'] / one['detected']:.0f} % of {one['detected']:,}"
-    noise = "unknown" if np.isnan(one["noise_floor"]) else number(one["noise_floor"], 2)
+def _line(one: "pd.Series") -> tuple[str, ...]:
     titles = "; ".join(
         f"{EFFECTS[name.lstrip('~')].title}{' (a stand-in)' * name.startswith('~')}"
         for name in str(one["effects"]).split(" + ")
     )
-    by_hand = "" if one["chosen"] == "searched" else " (chosen by hand)"
-    errors = f"{number(one['base'])} | {number(one['error'])} ({number(one['median'])})"
     return (
-        f"| {_SEEN.get(one['dataset'], one['dataset'])}, {one['trials']} trials | {share} | {titles}{by_hand} | "
-        f"{one['verdict']} | {errors} | {noise} | {number(one['learned'])} |"
+        f"{_SEEN.get(one['dataset'], one['dataset'])}, {one['trials']} trials",
+        f"{100 * one['used'] / one['detected']:.0f} % of {one['detected']:,}",
+        titles + ("" if one["chosen"] == "searched" else " (chosen by hand)"),
+        one["verdict"],
+        number(one["base"]),
+        f"{number(one['error'])} ({number(one['median'])})",
+        "unknown" if np.isnan(one["noise_floor"]) else number(one["noise_floor"], 2),
+        number(one["learned"]),
     )
 
 
@@ -130,7 +122,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
     args = parser.parse_args(argv)
     if args.command == "table":
-        print("\n".join(table()))
+        print(table())
         return 0
     from thesis_lib.datasets.read import read_dataset
 

@@ -18,8 +18,6 @@ Causes whose two effects differ in no impact at all (a moving surface, a driftin
 the critique proposes no release, which `test_no_release_is_proposed_where_none_would_tell` holds.
 """
 
-import csv
-import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields, replace
@@ -40,11 +38,8 @@ from thesis_lib.critique.proof.store import STORE
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.foundation.files import MAX_TABLE, write_text
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
-from thesis_lib.foundation.rows import stamp
+from thesis_lib.foundation.rows import Rows, as_cell, stamp
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, SQUARE, CompliantContact, HiddenCauses
 from thesis_lib.simulate.rig.release import Release, Spread
@@ -65,7 +60,6 @@ ASKED = (
     *("adhesion_energy", "orientation_restitution", "corner_radius", "com_offset_x", "com_offset_y"),
     *("size_error", "inertia_error", "friction_slope", "restitution_slope", "angle_offset", "time_lag"),
 )
-NAME = "next_experiment.csv"
 
 
 @dataclass(frozen=True)
@@ -231,52 +225,44 @@ def run(wanted: int, tell: Callable[[str], object], store: Path = STORE) -> list
             break
         if question not in answers:
             answers[question] = answer = replace(ask(question), **stamp(__file__))
-            write_answers(list(answers.values()), store)
+            table_of(store).put(cells_of(answer))
             said = f"{answer.effect} or {answer.rival}: random {answer.random:g}, chosen {answer.chosen:g}"
             tell(f"{question.cause} {question.size:g} {question.seed}: {said if answer.rival else 'no question'}")
     return list(answers.values())
 
 
-COLUMNS = (*(f.name for f in fields(Question)), *(f.name for f in fields(Answer)[1:]))
+KEY = tuple(f.name for f in fields(Question))
+COLUMNS = (*KEY, *(f.name for f in fields(Answer)[1:]))
+
+
+def table_of(store: Path = STORE) -> Rows:
+    """The table of the answers, in the order of the plan."""
+    place = {as_key(question): i for i, question in enumerate(plan())}
+    path, command = Path(store) / "next_experiment.csv", "python -m thesis_lib.critique.proof next"
+    return Rows(path, COLUMNS, KEY, command, digits=6, order=lambda row: place[tuple(row[name] for name in KEY)])
+
+
+def as_key(question: Question) -> tuple[str, ...]:
+    """The cells of a question."""
+    return tuple(map(as_cell, astuple(question)))
 
 
 def read_answers(store: Path = STORE) -> dict[Question, Answer]:
     """The stored answers, in order; empty if there is no table.  CorruptFileError if a row is unreadable."""
-    path = Path(store) / NAME
-    try:
-        rows = list(csv.reader(io.StringIO(read_bytes(path, MAX_TABLE).decode("utf-8"), newline=""), strict=True))
-        if tuple(rows[0]) != COLUMNS:
-            raise ValueError(f"the columns are not {', '.join(COLUMNS)}")
-        answers = [_answer(cells) for cells in rows[1:]]
-    except MissingFile:
-        return {}
-    except (ValueError, IndexError, FileProblem, csv.Error) as error:
-        raise CorruptFileError(
-            f"{path} holds no answers ({type(error).__name__}: {str(error)[:200]}); delete it and run them again with "
-            "python -m thesis_lib.critique.proof next."
-        ) from error
+    answers = table_of(store).parsed(lambda cells: _answer(*cells.values()))
     return {answer.question: answer for answer in answers}
 
 
-def _answer(cells: Sequence[str]) -> Answer:
-    cause, size, seed, effect, rival, *numbers, wrong_random, wrong_chosen, code, made = cells
+def _answer(cause: str, size: str, seed: str, effect: str, rival: str, *cells: str) -> Answer:
+    *numbers, wrong_random, wrong_chosen, code, made = cells
     if cause not in CAUSES or effect not in EFFECTS or (rival and rival not in EFFECTS):
-        raise ValueError(f"{cells!r:.120} is no answer")
+        raise ValueError(f"{cause}, {effect}, {rival}: no answer")
     apart, sigmas, by_chance, chosen = (float(x) if x else math.nan for x in numbers)
     question = Question(cause, float(size), int(seed))
     wrong = int(wrong_random), int(wrong_chosen)
     return Answer(question, effect, rival, apart, sigmas, by_chance, chosen, *wrong, code, made)
 
 
-def write_answers(answers: Sequence[Answer], store: Path = STORE) -> None:
-    """Write the table, in the order of the plan."""
-    place = {question: i for i, question in enumerate(plan())}
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for answer in sorted(answers, key=lambda answer: place[answer.question]):
-        cells = (*astuple(answer.question), *astuple(answer)[1:])
-        writer.writerow(
-            ["" if isinstance(x, float) and math.isnan(x) else f"{x:.6g}" if isinstance(x, float) else x for x in cells]
-        )
-    write_text(text.getvalue(), Path(store) / NAME)
+def cells_of(answer: Answer) -> dict[str, object]:
+    """The answer as it is stored."""
+    return dict(zip(COLUMNS, (*astuple(answer.question), *astuple(answer)[1:])))

@@ -16,41 +16,28 @@ Rows are sorted, and numbers have the shortest exact form, so that git shows wha
 | code, made                        |      | `code_hash` of the code that made the row, empty: unknown; and the date   |
 """
 
-import csv
-import fcntl
-import io
 import math
-import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from thesis_lib.critique.proof.cases import Case
 from thesis_lib.critique.proof.compute import Recovered, Row
 from thesis_lib.critique.proof.sizes import CONFIG
-from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.foundation.files import MAX_TABLE, write_text
-from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
+from thesis_lib.foundation.rows import Rows, as_cell
 
 STORE = CONFIG / "proof"
 VERDICTS = ("adequate", "effects", "unexplained", "refused")
 ERRORS = ("base", "augmented", "floor", "flight_base", "flight_augmented", "touch_base", "touch_augmented")
+KEY = ("truth", "ratio", "drops", "noise", "shape", "contact_time", "seed")
 COLUMNS = (
-    *(
-        "truth",
-        "ratio",
-        "drops",
-        "noise",
-        "seed",
-        "shape",
-        "contact_time",
-        "sizes",
-        "verdict",
-        "law",
-        "named",
-        "n_impacts",
-    ),
-    *ERRORS,
-    *("remaining_p", "parameters", "why", "code", "made"),
+    *("truth", "ratio", "drops", "noise", "seed", "shape", "contact_time", "sizes", "verdict", "law", "named"),
+    *("n_impacts", *ERRORS, "remaining_p", "parameters", "why", "code", "made"),
 )
+
+
+def table_of(source: str, store: Path = STORE) -> Rows:
+    """The table of a source."""
+    return Rows(Path(store) / f"{source}.csv", COLUMNS, KEY, "python -m thesis_lib.critique.proof run")
 
 
 def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
@@ -58,74 +45,34 @@ def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
 
     CorruptFileError if a row is unreadable or duplicate, or its truth unknown.
     """
-    path = Path(store) / f"{source}.csv"
     rows: dict[Case, Row] = {}
-    line = 1
-    try:
-        text = read_bytes(path, MAX_TABLE).decode("utf-8")
-        header, *lines = csv.reader(io.StringIO(text, newline=""), strict=True)
-        if tuple(header) != COLUMNS:
-            raise ValueError(f"the columns are not {', '.join(COLUMNS)}")
-        for cells in lines:
-            line += 1
-            row = _row(source, dict(zip(header, cells, strict=True)))
-            if row.case in rows:
-                raise ValueError("the dataset stands twice")
-            rows[row.case] = row
-    except MissingFile:
-        return {}
-    except (ValueError, KeyError, TypeError, FileProblem, csv.Error) as error:
-        raise CorruptFileError(
-            f"{path}, line {line}, is no result of the proof ({type(error).__name__}: {str(error)[:200]}); delete the "
-            "line and run it again with python -m thesis_lib.critique.proof run."
-        ) from error
+
+    def add(cells: dict[str, str]) -> None:
+        row = _row(source, cells)
+        if row.case in rows:
+            raise ValueError("the dataset stands twice")
+        rows[row.case] = row
+
+    table_of(source, store).parsed(add)
     return rows
 
 
 def put_row(row: Row, store: Path = STORE, *, replace: bool = False) -> None:
     """Add a row to the table of its source, or `replace` an existing one; parallel runs wait for each other."""
-    Path(store).mkdir(parents=True, exist_ok=True)
-    folder = os.open(store, os.O_RDONLY)
-    try:
-        fcntl.flock(folder, fcntl.LOCK_EX)  # the kernel releases it when the process ends
-        rows = read_rows(row.case.source, store)
-        if replace or row.case not in rows:
-            rows[row.case] = row
-            write_rows(row.case.source, rows, store)
-    finally:
-        os.close(folder)
+    table_of(row.case.source, store).put(cells_of(row), keep=not replace)
 
 
-def write_rows(source: str, rows: dict[Case, Row], store: Path) -> None:
-    """Write the table of a source, sorted and atomically."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    order = sorted(rows, key=_place)
-    writer.writerows([_text(value) for value in _cells(rows[case])] for case in order)
-    write_text(text.getvalue(), Path(store) / f"{source}.csv")
-
-
-def _place(case: Case) -> tuple:
-    return case.truth, case.ratio, case.drops, case.noise, case.shape, case.contact_time, case.seed
-
-
-def _cells(row: Row) -> list[object]:
-    case = row.case
-    parameters = (f"{name}={':'.join(map(_text, values))}" for name, values in sorted(row.parameters.items()))
-    return [
-        *(case.truth, case.ratio, case.drops, case.noise, case.seed, case.shape, case.contact_time),
-        ";".join(f"{name}={_text(size)}" for name, size in row.sizes.items()),
-        *(row.verdict, row.law, row.named, row.n_impacts),
-        *(row.errors.get(name, math.nan) for name in ERRORS),
-        *(row.remaining_p, ";".join(parameters), row.why, row.code, row.made),
-    ]
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, float):
-        return str(value)
-    return "" if math.isnan(value) else repr(int(value) if value.is_integer() else value)
+def cells_of(row: Row) -> Mapping[str, object]:
+    """The row as it is stored."""
+    parameters = (f"{name}={':'.join(map(as_cell, values))}" for name, values in sorted(row.parameters.items()))
+    sizes = (f"{name}={as_cell(size)}" for name, size in row.sizes.items())
+    return (
+        {name: getattr(row.case, name) for name in KEY}
+        | {name: getattr(row, name) for name in ("verdict", "law", "named", "n_impacts")}
+        | {name: row.errors.get(name, math.nan) for name in ERRORS}
+        | {name: getattr(row, name) for name in ("remaining_p", "why", "code", "made")}
+        | {"sizes": ";".join(sizes), "parameters": ";".join(parameters)}
+    )
 
 
 def _number(text: str) -> float:

@@ -7,9 +7,8 @@ python -m thesis_lib.critique.proposal table
 import sys
 from collections.abc import Sequence
 
-from thesis_lib.critique.proposal.proof import COLUMNS, STORE, as_markdown, cases, run
+from thesis_lib.critique.proposal.proof import STORE, as_markdown, cases, compute, told
 from thesis_lib.foundation.command_line import Parser, command
-from thesis_lib.foundation.rows import read_rows
 
 
 @command
@@ -19,15 +18,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         description="Drops with a law that no effect names: is the right term proposed, and none where none is hidden?",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="run | table")
-    running = commands.add_parser("run", help="compute what is not stored yet; goes on where it was stopped")
+    running = commands.add_parser(
+        "run", help="compute what is not stored yet, 10 to 60 s of CPU each; goes on where it was stopped"
+    )
     running.add_argument("--seeds", type=int, default=3, help="of each hidden law; default: %(default)s")
     running.add_argument("--nothing", type=int, default=20, help="sets with nothing hidden; default: %(default)s")
     commands.add_parser("table", help="print the shares")
     options = parser.parse_args(argv)
     if options.command == "table":
-        print(as_markdown(read_rows(STORE, COLUMNS)))
+        print(as_markdown())
     else:
-        run(cases(options.seeds, options.nothing))
+        STORE.compute(cases(options.seeds, options.nothing), compute, print, told)
     return 0
 
 

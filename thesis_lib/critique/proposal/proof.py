@@ -29,8 +29,9 @@ config/proof/proposals.csv holds a row per dataset:
 | code, made                |      | hash of the code that made the row, empty: unknown; date              |
 """
 
+import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,19 +40,16 @@ import numpy as np
 
 from thesis_lib.critique.proposal.effect_file import effect_of, phi
 from thesis_lib.critique.proposal.terms import TARGETS, Term, all_terms
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, put_row, read_rows, stamp
+from thesis_lib.foundation.rows import STAMP, Rows, stamp
 from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
-from thesis_lib.statistics.intervals import wilson
+from thesis_lib.statistics.wording import count
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from thesis_lib.critique.drops.criticise import Critique
     from thesis_lib.datasets.format.dataset import Dataset
 
-STORE = Path(__file__).resolve().parents[3] / "config" / "proof" / "proposals.csv"
 SEEDS = 1000  # the table's begin here; those below served to choose sizes and terms
 NOTHING = "nothing"
 DROPS = 150
@@ -61,6 +59,8 @@ CONTACTS = 2000  # random ones, for the sign of a term of another form
 KEY = ("truth", "seed")
 MEASURED = ("a", "a_std", "before", "after", "floor", "attainable", "excess", "seconds")
 COLUMNS = (*KEY, "verdict", "named", "proposed", "law", "alternatives", *MEASURED, *STAMP)
+PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "proposals.csv"
+STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.proposal run", digits=4)
 # the term that says what each hidden law says, or of the same variable
 OWN = {
     "restitution_by_obliquity": "restitution_by_obliquity",
@@ -142,7 +142,7 @@ def compute(case: Case, drops: int = DROPS) -> dict[str, object]:
         a = f"{first.term.name}.a"
         numbers |= {"a": found.fitted.values[a], "a_std": found.fitted.std[a]}
         numbers |= {"after": float(after.error.mean()), "floor": after.floor, "excess": after.excess}
-    return row | {name: float(f"{value:.4g}") for name, value in numbers.items()} | stamp(__file__)
+    return row | numbers | stamp(__file__)
 
 
 def attainable(judged: "Critique", truth: str) -> float:
@@ -159,16 +159,10 @@ def attainable(judged: "Critique", truth: str) -> float:
     return float(Drops(judged.held_out).judge(fitted).error.mean())
 
 
-def run(todo: Sequence[Case], say: Callable[[str], None] = print, store: Path = STORE, drops: int = DROPS) -> None:
-    """Compute the cases that are not stored yet, one after the other; each is stored as it ends."""
-    done = {tuple(row) for row in read_rows(store, COLUMNS)[list(KEY)].itertuples(index=False)}
-    left = [case for case in todo if tuple(vars(case).values()) not in done]
-    say(f"{len(todo) - len(left)} of {len(todo)} are stored, {len(left)} to compute, 10 to 60 s of CPU each")
-    for i, case in enumerate(left, 1):
-        row = compute(case, drops)
-        put_row(row, KEY, store, COLUMNS)
-        where = f"{row['before']} -> {row.get('after') or '–'} m/s, floor {row['floor']}"
-        say(f"{i} of {len(left)}  {case.truth} {case.seed}: {row['verdict']}, {row['proposed'] or 'no term'} ({where})")
+def told(row: Mapping[str, Any]) -> str:
+    """What a row found, in words."""
+    where = f"{row['before']:.4g} -> {row.get('after') or math.nan:.4g} m/s, floor {row['floor']:.4g}"
+    return f"{row['verdict']}, {row['proposed'] or 'no term'} ({where})"
 
 
 # --- what is right ---
@@ -206,32 +200,26 @@ def phi_of(term: Term) -> np.ndarray:
     return phi(term, values | {"trial": (np.arange(CONTACTS) / CONTACTS - 0.5) * DROPS})
 
 
-def as_markdown(table: "pd.DataFrame") -> str:
-    """Counts by hidden law as a table of a page, their sums with 95 % intervals, and sets with nothing hidden."""
-    if table.empty:
-        raise UserError("The proof of proposals holds no row: python -m thesis_lib.critique.proposal run.")
+def as_markdown(store: Rows = STORE) -> str:
+    """Counts by hidden law as a table of a page, their sums with 95 % intervals, and sets with nothing hidden.
+
+    UserError without rows.
+    """
+    rows = store.table()
     asked = ("proposed", "variable", "sign", "form", "enough", "best", "typical")
     head = ("hidden", "changes", "proposed", "right variable", "and sign", "very form", "mean", "attainable", "median")
-    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    hidden = table[table["truth"] != NOTHING]
-    total, n = dict.fromkeys(asked, 0), len(hidden)
+    hidden, plain = rows[rows["truth"] != NOTHING], rows[rows["truth"] == NOTHING]
+    lines, total = [], dict.fromkeys(asked, 0)
     for truth, part in hidden.groupby("truth", sort=False):
         answers = [right(row) for row in part.to_dict("records")]
         counts = {name: sum(answer[name] for answer in answers) for name in asked}
         total = {name: total[name] + counts[name] for name in asked}
-        cells = " | ".join(f"{counts[name]} of {len(part)}" for name in asked)
         what = TARGETS[HIDDEN_LAWS[str(truth)].acts_on]
-        lines.append(f"| {str(truth).replace('_', ' ')} | {what} | {cells} |")
-    if n:
-        cells = " | ".join(_share(total[name], n) for name in asked)
-        lines.append(f"| all | | {cells} |")
-    plain = table[table["truth"] == NOTHING]
+        lines.append((str(truth).replace("_", " "), what, *(f"{counts[name]} of {len(part)}" for name in asked)))
+    if len(hidden):
+        lines.append(("all", "", *(count(total[name], len(hidden)) for name in asked)))
+    text = table(head, lines)
     if len(plain):
-        none = int((plain["proposed"] == "").sum())
-        lines += ["", f"With nothing hidden no term is proposed in {_share(none, len(plain))} sets."]
-    return "\n".join(lines)
-
-
-def _share(hits: int, n: int) -> str:
-    low, high = wilson(hits, n)
-    return f"{hits} of {n} ({100 * low:.0f} to {100 * high:.0f} %)"
+        none = count((plain["proposed"] == "").sum(), len(plain))
+        text += f"\n\nWith nothing hidden no term is proposed in {none} sets."
+    return text
