@@ -17,7 +17,7 @@ from thesis_lib.datasets.sources.tables.log_table import Log
 from thesis_lib.datasets.sources.tables.options import TableOptions
 from thesis_lib.datasets.sources.tables.pose import read_poses
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions
-from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.datasets.space.plane import Plane
 from thesis_lib.foundation.errors import UserError
 
@@ -86,10 +86,7 @@ def read_planar_motions(
             motions.append(Motion.of_point("", str(file), poses["t"].to_numpy(), position))
             continue
         theta = poses["theta"].to_numpy()
-        whole = np.isfinite(theta)
-        quaternion = np.full((len(poses), 4), np.nan)
-        if whole.any():
-            quaternion[whole] = (frame * Rotation.from_rotvec(np.outer(theta[whole], [0.0, 0.0, 1.0]))).as_quat()
+        quaternion = quaternions(theta[:, None], lambda rows: frame * Rotation.from_rotvec(rows * [0.0, 0.0, 1.0]))
         motions.append(Motion("", str(file), poses["t"].to_numpy(), position, quaternion))
     return motions
 

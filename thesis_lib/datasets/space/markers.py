@@ -8,6 +8,8 @@ axes are those of the recording, and its origin is the mean m̄ of the markers.
 
 import numpy as np
 
+from thesis_lib.datasets.space.motion import quaternions
+
 FEWEST = 3  # markers seen
 FLAT = 0.05  # second singular value over the first: markers on a line tell no rotation
 RIGID = 0.003  # m, rms distance of markers from the rigid body; more is a marker taken for another
@@ -44,9 +46,7 @@ def body_of_markers(markers: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     rotation = u @ vt
     rest = a - np.einsum("nij,nmj->nmi", rotation, b)
     rigid = np.sqrt(np.sum(rest**2, axis=(1, 2)) / seen[usable, 0]) < RIGID
-    position, quaternion = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
-    good = usable[rigid]
+    position, rotations, good = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan), usable[rigid]
     position[good] = (middle_x - np.einsum("nij,nj->ni", rotation, middle_m))[rigid]
-    if len(good):
-        quaternion[good] = Rotation.from_matrix(rotation[rigid]).as_quat()
-    return position, quaternion, int(np.sum(~rigid))
+    rotations[good] = rotation[rigid]
+    return position, quaternions(rotations, Rotation.from_matrix), int(np.sum(~rigid))

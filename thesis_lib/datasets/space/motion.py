@@ -13,10 +13,14 @@ sequence of Euler angles) is kept as `readings`: the same cells, read otherwise,
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 UNIT_LENGTH = 0.02  # how far from 1 the length of a quaternion may be: files have three digits and more
 Readings = Mapping[str, Callable[[], np.ndarray]]
@@ -111,14 +115,17 @@ def from_angles(sequence: str, angles: np.ndarray, degrees: bool) -> np.ndarray:
     """
     from scipy.spatial.transform import Rotation
 
-    whole = np.isfinite(angles).all(axis=1)
-    result = np.full((len(angles), 4), np.nan)
+    if sequence == "helical":
+        return quaternions(angles, lambda rows: Rotation.from_rotvec(rows, degrees=degrees))
+    return quaternions(angles, lambda rows: Rotation.from_euler(sequence, rows, degrees=degrees))
+
+
+def quaternions(rotations: np.ndarray, read: Callable[[np.ndarray], "Rotation"]) -> np.ndarray:
+    """Quaternions (n, 4) of `rotations` (n, ...) as `read` understands them; NaN where these hold NaN."""
+    whole = np.isfinite(rotations).all(axis=tuple(range(1, rotations.ndim)))
+    result = np.full((len(rotations), 4), np.nan)
     if whole.any():
-        if sequence == "helical":
-            rotation = Rotation.from_rotvec(angles[whole], degrees=degrees)
-        else:
-            rotation = Rotation.from_euler(sequence, angles[whole], degrees=degrees)
-        result[whole] = rotation.as_quat()
+        result[whole] = read(rotations[whole]).as_quat()
     return result
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import length_unit
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body, choose_markers, motion_of_markers
-from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
@@ -79,9 +79,7 @@ def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: fl
     turn, position = matrices[:3, :3].transpose(2, 0, 1), scale * matrices[:3, 3].T
     whole = np.isfinite(np.sum(matrices[:3], axis=(0, 1)))
     whole &= np.linalg.det(np.where(whole[:, None, None], turn, 0.0)) > 0.5  # zeros where lost
-    quaternion = np.full((len(turn), 4), np.nan)
-    if whole.any():
-        quaternion[whole] = Rotation.from_matrix(turn[whole]).as_quat()
+    quaternion = quaternions(np.where(whole[:, None, None], turn, np.nan), Rotation.from_matrix)
     return Motion(name, str(path), np.arange(len(turn)) / rate, position, quaternion)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import Row, columns_of, lost_zeros, read_rows, rotations
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body, choose_markers, motion_of_markers
-from thesis_lib.datasets.space.motion import Motion
+from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 
 UP = "z"
@@ -118,12 +118,9 @@ def _from_columns(path: Path, body: str, cells: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) of matrices (n, 9) that are written column by column; UserError if they are not rotations."""
     from scipy.spatial.transform import Rotation
 
-    quaternion = np.full((len(cells), 4), np.nan)
-    whole = np.isfinite(cells).all(axis=1)
-    matrix = cells[whole].reshape(-1, 3, 3).transpose(0, 2, 1)
+    matrices = cells.reshape(-1, 3, 3).transpose(0, 2, 1)
+    matrix = matrices[np.isfinite(cells).all(axis=1)]
     off = np.abs(matrix @ matrix.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     if np.any(off > ORTHONORMAL) or np.any(np.linalg.det(matrix) < 0.0):
         raise UserError(f"{path}: Rot[0] to Rot[8] of body {body} are not rotation matrices; export it again.")
-    if whole.any():
-        quaternion[whole] = Rotation.from_matrix(matrix).as_quat()
-    return quaternion
+    return quaternions(matrices, Rotation.from_matrix)
