@@ -10,7 +10,7 @@ from thesis_lib.critique.proposal.proof import (
     NOTHING,
     OWN,
     STORE,
-    Case,
+    ProposalCase,
     as_markdown,
     cases,
     make,
@@ -40,7 +40,7 @@ def test_a_part_of_the_table_is_mixed_as_the_whole() -> None:
     every = cases(3, 20)
     assert len(every) == len(set(every)) == 3 * len(HIDDEN_LAWS) + 20
     assert {case.truth for case in every[: len(every) // 2]} == {*HIDDEN_LAWS, NOTHING}
-    assert cases(1, 0) == [Case(truth, proof.SEEDS) for truth in HIDDEN_LAWS]
+    assert cases(1, 0) == [ProposalCase(truth, proof.SEEDS) for truth in HIDDEN_LAWS]
     assert min(case.seed for case in every) >= 1000  # those that chose sizes and terms are below
 
 
@@ -72,7 +72,7 @@ def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path, monkeypatch) ->
         as_markdown(store)
     computed = []
 
-    def compute(case: Case) -> dict:
+    def compute(case: ProposalCase) -> dict:
         computed.append(case)
         if case.truth == NOTHING:
             return row(NOTHING, "", "", seed=case.seed, after="")
@@ -95,7 +95,7 @@ def test_a_row_that_is_computed_again_replaces_the_first(tmp_path) -> None:
 
 
 def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
-    one, again, other = (make(Case("couple_by_spin", seed), 3).trajectories for seed in (1, 1, 2))
+    one, again, other = (make(ProposalCase("couple_by_spin", seed), 3).trajectories for seed in (1, 1, 2))
     pd.testing.assert_frame_equal(one, again)
     assert not one.equals(other)
 

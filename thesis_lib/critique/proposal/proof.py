@@ -78,17 +78,17 @@ FORMLESS = ("restitution_by_threshold", "friction_by_root_of_spin")  # no term s
 
 
 @dataclass(frozen=True)
-class Case:
+class ProposalCase:
     """One dataset: a law of `HIDDEN_LAWS`, or nothing."""
 
     truth: str
     seed: int
 
 
-def cases(seeds: int, nothing: int) -> list[Case]:
+def cases(seeds: int, nothing: int) -> list[ProposalCase]:
     """`seeds` of each hidden law, mixed with `nothing` sets without one: a part of the list is like the whole."""
-    hidden = [Case(truth, SEEDS + i) for i in range(seeds) for truth in HIDDEN_LAWS]
-    plain = [Case(NOTHING, SEEDS + i) for i in range(nothing)]
+    hidden = [ProposalCase(truth, SEEDS + i) for i in range(seeds) for truth in HIDDEN_LAWS]
+    plain = [ProposalCase(NOTHING, SEEDS + i) for i in range(nothing)]
     total = len(hidden) + len(plain)
     places = {round((i + 0.5) * total / len(plain)) for i in range(len(plain))} if plain else set()
     one, other = iter(hidden), iter(plain)
@@ -96,7 +96,7 @@ def cases(seeds: int, nothing: int) -> list[Case]:
     return [*filter(None, mixed), *one, *other]
 
 
-def make(case: Case, drops: int = DROPS) -> "Dataset":
+def make(case: ProposalCase, drops: int = DROPS) -> "Dataset":
     """The drops of a case, as a rig records them."""
     from thesis_lib.datasets.format.dataset import Dataset
     from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
@@ -115,7 +115,7 @@ def make(case: Case, drops: int = DROPS) -> "Dataset":
     return Dataset("proof", made.header, made.trajectories)
 
 
-def compute(case: Case, drops: int = DROPS) -> dict[str, object]:
+def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
     """Criticise, propose, and sum up: a row of the table."""
     from thesis_lib.critique.drops.criticise import whole_critique
     from thesis_lib.critique.proposal.propose import propose
