@@ -16,7 +16,7 @@ from thesis_lib.statistics.tails import theil_sen
 
 LONGER = 0.01  # s; the arcs allow for shorter contacts
 FEWEST = 6  # contacts
-DEEP, OF_NOISE = 2e-3, 5.0  # m and sigmas: depth that is no noise
+DEEP, OF_NOISE = 2e-3, 5.0  # m and sigmas: depth that is not noise
 OFTEN = 0.5  # share of deep ones among the contacts that noise cannot hide; dice dip in now and then
 WITHIN = 4  # samples inside: fewer say nothing about the path there
 SPREAD = 0.8  # share of the change of velocity in two neighbouring samples; a corner has 0.95 and more

@@ -32,7 +32,7 @@ CUTOFFS = 0.5 * 2.0 ** (-0.5 * np.arange(13))  # cycles per sample; waves of 2 t
 KEPT = 0.8  # share of the flights
 _MEAN_OF_KEPT = 0.4377  # chi² with one degree of freedom below its 80th percentile: its mean
 _ROUNDS = 4  # of weights 1/E P_k
-_LEAST = 0.1  # of the largest power: what is smaller tells nothing of the slope
+_LEAST = 0.1  # of the largest power: what is smaller does not bear on the slope
 
 
 def long_flights(samples: Samples, at: np.ndarray, t: np.ndarray, guard: float, longest: int) -> list[np.ndarray]:

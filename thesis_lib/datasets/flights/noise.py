@@ -36,7 +36,7 @@ CONTRADICTED = 2.0  # ratio of stated noise to that of the arcs (known to 10 %) 
 _SHORT_MEMORY = 0.7  # ρ; slower noise looks like curvature in an arc of 25 samples
 _WORSE = 0.5  # relative excess of a variance that changes an interval by a quarter
 _WRONG = 4.5  # sigmas; 1 in 1,000 flights of white noise has such a third difference
-_LONG_FLIGHT = 4  # arcs; errors slower than these are no noise of the arcs
+_LONG_FLIGHT = 4  # arcs; errors slower than these are not noise of the arcs
 _MOVING = 0.1  # m/s
 _CLEARLY = 3.0  # standard errors of a median
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
@@ -127,7 +127,7 @@ def with_colour(
 ) -> NoiseEstimate:
     """The noise with its colour from the spectrum of long flights (`colour`), where AR(1) does not describe it.
 
-    That is if the samples are `smoothed`, if ρ is larger than short arcs can tell, or if noise that seems white is
+    That is if the samples are `smoothed`, if ρ is larger than short arcs can show, or if noise that seems white is
     clearly worse in two of three channels (air drag bends long flights in one).  Between these, what long flights show
     beyond AR(1) may be a motion that no parabola describes.  `at` (n,) are the samples before the hits; samples within
     `guard` (s) of one belong to no flight.

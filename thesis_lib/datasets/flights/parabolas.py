@@ -19,7 +19,7 @@ from thesis_lib.datasets.format.samples import Samples, position
 
 GUARD = 1e-3  # s; samples this near to an impact may lie in the contact
 MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
-MAX_CHI2 = 2.5  # reduced; a flight above it is no parabola
+MAX_CHI2 = 2.5  # reduced; a flight above it is not a parabola
 MOST = 0.5  # share of the flights that are parabolas unless something bends them all
 FEW, SOME = 0.05, 3  # share and number of flights that are not parabolas which need no mention: undetected hits
 

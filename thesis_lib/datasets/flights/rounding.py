@@ -13,7 +13,7 @@ the impact, over the noise, averaged over those whose |τ| lies between two `EDG
 is 1 without rounding, for noise of any size and colour that all channels share.  Acceleration in flight is in the
 parabola.  F above `MATERIAL` by `CLEAR` standard errors is rounding; the guard ends one pair after the last that has
 it, because rounding does not end at once.  R grows until nothing is seen in its outer half, and the guard is at
-least the last R before: a parabola that starts further away tells less.
+least the last R before: a parabola that starts further away shows less.
 """
 
 import itertools

@@ -26,7 +26,7 @@ def fit_straightest(
 
     def bends(fits: ArcFits) -> np.ndarray:
         bent = is_bent(fits, sigma, settings.arc_deviation)
-        # a ball slides after a hit, and rolls later: the samples beside the hit tell
+        # a ball slides after a hit, and rolls later: the samples beside the hit show it
         return bent | ((fits.chi2_near > settings.meet_sigma**2) & (header.gravity == 0.0))[:, None]
 
     fits = fit(at)

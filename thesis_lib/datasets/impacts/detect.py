@@ -131,7 +131,7 @@ def find_in_arrays(
     samples, at, fits, noise, glitch, sigma = search(settings, np.zeros(3))
     least = np.zeros(3)
     if (noise.colour > 1.0).any():
-        # jumps that coloured noise makes are no hits; where nearly all stand out of it, the search stays what it was
+        # jumps that coloured noise makes are not hits; where nearly all stand out of it, the search stays what it was
         coloured = np.fmax(sigma, noise.used * np.sqrt(noise.colour))
         if len(_instants(samples, header, coloured, settings)) < _STANDING_OUT * len(at):
             least = coloured
@@ -345,7 +345,7 @@ def _reported_glitches(samples: Samples, glitch: np.ndarray) -> pd.DataFrame:
 
 
 def _impossible(given: Impacts) -> np.ndarray:
-    """Mask (n,) of impacts whose energy gain no noise, law or moving surface explains: they are no measurements."""
+    """Mask (n,) of impacts whose energy gain no noise, law or moving surface explains: they are not measurements."""
     before, after = (norm(v * [1.0, 1.0, given.k_g]) for v in (given.v_pre, given.v_post))
     typical = float(np.median(before)) if len(before) else 0.0
     return after > _FASTEST * np.maximum(before, typical)

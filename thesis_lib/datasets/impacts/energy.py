@@ -53,7 +53,7 @@ def gain_sentence(impacts: Impacts, gain: float, step: float) -> str:
 
 
 def contact_step(fits: ArcFits, header: Header, settings: ArcSettings) -> float:
-    """Δ in s, if the gaps of impacts are spread from 0 to v_n Δ and are no touches; else 0."""
+    """Δ in s, if the gaps of impacts are spread from 0 to v_n Δ and are not touches; else 0."""
     v_n = approach_speed(fits, header)
     rows = (fits.n_side >= settings.min_window).all(1) & fits.converged & (v_n < 0.0)
     if rows.sum() < FEWEST or np.median(np.abs(fits.gap[rows])) < settings.touch_limit:

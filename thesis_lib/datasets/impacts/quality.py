@@ -173,7 +173,7 @@ def approach_speed(fits: ArcFits, header: Header) -> np.ndarray:
 def _sunk_in(fits: ArcFits, v_n: np.ndarray, r_x: np.ndarray, header: Header) -> np.ndarray:
     """How deep (n,) in m below the surface the arcs of n impacts meet because contacts take time: τ |v_n| / √K_nn.
 
-    τ in s is the same for all, as the median of the gaps tells it; 0 if another height of the surface explains them
+    τ in s is the same for all, from the median of the gaps; 0 if another height of the surface explains them
     better.
     """
     sunk = min(touch_time(fits, header), _LONGEST_TOUCH) * np.abs(v_n)

@@ -77,7 +77,7 @@ def detect(
 ) -> np.ndarray:
     """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial.
 
-    `slowing` in m/s² is what friction with a table may take from the speed, which is no impact.
+    `slowing` in m/s² is what friction with a table may take from the speed, which is not an impact.
     """
     n = len(samples)
     q = samples.without_gravity(header.gravity)

@@ -10,7 +10,7 @@ of the wheel's hub.  The wheel's x points down its slope and y away from it.  Th
 row until the next; those of a trial's last row are not used.
 
 `sampling` says how the numbers came about.  Encoders count, and velocities are computed from positions: such velocities
-tell nothing that positions do not.  Each device has a clock, and writes what was a few milliseconds ago.
+hold nothing that positions do not.  Each device has a clock, and writes what was a few milliseconds ago.
 """
 
 from typing import Annotated, ClassVar, Literal

@@ -1,14 +1,14 @@
-"""Is a rotation read as it was written?  A wrong order of a quaternion or a left-handed frame, told from the data.
+"""Is a rotation read as it was written?  A wrong order of a quaternion or a left-handed frame, seen in the data.
 
 A quaternion whose components are in another order turns just as smoothly, about an axis that stands still, too; and a
-frame with one axis reversed turns the wrong way about.  Two things of a body that moves in a vertical plane tell:
+frame with one axis reversed turns the wrong way about.  Two things of a body that moves in a vertical plane show it:
 
     S_f  = Σ [(v·n)² + k² (|ω|² − (ω·n)² + (ω·n − its mean)²)] / Σ [|v_h|² + k² |ω|²]      over a flight f
     c±   = ± k² Δω − r_x(±θ) Δv_y + r_y(±θ) Δv_x
 
 S is the middle one of all flights, n the normal that makes their sum of numerators least: the share of the energy that
-is out of the best plane or is no steady turning, falling left aside (v_h: level part of v).  Without a torque turning
-is conserved, and its axis is normal to the plane of the motion.  c is the couple of an impact over the mass, 0 at a
+is out of the best plane or is not a steady turning, falling left aside (v_h: level part of v).  Without a torque turning is
+conserved, and its axis is normal to the plane of the motion.  c is the couple of an impact over the mass, 0 at a
 point contact: it is small with the sign of the turning that is true, at that angle of the shape in its frame that fits
 best.
 """
@@ -26,15 +26,15 @@ from thesis_lib.foundation.errors import UserError
 
 OUT = 0.02  # S of a plane motion is far below a hundredth; that of a wrong reading some hundredths to tenths
 BETTER = 0.25  # S of another reading over that of the stated one, which makes it the likely one
-SLOW = 0.05  # m/s: level speed and k|ω| below it (rms) tell nothing
+SLOW = 0.05  # m/s: level speed and k|ω| below it (rms) say nothing
 CONTACT = 0.05  # s between two flights with an impact between
 MIRRORED = 0.5  # typical couple of the stated sign over that of the other
 TURNS = np.radians(np.arange(0.0, 360.0, 3.0))  # of the shape against its frame, among which the best is taken
 FINER = np.radians(np.arange(-6.0, 6.5, 0.5))  # about the best of these
 SAME = 1.001  # ratio of couples that are the same, as those of a square turned by 90°
-OFF = np.radians(6.0)  # a turn of the shape that is worth telling ...
+OFF = np.radians(6.0)  # a turn of the shape that is worth reporting ...
 CLEARLY = 0.5  # ... if it makes couples so much smaller
-IMPACTS = 12  # fewest that tell the sign
+IMPACTS = 12  # fewest that give the sign
 SHOWN = 3  # readings that are named
 
 
@@ -59,11 +59,11 @@ class ReadingFit:
     """How well a reading fits: `out` is S, `mirrored` the couple with the turning reversed over the couple as read.
 
     `turned` (rad) is by how much the shape is turned against the frame that it was believed to have, 0 if nothing
-    tells.
+    shows it.
     """
 
     out: float
-    mirrored: float  # NaN if nothing tells
+    mirrored: float  # NaN if nothing shows it
     turned: float
 
     @property
@@ -124,7 +124,7 @@ def fit(motion: Motion, scene: Scene) -> ReadingFit:
 
 
 def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> tuple[float, float]:
-    """Typical |c₋| over |c₊| of the impacts, and the turn of the shape that they tell; NaN and 0 if they are few."""
+    """Typical |c₋| over |c₊| of the impacts, and the turn of the shape that they show; NaN and 0 if they are few."""
     q, track = in_plane(motion, plane)[0], scene.track
     rows = []
     for before, after in zip(scene.flights[:-1], scene.flights[1:]):

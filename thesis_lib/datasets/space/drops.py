@@ -2,7 +2,7 @@
 
 A drop begins with a free flight that ends at the surface.  It goes on through impacts, as long as the next flight
 begins soon, and ends shortly after its last flight, or with it if the body is caught in the air.  What a hand does
-between drops is no flight.
+between drops is not a flight.
 """
 
 import itertools

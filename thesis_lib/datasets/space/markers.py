@@ -11,7 +11,7 @@ import numpy as np
 from thesis_lib.datasets.space.motion import quaternions
 
 FEWEST = 3  # markers seen
-FLAT = 0.05  # second singular value over the first: markers on a line tell no rotation
+FLAT = 0.05  # second singular value over the first: markers on a line give no rotation
 RIGID = 0.003  # m, rms distance of markers from the rigid body; more is a marker taken for another
 
 

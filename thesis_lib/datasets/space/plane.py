@@ -18,7 +18,7 @@ from thesis_lib.foundation.errors import UserError
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 UNDECIDED = 0.05  # m/s: a plane is found if motion in it is by so much faster (rms) than in the next best
 STEEPEST = np.radians(30.0)  # between a plane that is found and the vertical; a flatter one has to be given
-ALONG = 0.7  # share of a body axis that must lie in the plane to tell the angle
+ALONG = 0.7  # share of a body axis that must lie in the plane to give the angle
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,7 +59,7 @@ def is_bag(path: Path) -> bool:
 def read_bag(path: Path, body: str | None, warnings: list[str]) -> Motion:
     """The motion of `body` (by default the only one): a topic, or topic:frame for transforms; an end of it will do.
 
-    UserError if the package is not installed, the file is no bag that can be read, or the body is not in it.
+    UserError if the package is not installed, the file is not a bag that can be read, or the body is not in it.
     """
     if find_spec(PACKAGE) is None:
         raise UserError(f"{path} is a bag of ROS; reading it needs a package: pip install {PACKAGE}.")

@@ -51,7 +51,7 @@ def read_rows(path: Path) -> list[Row]:
 def columns_of(path: Path, rows: Sequence[Row], wanted: Sequence[int]) -> np.ndarray:
     """The cells of `wanted` columns as floats (n, len(wanted)); empty ones, and those beyond a short row, are NaN.
 
-    UserError names the row of a cell that is no number.
+    UserError names the row of a cell that is not a number.
     """
     result = np.full((len(rows), len(wanted)), np.nan)
     for i, (row, cells) in enumerate(rows):

@@ -37,8 +37,8 @@ def is_motive(first_line: str) -> bool:
 def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
     """The motion of `body` (by default the only one) in an export; `rotation` overrides the sequence of Euler angles.
 
-    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is no
-    number.
+    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is
+    not a number.
     """
     rows = read_rows(path)
     facts = _facts(path, rows)

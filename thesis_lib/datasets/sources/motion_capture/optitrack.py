@@ -37,8 +37,8 @@ def is_optitrack(first_line: str) -> bool:
 def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
     """The motion of `body` (by default the only one).
 
-    UserError if there are no rows of bodies or frames, the body is not among them or is not named, or a cell is no
-    number.
+    UserError if there are no rows of bodies or frames, the body is not among them or is not named, or a cell is
+    not a number.
     """
     rows = [row for row in read_rows(path) if row[1] and row[1][0].lower() in KINDS]
     kinds = [cells[0].lower() for _, cells in rows]

@@ -1,6 +1,6 @@
 """Messages of ROS that hold poses or points: what each type says, and definitions of those that rosbags lacks.
 
-A message tells of one body, or of several by name or number.  A point has a quaternion of zeros, which is none.
+A message is of one body, or of several by name or number.  A point has a quaternion of zeros, which is none.
 """
 
 from collections.abc import Callable, Iterable

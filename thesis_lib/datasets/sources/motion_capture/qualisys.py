@@ -38,8 +38,8 @@ def is_qualisys(first_line: str) -> bool:
 def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
     """The motion of `body` (by default the only one); `rotation` is the sequence of Roll, Pitch, Yaw without Rot.
 
-    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is no
-    number.
+    UserError if the header lines are not those of the format, the body is not in it or is not named, or a cell is
+    not a number.
     """
     rows = read_rows(path)
     start = next((i for i, (_, cells) in enumerate(rows) if _is_data(cells)), len(rows))

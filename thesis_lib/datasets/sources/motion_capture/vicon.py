@@ -64,7 +64,7 @@ class _Block:
 def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:
     """The motion of `body` (by default the only one) in an export; `rotation` is the sequence of its angles.
 
-    UserError if no block is as described above, the body is not in it or is not named, or a cell is no number.
+    UserError if no block is as described above, the body is not in it or is not named, or a cell is not a number.
     """
     rows = read_rows(path)
     blocks = {block.name: block for block in _blocks(path, rows)}

@@ -183,7 +183,7 @@ def say_of_logs(logs: Sequence[Log], notes: list[str]) -> None:
 
 
 def _decode(content: bytes) -> tuple[str, list[str]]:
-    """Text of a file, and a note if it is not UTF-8; ValueError if it is no text."""
+    """Text of a file, and a note if it is not UTF-8; ValueError if it is not text."""
     zeros = [content[start:2000:2].count(0) for start in (0, 1)]
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"

@@ -29,7 +29,7 @@ def read_poses(
     """The logs, and of each the trial (text), t, x, y and, where it is measured, theta, in SI; NaN where lost.
 
     A file is one trial if `one_trial` or without a trial column.  UserError: a file or column is missing, a row is too
-    long, a cell is not a number, units contradict each other, or the angle of a body that is no disk is missing.
+    long, a cell is not a number, units contradict each other, or the angle of a body that is not a disk is missing.
     """
     if spatial := [column for column in options.columns if column in SPATIAL]:
         raise UserError(f"--columns: {spatial[0]} belongs to a motion in space; say how it turns with --quaternion.")

@@ -26,7 +26,7 @@ def read_quaternion_tables(
 ) -> list[Motion]:
     """The motion in each log, that of a point without an `order`; adds to `notes` and `warnings`.
 
-    UserError if a column is missing, a cell is no number, or the four columns are no unit quaternion.
+    UserError if a column is missing, a cell is not a number, or the four columns are not a unit quaternion.
     """
     if "theta" in options.columns:
         raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
