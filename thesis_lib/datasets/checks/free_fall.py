@@ -1,7 +1,7 @@
 """Which way do bodies fall?  Accelerations of y in short windows, without knowing where the impacts are.
 
-A window inside one flight is a parabola with ÿ = −g.  A window that spans an impact is not a parabola, and is left
-out; a body that rests or is held has ÿ = 0.  If windows have ÿ near +g, and hardly any near −g, y points down.  The window
+A window inside one flight is a parabola with ÿ = −g.  A window that spans an impact is not a parabola, and is left out;
+a body that rests or is held has ÿ = 0.  If windows have ÿ near +g, and hardly any near −g, y points down.  The window
 is as short as the noise allows, so that it fits into the flight of a low bounce.
 
     ÿ = 2 c₂/Δt²,   var ÿ = 4 σ²/Δt⁴ · 180/(n (n² − 1)(n² − 4))        (parabola c₀ + c₁ i + c₂ i² through n samples)

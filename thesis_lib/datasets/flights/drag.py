@@ -5,9 +5,9 @@ rests does not fall; the others give the acceleration beyond gravity at their me
 
     r = −(c_v + c_q |v|) v + (c_l |v| + k_m ω) (−v_y, v_x) + constant,
 
-a linear regression with bisquare weights.  The constant (a tilt, a wrong gravity) is not due to the air and stays out of
-the result.  Of linear and quadratic drag the one is taken that explains more; lift is added if it is as clear.  w is the
-most precise one: the variance of r falls with w⁵, but longer pieces hold more hits.
+a linear regression with bisquare weights.  The constant (a tilt, a wrong gravity) is not due to the air and stays out
+of the result.  Of linear and quadratic drag the one is taken that explains more; lift is added if it is as clear.  w is
+the most precise one: the variance of r falls with w⁵, but longer pieces hold more hits.
 """
 
 from dataclasses import dataclass

@@ -7,10 +7,10 @@ frame with one axis reversed turns the wrong way about.  Two things of a body th
     c±   = ± k² Δω − r_x(±θ) Δv_y + r_y(±θ) Δv_x
 
 S is the middle one of all flights, n the normal that makes their sum of numerators least: the share of the energy that
-is out of the best plane or is not a steady turning, falling left aside (v_h: level part of v).  Without a torque turning is
-conserved, and its axis is normal to the plane of the motion.  c is the couple of an impact over the mass, 0 at a
-point contact: it is small with the sign of the turning that is true, at that angle of the shape in its frame that fits
-best.
+is out of the best plane or is not a steady turning, falling left aside (v_h: level part of v).  Without a torque
+turning is conserved, and its axis is normal to the plane of the motion.  c is the couple of an impact over the mass, 0
+at a point contact: it is small with the sign of the turning that is true, at that angle of the shape in its frame that
+fits best.
 """
 
 from collections.abc import Sequence
