@@ -12,7 +12,12 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from thesis_lib.docs import configuration, dataset_keys, effects, findings, games, laws
+from thesis_lib.critique.engines import measured as measured_models
+from thesis_lib.critique.engines import proof as engines
+from thesis_lib.critique.proof import by_contact, direct_fits, headline, measured, next_drops_table
+from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.critique.proposal import proof as proposals
+from thesis_lib.docs import configuration, dataset_keys, effects, games, laws
 from thesis_lib.docs.sentences import read_sentences, with_numbers
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
@@ -41,16 +46,16 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "dataset keys": dataset_keys.text,
     "recording keys": dataset_keys.recording_text,
     "columns": columns_text,
-    "headline": findings.headline,
-    "ages of the proof": findings.ages,
-    "real contacts": findings.real_contacts,
-    "fits of simulated drops": findings.fits_of_simulated_drops,
-    "fits of measured drops": findings.fits_of_measured_drops,
-    "measured sets": findings.measured_sets,
-    "engines": findings.engines,
-    "proposals": findings.proposals,
-    "next experiment": findings.next_experiment,
-    "models of measured sets": findings.models_of_measured_sets,
+    "headline": headline.as_markdown,
+    "ages of the proof": headline.ages_as_markdown,
+    "real contacts": lambda: by_contact.as_markdown(outcomes(), recovered(), folded=True).rstrip("\n"),
+    "fits of simulated drops": lambda: direct_fits.tables()[0],
+    "fits of measured drops": lambda: direct_fits.tables()[1],
+    "measured sets": measured.table,
+    "engines": engines.as_markdown,
+    "proposals": proposals.as_markdown,
+    "next experiment": next_drops_table.as_markdown,
+    "models of measured sets": measured_models.as_markdown,
     "games": games.who_plays,
     "games by samples": games.by_samples,
     "even matches": games.even_matches,
