@@ -71,21 +71,6 @@ def _row(figure: str, place: tuple, counted: pd.Series, asked: tuple[float, floa
     return row | dict(zip(PLACE, place)) | {"met": met}
 
 
-def contact_lines(table: pd.DataFrame) -> list[str]:
-    """The table as lines for a terminal; none if nothing is stored."""
-    if not len(table):
-        return []
-    lines, last = ["", "Contacts as long as real ones: right verdicts, by source, shape and contact time", ""], None
-    for row in table.to_dict("records"):
-        if row["figure"] != last:
-            lines.append(f"{row['figure']} (at least {100 * row['at_least']:.0f} %)")
-            last = row["figure"]
-        time = "" if np.isnan(row["contact_time"]) else f"{1e3 * row['contact_time']:g} ms"
-        share = f"{100 * row['share']:.1f} [{100 * row['low']:.0f}, {100 * row['high']:.0f}]"
-        lines.append(f"    {row['source']:<20}{row['shape']:<9}{time:<9}{share:<18}{row['n']:>4}  {row['met']}")
-    return lines
-
-
 def misses(outcomes: pd.DataFrame) -> list[str]:
     """A line for each dataset of `by_contact` whose verdict is wrong, by source and what was hidden."""
     rows = _real(outcomes[outcomes["drops"].isin({drops for *_, drops, _ in ASKED})]).query("not right")

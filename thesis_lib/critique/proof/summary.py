@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof.by_contact import by_contact, contact_lines
+from thesis_lib.critique.proof.by_contact import by_contact
 from thesis_lib.critique.proof.cases import NOTHING, RIGID, Case, truths
 from thesis_lib.critique.proof.results import confusion, misses, of_table, outcomes, recovered, usual
 from thesis_lib.critique.proof.store import STORE
@@ -40,6 +40,13 @@ SUMMARY = (
     *("n", "n_asked", "met", "group_size", "note"),
 )
 Measure = Literal["right", "coverage", "misfit"]
+TITLES = {
+    "summary": "The proof against its targets",
+    "real_contacts": "Contacts as long as real ones: right verdicts, by source, shape and contact time",
+    "misses": "Misses at 150 drops",
+    "confusion": "Truth against verdict (medians; 95 % intervals)",
+}
+WIDTH = 120
 
 
 @dataclass(frozen=True)
@@ -170,70 +177,6 @@ def report(store: Path = STORE, folder: Path | None = None) -> str:
 
 
 def as_text(content: dict[str, pd.DataFrame]) -> str:
-    """Text of the tables for a terminal of 120 columns."""
-    lines = ["The proof against its targets", ""]
-    last = None
-    for row in content["summary"].itertuples():
-        if row.figure != last:
-            lines.append(f"{row.figure} (at least {row.at_least}, aim {row.aim})")
-            last = row.figure
-        asked = f"{row.n} of {row.n_asked:.0f}" if np.isfinite(row.n_asked) else f"{row.n}"
-        misfit = row.at_least.startswith("≤")
-        value = _span(row.measured, row.low, row.high, misfit)
-        size = f"mean group {row.group_size:.2f}" if np.isfinite(row.group_size) and not misfit else ""
-        lines.append(f"    {row.source:<18}{value:<22}{asked + ' datasets':<23}{row.met:<10}{size:<17}".rstrip())
-        if row.note:
-            lines.append(f"        {row.note}")
-    lines += contact_lines(content["real_contacts"])
-    lines += ["", f"Misses at 150 drops: {len(content['misses'])}", ""]
-    for row in content["misses"].itertuples():
-        reason = row.why if row.verdict == "refused" else row.named or "nothing named"
-        contact = f" ({row.shape}, {1e3 * row.contact_time:g} ms)" if row.source != "law" else ""
-        lines.append(f"    {row.source}/{row.truth} {row.seed}{contact}: {row.verdict}; {reason}"[:120])
-    lines += ["", "Truth against verdict (medians; [ ] 95 % intervals)", "", _HEAD]
-    for row in content["confusion"].itertuples():
-        lines += _confusion_lines(row)
-    return "\n".join(lines) + "\n"
-
-
-_HEAD = (
-    f"{'source':<10}{'truth':<35}{'ratio':>5}{'drops':>6}{'noise':>6}{'n':>5}{'right %':>16}{'group':>6}"
-    f"{'before':>7}{'after':>6}{'cover %':>8}{'width':>6}"
-)
-
-
-def _confusion_lines(row: tuple) -> list[str]:
-    values = (
-        f"{row.ratio:>5g}{row.drops:>6}{row.noise:>6g}{row.n:>5}"
-        f"{_span(row.right, row.right_low, row.right_high, False):>16}{_cell(row.group_size, '.1f'):>6}"
-        f"{_cell(row.before_over_floor, '.2f'):>7}{_cell(row.after_over_floor, '.2f'):>6}"
-        f"{_cell(100 * row.coverage, '.0f'):>8}{_cell(row.width, '.2f'):>6}"
-    )
-    verdicts = row.verdicts.replace(";", ", ")
-    if row.named_first:
-        verdicts += "; first "
-        verdicts += _fitting(row.named_first.split(";"), 120 - 14 - len(verdicts))
-    gap = " " * (35 - len(row.truth)) or f"\n{'':<45}"  # names of pairs may be longer than the column
-    return [f"{row.source:<10}{row.truth}{gap}{values}".rstrip(), f"{'':<14}{verdicts}"]
-
-
-def _fitting(names: Sequence[str], width: int) -> str:
-    """Names joined by commas, and the number of those beyond `width`."""
-    for kept in range(len(names), 0, -1):
-        more = len(names) - kept
-        text = ", ".join(names[:kept]) + (f", and {more} more" if more else "")
-        if len(text) <= width:
-            return text
-    return ""
-
-
-def _cell(value: float, form: str) -> str:
-    return format(value, form) if np.isfinite(value) else ""
-
-
-def _span(value: float, low: float, high: float, as_is: bool) -> str:
-    if not np.isfinite(value):
-        return "-"
-    if as_is:
-        return f"{value:.2f} [{low:.2f}, {high:.2f}]"
-    return f"{100 * value:.1f} [{100 * low:.0f}, {100 * high:.0f}]"
+    """Text of the tables for a terminal of `WIDTH` columns."""
+    form = {"index": False, "na_rep": "", "float_format": "{:.4g}".format, "line_width": WIDTH, "max_colwidth": 100}
+    return "\n".join(f"{TITLES[name]}: {len(table)}\n\n{table.to_string(**form)}\n" for name, table in content.items())
