@@ -89,18 +89,6 @@ def lead(d: np.ndarray) -> tuple[float, ...]:
     return float(mean), std, float(mean - half), float(mean + half), T, S, *map(float, components)
 
 
-def text_of(leads: pd.DataFrame) -> str:
-    """The table for people: a line per rival."""
-    lines = []
-    for row in leads.to_dict("records"):
-        line = f"{row['policy']} − {row['rival']}, {row['size']} samples: {row['difference']:.1f} "
-        line += f"({row['low']:.1f} to {row['high']:.1f}), {row['towers']} towers x {row['sets']} sets; one standard "
-        lines.append(
-            line + f"deviation from tower to tower {row['std_tower']:.1f}, from set to set {row['std_set']:.1f}"
-        )
-    return "\n".join(lines)
-
-
 def _name(shift: int) -> str:
     return f"shift_{shift}" if shift else NONE
 
@@ -118,7 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     leads = crossed_leads(games)
     for name, table in (("games", games), ("leads", leads)):
         write_result(table, options.folder / f"crossed_{name}.csv")
-    print(text_of(leads))
+    print(leads.to_string(index=False, float_format="{:.1f}".format))
     print(f"tables: {options.folder}/crossed_leads.csv, crossed_games.csv", file=sys.stderr)
     return 0
 

@@ -253,22 +253,6 @@ def successes(games: Sequence[tuple[str, int, Game]]) -> pd.DataFrame:
     return table[["switch", *(name for name in table.columns if name != "switch")]]
 
 
-def text_of(table: pd.DataFrame) -> str:
-    """The table `effects` for people: a line per switch and policy."""
-    lines = []
-    for row in table.to_dict("records"):
-        line = f"{row['switch']:<24}{row['policy']:<14}{_interval(row, 'mean', 'low', 'high')}, n = {row['n']}"
-        if row["n_paired"] > 0:
-            line += f"; {_interval(row, 'difference', 'difference_low', 'difference_high')} against {NONE}"
-        lines.append(line)
-    return "\n".join(lines)
-
-
-def _interval(row: Mapping[Any, Any], value: str, low: str, high: str) -> str:
-    ends = f" ({row[low]:.1f} to {row[high]:.1f})" if row[low] == row[low] else ""
-    return f"{row[value]:.1f}{ends}"
-
-
 @command
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit code."""
@@ -285,7 +269,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     tables = study.tables(tasks)
     for name, table in tables.items():
         write_result(table, options.folder / f"switch_{name}.csv")
-    print(text_of(tables["effects"]))
+    print(tables["effects"].to_string(index=False, na_rep="", float_format="{:.1f}".format))
     print(f"tables: {options.folder}/switch_effects.csv, switch_success.csv", file=sys.stderr)
     return 0
 
