@@ -11,6 +11,7 @@ from thesis_lib.contact.compliant.compiled import central_pressure
 from thesis_lib.critique.contacts.bases import BASES, RESERVE
 from thesis_lib.critique.contacts.contact_time import STICTION_TOLERANCE
 from thesis_lib.critique.contacts.episodes import play
+from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.criticise import criticise
@@ -105,7 +106,8 @@ def test_a_convex_contact_is_that_of_mujoco(body, impedance, ratio):
 
     def error(name: str, **other: float) -> float:
         values = {"mu": 0.15, "epsilon": 0.55, "tau": tau, "damping_ratio": ratio, "impedance": impedance, **other}
-        played = play(Model(BASES[name], takes_time=True), values, rig, start, table["duration"].to_numpy(), most=1)
+        model = Model(BASES[name], takes_time=True)
+        played = play(kind_of(model), model, values, rig, start, table["duration"].to_numpy(), most=1)
         return float(np.median(np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)))
 
     # m/s, of 3; MuJoCo's 200 steps in a contact find the touch within a step to that

@@ -12,8 +12,8 @@ from thesis_lib.bodies.walls import Wall
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
-from thesis_lib.critique.contacts.episodes import contact
-from thesis_lib.critique.likelihood.residuals import end_of_episodes, states_at_impact
+from thesis_lib.critique.contacts.kinds import kind_of
+from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.saved_model import (
     STATE,
     SavedModel,
@@ -106,12 +106,12 @@ def test_predictions_of_held_out_drops_are_the_critiques_own(nothing_hidden, law
     deep = rig.shape.gap(before.y, before.theta, rig.height) + model.strike(before, values, rig)[1]
     before = before.moved(y=before.y - deep)
     own = model.predict(before, values, rig)
-    if model.is_compliant:
-        own = end_of_episodes(model, values, rig, before, np.zeros(len(o)), single=True)
+    if kind_of(model).integrated:
+        own = kind_of(model).end(model, values, rig, before, np.zeros(len(o)), single=True)
     touch = at_touch(before, rig)
     table = pd.DataFrame({name: getattr(touch, name) for name in STATE})
     found = predict(saved(fitted, rig, "drops"), table)[["vx_post", "vy_post", "omega_post"]].to_numpy()
-    found[:, 1] += rig.gravity * (contact(model, values, rig, touch).t - before.t)
+    found[:, 1] += rig.gravity * (kind_of(model).off(model, values, rig, touch).t - before.t)
     scale = [1.0, 1.0, rig.k_g]
     difference, instant = (
         np.median(np.linalg.norm((v - own.v) * scale, axis=1))

@@ -9,18 +9,18 @@ centroid of its impulse, t̄ later (`model`).
 A hit that begins before the one before it is over presses two corners at once.  No sequence of impacts describes that;
 the motion is then integrated from the touch of the first with springs at all corners (`pressing`).
 
-A compliant law has all its contacts integrated, and an engine has its own (`engine_contact`).
+How contacts are pressed, and whether all of them are, says their kind (`kinds`).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from thesis_lib.critique.contacts.contact_time import duration
-from thesis_lib.critique.contacts.engine_contact import press_in_engine
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.contacts.pressing import all_points, contact_points, one_point, press
+from thesis_lib.critique.contacts.pressing import all_points, contact_points, one_point
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
@@ -35,6 +35,16 @@ AHEAD, IN_CACHE = 16, 16_000  # steps, and contact points, that are looked at in
 _NOW = 1e-9  # s
 
 
+class Presses(Protocol):
+    """A kind of contact (`kinds`): whether all its contacts are pressed, and how, as `pressing.press` does it."""
+
+    @property
+    def integrated(self) -> bool: ...
+    def press(
+        self, model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = 0.0
+    ) -> tuple[State, np.ndarray]: ...
+
+
 @dataclass(frozen=True)
 class EpisodeOutcome:
     """What follows from n states: the true state at the end, hits (n,), and masks of what is no sequence of impacts."""
@@ -46,7 +56,13 @@ class EpisodeOutcome:
 
 
 def play(
-    model: Model, values: Mapping[str, float], rig: Rig, true: State, span: np.ndarray, most: int = MOST_HITS
+    kind: Presses,
+    model: Model,
+    values: Mapping[str, float],
+    rig: Rig,
+    true: State,
+    span: np.ndarray,
+    most: int = MOST_HITS,
 ) -> EpisodeOutcome:
     """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
 
@@ -54,10 +70,10 @@ def play(
     flies back by `LEAD`, and until nothing that comes down is deep.  With `most` = 1 the hit may come up to `LATEST`
     after `span`; the arc after it is then followed back.  `values` are numbers, or arrays (n,) with one for each body.
     """
-    return _Play(model, values, rig, true, span, most).outcome()
+    return _Play(kind, model, values, rig, true, span, most).outcome()
 
 
-def contact(model: Model, values: Mapping[str, float], rig: Rig, touch: State) -> State:
+def contact(kind: Presses, model: Model, values: Mapping[str, float], rig: Rig, touch: State) -> State:
     """True states (n,) at the end of a contact that takes time, from true states of bodies that touch.
 
     A body is set down where it touches, flies to the centroid of the impulse, is struck, and flies until the contact is
@@ -67,7 +83,7 @@ def contact(model: Model, values: Mapping[str, float], rig: Rig, touch: State) -
     down = touch.moved(y=touch.y - model.gap(touch, values, rig))
     span = np.clip(duration(1.0, values["epsilon"]) * model.delay(down, values, rig), 10.0 * _NOW, LONGEST)
     for _ in range(2):  # another corner may hit before the body is back at the surface
-        played = _Play(model, values, rig, down, span, MOST_HITS, touches=True)
+        played = _Play(kind, model, values, rig, down, span, MOST_HITS, touches=True)
         end = played.outcome().after
         left = np.maximum(np.where(played.hits > 0, played.over, 0.0) - span, 0.0)
         end = end.flown(played.acceleration(end, left, np.arange(len(left))), left)
@@ -86,6 +102,7 @@ class _Play:
 
     def __init__(
         self,
+        kind: Presses,
         model: Model,
         values: Mapping[str, float],
         rig: Rig,
@@ -94,7 +111,7 @@ class _Play:
         most: int,
         touches: bool = False,
     ) -> None:
-        self.model, self.values, self.rig, self.start, self.most = model, values, rig, true, most
+        self.kind, self.model, self.values, self.rig, self.start, self.most = kind, model, values, rig, true, most
         self.span = span + LATEST if most == 1 else span
         self.varying = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
         self.points, n = contact_points(rig), len(span)
@@ -245,7 +262,7 @@ class _Play:
         """Resolve the hits of the bodies `rows`, which touch now."""
         point, now = _first(*self._gaps(self._state(rows), rows)), self.t[rows]
         self.hits[rows] += 1
-        if self.model.is_compliant:
+        if self.kind.integrated:
             self.touch[rows], self.touch_t[rows] = self.motion[rows], now
             return self._press(rows)
         # a corner may touch at the very instant at which another one is free
@@ -272,8 +289,7 @@ class _Play:
         touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t)
         # where a contact ends after the next arc has begun, that arc is followed back to its end
         left = 0.0 if self.most == 1 else self.span[rows] - t
-        resolve = press_in_engine if self.model.law.engine else press
-        after, elapsed = resolve(self.model, self._values(rows), self.rig, touch, left)
+        after, elapsed = self.kind.press(self.model, self._values(rows), self.rig, touch, left)
         self._set(rows, after)
         self.t[rows] = self.over[rows] = t + elapsed
 

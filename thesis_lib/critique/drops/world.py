@@ -23,10 +23,11 @@ from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureFiel
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.bases import BASES, RESERVE
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, OF_FRICTION
+from thesis_lib.critique.contacts.kinds import BRIEF, kind_of
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.likelihood.covariance import noisy_residuals, residual_covariance
-from thesis_lib.critique.likelihood.fit import BRIEF, ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
+from thesis_lib.critique.likelihood.fit import ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.residuals import flight_residuals, states_at_impact, synthesise
 from thesis_lib.critique.likelihood.whitening import Whitening, given_the_others, weight
@@ -175,7 +176,7 @@ class Drops(World[Effect, Fit, Judgement]):
             floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
         scores = whitening.log_scores(values)
         return Judgement(
-            o.trial, o.flights.state.trial, *scores, error, sigmas, floor, excess, integrated=model.is_compliant
+            o.trial, o.flights.state.trial, *scores, error, sigmas, floor, excess, integrated=kind_of(model).integrated
         )
 
     def cross_validate(self, fitted: Fit, folds: np.ndarray) -> Judgement:
@@ -201,7 +202,7 @@ class Drops(World[Effect, Fit, Judgement]):
             sigmas={name: mean([part.sigmas[name] for part in parts]) for name in CHANNELS[1:]},
             floor=mean([part.floor for part in parts]),
             excess=mean([part.excess for part in parts]),
-            integrated=fitted.model.is_compliant,
+            integrated=kind_of(fitted.model).integrated,
         )
 
     def leaves_an_error(self, judged: Judgement) -> bool:

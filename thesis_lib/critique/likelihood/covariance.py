@@ -19,16 +19,10 @@ from itertools import product
 
 import numpy as np
 
+from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import (
-    compare,
-    end_of_episodes,
-    over_spins,
-    predict,
-    predict_by_spin,
-    state_beside,
-)
+from thesis_lib.critique.likelihood.residuals import compare, over_spins, predict, predict_by_spin, state_beside
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
@@ -177,7 +171,7 @@ def _of_episodes(model: Model, values: Mapping[str, float], o: Observations) -> 
                 line[2 * j + 1, :, side, channel] -= step
         state = state_beside(model, values, copies, side)
         if side == 0:
-            state = end_of_episodes(model, values, o.rig, state, copies.span)
+            state = kind_of(model).end(model, values, o.rig, state, copies.span)
         r = np.concatenate([state.v, state.q], axis=1).reshape(13, len(o), 6)
         value[:, :6] += (2 * side - 1) * r[12]
         up, down, here = r[0:12:2], r[1:12:2], r[12]

@@ -12,8 +12,8 @@ from itertools import product, zip_longest
 
 import numpy as np
 
-from thesis_lib.contact import mirtich
-from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, DAMPING_RATIO, STICTION_TOLERANCE
+from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
+from thesis_lib.critique.contacts.kinds import BRIEF, kind_of
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled, slip_is_known
 from thesis_lib.critique.likelihood.covariance import residual_covariance
@@ -28,8 +28,6 @@ from thesis_lib.mechanics.state import State
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
-BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `SHORTEST` there is no slope along τ
-FAR = 3.0  # scales from the null; no fit of an integrated contact comes back from there, that of an impulse law does
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # of an effect's size, one sigma: what a model of a contact that takes time errs by, and no scatter shows.  Of the first
@@ -67,7 +65,7 @@ class Fit:
         free = self.model.fitted_parameters
         least = np.array([SLOPE_STEP * p.scale for p in free.values()])
         found = sandwich(self.whitening, self.values, least)
-        if not self.model.is_compliant:
+        if not kind_of(self.model).integrated:
             return found
         # jumps of episodes count the less the wider the step
         return sandwich(self.whitening, self.values, np.fmax(np.sqrt(np.diag(found[0])), least))
@@ -154,17 +152,10 @@ def fit(
             f"There is no impact to fit {model.law.title} to: none was found, or all were left out "
             "(python -m thesis_lib datasets check DATASET says which and why)."
         )
-    if model.is_compliant and "tau" not in (start or {}):
-        # an integrated contact that takes no time has no slope along its time: an impulse law finds a start
-        impulsive = replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
-        start = fit(impulsive, observations, start, rounds=1).values
-    tries = [dict(start or {})]
-    if model.is_compliant:
-        tries[0]["tau"] = max(tries[0]["tau"], BRIEF)
-    ratio = DAMPING_RATIO.name
-    if tries[0].get(ratio, 0.0) > 5.0 * DAMPING_RATIO.null:
-        # so strong a damper is rigid friction, whatever the ratio: no slope leads back
-        tries[0][ratio] = DAMPING_RATIO.null
+    kind = kind_of(model)
+    if "tau" not in (start or {}) and (forerunner := kind.forerunner(model)):
+        start = fit(forerunner, observations, start, rounds=1).values
+    tries = [kind.admitted(start or {})]
     if model.effects:
         effect = model.effects[-1]
         is_new = not any(key.startswith(f"{effect.name}.") for key in tries[0])
@@ -177,8 +168,7 @@ def fit(
             elif key not in tries[0]:
                 # off the null, where many effects have no slope
                 either_side = (p.null + p.scale, p.null - p.scale)
-                far = model.is_compliant and all(abs(x - p.null) > FAR * p.scale for x in p.starts)
-                options = p.starts[:2] * (not far) or either_side[: 2 if p.low < p.null < p.high else 1]
+                options = p.starts[:2] * kind.reaches(p) or either_side[: 2 if p.low < p.null < p.high else 1]
                 tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
         if is_new and tries[0].get("mu") == model.parameters["mu"].high:
             # what stuck without the effect may slip with it
@@ -193,12 +183,7 @@ def fit(
     found = max(fit_each(model, [(observations, t) for t in tries[:4]], rounds, first), key=lambda fit: fit.score)
     if rounds > 1 or "mu" not in (start or {}):
         found = _stuck(found)
-    # friction so sharp, or damped so strongly, is Coulomb's: a step that went there too far does not come back
-    tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
-    is_sharp = found.values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null
-    is_strong = found.values.get(ratio.name, ratio.null) > 2.0 * ratio.null
-    if is_sharp or is_strong:
-        back = {tolerance.name: tolerance.null} if is_sharp else {ratio.name: ratio.scale}
+    if back := kind.withdrawn(found.values):
         again = fit_each(model, [(observations, found.values | back)], rounds)[0]
         return max(found, again, key=lambda fitted: fitted.score)
     return found

@@ -8,8 +8,8 @@ are apart where they should meet.
 The residual of a flight has three, acceleration measured minus predicted ("flight").
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
@@ -17,8 +17,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.special import roots_gegenbauer
 
 from thesis_lib.critique.contacts.contact_time import TURNED
-from thesis_lib.critique.contacts.engine_contact import press_in_engine
-from thesis_lib.critique.contacts.episodes import MOST_HITS, play
+from thesis_lib.critique.contacts.kinds import Prediction, kind_of, values_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.critique.likelihood.observations import Observations
@@ -37,27 +36,6 @@ SPINS, _OF_SPIN = hermegauss(7)
 _OF_SPIN = _OF_SPIN / _OF_SPIN.sum()
 _PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
 _PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What a model predicts of n impacts from the measured states before them.
-
-    Attributes:
-        v: (n, 3) velocity after, m/s and rad/s.
-        touch: (n,) gap in m that is left where the arcs meet, NaN where a contact was integrated and `q` says where
-            the body is; None without trajectories.
-        q: (n, 3) poses after, m and rad, NaN where they are those before; None if all are.
-    """
-
-    v: np.ndarray
-    touch: np.ndarray | None
-    q: np.ndarray | None
-
-    def select(self, rows: np.ndarray) -> "Prediction":
-        """The impacts at `rows`."""
-        touch, q = (array if array is None else array[rows] for array in (self.touch, self.q))
-        return Prediction(self.v[rows], touch, q)
 
 
 def states_at_impact(model: Model, values: Mapping[str, float], observations: Observations) -> tuple[State, State]:
@@ -179,27 +157,11 @@ def predict_by_spin(
     return found.v.reshape(m, n, 3), touch, None if found.q is None else found.q.reshape(m, n, 3)
 
 
-def _predict(model: Model, values: Mapping[str, float], observations: Observations, before: State) -> Prediction:
+def _predict(model: Model, values: Mapping[str, float], o: Observations, before: State) -> Prediction:
     """What follows from states `before` impact."""
-    o, rig, n = observations, observations.rig, len(before.x)
-    if not o.arcs and model.law.engine:
-        active = model.active(values)
-        after, _ = press_in_engine(model, values, rig, model.to_true(before, active, rig))
-        return Prediction(model.to_measured(after, active, rig).v, None, None)
     if not o.arcs:
-        return Prediction(model.predict(before, values, rig, o.offset).v, None, None)
-    v, touch, q = np.empty((n, 3)), np.zeros(n), None
-    if not model.is_compliant:
-        rows = np.flatnonzero(o.span == 0.0)
-        single, own = before.select(rows), values_of(values, rows)
-        after, depth = model.strike(single, own, rig, o.offset[rows])
-        v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(own), rig), own, rig) + depth
-    for rows, ends in _played(model, values, o, before):
-        q = np.full((n, 3), np.nan) if q is None else q
-        v[rows], q[rows] = ends.v, ends.q
-        if not o.span[rows].any():
-            touch[rows] = np.nan
-    return Prediction(v, touch, q)
+        return kind_of(model).stated(model, values, o.rig, before, o.offset)
+    return kind_of(model).predict(model, values, o.rig, before, o.span, o.offset)
 
 
 def compare(
@@ -234,31 +196,6 @@ def _apart(model: Model, values: Mapping[str, float], rig: Rig, before: State, a
     apart = np.maximum(rates[1] - rates[0], np.abs(rates[0]))
     unit = np.divide(rates[0], apart, out=-np.ones_like(apart), where=apart > 0.0)
     return unit * (gaps[1] - gaps[0])
-
-
-def _played(
-    model: Model, values: Mapping[str, float], o: Observations, before: State
-) -> Iterator[tuple[np.ndarray, State]]:
-    """Rows of what is played, and their measured states at the end: episodes, of a compliant law single hits, too."""
-    for single in (True, False) if model.is_compliant else (False,):
-        rows = np.flatnonzero((o.span == 0.0) == single)
-        if len(rows):
-            own = values_of(values, rows)
-            yield rows, end_of_episodes(model, own, o.rig, before.select(rows), o.span[rows], single)
-
-
-def values_of(values: Mapping, rows: np.ndarray) -> Mapping:
-    """The values of the impacts at `rows`: arrays (n,) have one for each impact."""
-    return {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
-
-
-def end_of_episodes(
-    model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray, single: bool = False
-) -> State:
-    """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: of one hit."""
-    active = model.active(values)
-    true = model.to_true(before, active, rig)
-    return model.to_measured(play(model, values, rig, true, span, 1 if single else MOST_HITS).after, active, rig)
 
 
 def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
@@ -326,7 +263,7 @@ def synthesise(
     after = model.predict(struck, values, rig, o.offset)
     played = np.zeros(len(o), bool)
     q, v = after.q, after.v
-    for rows, ends in _played(model, values, o, struck) if o.arcs else ():
+    for rows, ends in kind_of(model).played(model, values, rig, struck, o.span) if o.arcs else ():
         q[rows], v[rows], played[rows] = ends.q, ends.v, True
     after = State.of(q, v, o.trial, o.t + o.span)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]

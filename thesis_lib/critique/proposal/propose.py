@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.drops.criticise import Critique
 from thesis_lib.critique.drops.world import Drops, Judgement
 from thesis_lib.critique.likelihood.fit import Fit
@@ -166,7 +167,7 @@ class _Proposer:
     @staticmethod
     def has_formula(fitted: Fit) -> bool:
         """Whether its impulse is a formula, in the limit of short contacts."""
-        return not fitted.model.limit.is_compliant
+        return not kind_of(fitted.model.limit).integrated
 
     def tries(self, start: Fit, with_terms: bool, named: Sequence[Effect]) -> list[_Try]:
         """Quick fits with one more term, or one of the effects that the critique named."""

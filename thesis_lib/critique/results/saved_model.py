@@ -18,7 +18,7 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, turns, wall_ahead
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
-from thesis_lib.critique.contacts.episodes import contact
+from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.sliding import SLIDING
 from thesis_lib.critique.likelihood.fit import Fit
@@ -289,7 +289,7 @@ def _after(model: SavedModel, state: State) -> tuple[np.ndarray, np.ndarray]:
     active = fitted.active(values)
     true = fitted.to_true(level, active, rig)
     if fitted.takes_time:
-        after = fitted.to_measured(contact(fitted, values, rig, true), active, rig).v
+        after = fitted.to_measured(kind_of(fitted).off(fitted, values, rig, true), active, rig).v
     else:
         after = fitted.predict(level, values, rig).v
     if walls:

@@ -20,7 +20,7 @@ import pandas as pd
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from thesis_lib.bodies.body import Body, Noise, Surface
-from thesis_lib.critique.contacts.episodes import contact
+from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.law_drops import REST, ReleaseDistribution, between, camera_and_body
@@ -140,7 +140,7 @@ class _Drops:
             if not self.inner.takes_time:
                 v = self.inner.predict(before, self.saved.values, self.rig).v[0]
                 continue
-            end = contact(self.inner, self.saved.values, self.rig, before)
+            end = kind_of(self.inner).off(self.inner, self.saved.values, self.rig, before)
             within = samples[(samples > t + 1e-12) & (samples < end.t[0] - 1e-12)]
             if len(within):
                 n = np.zeros(len(within), int)

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.critique.contacts.episodes import contact
+from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
@@ -134,7 +134,8 @@ def _step(
         alive &= ~(hits & (approach > -REST))
         if model.takes_time:
             rows = np.flatnonzero(hits)
-            touch, s = _put(touch, rows, at.select(rows)), _put(at, rows, contact(model, values, rig, at.select(rows)))
+            off = kind_of(model).off(model, values, rig, at.select(rows))
+            touch, s = _put(touch, rows, at.select(rows)), _put(at, rows, off)
             low += s.t - at.t
         else:
             after = model.predict(at, values, rig)

@@ -1,0 +1,193 @@
+"""Kinds of contact: how a model gets from the measured states before contacts to those after them.
+
+| kind            | of a law                                    | a single hit                                      |
+|-----------------|---------------------------------------------|---------------------------------------------------|
+| `Impulse`       | any                                         | its impulse where the arcs meet; the pose stays   |
+| `Integrated`    | with a force, where contacts take time      | its force, from touch until the body is off       |
+| `InEngine`      | that is an engine, where contacts take time | the engine's, from touch until the body is off    |
+| `EngineInstant` | that is an engine, where they take none     | the engine's of impacts as stated, else `Impulse` |
+
+What is not one hit is played (`episodes`): the hits of an episode in turn, with flight between; corners that press at
+once are integrated with springs, or by the engine.  Where a contact is integrated, single hits are played as well.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.contact import mirtich
+from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, STICTION_TOLERANCE
+from thesis_lib.critique.contacts.engine_contact import press_in_engine
+from thesis_lib.critique.contacts.episodes import MOST_HITS, contact, play
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import press
+from thesis_lib.effects.effect import Parameter, Rig
+from thesis_lib.mechanics.state import State
+
+BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `SHORTEST` there is no slope along τ
+FAR = 3.0  # scales from the null; no fit of an integrated contact comes back from there, that of an impulse law does
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a model predicts of n impacts from the measured states before them.
+
+    Attributes:
+        v: (n, 3) velocity after, m/s and rad/s.
+        touch: (n,) gap in m that is left where the arcs meet, NaN where a contact was integrated and `q` says where
+            the body is; None of impacts as stated.
+        q: (n, 3) poses after, m and rad, NaN where they are those before; None if all are.
+    """
+
+    v: np.ndarray
+    touch: np.ndarray | None = None
+    q: np.ndarray | None = None
+
+    def select(self, rows: np.ndarray) -> "Prediction":
+        """The impacts at `rows`."""
+        return Prediction(self.v[rows], *(array if array is None else array[rows] for array in (self.touch, self.q)))
+
+
+def values_of(values: Mapping, rows: np.ndarray) -> Mapping:
+    """The values of the impacts at `rows`: arrays (n,) have one for each impact."""
+    return {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+
+
+class Impulse:
+    """Single hits by the law's impulse; the base of all kinds.
+
+    `integrated`: whether single hits are played, too, so that the pose after them is predicted.
+    """
+
+    integrated = False
+    press = staticmethod(press)
+
+    def applies_to(self, model: Model) -> bool:
+        """Whether the model's contacts are of this kind; the first of `KINDS` for which it says so has them."""
+        return True
+
+    def stated(
+        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, offset: np.ndarray
+    ) -> Prediction:
+        """Of impacts that are stated with the velocities before and after, at one pose; `offset` as in `Model`."""
+        return Prediction(model.predict(before, values, rig, offset).v)
+
+    def predict(
+        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray, offset: np.ndarray
+    ) -> Prediction:
+        """Of what flights before and after show; `span` (n,) in s as in `Observations`, 0 of a single hit."""
+        n = len(before.x)
+        v, touch, q = np.empty((n, 3)), np.zeros(n), None
+        rows = np.flatnonzero(span == 0.0)
+        if not self.integrated:
+            single, own = before.select(rows), values_of(values, rows)
+            after, depth = model.strike(single, own, rig, offset[rows])
+            v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(own), rig), own, rig) + depth
+        for played, ends in self.played(model, values, rig, before, span):
+            q = np.full((n, 3), np.nan) if q is None else q
+            v[played], q[played] = ends.v, ends.q
+        touch[rows] = np.nan if self.integrated else touch[rows]
+        return Prediction(v, touch, q)
+
+    def played(
+        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, State]]:
+        """Rows of what is played, and their measured states at the end."""
+        for single in (True, False) if self.integrated else (False,):
+            rows = np.flatnonzero((span == 0.0) == single)
+            if len(rows):
+                own = values_of(values, rows)
+                yield rows, self.end(model, own, rig, before.select(rows), span[rows], single)
+
+    def end(
+        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray, single: bool = False
+    ) -> State:
+        """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: of one hit."""
+        active = model.active(values)
+        played = play(self, model, values, rig, model.to_true(before, active, rig), span, 1 if single else MOST_HITS)
+        return model.to_measured(played.after, active, rig)
+
+    def off(self, model: Model, values: Mapping[str, float], rig: Rig, touch: State) -> State:
+        """True states at the end of contacts that take time, from true states at their touch (`episodes.contact`)."""
+        return contact(self, model, values, rig, touch)
+
+    # how a fit starts and ends, where steps along slopes do not lead everywhere
+
+    def forerunner(self, model: Model) -> Model | None:
+        """A model whose fit finds a start; None: no fit needs one."""
+        return None
+
+    def admitted(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Start values, moved to where there are slopes."""
+        return dict(values)
+
+    def reaches(self, p: Parameter) -> bool:
+        """Whether a fit comes back from the starts that an effect declares, if they are wrong."""
+        return True
+
+    def withdrawn(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values to try again from, where a step may have gone too far to come back; {}: none."""
+        return {}
+
+
+class Integrated(Impulse):
+    """Contacts integrated under the law's force."""
+
+    integrated = True
+
+    def applies_to(self, model: Model) -> bool:
+        return model.is_compliant
+
+    def forerunner(self, model: Model) -> Model:
+        # an integrated contact that takes no time has no slope along its time
+        return replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
+
+    def admitted(self, values: Mapping[str, float]) -> dict[str, float]:
+        start, ratio = {**values, "tau": max(values["tau"], BRIEF)}, DAMPING_RATIO
+        if start.get(ratio.name, 0.0) > 5.0 * ratio.null:
+            start[ratio.name] = ratio.null  # so strong a damper is rigid friction, whatever the ratio
+        return start
+
+    def reaches(self, p: Parameter) -> bool:
+        return any(abs(x - p.null) <= FAR * p.scale for x in p.starts)
+
+    def withdrawn(self, values: Mapping[str, float]) -> dict[str, float]:
+        # friction so sharp, or damped so strongly, is Coulomb's: there is no slope
+        tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
+        if values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
+            return {tolerance.name: tolerance.null}
+        return {ratio.name: ratio.scale} if values.get(ratio.name, ratio.null) > 2.0 * ratio.null else {}
+
+
+class InEngine(Integrated):
+    """Contacts as a physics engine has them."""
+
+    press = staticmethod(press_in_engine)
+
+    def applies_to(self, model: Model) -> bool:
+        return bool(model.law.engine) and model.is_compliant
+
+
+class EngineInstant(Impulse):
+    """An engine where contacts are taken as instants."""
+
+    press = staticmethod(press_in_engine)
+
+    def applies_to(self, model: Model) -> bool:
+        return bool(model.law.engine)
+
+    def stated(
+        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, offset: np.ndarray
+    ) -> Prediction:
+        active = model.active(values)
+        after, _ = self.press(model, values, rig, model.to_true(before, active, rig))
+        return Prediction(model.to_measured(after, active, rig).v)
+
+
+KINDS = (InEngine(), EngineInstant(), Integrated(), Impulse())
+
+
+def kind_of(model: Model) -> Impulse:
+    """The kind of the model's contacts."""
+    return next(kind for kind in KINDS if kind.applies_to(model))
