@@ -1,11 +1,11 @@
 """Kinds of contact: how a model gets from the measured states before contacts to those after them.
 
-| kind            | of a law                                    | a single hit                                      |
-|-----------------|---------------------------------------------|---------------------------------------------------|
-| `Impulse`       | any                                         | its impulse where the arcs meet; the pose stays   |
-| `Integrated`    | with a force, where contacts take time      | its force, from touch until the body is off       |
-| `InEngine`      | that is an engine, where contacts take time | the engine's, from touch until the body is off    |
-| `EngineInstant` | that is an engine, where they take none     | the engine's of impacts as stated, else `Impulse` |
+| kind            | of a law                                    | a single hit                                        |
+|-----------------|---------------------------------------------|-----------------------------------------------------|
+| `ByImpulse`     | any                                         | its impulse where the arcs meet; the pose stays     |
+| `Integrated`    | with a force, where contacts take time      | its force, from touch until the body is off         |
+| `InEngine`      | that is an engine, where contacts take time | the engine's, from touch until the body is off      |
+| `EngineInstant` | that is an engine, where they take none     | the engine's of impacts as stated, else `ByImpulse` |
 
 What is not one hit is played (`episodes`): the hits of an episode in turn, with flight between; corners that press at
 once are integrated with springs, or by the engine.  Where a contact is integrated, single hits are played as well.
@@ -54,7 +54,7 @@ def values_of(values: Mapping, rows: np.ndarray) -> Mapping:
     return {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
-class Impulse:
+class ByImpulse:
     """Single hits by the law's impulse; the base of all kinds.
 
     `integrated`: whether single hits are played, too, so that the pose after them is predicted.
@@ -131,7 +131,7 @@ class Impulse:
         return {}
 
 
-class Integrated(Impulse):
+class Integrated(ByImpulse):
     """Contacts integrated under the law's force."""
 
     integrated = True
@@ -169,7 +169,7 @@ class InEngine(Integrated):
         return bool(model.law.engine) and model.is_compliant
 
 
-class EngineInstant(Impulse):
+class EngineInstant(ByImpulse):
     """An engine where contacts are taken as instants."""
 
     press = staticmethod(press_in_engine)
@@ -185,9 +185,9 @@ class EngineInstant(Impulse):
         return Prediction(model.to_measured(after, active, rig).v)
 
 
-KINDS = (InEngine(), EngineInstant(), Integrated(), Impulse())
+KINDS = (InEngine(), EngineInstant(), Integrated(), ByImpulse())
 
 
-def kind_of(model: Model) -> Impulse:
+def kind_of(model: Model) -> ByImpulse:
     """The kind of the model's contacts."""
     return next(kind for kind in KINDS if kind.applies_to(model))

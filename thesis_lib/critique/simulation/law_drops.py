@@ -146,7 +146,6 @@ def _step(
 
 def _put(state: State, rows: np.ndarray, new: State) -> State:
     """The states with those of the bodies `rows` replaced."""
-    arrays = {name: array.copy() for name, array in state._asdict().items()}
-    for name, array in arrays.items():
-        array[rows] = getattr(new, name)
-    return State.planar(**arrays)
+    q, v, now = state.q.copy(), state.v.copy(), state.t.copy()
+    q[rows], v[rows], now[rows] = new.q, new.v, new.t
+    return State.of(q, v, state.trial, now)
