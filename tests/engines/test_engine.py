@@ -11,9 +11,10 @@ from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.engine import episodes, impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.drake.drops import simulate_drake_drops
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.contact import MujocoContact
-from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, CompliantContact, HiddenCauses
 
 ENGINES = {"mujoco": MujocoEngine, "drake": DrakeEngine}
@@ -24,7 +25,7 @@ STEEP = 0.3  # rad from lying on a side: nearer, a second corner touches in the 
 CENTRED = 1e-9  # m/s: the same numbers by another way
 HIDDEN = HiddenCauses(com_offset_x=0.002, com_offset_y=-0.001, inertia_error=0.1, size_error=0.03, tilt=0.1)
 LOOK = {"mujoco": 5e-6, "drake": 5.1e-5}  # s: drops in Drake look for the end 20 times in a contact time
-DROPS = {"mujoco": simulate_mujoco_drops, "drake": simulate_drake_drops}
+DROPS = {"mujoco": DropsInMujoco(), "drake": DropsInDrake("point")}
 
 
 def distance(body, v, w):
@@ -42,11 +43,8 @@ def of(name, body, n, **options):
 @pytest.mark.parametrize("name", ENGINES)
 def test_impacts_are_those_of_the_engines_own_drops(name, hidden):
     """The truth of drops that were simulated from release to rest, with other steps and other bookkeeping."""
-    options = {"surface": "point"} if name == "drake" else {}
-    contact = MujocoContact() if name == "mujoco" else CompliantContact()
-    drops = DROPS[name](
-        ELLIPSE, PROOF_RELEASE, 20, contact=contact, hidden=hidden, rng=np.random.default_rng(3), **options
-    )
+    rng = np.random.default_rng(3)
+    drops = simulate_compliant_drops(ELLIPSE, PROOF_RELEASE, 20, engine=DROPS[name], hidden=hidden, rng=rng)
     table = drops.impacts[drops.impacts["impact"] < 2]
     made = impacts(of(name, ELLIPSE, len(table), causes=hidden), table[POSE].to_numpy(), table[PRE].to_numpy())
     off = distance(ELLIPSE, made.v, table[POST].to_numpy())

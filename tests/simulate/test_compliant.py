@@ -1,67 +1,41 @@
-"""Drops with compliant contact: rigid limits in closed form, passivity, convergence, and what each mechanism does."""
+"""Drops with compliant contact: rigid limits in closed form, passivity, convergence, and what each mechanism does.
+
+What drops of every engine promise is in `test_engine_contract`.
+"""
 
 import ast
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 
+import falling
 import numpy as np
 import pytest
+from falling import DISK, ELLIPSE, EXACT, POSE, POST, PRE, RIG, at, first
 
-from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
+from thesis_lib.bodies.body import Body
+from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.compiled import SLOW_TOUCHES
-from thesis_lib.simulate.compliant.drops import TRUTH, simulate_compliant_drops
+from thesis_lib.simulate.compliant.contacts import TRUTH
 from thesis_lib.simulate.compliant.forces import rounded_centres
-from thesis_lib.simulate.rig.hidden_causes import CAUSES, PROOF_RELEASE, CompliantContact, HiddenCauses
-from thesis_lib.simulate.rig.release import Release, Spread
+from thesis_lib.simulate.rig.hidden_causes import CAUSES, HiddenCauses
 
 # a contact of 20 µs in 200 steps: the first-order errors of switching are about 1/200 of the change they act on
 RIGID_TOL = 0.01  # m/s, of changes of 2 to 5 m/s
-EXACT = 1e-9  # free flight in Runge-Kutta steps: rounding over some hundred steps
 # energy that gravity can give during a contact: m g v T; the rest is the switching error of single steps
 SWITCHING = 2e-4  # of the energy before
-RIG = Noise(position=3e-4, angle=3e-3)
-SHORT = 2e-5  # s; the body moves far less than the noise during such a contact: nearly a rigid impact
 ROUGH = {"steps": 40}  # where it matters little what the contact does
-
-ELLIPSE = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=0.01924)
-DISK = Body(shape=Disk(radius=0.03), mass=0.05, radius_of_gyration=0.02)
-SQUARE_CORNERS = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
-SQUARE = Body(shape=Polygon(vertices=SQUARE_CORNERS), mass=0.05, radius_of_gyration=0.0286)
-PRE, POST = ["vx_pre", "vy_pre", "omega_pre"], ["vx_post", "vy_post", "omega_post"]
-POSE = ["x", "y", "theta"]
 SHARED = {"tangential_damping", "stribeck_speed", "adhesion_range", "orientation_axis", "patch_centre", "patch_width"}
 SHARED |= {"plate_frequency", "loose_frequency", "loose_damping", "wobble_frequency", "wobble_decay"}
 SHARED |= {"lens_height"}
-
-
-def run(n=20, body=ELLIPSE, release=PROOF_RELEASE, seed=0, hidden=None, contact=None, **options):
-    return simulate_compliant_drops(
-        body,
-        release,
-        n,
-        contact=CompliantContact(**({"contact_time": SHORT} | (contact or {}))),
-        hidden=HiddenCauses(**(hidden or {})),
-        rng=np.random.default_rng(seed),
-        **options,
-    )
-
-
-def at(**values):
-    """A release of one state; a (low, high) pair spreads it."""
-    state = {"height": 0.3, "theta": 0.0, "vx": 0.0, "omega": 0.0} | values
-    pairs = {name: value if isinstance(value, tuple) else (value, value) for name, value in state.items()}
-    return Release(**{name: Spread(low=low, high=high) for name, (low, high) in pairs.items()})
-
-
-def first(drops):
-    return drops.impacts[drops.impacts["impact"] == 0]
+SQUARE_CORNERS = ((0.035, 0.035), (-0.035, 0.035), (-0.035, -0.035), (0.035, -0.035))
+SQUARE = Body(shape=Polygon(vertices=SQUARE_CORNERS), mass=0.05, radius_of_gyration=0.0286)
+run = partial(falling.run, "own", duration=0.5)
 
 
 def poses(drops):
@@ -75,7 +49,9 @@ def of_size(name):
 # --- what it is ---
 
 
-@pytest.mark.parametrize("name", ["compliant.drops", "compliant.forces", "rig.hidden_causes", "rig.camera"])
+@pytest.mark.parametrize(
+    "name", ["compliant.drops", "compliant.contacts", "compliant.forces", "rig.hidden_causes", "rig.camera"]
+)
 def test_knows_no_impact_law_and_no_effect(name):
     module = import_module(f"thesis_lib.simulate.{name}")
     tree = ast.parse(Path(module.__file__).read_text())
@@ -91,45 +67,7 @@ def test_every_mechanism_has_a_cause_and_is_off_by_default():
     assert {effect for cause in CAUSES.values() for effect in cause.effects} <= set(EFFECTS)
 
 
-def test_flight_is_the_parabola_and_the_recording_is_regular():
-    drops = run(5, release=at(height=0.5, vx=0.7, omega=-9.0, theta=1.0), duration=0.25)
-    t = drops.trajectories["t"].to_numpy()
-    expected = np.column_stack([0.7 * t, 0.5 - 0.5 * 9.81 * t**2, 1.0 - 9.0 * t])
-    np.testing.assert_allclose(poses(drops), expected, atol=EXACT)
-    np.testing.assert_allclose(t[:63], np.arange(63) / 250.0, atol=EXACT)
-
-
-def test_contact_begins_on_the_outline():
-    impacts = run(30, SQUARE, contact=ROUGH).impacts
-    np.testing.assert_allclose(impacts["y"] + impacts["r_y"], 0.0, atol=1e-12)  # bisection: 6e-14 s at 4 m/s
-    np.testing.assert_allclose(np.hypot(impacts["r_x"], impacts["r_y"]), 0.035 * np.sqrt(2.0), atol=EXACT)
-
-
-def test_momentum_balance_of_every_contact():
-    drops = run(30, SQUARE, contact=ROUGH, duration=0.4)
-    one = drops.impacts
-    change = one[POST].to_numpy() - one[PRE].to_numpy()
-    free = np.outer(one["duration"], [0.0, -9.81])
-    np.testing.assert_allclose(
-        0.05 * (change[:, :2] - free), one[["c_t", "c_n"]].to_numpy(), atol=1e-12
-    )  # both are sums over the same few hundred steps
-
-
 # --- rigid limits in closed form ---
-
-
-def test_disk_sticks_or_slips_as_a_rigid_one():
-    drops = run(60, DISK, release=at(height=(0.06, 0.6), vx=(-4.0, 4.0), omega=(-20.0, 20.0)))
-    one = first(drops)
-    v, after = one[PRE].to_numpy(), one[POST].to_numpy()
-    slip, lever = v[:, 0] + 0.03 * v[:, 2], 1.0 + 0.03**2 / 0.02**2
-    c_n = -1.55 * v[:, 1]
-    c_t = np.clip(-slip / lever, -0.15 * c_n, 0.15 * c_n)
-    stuck = np.abs(slip / lever) < 0.15 * c_n
-    assert stuck.sum() > 5
-    assert (~stuck).sum() > 5
-    expected = v + np.column_stack([c_t, c_n, 0.03 * c_t / 0.02**2])
-    np.testing.assert_allclose((after - expected) * [1, 1, 0.02], 0.0, atol=RIGID_TOL)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -282,24 +220,6 @@ def test_each_mechanism_moves_what_is_recorded(name):
     assert sigma > {"surface_height": 0.9, "marker_offset_x": 2.5, "marker_offset_y": 2.5}.get(name, 3.0)
 
 
-def test_lag_shows_an_earlier_angle_and_nothing_else():
-    plain, late = run(5, contact=ROUGH), run(5, contact=ROUGH, hidden={"time_lag": 0.004})  # one sample
-    a, b = (d.trajectories[d.trajectories["trial"] == 3] for d in (plain, late))
-    np.testing.assert_allclose(b["theta"].to_numpy()[1:], a["theta"].to_numpy()[:-1], atol=1e-7)
-    np.testing.assert_allclose(b[["x", "y"]], a[["x", "y"]], atol=1e-7)
-    release = plain.trials.iloc[3]
-    np.testing.assert_allclose(b["theta"].iloc[0], release["theta"] - 0.004 * release["omega"], atol=EXACT)
-
-
-def test_camera_faults_have_the_signs_of_the_format():
-    plain = run(6, contact=ROUGH)
-    hidden = {"mirrored": True, "angle_offset": 0.1, "length_scale": 0.02, "drift": 0.3}
-    seen, true = run(6, hidden=hidden, contact=ROUGH).trajectories, plain.trajectories
-    np.testing.assert_allclose(seen["theta"], 0.1 - true["theta"], atol=EXACT)
-    np.testing.assert_allclose(seen["y"], 1.02 * true["y"], atol=EXACT)
-    np.testing.assert_allclose(seen["x"], 1.02 * true["x"] + 0.3 * true["t"], atol=EXACT)
-
-
 def test_tilt_turns_gravity_towards_plus_x():
     drops = run(2, release=at(height=0.6), hidden={"tilt": 0.1, "gravity_error": 0.19}, duration=0.2)
     t = drops.trajectories["t"].to_numpy()
@@ -406,13 +326,6 @@ def test_two_corners_that_land_together_both_push():
 # --- as a dataset ---
 
 
-def test_same_seed_same_drops_and_more_drops_keep_the_first():
-    a, b, more = (run(n, noise=RIG, contact=ROUGH) for n in (6, 6, 9))
-    np.testing.assert_array_equal(a.trajectories, b.trajectories)
-    kept = more.trajectories[more.trajectories["trial"] < 6]
-    np.testing.assert_allclose(kept, a.trajectories, atol=1e-7)
-
-
 def test_is_written_and_read_like_any_dataset(tmp_path):
     drops = run(5, noise=RIG, contact=ROUGH)
     write_dataset(Dataset("drops", drops.header, drops.trajectories), tmp_path / "drops")
@@ -457,25 +370,3 @@ def test_throws_of_the_proof_go_both_ways_at_many_speeds():
     v_n = -(one["vy_pre"] + one["r_x"] * one["omega_pre"])
     assert v_n.quantile(0.95) / v_n.quantile(0.05) > 3.0
     assert 0.4 < (one["vx_pre"] > 0).mean() < 0.6
-
-
-@pytest.mark.parametrize(
-    ("change", "text"),
-    [
-        ({"body": ELLIPSE.model_copy(update={"mass": None})}, "mass"),
-        ({"rate": -1.0}, "rate"),
-        ({"release": at(height=0.03)}, "Raise the lower end"),
-        ({"hidden": {"size_error": 1.0}, "release": at(height=0.06)}, "Raise the lower end"),
-    ],
-)
-def test_says_what_is_wrong(change, text):
-    with pytest.raises(UserError, match=text):
-        run(2, **change)
-
-
-def test_recording_ends_where_the_body_rests():
-    drops = run(4, DISK, at(height=0.05), contact={"epsilon": 0.3})
-    last = drops.trajectories.groupby("trial")["t"].max()
-    assert (last < 0.45).all()
-    assert (drops.trials["t_end"] >= last - 1e-9).all()
-    assert drops.trials["contacts"].min() >= SLOW_TOUCHES

@@ -239,7 +239,6 @@ def _tracker(args: argparse.Namespace):
 
 def _drops_in(engine: str, milliseconds: float | None) -> dict:
     """Keywords `engine` and `contact` of `simulate_example`; UserError if the engine is not installed."""
-    from functools import partial
     from importlib.util import find_spec
 
     lasting = 1.0 if milliseconds is None else milliseconds
@@ -250,17 +249,17 @@ def _drops_in(engine: str, milliseconds: float | None) -> dict:
         raise UserError(f"--engine {engine} needs a package: pip install {engine}, or leave --engine out.")
     if engine == "mujoco":
         from thesis_lib.simulate.mujoco.contact import MujocoContact
-        from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+        from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 
-        return {"engine": simulate_mujoco_drops, "contact": MujocoContact(contact_time=1e-3 * lasting)}
+        return {"engine": DropsInMujoco(), "contact": MujocoContact(contact_time=1e-3 * lasting)}
     from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
     contact = {"contact": CompliantContact(contact_time=1e-3 * lasting)}
     if engine == "own":
         return contact
-    from thesis_lib.simulate.drake.drops import simulate_drake_drops
+    from thesis_lib.simulate.drake.drops import DropsInDrake
 
-    return contact | {"engine": partial(simulate_drake_drops, surface="point")}
+    return contact | {"engine": DropsInDrake("point")}
 
 
 def _example_recording(args: argparse.Namespace, out: Path) -> int:

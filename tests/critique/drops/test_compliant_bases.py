@@ -26,10 +26,10 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.drake.drops import simulate_drake_drops
+from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.drake.plant import STICTION
 from thesis_lib.simulate.mujoco.contact import MujocoContact
-from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 from thesis_lib.simulate.rig.hidden_causes import (
     ELLIPSE_BODY,
     PROOF_RELEASE,
@@ -96,7 +96,8 @@ def test_short_contacts_tend_to_the_limit(name):
 )
 def test_a_convex_contact_is_that_of_mujoco(body, impedance, ratio):
     contact = MujocoContact(mu=0.15, epsilon=0.55, contact_time=1e-3, impratio=ratio, impedance=impedance)
-    made = simulate_mujoco_drops(body, PROOF_RELEASE, 15, contact=contact, rng=np.random.default_rng(2))
+    given = {"engine": DropsInMujoco(), "contact": contact}
+    made = simulate_compliant_drops(body, PROOF_RELEASE, 15, rng=np.random.default_rng(2), **given)
     table = made.impacts[made.impacts["impact"] == 0]
     q, v, v_post = (table[list(names)].to_numpy() for names in (POSE, V_PRE, V_POST))
     start = State.of(q, v, table["trial"].to_numpy(), table["t"].to_numpy())
@@ -120,7 +121,8 @@ def test_a_convex_contact_is_that_of_mujoco(body, impedance, ratio):
 def usual(contact: MujocoContact, drops: int) -> Dataset:
     """Noisy drops of a square with MuJoCo's default solimp and impratio."""
     rng = np.random.default_rng(7)
-    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, drops, contact=contact, noise=RIG_NOISE, rng=rng)
+    given = {"engine": DropsInMujoco(), "contact": contact, "noise": RIG_NOISE}
+    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, drops, rng=rng, **given)
     return Dataset("usual", made.header, made.trajectories)
 
 
@@ -146,7 +148,7 @@ def test_mujoco_s_default_solref_is_too_soft_for_an_impact():
 
 def test_a_clock_so_late_that_bodies_do_not_come_off_can_be_weighed():
     rng = np.random.default_rng(4)
-    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, 12, noise=RIG_NOISE, rng=rng)
+    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 12, engine=DropsInMujoco(), noise=RIG_NOISE, rng=rng)
     o = observe(Dataset("late", made.header, made.trajectories))
     model = Model(BASES["convex_contact"], (EFFECTS["time_lag"],), takes_time=True)
     values = {"mu": 0.15, "epsilon": 0.55, "tau": 4e-4, "damping_ratio": 10.0, "time_lag.lag": -0.03}
@@ -215,9 +217,8 @@ def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effe
 def test_simulators_put_the_force_in_the_middle_of_the_overlap():
     quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
     slow = MujocoContact(contact_time=3e-3)
-    drops = simulate_mujoco_drops(
-        ELLIPSE_BODY, PROOF_RELEASE, 40, contact=slow, noise=quiet, rng=np.random.default_rng(1)
-    )
+    given = {"engine": DropsInMujoco(), "contact": slow, "noise": quiet}
+    drops = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 40, rng=np.random.default_rng(1), **given)
     o = observe(Dataset("middle", drops.header, drops.trajectories))
     fitted = fit(Model(BASES["convex_contact"], takes_time=True), o)
     # at the lowest point instead: μ 0.148, and 3 times the error
@@ -265,9 +266,8 @@ def test_friction_of_a_pressure_field_falls_as_the_arctangent_of_the_slip(tolera
 @pytest.mark.slow
 def test_drake_s_hydroelastic_contact_is_a_pressure_field():
     quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
-    drops = simulate_drake_drops(
-        SQUARE, PROOF_RELEASE, 40, surface="hydroelastic", noise=quiet, rng=np.random.default_rng(1)
-    )
+    given = {"engine": DropsInDrake("hydroelastic"), "noise": quiet}
+    drops = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 40, rng=np.random.default_rng(1), **given)
     o = observe(Dataset("field", drops.header, drops.trajectories))
     errors = {}
     for name in ("hunt_crossley_contact", "pressure_field_contact"):

@@ -8,7 +8,7 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.engines.compare import WITHOUT, compare_models
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.engines.bullet_engine import PACKAGE
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.compliant.drops import Falls, OwnContact, simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
 
 pytest.importorskip("pybullet", reason=f"Bullet is optional: pip install {PACKAGE}")
@@ -22,13 +22,16 @@ CORNER = 1e-6  # m
 class Fall:
     """Drops of a square in Bullet, its corners small balls; what `simulate_compliant_drops` asks of an engine."""
 
-    def __init__(self, mechanics, pose, velocity, samples, lagged, rate):
+    def accepts(self, contact, hidden):
+        return OwnContact().accepts(contact, hidden)
+
+    def fall(self, mechanics, pose, velocity, instants):
         import pybullet
 
         from thesis_lib.engines.parameters import bullet_numbers
 
-        self.records, self.t = [], np.zeros(len(pose))
-        self.poses = np.full((len(pose), len(samples), 3), np.nan)
+        samples, t = instants.samples, np.zeros(len(pose))
+        poses = np.full((len(pose), len(samples), 3), np.nan)
         numbers = bullet_numbers(MU, EPSILON, T, mass=mechanics.mass, step=STEP)
         world = pybullet.connect(pybullet.DIRECT)
         surface = pybullet.createMultiBody(
@@ -52,18 +55,16 @@ class Fall:
             for k in range(len(samples)):
                 place, turn = pybullet.getBasePositionAndOrientation(body)
                 (vx, vy, _), (_, _, w) = pybullet.getBaseVelocity(body)
-                self.poses[i, k] = place[0], place[1], 2.0 * np.arctan2(turn[2], turn[3])
-                self.t[i] = samples[k]
+                poses[i, k] = place[0], place[1], 2.0 * np.arctan2(turn[2], turn[3])
+                t[i] = samples[k]
                 if 0.5 * (vx**2 + vy**2 + mechanics.inertia / mechanics.mass * w**2) + 9.81 * (place[1] - 0.03) < REST:
                     break
-                for _ in range(round(1.0 / rate / STEP)):
+                for _ in range(round(1.0 / instants.rate / STEP)):
                     pybullet.stepSimulation()
-            seen = ~np.isnan(self.poses[i, :, 2])
-            self.poses[i, seen, 2] = q[2] + np.unwrap(self.poses[i, seen, 2] - q[2])
+            seen = ~np.isnan(poses[i, :, 2])
+            poses[i, seen, 2] = q[2] + np.unwrap(poses[i, seen, 2] - q[2])
         pybullet.disconnect(world)
-
-    def poses_at(self, times):
-        return self.poses
+        return Falls(lambda times: poses, [], t)
 
 
 @pytest.mark.slow
@@ -71,7 +72,7 @@ def test_bullet_is_recognised_as_the_model_of_its_own_drops():
     rng = np.random.default_rng(3)
     contact = CompliantContact(mu=MU, epsilon=EPSILON, contact_time=T)
     made = simulate_compliant_drops(
-        SQUARE, PROOF_RELEASE, 40, contact=contact, noise=RIG_NOISE, rng=rng, engine=Fall, duration=0.5
+        SQUARE, PROOF_RELEASE, 40, contact=contact, noise=RIG_NOISE, rng=rng, engine=Fall(), duration=0.5
     )
     dataset = Dataset("squares", made.header, made.trajectories)
     settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)

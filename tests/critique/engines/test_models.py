@@ -44,10 +44,11 @@ from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
 from thesis_lib.report.critique.models import models as page_of_models
-from thesis_lib.simulate.drake.drops import simulate_drake_drops
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.causes import MujocoCauses
 from thesis_lib.simulate.mujoco.contact import MujocoContact
-from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 from thesis_lib.simulate.rig.hidden_causes import (
     ELLIPSE_BODY,
     PROOF_RELEASE,
@@ -193,7 +194,8 @@ def found():
     """Squares of MuJoCo whose centre of mass is displaced, criticised and compared."""
     contact, rng = MujocoContact(mu=0.2, epsilon=0.6, contact_time=T), np.random.default_rng(3)
     hidden = MujocoCauses(com_offset_x=OFFSET)
-    made = simulate_mujoco_drops(SQUARE, PROOF_RELEASE, 30, contact=contact, hidden=hidden, noise=RIG_NOISE, rng=rng)
+    given = {"engine": DropsInMujoco(), "contact": contact, "hidden": hidden}
+    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 30, noise=RIG_NOISE, rng=rng, **given)
     dataset = Dataset("squares", made.header, made.trajectories)
     settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)
     judged = criticise(dataset, rng=np.random.default_rng(0), settings=settings)
@@ -225,9 +227,8 @@ def test_an_engine_is_recognised_as_the_model_of_its_own_drops(found):
 def test_hydroelastic_bodies_are_an_engine_that_gives_back_what_made_its_drops():
     contact = CompliantContact(mu=VALUES["mu"], epsilon=VALUES["epsilon"], contact_time=T)
     rng = np.random.default_rng(5)
-    made = simulate_drake_drops(
-        ELLIPSE_BODY, PROOF_RELEASE, 2, noise=RIG_NOISE, rng=rng, contact=contact, surface="hydroelastic"
-    )
+    given = {"engine": DropsInDrake("hydroelastic"), "contact": contact}
+    made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 2, noise=RIG_NOISE, rng=rng, **given)
     observations = observe(Dataset("drops", made.header, made.trajectories))
     near = fit(Model(BASES[STAND_INS["drake_hydroelastic"][0]], takes_time=True), observations)
     found = fit_engine("drake_hydroelastic", near, observations)

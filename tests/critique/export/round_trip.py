@@ -18,9 +18,10 @@ from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.engine import episodes
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.engines.parameters import drake_numbers, of_drake
-from thesis_lib.simulate.drake.drops import simulate_drake_drops
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.contact import MujocoContact
-from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, CompliantContact, HiddenCauses
 
 MASS, SPAN, LEAD = 0.05, 5e-3, 1.3e-4  # kg; s after the touch; s of flight before it
@@ -82,13 +83,10 @@ def predicted(name, body, q, v, mu, epsilon, contact_time, c_x=0.0, c_y=0.0, imp
 
 def made(name, body, n=60, seed=1):
     """First impacts of drops that the engine's own simulator made, with noise."""
-    simulate = simulate_mujoco_drops if name == "mujoco" else simulate_drake_drops
-    options = {} if name == "mujoco" else {"surface": "point"}
+    engine = DropsInMujoco() if name == "mujoco" else DropsInDrake("point")
     contact = MujocoContact(**TRUE, steps=100) if name == "mujoco" else CompliantContact(**TRUE)
-    hidden = HiddenCauses(com_offset_x=COM[0], com_offset_y=COM[1])
-    drops = simulate(
-        body, PROOF_RELEASE, n, contact=contact, hidden=hidden, rng=np.random.default_rng(seed), duration=0.4, **options
-    )
+    given = {"engine": engine, "contact": contact, "hidden": HiddenCauses(com_offset_x=COM[0], com_offset_y=COM[1])}
+    drops = simulate_compliant_drops(body, PROOF_RELEASE, n, rng=np.random.default_rng(seed), duration=0.4, **given)
     table = drops.impacts[drops.impacts["impact"] == 0]
     q, v = table[POSE].to_numpy(), table[PRE].to_numpy()
     fall = np.array([0.0, -9.81, 0.0])

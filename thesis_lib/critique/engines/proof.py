@@ -75,31 +75,19 @@ def cases(seeds: int) -> list[EngineCase]:
 def make(case: EngineCase, drops: int = DROPS) -> "Dataset":
     """The drops of a case, as a rig records them."""
     from thesis_lib.datasets.format.dataset import Dataset
-    from thesis_lib.simulate.rig.hidden_causes import (
-        ELLIPSE_BODY,
-        PROOF_RELEASE,
-        RIG_NOISE,
-        SQUARE,
-        CompliantContact,
-        HiddenCauses,
-    )
+    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+    from thesis_lib.simulate.drake.drops import DropsInDrake
+    from thesis_lib.simulate.mujoco.contact import MujocoContact
+    from thesis_lib.simulate.mujoco.drops import DropsInMujoco
+    from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
 
     body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[case.shape]
     hidden: dict[str, Any] = {} if case.truth == NOTHING else {case.truth: TRUTHS[case.truth]}
     rng = generator(case.seed, "engines proof", case.engine, case.shape, case.truth)
-    contact: dict[str, Any] = {"mu": MU, "epsilon": EPSILON, "contact_time": CONTACT_TIME}
-    if case.engine == "mujoco":
-        from thesis_lib.simulate.mujoco.causes import MujocoCauses
-        from thesis_lib.simulate.mujoco.contact import MujocoContact
-        from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
-
-        own: dict[str, Any] = {"contact": MujocoContact(**contact), "hidden": MujocoCauses(**hidden)}
-        made = simulate_mujoco_drops(body, PROOF_RELEASE, drops, noise=RIG_NOISE, rng=rng, **own)
-    else:
-        from thesis_lib.simulate.drake.drops import simulate_drake_drops
-
-        own = {"contact": CompliantContact(**contact), "hidden": HiddenCauses(**hidden), "surface": "point"}
-        made = simulate_drake_drops(body, PROOF_RELEASE, drops, noise=RIG_NOISE, rng=rng, **own)
+    contact = MujocoContact(mu=MU, epsilon=EPSILON, contact_time=CONTACT_TIME)
+    engine = DropsInMujoco() if case.engine == "mujoco" else DropsInDrake("point")
+    given: dict[str, Any] = {"engine": engine, "contact": contact, "hidden": HiddenCauses(**hidden)}
+    made = simulate_compliant_drops(body, PROOF_RELEASE, drops, noise=RIG_NOISE, rng=rng, **given)
     return Dataset("proof", made.header, made.trajectories)
 
 

@@ -251,25 +251,24 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
 
 def simulate(case: Case, sizes: dict[str, float], rng: np.random.Generator) -> Drops:
     """Drops of a case's source, body, contact time and noise, with hidden causes of given `sizes`."""
+    from thesis_lib.simulate.compliant.drops import OwnContact, simulate_compliant_drops
+
     hidden: dict = {name: True if name == "mirrored" else size for name, size in sizes.items()}
-    body, n, noise = case.body, case.drops, _noise(case)
     if case.source.startswith("mujoco"):
         from thesis_lib.simulate.mujoco.contact import MujocoContact
-        from thesis_lib.simulate.mujoco.drops import simulate_mujoco_drops
+        from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 
-        own, causes = MujocoContact(contact_time=case.contact_time, **case.contact), MujocoCauses(**hidden)
-        return simulate_mujoco_drops(body, PROOF_RELEASE, n, contact=own, hidden=causes, noise=noise, rng=rng)
-    contact, causes = CompliantContact(contact_time=case.contact_time), HiddenCauses(**hidden)
+        engine, causes = DropsInMujoco(), MujocoCauses(**hidden)
+        contact = MujocoContact(contact_time=case.contact_time, **case.contact)
+    else:
+        engine, causes = OwnContact(), HiddenCauses(**hidden)
+        contact = CompliantContact(contact_time=case.contact_time)
     if case.source in SURFACES_OF:
-        from thesis_lib.simulate.drake.drops import simulate_drake_drops
+        from thesis_lib.simulate.drake.drops import DropsInDrake
 
-        surface = SURFACES_OF[case.source]
-        return simulate_drake_drops(
-            body, PROOF_RELEASE, n, contact=contact, hidden=causes, noise=noise, surface=surface, rng=rng
-        )
-    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-
-    return simulate_compliant_drops(body, PROOF_RELEASE, n, contact=contact, hidden=causes, noise=noise, rng=rng)
+        engine = DropsInDrake(SURFACES_OF[case.source])
+    given: dict = {"engine": engine, "contact": contact, "hidden": causes, "noise": _noise(case)}
+    return simulate_compliant_drops(case.body, PROOF_RELEASE, case.drops, rng=rng, **given)
 
 
 def _noise(case: Case) -> Noise:

@@ -151,12 +151,14 @@ def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
 
 def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Drops:
     """Drops in Drake, with noisy poses."""
-    from thesis_lib.simulate.drake.drops import simulate_drake_drops
+    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+    from thesis_lib.simulate.drake.drops import DropsInDrake
 
-    return simulate_drake_drops(
+    return simulate_compliant_drops(
         settings.body,
         settings.release,
         settings.drops,
+        engine=DropsInDrake(),
         contact=settings.contact,
         duration=settings.duration,
         rate=settings.rate,

@@ -4,7 +4,6 @@ The folder holds only what a rig's owner has: dataset.yaml as believed, trajecto
 the first impacts of further drops (`compliant.drops`).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.write import write_csv, write_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.compliant.drops import Engine, simulate_compliant_drops
 from thesis_lib.simulate.rig.camera import reported
 from thesis_lib.simulate.rig.hidden_causes import (
     CAUSES,
@@ -57,14 +56,14 @@ def simulate_example(
     drops: int = 150,
     seed: int = 0,
     tracker: Tracker | None = None,
-    engine: Callable[..., Drops] = simulate_compliant_drops,
+    engine: Engine | None = None,
     contact: CompliantContact | None = None,
     shape: str = "",
 ) -> Example:
     """Simulate an example with the cause `hidden` of `CAUSES`, or "nothing"; `size`: in its unit, default there.
 
-    `tracker` is how the drops are recorded; if None, as they are seen.  `engine` has the arguments and the result of
-    `simulate_compliant_drops`, `contact` what that engine calls contact; if None, its default.
+    `tracker` is how the drops are recorded; if None, as they are seen.  `engine` is what moves
+    the bodies, `contact` what that engine calls contact; if None, its default.
     `shape` is "ellipse" or "square"; by default the ellipse unless the cause needs corners.
 
     Raises:
@@ -82,8 +81,8 @@ def simulate_example(
     body = BODIES[shape or ("square" if cornered else "ellipse")]
 
     def released(n: int, part: str) -> Drops:
-        chosen: dict = {"hidden": causes, "noise": RIG_NOISE, "tracker": tracker, "contact": contact}
-        return engine(body, PROOF_RELEASE, n, rng=generator(seed, "example", part), **chosen)
+        chosen: dict = {"hidden": causes, "noise": RIG_NOISE, "tracker": tracker, "contact": contact, "engine": engine}
+        return simulate_compliant_drops(body, PROOF_RELEASE, n, rng=generator(seed, "example", part), **chosen)
 
     made = released(drops, "drops")
     header = made.header.model_copy(update={"description": DESCRIPTION})

@@ -51,9 +51,12 @@ class Mechanics:
         assert body.mass is not None  # `check_request` refuses bodies without one
         m = hidden
         self.hidden, self.contact, self.phase = m, contact, phase
+        self.believed, self.believed_gravity = body, gravity
         self.mass = body.mass
         self.inertia = body.mass * body.radius_of_gyration**2 * (1.0 + m.inertia_error)
         self.shell = body.mass * (1.0 - m.loose_mass)
+        loose = self.mass - self.shell
+        self.weights = np.array([self.shell, self.shell, self.inertia, loose, loose])  # of a state
         self.stiffness = contact.stiffness(body.mass)
         self.com = np.array([m.com_offset_x, m.com_offset_y])
         g = gravity + m.gravity_error

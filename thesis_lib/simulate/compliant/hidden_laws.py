@@ -12,13 +12,11 @@ motion during the contact, as a material would (`compiled`).
 v is the speed of the contact point at the touch, k the radius of gyration; releases count in hundreds.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 from thesis_lib.simulate.compliant import compiled as c
-from thesis_lib.simulate.compliant.drops import CompliantMotion
+from thesis_lib.simulate.compliant.drops import OwnContact
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ HIDDEN_LAWS = {
 }
 
 
-def hiding(name: str, size: float | None = None) -> Callable[..., CompliantMotion]:
-    """What `simulate_compliant_drops` takes as `engine` to hide a law of `HIDDEN_LAWS`; `size`: None for its own."""
+def hiding(name: str, size: float | None = None) -> OwnContact:
+    """The engine that hides a law of `HIDDEN_LAWS`; `size`: None for its own."""
     law = HIDDEN_LAWS[name]
-    return partial(CompliantMotion, law=(_ACTS_ON[law.acts_on], law.phi, law.size if size is None else size))
+    return OwnContact((_ACTS_ON[law.acts_on], law.phi, law.size if size is None else size))

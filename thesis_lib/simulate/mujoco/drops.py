@@ -11,131 +11,99 @@ order, fall short by g h t / 2 (0.03 mm in a drop of 0.3 s with 20 µs), and it 
 A contact lasts from the touch until body and plate, both undeformed, no longer overlap; MuJoCo's force ends earlier,
 with the body still below the surface.  The states at its two ends are found by bisection on free flight from the step
 before the touch, and on the cubic Hermite path of the step after it.  Its impulse is the change of momentum less that
-due to gravity.  A recording ends when the body comes to rest, by the rules of `compliant`.
-
-Randomness is as in `compliant`: the same generator gives the same releases, noise and phases.
+due to gravity.  Everything else is as in all simulated drops (`compliant.drops`).
 """
 
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.compiled import BISECTIONS, MAX_CONTACTS, SLOW_TOUCHES, V_SLOW
-from thesis_lib.simulate.compliant.drops import LONGEST, contact_truth, simulate_compliant_drops
+from thesis_lib.simulate.compliant.compiled import BISECTIONS
+from thesis_lib.simulate.compliant.contacts import LONGEST, Contacts
+from thesis_lib.simulate.compliant.drops import FLIGHT_STEP, Falls, Instants
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.mujoco.causes import SUPPORTED, WITHOUT_ELEMENT, MujocoCauses
 from thesis_lib.simulate.mujoco.contact import COARSEST, MujocoContact
-from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
-from thesis_lib.simulate.rig.record import Drops
-from thesis_lib.simulate.rig.release import Release
-from thesis_lib.simulate.rig.tracker import Tracker
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
-FLIGHT_STEP = 1e-3  # s
 SKIN = 2e-4  # m; a corner at 0.05 m turning with 60 rad/s dips by 0.02 mm between two steps of a flight
 
 
-def simulate_mujoco_drops(
-    body: Body,
-    release: Release,
-    n: int,
-    *,
-    contact: MujocoContact | None = None,
-    hidden: HiddenCauses | None = None,
-    gravity: float = 9.81,
-    duration: float = 0.5,
-    rate: float = 250.0,
-    noise: Noise | None = None,
-    tracker: Tracker | None = None,
-    threads: int = 1,
-    rng: np.random.Generator,
-) -> Drops:
-    """Release n bodies over a plate in MuJoCo and record their poses.
+@dataclass(frozen=True)
+class DropsInMujoco:
+    """MuJoCo as the engine of simulated drops; hidden causes may be `MujocoCauses`.
 
-    Arguments, result and errors are those of `simulate_compliant_drops`; `hidden` may be `MujocoCauses`, and `threads`
-    (1 or more) changes nothing but the time it takes.  Also raises UserError for a hidden cause that MuJoCo's elements
-    cannot produce, and for a time step above a twentieth of the contact.
-    """
-    contact, hidden = contact or MujocoContact(), MujocoCauses(**(hidden or HiddenCauses()).model_dump())
-    _refuse(contact, hidden, threads)
-    if tracker and tracker.time_constant:  # the low-pass needs the ticks of our own integration
-        raise UserError("Drops in MuJoCo cannot have a tracker's time_constant; give it a filter with a cutoff.")
-    return simulate_compliant_drops(
-        body,
-        release,
-        n,
-        contact=contact,
-        hidden=hidden,
-        gravity=gravity,
-        duration=duration,
-        rate=rate,
-        noise=noise,
-        tracker=tracker,
-        rng=rng,
-        engine=partial(_Drops, body, gravity, threads, contact, hidden),
-    )
-
-
-def _refuse(contact: MujocoContact, m: MujocoCauses, threads: int) -> None:
-    asked = [name for name in WITHOUT_ELEMENT if getattr(m, name)]
-    if asked:
-        raise UserError(
-            f"Drops in MuJoCo cannot have {', '.join(asked)}: MuJoCo has no such contact. "
-            f"Take our own simulator for it (simulate_compliant_drops); MuJoCo makes {', '.join(SUPPORTED)}."
-        )
-    if contact.exponent != 1.0:
-        raise UserError(f"MuJoCo's contact is linear: exponent must be 1, got {contact.exponent}.")
-    if contact.steps < COARSEST:
-        raise UserError(f"MuJoCo's contact needs at least {COARSEST} steps; got {contact.steps}.")
-    if m.plate_velocity and m.plate_amplitude:
-        raise UserError("Drops in MuJoCo have one carriage: give plate_velocity or plate_amplitude, not both.")
-    if threads < 1:
-        raise UserError(f"Drops in MuJoCo need at least one thread; got {threads}.")
-
-
-class _Drops:
-    """Paths and contacts of n drops in MuJoCo; `t` (n,) ends the recordings in s.
-
-    States q, v are those of `Mechanics`.  After the first five, arguments are those of the compliant engine.
+    `threads` (1 or more) changes nothing but the time that it takes.  The exponent of the contact must be 1, and its
+    time step at most a twentieth of the contact.
     """
 
-    def __init__(
-        self,
-        body: Body,
-        gravity: float,
-        threads: int,
-        contact: MujocoContact,
-        hidden: MujocoCauses,
-        mechanics: Mechanics,
-        pose: np.ndarray,
-        velocity: np.ndarray,
-        samples: np.ndarray,
-        lagged: np.ndarray,
-        rate: float,
-    ) -> None:
+    threads: int = 1
+
+    def accepts(
+        self, contact: CompliantContact | None, hidden: HiddenCauses | None
+    ) -> tuple[MujocoContact, MujocoCauses]:
+        if not isinstance(contact, MujocoContact):
+            contact = MujocoContact(**contact.model_dump() if contact else {})
+        m = MujocoCauses(**(hidden or HiddenCauses()).model_dump())
+        if asked := [name for name in WITHOUT_ELEMENT if getattr(m, name)]:
+            raise UserError(
+                f"Drops in MuJoCo cannot have {', '.join(asked)}: MuJoCo has no such contact. "
+                f"Take our own simulator for it (OwnContact); MuJoCo makes {', '.join(SUPPORTED)}."
+            )
+        if contact.exponent != 1.0:
+            raise UserError(f"MuJoCo's contact is linear: exponent must be 1, got {contact.exponent}.")
+        if contact.steps < COARSEST:
+            raise UserError(f"MuJoCo's contact needs at least {COARSEST} steps; got {contact.steps}.")
+        if m.plate_velocity and m.plate_amplitude:
+            raise UserError("Drops in MuJoCo have one carriage: give plate_velocity or plate_amplitude, not both.")
+        if self.threads < 1:
+            raise UserError(f"Drops in MuJoCo need at least one thread; got {self.threads}.")
+        return contact, m
+
+    def fall(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, instants: Instants) -> Falls:
+        return _Run(mechanics, self.threads, instants.samples[-1]).falls(pose, velocity, instants.rate)
+
+
+class _Run:
+    """Paths and contacts of n drops in MuJoCo; `t` (n,) ends the recordings in s, at `end` at the latest.
+
+    States q, v are those of `Mechanics`.
+    """
+
+    def __init__(self, mechanics: Mechanics, threads: int, end: float) -> None:
         from mujoco.batch import Batch
 
         from thesis_lib.simulate.mujoco.model import drop_model
 
-        n = len(pose)
-        self.mechanics, self.contact, self.hidden = mechanics, contact, hidden
-        self.model = drop_model(body, self.contact, self.hidden, gravity)
+        n = len(mechanics.epsilon)
+        assert isinstance(mechanics.contact, MujocoContact) and isinstance(mechanics.hidden, MujocoCauses)
+        self.mechanics, self.contact, self.hidden = mechanics, mechanics.contact, mechanics.hidden
+        self.model = drop_model(mechanics.believed, self.contact, self.hidden, mechanics.believed_gravity)
         self.batch = Batch(self.model, n, threads)
         self.steps, self.without = self.batch.expand("opt.timestep"), self.batch.expand("opt.disableflags")
-        self._release(pose, velocity)
-        self.slow, self.contacts = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
         self.open: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}  # states at the touch, by drop
-        self.records: list[dict[str, np.ndarray]] = []
-        self.t = np.full(n, samples[-1])
-        first = np.arange(n)
+        self.contacts, self.t = Contacts(mechanics), np.full(n, end)
         # drops (m,), times (m, s) and states (m, s, 5) of what was stepped
-        self.path: list[tuple[np.ndarray, ...]] = [
-            (first, np.zeros((n, 1)), *(part[:, None] for part in self._state(first)))
-        ]
-        self._run(samples[-1], 1.0 / (rate * np.ceil(1.0 / (rate * FLIGHT_STEP) - 1e-9)))
-        self._splines = self._joined()
+        self.path: list[tuple[np.ndarray, ...]] = []
+
+    def falls(self, pose: np.ndarray, velocity: np.ndarray, rate: float) -> Falls:
+        """The drops from poses and velocities (n, 3) of their origins."""
+        self._release(pose, velocity)
+        n, every = len(pose), np.arange(len(pose))
+        self.path.append((every, np.zeros((n, 1)), *(part[:, None] for part in self._state(every))))
+        self._run(float(self.t[0]), 1.0 / (rate * np.ceil(1.0 / (rate * FLIGHT_STEP) - 1e-9)))
+        paths = self._joined()
+
+        def poses_at(times: np.ndarray) -> np.ndarray:
+            q = np.array([path(times) for path in paths])
+            origin = self.mechanics.origin(q[..., 2].ravel()).reshape(*q.shape[:2], 2)
+            poses = np.concatenate([q[..., :2] - origin, q[..., 2:]], axis=-1)
+            poses[times > self.t[:, None] + 1e-9] = np.nan
+            return poses
+
+        return Falls(poses_at, self.contacts.records, self.t)
 
     # --- states ---
 
@@ -212,7 +180,7 @@ class _Drops:
             self._crossings(row, t[i], q[i], v[i], gap[i])
         longest = LONGEST * self.contact.contact_time
         for i, row in enumerate(rows):
-            if row in self.open and t[i, -1] - self.open[row][2] > longest and self._flies_on(row):
+            if row in self.open and t[i, -1] - self.open[row][2] > longest and self.contacts.flies_on(row):
                 self._record(row, (q[i, -1], v[i, -1], t[i, -1]), separated=False)
         return (gap[:, -1] < SKIN) | np.isin(rows, list(self.open))
 
@@ -238,15 +206,12 @@ class _Drops:
         if row in self.open and gap[0] >= 0.0:
             self._record(row, (q[0], v[0], t[0]), separated=True)
         for j in np.flatnonzero(np.diff(gap < 0.0)):
-            if not self._flies_on(row):
+            if not self.contacts.flies_on(row):
                 return
             if row in self.open:
                 self._record(row, self._leaves(row, t[j : j + 2], q[j : j + 2], v[j : j + 2]), separated=True)
             else:
                 self.open[row] = self._lands(row, t[j], q[j], v[j], t[j + 1] - t[j])
-
-    def _flies_on(self, row: int) -> bool:
-        return self.slow[row] < SLOW_TOUCHES and self.contacts[row] < MAX_CONTACTS
 
     def _lands(
         self, row: int, t: float, q: np.ndarray, v: np.ndarray, h: float
@@ -276,21 +241,8 @@ class _Drops:
 
     def _record(self, row: int, after: tuple[np.ndarray, np.ndarray, float], *, separated: bool) -> None:
         """Close the contact of a drop; its recording ends there if it has come to rest."""
-        mech, before, rows = self.mechanics, self.open.pop(row), np.array([row])
-        start, end = ((q[None], v[None], np.array([t])) for q, v, t in (before, after))
-        shell, loose = mech.shell, mech.mass - mech.shell
-        weights = np.array([shell, shell, mech.inertia, loose, loose])
-        momentum = weights * (end[1] - start[1])
-        impulse = momentum[:, :2] + momentum[:, 3:] - mech.mass * mech.gravity * (end[2] - start[2])
-        energy = 0.5 * (end[1] ** 2 - start[1] ** 2) @ weights
-        self.records.append(contact_truth(mech, rows, start, end, impulse, energy, np.array([separated])))
-        speed = mech.approach(*start, rows)[0]
-        self.slow[row] = self.slow[row] + 1 if speed < V_SLOW else 0
-        self.contacts[row] += 1
-        if not separated or not self._flies_on(row):
+        if not self.contacts.add(row, self.open.pop(row), after, separated):
             self.t[row] = after[2]
-
-    # --- poses ---
 
     def _joined(self) -> list[CubicHermiteSpline]:
         """The path of each drop."""
@@ -300,11 +252,3 @@ class _Drops:
                 parts[row].append((t[i], q[i, :, :3], v[i, :, :3]))
         joined = ([np.concatenate(part) for part in zip(*one)] for one in parts)
         return [CubicHermiteSpline(t, q, v) for t, q, v in joined]
-
-    def poses_at(self, times: np.ndarray) -> np.ndarray:
-        """Poses (n, len(times), 3) of the body's origin; NaN after the end of a recording."""
-        q = np.array([path(times) for path in self._splines])
-        origin = self.mechanics.origin(q[..., 2].ravel()).reshape(*q.shape[:2], 2)
-        poses = np.concatenate([q[..., :2] - origin, q[..., 2:]], axis=-1)
-        poses[times > self.t[:, None] + 1e-9] = np.nan
-        return poses
