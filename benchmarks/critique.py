@@ -28,10 +28,9 @@ SEED = 1
 CRITIQUE = """
 import sys
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.datasets.read import read_dataset
-from thesis_lib.report.critique.folder import critique_folder
+from thesis_lib.critique.run import criticise
 data, out, episodes = sys.argv[1:]
-critique_folder(read_dataset(data), out, 20190906, settings=CritiqueSettings(episodes=episodes == "episodes"))
+criticise(data, settings=CritiqueSettings(episodes=episodes == "episodes")).save(out)
 """
 
 

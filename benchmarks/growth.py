@@ -80,7 +80,7 @@ def critique(n: int) -> Callable[[], object]:
     from thesis_lib.critique.proof.cases import Case, make
 
     dataset, _ = make(Case("law", "com_offset", 0, n))
-    return lambda: criticise(dataset, rng=np.random.default_rng(0))
+    return lambda: criticise(dataset)
 
 
 def measure(

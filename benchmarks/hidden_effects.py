@@ -29,7 +29,7 @@ import numpy as np
 from benchmarks.baselines import Trained, gaussian_process, sindy
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.criticise import Critique, whole_critique
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
@@ -106,7 +106,7 @@ def is_drag(terms: tuple[dict[str, float], ...]) -> bool:
     return all(set(own) == {name} and own[name] < 0 for own, name in zip(terms[:2], FLIGHT_INPUTS))
 
 
-def baseline(train: Train, with_law: bool, critique: Critique, case: Case, floor: float) -> Found:
+def baseline(train: Train, with_law: bool, critique: DropsCritique, case: Case, floor: float) -> Found:
     """Train on the training trials, judge on the held-out ones."""
     base, flight = critique.ladder[0][1], case.truth in FLIGHT
     problem = flight_problem if flight else impact_problem
@@ -129,7 +129,7 @@ def compare(case: Case) -> dict[str, Found]:
     """What each method says of one dataset."""
     dataset, _ = make(case)
     begin = time.process_time()
-    critique = whole_critique(dataset, rng=generator(case.seed, "critique", dataset.digest()))
+    critique = criticise_drops(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     cpu = time.process_time() - begin
     first, last = critique.ladder[0][2], critique.ladder[-1][2]
     if case.truth in FLIGHT:

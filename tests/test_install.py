@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import thesis_lib
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
 
@@ -30,13 +31,12 @@ noise: {position: 3.0e-4, angle: 3.0e-3, velocity: 0.01, angular_velocity: 0.5}
 """
 USE = """\
 import json, sys
-import numpy as np
 import thesis_lib
 from thesis_lib.critique import criticise
-from thesis_lib.datasets import read_dataset
-found = criticise(read_dataset("my_drops"), rng=np.random.default_rng(0), effects=[])
-loaded = [name for name in sys.modules if "." not in name]
-print(json.dumps({"from": thesis_lib.__file__, "verdict": found.verdict, "laws": list(found.laws), "loaded": loaded}))
+found = criticise("my_drops", effects=[])
+said = {"from": thesis_lib.__file__, "version": thesis_lib.__version__, "shown": repr(found), "verdict": found.verdict}
+said |= {"laws": list(found.to_dict()["laws"]), "loaded": [name for name in sys.modules if "." not in name]}
+print(json.dumps(said))
 """
 
 
@@ -122,6 +122,8 @@ def test_the_installed_library_criticises_a_dataset_elsewhere(installed, tmp_pat
     answer = json.loads(run(sys.executable, script, folder=tmp_path, path=installed))
     assert Path(answer["from"]).is_relative_to(installed)
     assert answer["verdict"] == "adequate" and len(answer["laws"]) >= 6
+    assert answer["shown"].startswith("<Critique of my_drops: adequate, held-out error")
+    assert answer["version"] == thesis_lib.__version__
     assert not EXTRA & set(answer["loaded"])
 
 

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from tests.docs.tutorial_runner import compare
-from thesis_lib.critique.results.saved_model import load_model, predict
+from thesis_lib.critique.results.saved_model import load_model
 from thesis_lib.docs.games import lead
 from thesis_lib.effects import EFFECTS
 from thesis_lib.ledger.format import read_ledger
@@ -521,7 +521,7 @@ def test_five_commands_lead_from_a_misfit_to_its_cause_and_a_fallen_error(tmp_pa
     for name in ("dataset.yaml", "trajectories.csv", "new_impacts.csv"):  # no hint of what was hidden
         assert not re.search("com|offset|hidden", (data / name).read_text()), name
     new = pd.read_csv(data / "new_impacts.csv")
-    after = predict(load_model(runs / "example" / "model.json"), new)
+    after = load_model(runs / "example" / "model.json").predict(new)
     k_g = yaml.safe_load((data / "dataset.yaml").read_text())["body"]["radius_of_gyration"]
     d = [after[f"{name}_post"] - after[f"{name}_seen"] for name in ("vx", "vy", "omega")]
     unseen = np.sqrt(d[0] ** 2 + d[1] ** 2 + (k_g * d[2]) ** 2)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from thesis_lib.critique import criticise
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.foundation.files import write_text
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
 from thesis_lib.ledger.page import write_page
 from thesis_lib.report.batch_index import row_of_failure, row_of_verdict, write_index
-from thesis_lib.report.critique.folder import critique_folder
 from thesis_lib.report.run import run_report
 from thesis_lib.simulate.compliant.example import simulate_example
 
@@ -91,7 +91,7 @@ def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     drops = simulate_example("drops", "com_offset_x", drops=25).dataset
     settings = CritiqueSettings(folds=2, finalists=1)
-    diagnosis = critique_folder(drops, folder / "drops", 0, effects=("com_offset",), settings=settings)
+    diagnosis = criticise(drops, effects=("com_offset",), settings=settings, seed=0).save(folder / "drops")
     rows = [row_of_verdict("drops", diagnosis), row_of_failure("bad", "The table is empty.")]
     write_index(rows, folder, total=2, seed=0, effects=None)
     (folder / "bad.log").touch()

@@ -10,7 +10,7 @@ import pytest
 from hidden_effects import ANISOTROPY, E_T, injected_impacts, simulated
 from report_pages import DIAGNOSIS, page_of
 
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.where import where as all_regions
 from thesis_lib.critique.results.tables import tables as all_tables
 from thesis_lib.datasets.format.dataset import Dataset
@@ -27,14 +27,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session")
-def nothing_hidden() -> Critique:
-    return criticise(simulated("nothing_hidden", 1), rng=np.random.default_rng(0))
+def nothing_hidden() -> DropsCritique:
+    return criticise_drops(simulated("nothing_hidden", 1), rng=np.random.default_rng(0))
 
 
 @pytest.fixture(scope="session")
-def hidden_drops() -> Critique:
+def hidden_drops() -> DropsCritique:
     """Friction that depends on the direction, hidden in trajectories."""
-    return criticise(simulated("hidden_drops", 1, friction_anisotropy=ANISOTROPY), rng=np.random.default_rng(0))
+    return criticise_drops(simulated("hidden_drops", 1, friction_anisotropy=ANISOTROPY), rng=np.random.default_rng(0))
 
 
 @pytest.fixture(scope="session")
@@ -44,8 +44,8 @@ def impacts_dataset() -> Dataset:
 
 
 @pytest.fixture(scope="session")
-def hidden_impacts(impacts_dataset: Dataset) -> Critique:
-    return criticise(impacts_dataset, rng=np.random.default_rng(0))
+def hidden_impacts(impacts_dataset: Dataset) -> DropsCritique:
+    return criticise_drops(impacts_dataset, rng=np.random.default_rng(0))
 
 
 @pytest.fixture(scope="session")

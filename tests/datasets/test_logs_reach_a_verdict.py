@@ -6,7 +6,7 @@ import pytest
 from tests.datasets.exports import write_motive
 from tests.datasets.in_space import take
 from thesis_lib.commands.datasets import main
-from thesis_lib.critique import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.datasets import read_dataset
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
@@ -21,7 +21,7 @@ def test_a_take_of_motion_capture_tells_where_the_centre_of_mass_is(tmp_path):
     log = write_motive(recorded, tmp_path / "take.csv", units="Millimeters", lost=0.02)
     body = ("--body", "plate", "--shape", "ellipse:0.035,0.025", "--k-g", "0.019235")
     assert main(["init", str(log), "-o", str(tmp_path / "drops"), *body]) == 0
-    found = criticise(read_dataset(tmp_path / "drops"), rng=np.random.default_rng(0))
+    found = criticise_drops(read_dataset(tmp_path / "drops"), rng=np.random.default_rng(0))
     assert found.verdict == "effects"
     assert [step.effect.name for step in found.discovery.steps] == ["com_offset"]
     assert found.ladder[-1][1].values["com_offset.c_x"] == pytest.approx(OFFSET, abs=NEAR)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from falling_disk import bounces, drops, once_a_step, released, spring
 
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow  # each searches the library of effects
 
 
 def verdict(dataset: Dataset) -> dict:
-    content = diagnosis(criticise(dataset, rng=np.random.default_rng(0)), np.random.default_rng(1))
+    content = diagnosis(criticise_drops(dataset, rng=np.random.default_rng(0)), np.random.default_rng(1))
     assert not any("nan" in sentence for sentence in content["summary"])
     return content
 
@@ -76,4 +76,4 @@ def test_soft_contacts_are_refused_with_their_duration():
     state = released(20, rng, (0.2, 0.8), (-0.3, 0.3), 4.0)
     dataset = drops(state, spring(0.05, 4.0), rate=240.0, duration=1.5, rng=rng, noise=(1e-4, 1e-4, 1e-3))
     with pytest.raises(UserError, match=r"cannot be compared with impact laws. Contacts last about 5\d ms"):
-        criticise(dataset, rng=rng)
+        criticise_drops(dataset, rng=rng)

@@ -8,7 +8,7 @@ from scipy.stats import binom
 
 from tests.datasets.written_recordings import CASES as RECORDINGS
 from tests.datasets.written_recordings import NORMAL, Case, measure, recorded
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.diagnosis import diagnosis
@@ -141,7 +141,7 @@ def test_smoothed_drops_are_adequate_with_the_contact_time_that_they_have():
     plain, smoothed = (
         recorded(case, "ellipse", 1e-3, 60, 906) for case in (Case(), RECORDINGS["moving average 50 Hz"])
     )
-    judged = criticise(smoothed, rng=np.random.default_rng(0))
+    judged = criticise_drops(smoothed, rng=np.random.default_rng(0))
     assert judged.verdict == "adequate"
     found, true = judged.ladder[-1][1], Drops(observe(plain)).fit("mirtich", ())
     assert found.values["tau"] > 10.0 * found.std["tau"]

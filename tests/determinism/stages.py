@@ -34,14 +34,14 @@ def critique(out: Path) -> None:
 
     import thesis_lib.figures.critique.pictures
     import thesis_lib.report.critique.page
+    from thesis_lib.critique import criticise
     from thesis_lib.critique.drops.settings import CritiqueSettings
-    from thesis_lib.report.critique.folder import critique_folder
 
     thesis_lib.figures.critique.pictures.pictures = lambda *args: {}
     thesis_lib.report.critique.page.report_html = lambda *args: ""
     dataset = injected_impacts("made", 60, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.4})
     settings = CritiqueSettings(folds=2, finalists=2, rivals=1, max_effects=1)
-    critique_folder(dataset, out, SEED, settings=settings)
+    criticise(dataset, settings=settings, seed=SEED).save(out)
     (out / "report.html").unlink()
 
 

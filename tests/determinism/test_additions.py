@@ -16,13 +16,13 @@ from hidden_effects import injected_impacts
 import thesis_lib.figures.critique.pictures
 import thesis_lib.report.critique.page
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
+from thesis_lib.critique import criticise
 from thesis_lib.critique.drops import world as drops_world
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Parameter
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.impact_study import study as impact_study
-from thesis_lib.report.critique.folder import critique_folder
 
 SETTINGS = CritiqueSettings(folds=2, finalists=2, rivals=1, max_effects=2)
 SEED = 20190906
@@ -66,7 +66,7 @@ def run(tmp_path_factory):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(thesis_lib.figures.critique.pictures, "pictures", lambda *args: {})
             patch.setattr(thesis_lib.report.critique.page, "report_html", lambda *args: "")
-            critique_folder(dataset, out, SEED, settings=SETTINGS)
+            criticise(dataset, settings=SETTINGS, seed=SEED).save(out)
         return out
 
     return critique

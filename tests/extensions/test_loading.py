@@ -11,7 +11,7 @@ import pytest
 
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.results.saved_model import SavedModel, changed_code, load_model, save_model
+from thesis_lib.critique.results.saved_model import SavedModel, changed_code, load_model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.extensions.loading import installed, load, read_file
@@ -248,6 +248,6 @@ def test_a_model_of_the_library_alone_is_written_as_ever(tmp_path):
     model = SavedModel.model_validate(
         MODEL | {"effects": [], "parameters": dict(list(MODEL["parameters"].items())[:2])}
     )
-    save_model(model, tmp_path / "model.json")
+    model.save(tmp_path / "model.json")
     assert "origins" not in json.loads((tmp_path / "model.json").read_text())
     assert load_model(tmp_path / "model.json") == model

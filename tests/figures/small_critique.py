@@ -3,7 +3,7 @@
 import numpy as np
 
 from thesis_lib.bodies.body import Noise
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
@@ -30,7 +30,7 @@ def drops(trajectories: bool = True) -> Dataset:
     return Dataset("impacts", made.header, impacts=made.impacts)
 
 
-def small_critique(dataset: Dataset, effects: tuple[str, ...]) -> Critique:
+def small_critique(dataset: Dataset, effects: tuple[str, ...]) -> DropsCritique:
     """The critique with these effects switched on."""
     settings = CritiqueSettings(folds=2, finalists=1)
-    return criticise(dataset, rng=np.random.default_rng(0), settings=settings, effects=effects)
+    return criticise_drops(dataset, rng=np.random.default_rng(0), settings=settings, effects=effects)

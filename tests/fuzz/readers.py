@@ -258,11 +258,11 @@ def _model_samples() -> list[Sample]:
 
 
 def _read_model(folder: Path, out: Path) -> None:
-    from thesis_lib.critique.results.saved_model import load_model, predict, read_states
+    from thesis_lib.critique.results.saved_model import load_model, read_states
     from thesis_lib.foundation.files import write_table
 
     model = load_model(folder / "model.json")
-    write_table(predict(model, read_states(folder / "states.csv"), str(folder / "states.csv")), out / "predicted.csv")
+    write_table(model.predict(read_states(folder / "states.csv"), str(folder / "states.csv")), out / "predicted.csv")
 
 
 ROBOTS = {

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from tests.fuzz.readers import READERS
 from thesis_lib.config import Config, read_config
-from thesis_lib.critique.results.saved_model import SavedModel, load_model, save_model
+from thesis_lib.critique.results.saved_model import SavedModel, load_model
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.header_file import load_header
 from thesis_lib.datasets.format.validate import ValidationReport
@@ -242,7 +242,7 @@ class TestTypedFiles:
         content["parameters"]["com_offset.c_x"]["value"] = offset
         content["rig"]["radius_of_gyration"] = size
         model = SavedModel.model_validate(content)
-        save_model(model, folder / "model.json")
+        model.save(folder / "model.json")
         assert load_model(folder / "model.json") == model
 
     @few

@@ -11,7 +11,7 @@ import yaml
 from tests.fuzz.readers import READERS
 from thesis_lib.commands.comparison import read_run
 from thesis_lib.config import parse_config, read_config
-from thesis_lib.critique.results.saved_model import load_model, predict, read_states
+from thesis_lib.critique.results.saved_model import load_model, read_states
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json, read_table
@@ -212,10 +212,10 @@ class TestModels:
     def test_the_file_of_the_states_is_named(self, files):
         model, path = load_model(files[0]), files[1]
         states = read_states(path)
-        assert np.isfinite(predict(model, states)["vx_post"]).all()
-        assert "states.csv: The column vx" in refusal(predict, model, states.assign(vx=np.nan), "states.csv")
+        assert np.isfinite(model.predict(states)["vx_post"]).all()
+        assert "states.csv: The column vx" in refusal(model.predict, states.assign(vx=np.nan), "states.csv")
         path.write_text(states.astype(object).assign(vx="9" * 5000).to_csv(index=False))
-        assert "vx" in refusal(predict, model, read_states(path), "states.csv")
+        assert "vx" in refusal(model.predict, read_states(path), "states.csv")
         path.write_text("x,x\n1,2\n")
         assert "states.csv is not a CSV table" in refusal(read_states, path)
 

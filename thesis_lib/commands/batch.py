@@ -1,6 +1,6 @@
 """Critique of many datasets, each in its own process, so that a bad one does not stop the others (see `isolated`).
 
-OUT/<dataset>/ holds what `critique_folder` writes, byte for byte; OUT/<dataset>.log the output meanwhile, and the
+OUT/<dataset>/ holds what a critique alone writes, byte for byte; OUT/<dataset>.log the output meanwhile, and the
 traceback of a crash; index.html, batch.csv and batch.json list all datasets, and why some failed.
 
 A batch resumes where it stopped.  OUT/.batch/<dataset>.json holds the checksums of data, settings, code and files of a
@@ -21,12 +21,20 @@ from thesis_lib.datasets.format.folder import looks_like_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.isolated import ProcessResult, Task, run_isolated
 from thesis_lib.foundation.progress import duration
-from thesis_lib.report.batch_index import INDEX_FILES, NO_VERDICT, plain, row_of_failure, row_of_verdict, write_index
+from thesis_lib.report.batch_index import (
+    INDEX_FILES,
+    NO_VERDICT,
+    plain,
+    row_of_failure,
+    row_of_verdict,
+    summary_text,
+    write_index,
+)
 
 STATE = ".batch"
 PRELOAD = (
     "thesis_lib.extensions.loading",
-    "thesis_lib.report.critique.folder",
+    "thesis_lib.critique.run",
     "thesis_lib.report.critique.page",
     "thesis_lib.datasets.read",
     "thesis_lib.figures.critique.pictures",
@@ -81,13 +89,13 @@ def criticise_folder(
     """
     from threadpoolctl import threadpool_limits
 
+    from thesis_lib.critique.run import criticise
     from thesis_lib.extensions.loading import load
-    from thesis_lib.report.critique.folder import criticise_path
 
     if additions and load(files, say=print) != list(additions):
         raise UserError("The effects or laws of your own have changed since the batch began; start it again.")
     with threadpool_limits(limits=1):  # other datasets use the other cores
-        criticise_path(path, folder, seed, effects=effects, say=print)
+        criticise(path, effects=effects, seed=seed, say=print).save(folder)
     return {}
 
 
@@ -108,7 +116,7 @@ def run_batch(
     """Criticise many datasets (folders), and write an index of them into `out`, also when interrupted.
 
     Args:
-        seed, effects: as for one dataset (`critique_folder`).
+        seed, effects: as for one dataset (`criticise`).
         files, additions: Python files with effects of one's own, loaded already, and what is added to the library.
         jobs: datasets at a time.
         time_limit, memory_limit: s of wall time and bytes of resident memory per dataset; None for no limit.
@@ -152,6 +160,17 @@ def run_batch(
             ordered = [rows[name] for name in named if name in rows]
             write_index(ordered, out, total=len(named), seed=seed, effects=effects)
     return Batch(ordered, finished, skipped)
+
+
+def batch_text(batch: Batch, out: Path) -> str:
+    """Number of datasets with each verdict, reasons of failures, and where to look."""
+    lines = [summary_text(batch.rows, len(batch.rows))]
+    if batch.skipped:
+        lines.append(f"  {len(batch.skipped)} of them were done already")
+    for row in batch.failed:
+        log = out / f"{row['dataset']}.log"
+        lines.append(f"  {plain(row['dataset'])} failed: {row['reason']}\n      log: {log}")
+    return "\n".join([*lines, f"\nwritten to {out}; open {out / 'index.html'}"])
 
 
 def _closed(out: Path, outcome: ProcessResult, key: str | None) -> dict:
@@ -236,10 +255,10 @@ def _key(path: Path, settings: Mapping[str, object]) -> str | None:
 
 def _code() -> str:
     """Hash of the modules that a critique runs."""
+    from thesis_lib.critique import run
     from thesis_lib.foundation.provenance import lib_hash
-    from thesis_lib.report.critique import folder as output
 
-    return lib_hash(output.__file__)
+    return lib_hash(run.__file__)
 
 
 def _written(folder: Path) -> dict[str, str]:

@@ -146,8 +146,8 @@ def _require_place(path: str, args: argparse.Namespace) -> None:
 
 def _one(args: argparse.Namespace) -> int:
     from thesis_lib.commands.comparison import is_run
-    from thesis_lib.commands.printed import diagnosis_text
-    from thesis_lib.report.critique.folder import proposal_path
+    from thesis_lib.critique.printed import diagnosis_text
+    from thesis_lib.critique.proposal.results import proposal_path
 
     path = args.paths[0]
     if is_run(path):
@@ -167,8 +167,8 @@ def _one(args: argparse.Namespace) -> int:
 def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[dict, Path]:
     with Progress(path, quiet=args.quiet, stages=STAGES) as say:
         say("loading")
+        from thesis_lib.critique.run import criticise
         from thesis_lib.datasets.recordings.recording import is_recording
-        from thesis_lib.report.critique.folder import criticise_path
 
         if args.files and is_recording(path):
             raise UserError(f"{path} is the recording of a mechanism; --effects adds effects of drops. Leave it out.")
@@ -176,13 +176,13 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
-        options = {"effects": args.effects, "models": args.models or (), "proposal": args.propose}
-        return criticise_path(path, folder, args.seed, **options, say=say), folder
+        options = {"effects": args.effects, "models": args.models or (), "propose": args.propose and True}
+        found = criticise(path, **options, seed=args.seed, say=say)
+        return found.save(folder, proposal=args.propose), folder
 
 
 def _batch(args: argparse.Namespace) -> int:
-    from thesis_lib.commands.batch import find_datasets, run_batch
-    from thesis_lib.commands.printed import batch_text
+    from thesis_lib.commands.batch import batch_text, find_datasets, run_batch
 
     def say(text: str) -> None:
         if not args.quiet:

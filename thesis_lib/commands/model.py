@@ -58,12 +58,12 @@ def predict(argv: Sequence[str] | None = None) -> int:
     printed = "print model, number of rows and of each status as JSON; without -o the predictions, too"
     parser.add_argument("--json", action="store_true", help=printed)
     args = parser.parse_args(argv)
-    from thesis_lib.critique.results.saved_model import predict, read_states
+    from thesis_lib.critique.results.saved_model import read_states
     from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
 
     load_additions(args.files)
     model = _model(args.model)
-    table = predict(model, read_states(args.states), args.states)
+    table = model.predict(read_states(args.states), args.states)
     if args.out:
         write_table(table, args.out)
         print(f"{len(table)} predictions written to {args.out}", file=sys.stderr)

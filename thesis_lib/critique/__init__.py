@@ -1,18 +1,25 @@
 """Compare contact models with measurements, see where they fail, name the missing effect, add it.
 
     from thesis_lib.critique import criticise
-    critique = criticise(read_dataset("data/my_drops"), rng=np.random.default_rng(0))
+    critique = criticise("data/my_drops")
+    print(critique.summary())
 
-Too few impacts for a verdict give a `FewImpacts` instead of a `Critique`.  All are imported on first use, so that
-importing this package stays cheap.
+`criticise` returns a `Critique`; `fit` fits one law with named effects; `TooFew` is raised where impacts are too few
+for what was asked.  All are imported on first use, so that importing this package stays cheap.
 """
 
 from importlib import import_module
 
-__all__ = ["Critique", "FewImpacts", "criticise"]
+_FACE = {
+    "Critique": "thesis_lib.critique.result",
+    "TooFew": "thesis_lib.critique.drops.criticise",
+    "criticise": "thesis_lib.critique.run",
+    "fit": "thesis_lib.critique.run",
+}
+__all__ = ["Critique", "TooFew", "criticise", "fit"]
 
 
 def __getattr__(name: str):
-    if name in __all__:
-        return getattr(import_module("thesis_lib.critique.drops.criticise"), name)
+    if name in _FACE:
+        return getattr(import_module(_FACE[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

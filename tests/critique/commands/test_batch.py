@@ -17,11 +17,10 @@ from unruly_work import unruly
 
 from thesis_lib.__main__ import main
 from thesis_lib.commands.batch import Batch, find_datasets, run_batch
-from thesis_lib.datasets import read_dataset
+from thesis_lib.critique import criticise
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.report.batch_index import COLUMNS, INDEX_FILES, row_of_failure, write_index
-from thesis_lib.report.critique.folder import critique_folder
 
 PATIENCE = 60.0  # s that a busy machine may take for what takes no time
 REASONS = {
@@ -253,7 +252,7 @@ def test_a_dataset_of_a_batch_has_the_bytes_of_its_own_critique(impacts_dataset,
     out = tmp_path / "out"
     assert main(["critique", "--batch", str(tmp_path / "data"), "-o", str(out), "-q", "--seed", "3"]) == 1
     assert pd.read_csv(out / "batch.csv")["verdict"].fillna("").tolist() == ["", "effects"]
-    critique_folder(read_dataset(tmp_path / "data" / "drops"), tmp_path / "alone", 3)
+    criticise(tmp_path / "data" / "drops", seed=3).save(tmp_path / "alone")
     one, two = (
         {path.name: path.read_bytes() for path in (folder).iterdir()} for folder in (out / "drops", tmp_path / "alone")
     )

@@ -1,6 +1,7 @@
 """`python -m thesis_lib critique`, `predict` and `effects`: what they print, write, and how they say no."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -13,11 +14,12 @@ import thesis_lib.figures.critique.pictures
 import thesis_lib.report.critique.page
 from thesis_lib.__main__ import main
 from thesis_lib.config import Config
-from thesis_lib.datasets import read_dataset
+from thesis_lib.critique.result import OfDrops
+from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation import SEED
-from thesis_lib.report.critique.folder import critique_folder, write_critique
+from thesis_lib.foundation.kernels import KERNELS
 
 FILES = (
     *("comparison.csv", "errors.csv", "ladder.csv", "budget.csv", "impacts.csv"),
@@ -75,8 +77,16 @@ def test_critique_writes_every_file_and_names_the_effect(run_folder):
 
 
 @pytest.mark.slow
-def test_the_library_writes_the_same_bytes_as_the_command(no_pictures, dataset_folder, run_folder, tmp_path):
-    critique_folder(read_dataset(dataset_folder), tmp_path / "again", SEED)
+def test_the_library_writes_the_same_bytes_as_the_command(dataset_folder, run_folder, tmp_path):
+    """In a process of its own that sets nothing: seed, kernels and threads of the numbers are those of the command."""
+    code = (
+        "import sys\nfrom thesis_lib.critique import criticise\n"
+        "import thesis_lib.figures.critique.pictures as pictures, thesis_lib.report.critique.page as page\n"
+        "pictures.pictures, page.report_html = lambda *args: {}, lambda *args: '<html></html>\\n'\n"
+        "criticise(sys.argv[1]).save(sys.argv[2])\n"
+    )
+    free = {name: value for name, value in os.environ.items() if name not in {*KERNELS, "OMP_NUM_THREADS"}}
+    subprocess.run([sys.executable, "-c", code, str(dataset_folder), str(tmp_path / "again")], env=free, check=True)
     for name in FILES:
         assert (tmp_path / "again" / name).read_bytes() == (run_folder / name).read_bytes(), name
 
@@ -133,7 +143,7 @@ def test_an_interruption_is_one_line_and_130(dataset_folder, tmp_path, capsys, m
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("thesis_lib.report.critique.folder.critique_folder", interrupted)
+    monkeypatch.setattr("thesis_lib.critique.run.criticise", interrupted)
     assert main(["critique", str(dataset_folder), "-o", str(tmp_path / "out")]) == 130
     assert capsys.readouterr() == ("", "interrupted\n")
 
@@ -197,9 +207,9 @@ def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
     def fail(*args):
         raise OSError("disk full")
 
-    monkeypatch.setattr("thesis_lib.report.critique.folder.save_model", fail)
+    monkeypatch.setattr(SavedModel, "save", fail)
     with pytest.raises(OSError, match="disk full"):
-        write_critique(hidden_impacts, folder, np.random.default_rng(0))
+        OfDrops(hidden_impacts, np.random.default_rng(0)).save(folder)
     assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(FILES, "earlier")
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
@@ -208,7 +218,7 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
     hidden_impacts, no_pictures, tmp_path, monkeypatch, capsys
 ):
     folder = tmp_path / "run"
-    write_critique(hidden_impacts, folder, np.random.default_rng(0))
+    OfDrops(hidden_impacts, np.random.default_rng(0)).save(folder)
     move = Path.replace
 
     def killed(self, target):
@@ -218,7 +228,7 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
 
     monkeypatch.setattr(Path, "replace", killed)
     with pytest.raises(KeyboardInterrupt):
-        write_critique(hidden_impacts, folder, np.random.default_rng(0))
+        OfDrops(hidden_impacts, np.random.default_rng(0)).save(folder)
     left = {path.name for path in folder.iterdir()}
     assert left and not left & {"diagnosis.json", "model.json", "report.html"}
     assert main(["critique", str(folder), str(folder)]) == 2
@@ -229,7 +239,7 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
 def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hidden_impacts, no_pictures, tmp_path):
     for name in ("residuals.png", "flights.csv", "notes.txt", "my_plot.png"):
         (tmp_path / name).write_text("old")
-    write_critique(hidden_impacts, tmp_path, np.random.default_rng(0))
+    OfDrops(hidden_impacts, np.random.default_rng(0)).save(tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
     assert {"notes.txt", "my_plot.png", "diagnosis.json"} <= names and "residuals.png" not in names
     assert not (tmp_path / "flights.csv").exists() or (tmp_path / "flights.csv").read_text() != "old"
@@ -237,7 +247,7 @@ def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hi
 
 def test_the_public_face_is_the_function_whatever_was_imported_before():
     code = (
-        "from thesis_lib.critique.drops.criticise import Critique\n"
+        "from thesis_lib.critique.drops.criticise import DropsCritique\n"
         "from thesis_lib.critique import criticise\n"
         "assert callable(criticise) and criticise.__name__ == 'criticise'\n"
     )

@@ -10,12 +10,11 @@ from bouncing_disk import bouncing
 from hidden_effects import injected_impacts
 
 from thesis_lib.__main__ import main
-from thesis_lib.critique import FewImpacts, criticise
+from thesis_lib.critique import TooFew, criticise
 from thesis_lib.critique.drops.own_restitution import OwnRestitution
 from thesis_lib.critique.results.saved_model import load_model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.records.verdicts import verdict
 
 EPSILON = 0.7
@@ -74,9 +73,7 @@ def test_the_check_says_what_a_critique_will_give(folder, capsys):
 def test_the_standard_error_covers_how_far_trials_differ():
     rng = np.random.default_rng(2)
     epsilon = np.clip(EPSILON + 0.05 * rng.standard_normal(5), 0.0, 1.0)
-    found = criticise(bouncing(epsilon, 0.3, rng, bounces=3)[0], rng=rng)
-    assert isinstance(found, FewImpacts)
-    value, std = found.restitution
+    value, std = criticise(bouncing(epsilon, 0.3, rng, bounces=3)[0]).found.restitution
     assert value == pytest.approx(epsilon.mean(), abs=0.005)
     assert std == pytest.approx(epsilon.std(ddof=1) / np.sqrt(5), rel=0.1)
 
@@ -84,7 +81,7 @@ def test_the_standard_error_covers_how_far_trials_differ():
 def test_impacts_without_their_noise_scatter_or_have_no_error():
     dataset = injected_impacts("few", 20, 3, "tangential_restitution", {"tangential_restitution.e_t": 0.0})
     bare = replace(dataset, header=dataset.header.model_copy(update={"noise": None}))
-    value, std = criticise(bare, rng=np.random.default_rng(0)).restitution
+    value, std = criticise(bare).found.restitution
     assert 0.0 < std < 0.05 and 0.0 < value < 1.0
     nan = np.full(1, np.nan)
     assert np.isnan(OwnRestitution(np.zeros(1, int), np.zeros(1), np.full(1, 0.5), nan, 1.0).mean()[1])
@@ -92,12 +89,11 @@ def test_impacts_without_their_noise_scatter_or_have_no_error():
 
 def test_one_impact_is_enough_for_a_number_and_none_is_an_error(tmp_path, capsys):
     one = bouncing([EPSILON], 0.3, np.random.default_rng(3))[0]
-    found = criticise(one, rng=np.random.default_rng(0))
-    value, std = found.restitution
+    value, std = criticise(one).found.restitution
     assert abs(value - EPSILON) < STANDARD_ERRORS * std < 0.01
     falling = replace(one, trajectories=one.trajectories.query("t < 0.15"))
-    with pytest.raises(UserError, match="0 usable impacts"):
-        criticise(falling, rng=np.random.default_rng(0))
+    with pytest.raises(TooFew, match="0 usable impacts"):
+        criticise(falling)
 
 
 @pytest.mark.parametrize("asked", [["--effect", "wear"], ["--models", "laws"], ["--propose", "term.py"]])

@@ -11,7 +11,7 @@ from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import TRUTH, drops
 
 from thesis_lib.__main__ import main
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.foundation.errors import UserError
@@ -133,7 +133,7 @@ REFUSED = [
 @pytest.mark.parametrize(("make", "says"), REFUSED, ids=lambda one: getattr(one, "__name__", ""))
 def test_it_is_refused_in_words(make, says):
     with pytest.raises(UserError) as refusal:
-        criticise(make(), rng=np.random.default_rng(0))
+        criticise_drops(make(), rng=np.random.default_rng(0))
     text = str(refusal.value)
     assert says in text
     assert len(text) > 60
@@ -177,12 +177,12 @@ def test_huge_outliers_in_impacts_do_not_make_effects():
     clean = injected_impacts("table", 80, 4, "tangential_restitution", {"tangential_restitution.e_t": 0.0})
     table = clean.impacts.copy()
     table.loc[[5, 40, 71], ["vx_post", "vy_post"]] = [[300.0, -20.0], [-50.0, 900.0], [0.0, 4000.0]]
-    found = criticise(replace(clean, impacts=table), rng=np.random.default_rng(0))
+    found = criticise_drops(replace(clean, impacts=table), rng=np.random.default_rng(0))
     assert found.verdict == "adequate"
     assert found.discovery.fitted.values["epsilon"] == pytest.approx(0.6, abs=0.01)
 
 
 @pytest.mark.slow
 def test_huge_outliers_in_trajectories_do_not_make_effects():
-    found = criticise(with_outliers(), rng=np.random.default_rng(0))
+    found = criticise_drops(with_outliers(), rng=np.random.default_rng(0))
     assert found.discovery.steps == ()

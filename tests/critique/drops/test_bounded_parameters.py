@@ -11,7 +11,7 @@ from bouncing_disk import K_G, RADIUS, bouncing
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.own_restitution import OwnRestitution
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
@@ -22,7 +22,7 @@ from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.proposal import terms as proposed
 from thesis_lib.critique.results.diagnosis import diagnosis
-from thesis_lib.critique.results.saved_model import load_model, predict, save_model, saved
+from thesis_lib.critique.results.saved_model import load_model, saved
 from thesis_lib.critique.results.tables import comparison
 from thesis_lib.figures.critique.errors import draw_parameters
 from thesis_lib.figures.critique.models import draw_models
@@ -42,7 +42,7 @@ NO_SEARCH = CritiqueSettings(max_effects=0, max_terms=0, contact_time=False)
 def sticking():
     """40 drops that all end rolling, and the largest ratio of impulses."""
     dataset, ratio = bouncing([EPSILON] * 40, MU, np.random.default_rng(3))
-    return criticise(dataset, rng=np.random.default_rng(0), settings=NO_SEARCH), ratio
+    return criticise_drops(dataset, rng=np.random.default_rng(0), settings=NO_SEARCH), ratio
 
 
 def test_friction_of_drops_that_never_slip_is_a_lower_bound(sticking):
@@ -62,11 +62,11 @@ def test_friction_of_drops_that_never_slip_is_a_lower_bound(sticking):
 
 def test_its_model_sticks_beyond_the_bound_and_is_read_again(sticking, tmp_path):
     critique, ratio = sticking
-    save_model(saved(critique.ladder[-1][1], critique.observations.rig, "disk"), tmp_path / "model.json")
+    saved(critique.ladder[-1][1], critique.observations.rig, "disk").save(tmp_path / "model.json")
     model = load_model(tmp_path / "model.json")
     assert model.parameters["mu"].bound == "lower" and model.parameters["mu"].std is None
     steep = pd.DataFrame([{"x": 0.0, "y": RADIUS, "theta": 0.0, "vx": 3.0, "vy": -2.0, "omega": 0.0}])
-    after = predict(model, steep).iloc[0]
+    after = model.predict(steep).iloc[0]
     assert 2.0 * ratio < 3.0 / (1.0 + (RADIUS / K_G) ** 2) / 3.2  # the ratio of impulses that it needs
     assert after["vx_post"] + RADIUS * after["omega_post"] == pytest.approx(0.0, abs=1e-6)
     assert any(line.startswith("mu: at least") for line in exported(model, "mjcf", depth=0.05).left_out)
@@ -106,7 +106,7 @@ def test_slip_that_only_unseen_trials_show_is_not_missed():
         [(quick if trial in held_out else dataset).trajectories.query("trial == @trial") for trial in range(40)]
     )
     mixed = type(dataset)("mixed", dataset.header, poses.reset_index(drop=True))
-    found = criticise(mixed, rng=np.random.default_rng(0), settings=NO_SEARCH)
+    found = criticise_drops(mixed, rng=np.random.default_rng(0), settings=NO_SEARCH)
     assert set(np.unique(found.held_out.trial).tolist()) == held_out
     base = found.ladder[0][1]
     assert base.bounds == {} and base.values["mu"] == pytest.approx(0.08, abs=0.005)
@@ -146,7 +146,7 @@ def test_restitution_that_differs_from_trial_to_trial_is_said_with_its_range(ang
     rng = np.random.default_rng(8)
     epsilon = rng.uniform(0.3, 0.6, 36)
     dataset, _ = bouncing(epsilon, MU, rng, angle=angle)
-    critique = criticise(dataset, rng=np.random.default_rng(0), settings=NO_SEARCH)
+    critique = criticise_drops(dataset, rng=np.random.default_rng(0), settings=NO_SEARCH)
     content = diagnosis(critique, np.random.default_rng(0))
     assert content["verdict"] == "unexplained" and content["remaining"]["depends_on"] == []
     differs = content["remaining"]["restitution"]

@@ -14,7 +14,7 @@ from thesis_lib.critique.contacts.episodes import play
 from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
@@ -143,7 +143,7 @@ def test_mujoco_s_default_solref_is_too_soft_for_an_impact():
     soft = {"contact_time": 0.04 * np.sqrt(0.95), "epsilon": np.exp(-2.0)}
     contact = MujocoContact.model_construct(**MujocoContact(**DEFAULT).model_dump() | soft)
     with pytest.raises(UserError, match=r"Contacts last about .* contact is soft, as that of foam or of a simulator"):
-        criticise(usual(contact, 15), rng=np.random.default_rng(0))
+        criticise_drops(usual(contact, 15), rng=np.random.default_rng(0))
 
 
 def test_a_clock_so_late_that_bodies_do_not_come_off_can_be_weighed():
@@ -161,7 +161,7 @@ def test_hertz_is_named_where_contacts_are_long():
     contact = CompliantContact(contact_time=3e-3, exponent=1.5)
     rng = np.random.default_rng(1)
     made = simulate_compliant_drops(ELLIPSE_BODY, PROOF_RELEASE, 70, contact=contact, noise=RIG_NOISE, rng=rng)
-    judged = criticise(Dataset("hertz", made.header, made.trajectories), rng=np.random.default_rng(1))
+    judged = criticise_drops(Dataset("hertz", made.header, made.trajectories), rng=np.random.default_rng(1))
     assert judged.verdict == "adequate"
     fitted = judged.ladder[-1][1]
     assert fitted.base == "hertz_contact" and fitted.values["epsilon"] == pytest.approx(0.55, abs=0.003)

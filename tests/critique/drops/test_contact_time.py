@@ -11,7 +11,7 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, duration
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.likelihood.residuals import synthesise
@@ -40,9 +40,9 @@ def drops(shape: str, contact_time: float = T, noisy: bool = True) -> Drops:
 
 
 @cache
-def critique(shape: str, contact_time: float = T) -> Critique:
+def critique(shape: str, contact_time: float = T) -> DropsCritique:
     made = drops(shape, contact_time)
-    return criticise(Dataset(shape, made.header, made.trajectories), rng=np.random.default_rng(1))
+    return criticise_drops(Dataset(shape, made.header, made.trajectories), rng=np.random.default_rng(1))
 
 
 def where_arcs_meet(body: Body, made: Drops, tau: float) -> tuple[State, np.ndarray]:

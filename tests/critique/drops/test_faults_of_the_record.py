@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -34,11 +34,11 @@ def drops(shape: str, **hidden: float) -> Dataset:
     return Dataset("drops", made.header, made.trajectories)
 
 
-def criticised(dataset: Dataset) -> Critique:
-    return criticise(dataset, rng=np.random.default_rng(3))
+def criticised(dataset: Dataset) -> DropsCritique:
+    return criticise_drops(dataset, rng=np.random.default_rng(3))
 
 
-def named(critique: Critique) -> list[str]:
+def named(critique: DropsCritique) -> list[str]:
     return [step.effect.name for step in critique.discovery.steps]
 
 

@@ -9,7 +9,7 @@ from hidden_effects import RIG_NOISE, injected_impacts
 from plain_drops import LAW, TRUTH, drops, observed
 
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import fit
@@ -240,4 +240,4 @@ def test_where_most_flights_are_no_parabolas_the_model_of_the_flight_is_wrong(sh
     judged = replace(Drops(observed()).judge(fit(Model(LAW), observed(), TRUTH, rounds=1)), excess=1.0)
     judged = replace(judged, sigmas=dict.fromkeys(judged.sigmas, 1.0))
     of_all = SimpleNamespace(ladder=(("", None, judged),), settings=CritiqueSettings(), observations=o)
-    assert Critique.misfit_channels.fget(of_all) == far
+    assert DropsCritique.misfit_channels.fget(of_all) == far

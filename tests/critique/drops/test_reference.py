@@ -11,7 +11,7 @@ from plain_drops import drops
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
@@ -146,8 +146,8 @@ def test_the_verdict_does_not_depend_on_where_numbers_begin():
     data = simulated("sloping", 34, restitution_slope=0.5)
     n = len(np.unique(data.trajectories["trial"]))
     both = (data, elsewhere(data, x=3.0, t=1e3, trials=by_date(n)))
-    here, there = (criticise(one, rng=np.random.default_rng(4)) for one in both)
-    assert isinstance(here, Critique) and isinstance(there, Critique)
+    here, there = (criticise_drops(one, rng=np.random.default_rng(4)) for one in both)
+    assert isinstance(here, DropsCritique) and isinstance(there, DropsCritique)
     assert [step.effect.name for step in here.discovery.steps] == ["position_dependent_restitution"]
     assert [step.effect.name for step in there.discovery.steps] == ["position_dependent_restitution"]
     assert here.verdict == there.verdict == "effects"

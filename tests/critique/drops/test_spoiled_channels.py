@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hidden_effects import simulated
 
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import CHANNELS, Drops, Judgement
 from thesis_lib.critique.results.diagnosis import diagnosis
@@ -67,7 +67,7 @@ def test_a_tilt_that_stands_for_a_camera_out_of_square_spoils_the_velocities(see
     """It mends the flights, which fall by two thirds, while the velocities after impact err by a quarter more."""
     drops = simulated("askew", 8)
     askew = Dataset(drops.name, drops.header, drops.trajectories.assign(**seen(drops.trajectories)))
-    found = criticise(askew, rng=np.random.default_rng(0), effects=["surface_tilt"])
+    found = criticise_drops(askew, rng=np.random.default_rng(0), effects=["surface_tilt"])
     (step,), (_, _, before), (_, _, after) = found.discovery.steps, *found.ladder
     assert step.gain[1] > 0.0 and after.sigmas["flight"] < 0.5 * before.sigmas["flight"]
     assert step.fails == "spoils" and found.verdict == "unexplained"

@@ -10,7 +10,7 @@ from hidden_effects import injected_impacts
 
 from thesis_lib.bodies.body import Body, Uncertainty
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.stand_ins import CONTRADICTS, stand_ins
 from thesis_lib.critique.likelihood.bounds import Bound
 from thesis_lib.critique.results.diagnosis import diagnosis
@@ -50,14 +50,14 @@ def stated(uncertainty: float) -> Body:
 
 
 @cache
-def unstated(cause: str) -> Critique:
+def unstated(cause: str) -> DropsCritique:
     dataset = injected_impacts(cause, 80, 3, *CAUSES[cause], UNSTATED)
     # the library would rather call this couple a wrong scale of the lengths, which denies nothing
     by_hand = ["wrong_inertia"] if cause == "spun" else None
-    return criticise(dataset, rng=np.random.default_rng(0), effects=by_hand)
+    return criticise_drops(dataset, rng=np.random.default_rng(0), effects=by_hand)
 
 
-def critique(cause: str, uncertainty: float | None) -> Critique:
+def critique(cause: str, uncertainty: float | None) -> DropsCritique:
     """The same critique of a dataset that states the body to be homogeneous; only its source differs."""
     plain = unstated(cause)
     if uncertainty is None:

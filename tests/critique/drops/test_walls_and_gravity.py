@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.walls import Wall, wall_of
-from thesis_lib.critique import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.results.saved_model import load_model, predict, save_model, saved
+from thesis_lib.critique.results.saved_model import load_model, saved
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 
@@ -79,13 +79,13 @@ def test_gravity_pulls_along_and_across_a_wall() -> None:
 
 @pytest.mark.slow
 def test_a_trough_of_like_walls_is_adequate(tmp_path) -> None:
-    found = criticise(trough(60, 1), rng=np.random.default_rng(0))
+    found = criticise_drops(trough(60, 1), rng=np.random.default_rng(0))
     fitted = found.ladder[-1][1]
     assert set(wall_of(found.observations.value[:, 0, 0])) == {0, 1, 2}
     assert found.verdict == "adequate"
     for name, true in (("mu", MU), ("epsilon", EPSILON)):
         assert abs(fitted.values[name] - true) < 4.0 * fitted.std[name] < 0.05 * true
-    save_model(saved(fitted, found.observations.rig, "trough"), tmp_path / "model.json")
+    saved(fitted, found.observations.rig, "trough").save(tmp_path / "model.json")
     model = load_model(tmp_path / "model.json")
     assert model.believed == found.observations.rig
     # just off each wall, as it was filmed, and once away from all of them
@@ -96,7 +96,7 @@ def test_a_trough_of_like_walls_is_adequate(tmp_path) -> None:
         v[i, :2] -= (v[i, :2] @ wall.n + 1.5) * wall.n
     q[3], v[3] = [0.0, RADIUS, 0.0], [0.0, 2.0, 3.0]
     states = pd.DataFrame(np.column_stack([q, v]), columns=["x", "y", "theta", "vx", "vy", "omega"])
-    after = predict(model, states)
+    after = model.predict(states)
     assert list(after["status"]) == ["ok", "ok", "ok", "not_approaching"]
     expected = [bounced(row, wall, EPSILON) for row, wall in zip(v, TROUGH)]
     np.testing.assert_allclose(after[["vx_post", "vy_post", "omega_post"]][:3], expected, atol=0.05)
@@ -104,7 +104,7 @@ def test_a_trough_of_like_walls_is_adequate(tmp_path) -> None:
 
 @pytest.mark.slow
 def test_the_wall_that_differs_is_named() -> None:
-    found = criticise(trough(60, 2, right=DEAD["right"]), rng=np.random.default_rng(0))
+    found = criticise_drops(trough(60, 2, right=DEAD["right"]), rng=np.random.default_rng(0))
     assert [step.effect.name for step in found.discovery.steps] == ["other_restitution_at_right"]
     d = found.ladder[-1][1].values["other_restitution_at_right.d"]
     assert found.verdict == "effects" and d == pytest.approx(DEAD["right"] / EPSILON - 1.0, abs=0.01)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.engines.compare import WITHOUT, compare_models
 from thesis_lib.datasets.format.dataset import Dataset
@@ -76,7 +76,7 @@ def test_bullet_is_recognised_as_the_model_of_its_own_drops():
     )
     dataset = Dataset("squares", made.header, made.trajectories)
     settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)
-    judged = criticise(dataset, rng=np.random.default_rng(0), effects=[], settings=settings)
+    judged = criticise_drops(dataset, rng=np.random.default_rng(0), effects=[], settings=settings)
     table = compare_models(judged, ("mujoco", "bullet")).set_index("model")
     assert (table["effects"] == WITHOUT).all() and table.index[0] == "bullet"
     best, default = table.loc["bullet"], table[table["kind"] == "default"].loc["bullet:default"]

@@ -25,7 +25,7 @@ from thesis_lib.critique.contacts.engine_contact import (
     press_in_engine,
 )
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.engines import compare
 from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_models, read_models
@@ -198,7 +198,7 @@ def found():
     made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 30, noise=RIG_NOISE, rng=rng, **given)
     dataset = Dataset("squares", made.header, made.trajectories)
     settings = CritiqueSettings(folds=2, finalists=2, max_effects=1)
-    judged = criticise(dataset, rng=np.random.default_rng(0), settings=settings)
+    judged = criticise_drops(dataset, rng=np.random.default_rng(0), settings=settings)
     said: list[str] = []
     return judged, compare_models(judged, ("laws", "mujoco"), said.append), said
 

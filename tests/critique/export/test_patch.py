@@ -8,7 +8,6 @@ import pytest
 from round_trip import BODIES, MASS, TRUE, model_of
 
 from thesis_lib.critique.export.export import exported, patched
-from thesis_lib.critique.results.saved_model import save_model
 from thesis_lib.foundation.errors import UserError
 
 MJCF = """<?xml version="1.0" encoding="utf-8"?>
@@ -291,7 +290,7 @@ def test_encodings_and_ends_of_lines(tmp_path):
 def test_the_command_patches_and_says_what(tmp_path, capsys):
     from thesis_lib.__main__ import main
 
-    save_model(model(), tmp_path / "model.json")
+    model().save(tmp_path / "model.json")
     mine, better = file_of(tmp_path, MJCF), tmp_path / "better.xml"
     export = ["export", f"{tmp_path}/model.json", "--to"]
     assert main([*export, "mjcf", "--patch", str(mine), "--body", "block", "-o", str(better)]) == 0

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.questions.next_experiment import CHANNELS, REPEATS, _design, _Refit, next_experiment
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.next_drops import (
@@ -98,7 +98,7 @@ def test_a_launcher_meets_the_states_within_its_scatter() -> None:
 def test_like_is_compared_with_like() -> None:
     """No drop tells a moving surface from a drifting camera, also where contacts take time."""
     dataset, _ = make(Case("mechanism", "plate_velocity", 0, 50, ratio=1.5))
-    critique = criticise(dataset, rng=generator(0, "critique", dataset.digest()))
+    critique = criticise_drops(dataset, rng=generator(0, "critique", dataset.digest()))
     (step,) = critique.discovery.steps
     assert {step.effect.name, *step.alternatives} == {"moving_surface", "sensor_drift"}
     assert critique.ladder[-1][1].model.takes_time

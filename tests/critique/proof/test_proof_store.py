@@ -102,7 +102,7 @@ class TestCode:
         def refuse_all(dataset, **kwargs):
             raise UserError("too few impacts\nmeasure more")
 
-        monkeypatch.setattr(proof_compute, "whole_critique", refuse_all)
+        monkeypatch.setattr(proof_compute, "criticise_drops", refuse_all)
         row = compute(Case("law", NOTHING, 5, drops=12))
         assert (row.verdict, row.why, row.code) == ("refused", "too few impacts", code_hash())
 

@@ -10,11 +10,11 @@ from hidden_effects import injected_impacts
 from thesis_lib.__main__ import main
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.proposal.effect_file import effect_of
+from thesis_lib.critique.proposal.results import proposal_path
 from thesis_lib.critique.proposal.terms import all_terms
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.extensions import registry
-from thesis_lib.report.critique.folder import proposal_path
 
 HIDDEN, SIZE = "restitution_by_obliquity", -0.4
 

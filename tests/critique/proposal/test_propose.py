@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hidden_effects import injected_impacts
 
-from thesis_lib.critique.drops.criticise import Critique, criticise
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.proposal.effect_file import effect_of
 from thesis_lib.critique.proposal.propose import Proposal, _Proposer, propose
@@ -27,24 +27,24 @@ def term(name: str) -> Term:
     return next(term for term in all_terms() if term.name == name)
 
 
-def criticised(name: str, size: float, seed: int = 3) -> Critique:
+def criticised(name: str, size: float, seed: int = 3) -> DropsCritique:
     data = injected_impacts("hidden", IMPACTS, seed, effect_of(term(name)), {f"{name}.a": size})
-    return criticise(data, rng=np.random.default_rng(seed))
+    return criticise_drops(data, rng=np.random.default_rng(seed))
 
 
 @pytest.fixture(scope="module")
-def hidden() -> Critique:
+def hidden() -> DropsCritique:
     return criticised(HIDDEN, SIZE)
 
 
 @pytest.fixture(scope="module")
-def proposal(hidden: Critique) -> Proposal:
+def proposal(hidden: DropsCritique) -> Proposal:
     found = propose(hidden, np.random.default_rng(0))
     assert found is not None
     return found
 
 
-def test_the_critique_alone_does_not_explain_it(hidden: Critique) -> None:
+def test_the_critique_alone_does_not_explain_it(hidden: DropsCritique) -> None:
     assert hidden.verdict == "unexplained" and hidden.is_structured
 
 
@@ -57,7 +57,7 @@ def test_the_hidden_term_is_proposed_with_its_size(proposal: Proposal) -> None:
     assert proposal.held_out_gain[1] > 0.0
 
 
-def test_what_had_stood_in_for_it_leaves(hidden: Critique, proposal: Proposal) -> None:
+def test_what_had_stood_in_for_it_leaves(hidden: DropsCritique, proposal: Proposal) -> None:
     proposer = _Proposer(hidden, np.random.default_rng(0), str)
     effects = (EFFECTS["contact_torque"], *proposal.fitted.effects)
     fitted = proposer.world.fit(proposal.fitted.base, effects, proposal.fitted.values, "near")
@@ -65,7 +65,7 @@ def test_what_had_stood_in_for_it_leaves(hidden: Critique, proposal: Proposal) -
     assert left.effects == proposal.fitted.effects and not proposal.kept
 
 
-def test_the_same_stream_gives_the_same_proposal(hidden: Critique, proposal: Proposal) -> None:
+def test_the_same_stream_gives_the_same_proposal(hidden: DropsCritique, proposal: Proposal) -> None:
     again = propose(hidden, np.random.default_rng(0))
     assert again is not None and again.fitted.values == proposal.fitted.values
     assert again.held_out_gain == proposal.held_out_gain
@@ -94,7 +94,7 @@ def test_edits_of_an_earlier_file_stay(proposal: Proposal, tmp_path: Path) -> No
     assert second.read_text(encoding="utf-8") == text_of(proposal)
 
 
-def test_the_regression_finds_it_in_every_half(hidden: Critique) -> None:
+def test_the_regression_finds_it_in_every_half(hidden: DropsCritique) -> None:
     world = Drops(hidden.training)
     fitted = world.fit("anitescu_potra_newton", ())
     found = regress(world, fitted, all_terms(), np.random.default_rng(0))

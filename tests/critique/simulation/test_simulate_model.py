@@ -11,9 +11,9 @@ from thesis_lib.__main__ import main
 from thesis_lib.bodies.shapes import Ellipse, Shape
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import criticise
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, load_model, save_model
+from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, load_model
 from thesis_lib.critique.simulation import simulate_model as module
 from thesis_lib.critique.simulation.simulate_model import measured_releases, proof_releases, simulate_model
 from thesis_lib.datasets import read_dataset
@@ -40,7 +40,7 @@ def model_of(height: float = 0.0, shape: Shape = ELLIPSE_BODY.shape, **values: f
 
 @pytest.fixture
 def model_file(tmp_path):
-    save_model(model_of(**TRUTH), tmp_path / "model.json")
+    model_of(**TRUTH).save(tmp_path / "model.json")
     return tmp_path / "model.json"
 
 
@@ -152,7 +152,7 @@ def test_without_drake_the_other_engine_is_named(monkeypatch):
 @pytest.mark.slow
 def test_the_critique_finds_the_parameters_of_the_model_that_made_the_drops(model_file):
     data = simulate_model(load_model(model_file), 60, rng=np.random.default_rng(2))
-    found = criticise(data, rng=np.random.default_rng(0), effects=("tangential_restitution",))
+    found = criticise_drops(data, rng=np.random.default_rng(0), effects=("tangential_restitution",))
     fitted = found.ladder[-1][1]
     assert found.verdict == "effects"  # by a law that agrees with Wang-Mason here: several do
     for name, value in TRUTH.items():

@@ -8,7 +8,7 @@ import pytest
 from throws_for_tests import HALF, RIG, SQUARE, throws
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter, predict
+from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
@@ -216,7 +216,7 @@ def test_the_critiques_model_hits_as_its_own_prediction_says(values):
     r, _ = thrown.body.lowest(true[:, 2])
     _, after, _ = thrown.impact(true, v, r, np.zeros(60, bool), np.random.default_rng(0))
     states = pd.DataFrame(np.hstack([q, v]), columns=["x", "y", "theta", "vx", "vy", "omega"])
-    expected = predict(model, states)
+    expected = model.predict(states)
     hit = (expected["status"] == "ok").to_numpy()
     assert hit.sum() > 50
     assert after[hit] == pytest.approx(expected.loc[hit, ["vx_post", "vy_post", "omega_post"]].to_numpy())

@@ -12,8 +12,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.features import remaining
-from thesis_lib.critique.drops.few_impacts import FewImpacts, few_impacts
 from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.planar.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.settings import CritiqueSettings
@@ -38,7 +38,7 @@ OF_MEDIAN, OF_NORM = 1.17, 0.56
 
 
 @dataclass(frozen=True)
-class Critique:
+class DropsCritique:
     """Result of criticising one dataset.
 
     Attributes:
@@ -122,15 +122,17 @@ class Critique:
         return paired_gain(self.ladder[-1][2], self.without[effect], rng)
 
 
-class TooFewImpacts(UserError):
-    """Too few usable impacts for a verdict; they are in `observations`."""
+class TooFew(UserError):
+    """Too few usable impacts for what was asked; they are in `observations`."""
 
     def __init__(self, text: str, observations: Observations) -> None:
         super().__init__(text)
         self.observations = observations
 
 
-def criticise(
+# for these small matrices BLAS threads are no faster, and their number changes last digits
+@threadpool_limits.wrap(limits=1)
+def criticise_drops(
     dataset: Dataset,
     *,
     rng: np.random.Generator,
@@ -138,11 +140,8 @@ def criticise(
     arcs: ArcSettings | None = None,
     effects: Sequence[str] | None = None,
     say: Callable[[str], None] = lambda text: None,
-) -> Critique | FewImpacts:
-    """Criticise contact models against a dataset.
-
-    Fewer than 30 usable impacts in 10 trials give restitution and friction without a verdict: a `FewImpacts`, whose
-    `verdict` is None.
+) -> DropsCritique:
+    """Criticise contact models against drops.
 
     Args:
         rng: for split, folds and resamples; seed it from the dataset's content for reproducible results.
@@ -151,41 +150,18 @@ def criticise(
         say: receives a line for each step.
 
     Raises:
-        UserError: no usable impact, or too few for the `effects` that were named; a channel that is constant, contacts
-            too long for an impact, more than one planar rigid body, or an effect that is unknown or cannot be tested.
+        TooFew: fewer than 30 usable impacts in 10 trials.
+        UserError: a channel that is constant, contacts too long for an impact, more than one planar rigid body, or an
+            effect that is unknown or cannot be tested.
     """
     settings = settings or CritiqueSettings()
-    try:
-        return whole_critique(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
-    except TooFewImpacts as few:
-        if effects or not len(few.observations):
-            raise
-        say("too few impacts for a verdict: fitting restitution and friction")
-        with threadpool_limits(limits=1):
-            return few_impacts(dataset, few.observations, settings.contact_time)
-
-
-# for these small matrices BLAS threads are no faster, and their number changes last digits
-@threadpool_limits.wrap(limits=1)
-def whole_critique(
-    dataset: Dataset,
-    *,
-    rng: np.random.Generator,
-    settings: CritiqueSettings | None = None,
-    arcs: ArcSettings | None = None,
-    effects: Sequence[str] | None = None,
-    say: Callable[[str], None] = lambda text: None,
-) -> Critique:
-    """As `criticise`, with a verdict; `TooFewImpacts`, a UserError, where impacts are too few for one."""
-    settings = settings or CritiqueSettings()
-    require_known(effects or (), dataset.header.surfaces or ())
-    _refuse_constant(dataset)
     say("finding impacts")
-    observations = observe(dataset, arcs, settings.episodes)
-    for name, why in testable_effects(observations, settings.contact_time)[1].items():
-        if name in (effects or ()):
-            raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
-    training, held_out = _split(dataset, observations, settings, rng)
+    observations = _observed(dataset, effects or (), settings, arcs)
+    trials = np.unique(observations.trial)
+    if not are_enough(len(observations), len(trials)):
+        needs = f"the critique needs {MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart"
+        raise _too_few(dataset, observations, needs)
+    training, held_out = map(observations.select, split(trials, settings.held_out_share, rng))
     observations, training = (part.counted_from(training.middle) for part in (observations, training))
     observations = predictable(observations, training, settings.contact_time and observations.arcs)
     training, held_out = (observations.select(np.unique(part.trial)) for part in (training, held_out))
@@ -204,9 +180,32 @@ def whole_critique(
     no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_told * (after.omega - before.omega)]
     errors = (_irb(base, held_out), _irb(final, held_out), float(np.linalg.norm(no_impact, axis=0).mean()))
     parts = (observations, training, held_out)
-    return Critique(
+    return DropsCritique(
         dataset.name, settings, *parts, discovery, ladder, laws, without, structure, *errors, source=dataset
     )
+
+
+@threadpool_limits.wrap(limits=1)
+def fit_model(
+    dataset: Dataset,
+    law: str,
+    effects: Sequence[str] = (),
+    settings: CritiqueSettings | None = None,
+    arcs: ArcSettings | None = None,
+) -> Fit:
+    """One law with named effects, fitted to all impacts and flights; UserError as of `criticise`, or an unknown law."""
+    if law not in BASES:
+        raise UserError(f"There is no law {law!r}; known are {', '.join(BASES)}.")
+    settings = settings or CritiqueSettings()
+    observations = _observed(dataset, effects, settings, arcs)
+    if not len(observations):
+        raise _too_few(dataset, observations, "a fit needs one or more")
+    observations = observations.counted_from(observations.middle)
+    world = Drops(
+        predictable(observations, observations, settings.contact_time and observations.arcs),
+        timed=settings.contact_time,
+    )
+    return world.fit(law, tuple(world.candidates[name] for name in effects))
 
 
 def _with_bounds_of_all(discovery: DropsDiscovery, observations: Observations) -> DropsDiscovery:
@@ -265,25 +264,30 @@ def _refuse_constant(dataset: Dataset) -> None:
         )
 
 
-def _split(
-    dataset: Dataset, observations: Observations, settings: CritiqueSettings, rng: np.random.Generator
-) -> tuple[Observations, Observations]:
+def _observed(
+    dataset: Dataset, effects: Sequence[str], settings: CritiqueSettings, arcs: ArcSettings | None
+) -> Observations:
+    """Impacts and flights of one planar rigid body, in which the named effects can be tested; UserError otherwise."""
+    require_known(effects, dataset.header.surfaces or ())
+    _refuse_constant(dataset)
+    observations = observe(dataset, arcs, settings.episodes)
+    for name, why in testable_effects(observations, settings.contact_time)[1].items():
+        if name in effects:
+            raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
     if observations.found.soft is not None:
         raise UserError(f"{dataset.name} cannot be compared with impact laws. {observations.found.soft.sentence()}")
     refuse_what_is_not_one_body(dataset.name, observations)
-    trials = np.unique(observations.trial)
-    if not are_enough(len(observations), len(trials)):
-        reasons = observations.found.left_out["reason"].value_counts().to_dict()
-        why = "; ".join(f"{count} {name}" for name, count in reasons.items())
-        why = why or ("none" if len(observations) else "none, because not one was detected")
-        noticed = " ".join([*map(str, dataset.warnings), *observations.found.warnings])
-        noticed = f"What was noticed: {noticed} " if noticed else ""
-        advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
-        raise TooFewImpacts(
-            f"{dataset.name} has {len(observations)} usable impacts in {len(trials)} trials; the critique needs "
-            f"{MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart. Left out: {why}. {noticed}"
-            f"{'' if observations.found.remarks else advice}".rstrip(),
-            observations,
-        )
-    training, held_out = split(trials, settings.held_out_share, rng)
-    return observations.select(training), observations.select(held_out)
+    return observations
+
+
+def _too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
+    """The error, with what was left out and what was noticed."""
+    found, n = observations.found, len(observations)
+    reasons = found.left_out["reason"].value_counts().to_dict()
+    why = "; ".join(f"{count} {name}" for name, count in reasons.items())
+    why = why or ("none" if n else "none, because not one was detected")
+    noticed = " ".join([*map(str, dataset.warnings), *found.warnings])
+    noticed = f"What was noticed: {noticed} " if noticed else ""
+    advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
+    text = f"{dataset.name} has {n} usable impacts in {len(np.unique(observations.trial))} trials; {needs}. "
+    return TooFew(text + f"Left out: {why}. {noticed}{'' if found.remarks else advice}".rstrip(), observations)

@@ -26,7 +26,7 @@ from thesis_lib.critique.contacts.engine_contact import (
     lacks,
 )
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.likelihood.bounds import Bound
 from thesis_lib.critique.likelihood.fit import ROUNDS, fit
@@ -63,7 +63,7 @@ def read_models(text: str) -> tuple[str, ...]:
 
 
 def compare_models(
-    critique: Critique, names: Sequence[str], say: Callable[[str], None] = lambda text: None
+    critique: DropsCritique, names: Sequence[str], say: Callable[[str], None] = lambda text: None
 ) -> pd.DataFrame:
     """A row for each model without the named effects, and with them where the critique named some; the best first.
 
@@ -94,7 +94,7 @@ def compare_models(
     return pd.concat(parts, ignore_index=True)[list(COLUMNS)]
 
 
-def _laws(critique: Critique) -> list[str]:
+def _laws(critique: DropsCritique) -> list[str]:
     """Candidate laws, and what stands at the end of the critique."""
     return list(dict.fromkeys([*CANDIDATE_LAWS, *added_laws(), critique.ladder[-1][1].base]))
 
@@ -104,7 +104,7 @@ def _of_effects(values: Mapping[str, float], effects: Sequence[Effect]) -> list[
 
 
 def _row(
-    critique: Critique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
+    critique: DropsCritique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
 ) -> tuple[dict[str, object], np.ndarray]:
     """One model fitted to the training trials, and its errors (n,) in m/s on the others."""
     timed = critique.ladder[-1][1].model.takes_time
@@ -122,7 +122,7 @@ def _row(
 
 
 def _default(
-    critique: Critique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
+    critique: DropsCritique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
 ) -> list[tuple[dict[str, object], np.ndarray]]:
     """An engine with its default contact, at its default friction and with the one that suits the training trials
     best; the effects are as the critique fitted them."""
@@ -142,7 +142,7 @@ def _default(
 
 
 def _judged(
-    critique: Critique,
+    critique: DropsCritique,
     row: dict[str, object],
     model: Model,
     values: Mapping[str, float],

@@ -38,11 +38,11 @@ def compute(dataset: "Dataset", say: Callable[[str], None], store: Rows = STORE)
     """Criticise a measured set, compare laws and engines on it, and store the rows."""
     import numpy as np
 
-    from thesis_lib.critique.drops.criticise import whole_critique
+    from thesis_lib.critique.drops.criticise import criticise_drops
     from thesis_lib.critique.engines.compare import LAWS, compare_models
     from thesis_lib.critique.engines.proof import ENGINES
 
-    critique = whole_critique(dataset, rng=generator(0, dataset.name), say=say)
+    critique = criticise_drops(dataset, rng=generator(0, dataset.name), say=say)
     named = "+".join(step.effect.name for step in critique.discovery.steps)
     about = {"dataset": dataset.name, "trials": len(np.unique(critique.observations.trial)), "named": named}
     about |= stamp(__file__)

@@ -93,11 +93,11 @@ def make(case: EngineCase, drops: int = DROPS) -> "Dataset":
 
 def compute(case: EngineCase) -> dict[str, object]:
     """Criticise, compare both engines, and sum up: a row of the table."""
-    from thesis_lib.critique.drops.criticise import whole_critique
+    from thesis_lib.critique.drops.criticise import criticise_drops
     from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, spread
 
     rng = generator(case.seed, "engines proof critique", case.engine, case.shape, case.truth)
-    judged = whole_critique(make(case, DROPS), rng=rng)
+    judged = criticise_drops(make(case, DROPS), rng=rng)
     models = compare_models(judged, ENGINES)
     label = WITH if judged.ladder[-1][1].effects else WITHOUT
     last = models[(models["effects"] == label) & (models["kind"] == "engine")].set_index("model")

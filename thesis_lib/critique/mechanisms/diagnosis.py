@@ -234,6 +234,15 @@ def _summary(d: Mapping) -> list[str]:
     return [s for s in sentences if s]
 
 
+def misfit_table(critique: MechanismCritique) -> "pd.DataFrame":
+    """Held-out misfit with its 95 % interval: of the believed model, and after each effect."""
+    import pandas as pd
+
+    labels = ["believed_parameters", *(step.effect.name for step in critique.steps)]
+    rows = [(label, *rung) for label, rung in zip(labels, critique.ladder)]
+    return pd.DataFrame(rows, columns=["label", "misfit", "misfit_low", "misfit_high"])
+
+
 def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.DataFrame", float]:
     """Held-out residuals, gains, and the 1 % limit in nats, as `figures.chapter2_hidden.figure_residuals` draws."""
     import pandas as pd

@@ -9,7 +9,7 @@ import numpy as np
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import Critique, whole_critique
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.likelihood.fit import cramer_rao
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.sizes import LAW
@@ -90,7 +90,7 @@ def compute(case: Case, code: str = "") -> Row:
     by = {"code": code or code_hash(), "made": today(), "sizes": case.sizes}
     dataset, true = make(case)
     try:
-        critique = whole_critique(dataset, rng=generator(case.seed, "critique", dataset.digest()))
+        critique = criticise_drops(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     except UserError as error:
         return Row(case, "refused", why=str(error).splitlines()[0][:200], **by)
     judged = {"base": critique.ladder[0][2], "augmented": critique.ladder[-1][2]}
@@ -110,7 +110,7 @@ def compute(case: Case, code: str = "") -> Row:
     )
 
 
-def _parameters(critique: Critique, true: dict[str, float]) -> dict[str, Recovered]:
+def _parameters(critique: DropsCritique, true: dict[str, float]) -> dict[str, Recovered]:
     """Continuous parameters of the hidden effect by short name."""
     fitted, true = critique.discovery.fitted, counted_from(critique.training.rig.reference, true)
     continuous = {name for name, p in fitted.model.parameters.items() if "." in name and p.discrete is None}

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thesis_lib.critique.drops.criticise import Critique, whole_critique
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.floor import floor
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
@@ -52,7 +52,7 @@ SEED = 0
 _SEEN = {"planar_impact": "ellipse", "planar_dice": "dice"}
 
 
-def row(critique: Critique, hits: str, chosen: str) -> dict:
+def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
     """The row of a critique."""
     (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
     o, stand_ins = critique.observations, critique.stand_ins
@@ -131,7 +131,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     by_hand = list(filter(None, args.effects.split(","))) or None
     with Progress(dataset.name) as say:
         own = generator(SEED, dataset.name)
-        critique = whole_critique(dataset, rng=own, settings=settings, effects=by_hand, say=say)
+        critique = criticise_drops(dataset, rng=own, settings=settings, effects=by_hand, say=say)
     new = row(critique, "single" if args.single else "all", "by hand" if by_hand else "searched")
     store(new)
     print("\n".join(f"{name}: {value}" for name, value in new.items()))

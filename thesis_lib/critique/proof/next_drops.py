@@ -28,7 +28,7 @@ import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import Critique, whole_critique
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.next_experiment import PLACED, tell_apart
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.critique.likelihood.fit import Fit, fit
@@ -135,7 +135,7 @@ def ask(question: Question) -> Answer:
     first_rng, critique_rng, proposal_rng, more_rng = rng.spawn(4)
     first = _drops(body, RELEASE, FIRST, hidden, first_rng)
     true = cause.effects[0]
-    critique = whole_critique(first, rng=critique_rng, effects=[true])
+    critique = criticise_drops(first, rng=critique_rng, effects=[true])
     pair = _rival(critique, true, cause.effects)
     if pair is None:
         return Answer(question, true)
@@ -175,7 +175,7 @@ def _drops(body: Body, release: Release | Launcher, n: int, hidden: HiddenCauses
     return Dataset("drops", made.header.model_copy(update={"noise": NOISE, "rate": None}), None, table)
 
 
-def _rival(critique: Critique, true: str, describes: Sequence[str]) -> tuple[str, float] | None:
+def _rival(critique: DropsCritique, true: str, describes: Sequence[str]) -> tuple[str, float] | None:
     """The effect that comes nearest to the true one, and by how many nats it falls short; None if that is told."""
     final = critique.ladder[-1][1]
     law = replace(final.model, effects=())

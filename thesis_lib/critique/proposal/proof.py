@@ -47,7 +47,7 @@ from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
 from thesis_lib.statistics.wording import count
 
 if TYPE_CHECKING:
-    from thesis_lib.critique.drops.criticise import Critique
+    from thesis_lib.critique.drops.criticise import DropsCritique
     from thesis_lib.datasets.format.dataset import Dataset
 
 SEEDS = 1000  # the table's begin here; those below served to choose sizes and terms
@@ -117,10 +117,10 @@ def make(case: ProposalCase, drops: int = DROPS) -> "Dataset":
 
 def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
     """Criticise, propose, and sum up: a row of the table."""
-    from thesis_lib.critique.drops.criticise import whole_critique
+    from thesis_lib.critique.drops.criticise import criticise_drops
     from thesis_lib.critique.proposal.propose import propose
 
-    judged = whole_critique(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
+    judged = criticise_drops(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
     row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case)}
     named = "+".join(step.effect.name for step in judged.discovery.steps)
     row |= {"verdict": judged.verdict, "named": named}
@@ -145,7 +145,7 @@ def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
     return row | numbers | stamp(__file__)
 
 
-def attainable(judged: "Critique", truth: str) -> float:
+def attainable(judged: "DropsCritique", truth: str) -> float:
     """Held-out error in m/s of the energetic law with the hidden term: what no choice of a term could much improve on.
 
     Few slow impacts, at which a recording says least of the velocities, dominate it.

@@ -19,7 +19,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.critique.contacts.kinds import kind_of
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.world import Drops, Judgement
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.proposal.effect_file import effect_of
@@ -97,14 +97,14 @@ class _Try:
 
 @threadpool_limits.wrap(limits=1)
 def propose(
-    critique: Critique, rng: np.random.Generator, say: Callable[[str], None] = lambda text: None
+    critique: DropsCritique, rng: np.random.Generator, say: Callable[[str], None] = lambda text: None
 ) -> Proposal | None:
     """The terms that pass the test of every effect, or None; `rng` draws folds and nulls."""
     return _Proposer(critique, rng, say).run()
 
 
 class _Proposer:
-    def __init__(self, critique: Critique, rng: np.random.Generator, say: Callable[[str], None]) -> None:
+    def __init__(self, critique: DropsCritique, rng: np.random.Generator, say: Callable[[str], None]) -> None:
         self.critique, self.settings, self.say = critique, critique.settings, say
         self.stream = streams(rng)
         self.world = Drops(critique.training, critique.settings.rivals, critique.settings.contact_time)

@@ -21,6 +21,7 @@ from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
 from thesis_lib.critique.proposal.terms import testable_terms
 from thesis_lib.critique.selection.settings import SearchSettings
+from thesis_lib.datasets.format.folder import holds_data
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import bounded, listed, number
@@ -69,6 +70,16 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
     )
 
 
+def with_proposal(content: Mapping, proposal: Proposal | None, file: str, has_angle: bool) -> dict:
+    """`content` of diagnosis.json where terms were looked for; `file`: name of the effect file, "" without one."""
+    more = {
+        "proposal": content_of(proposal, file),
+        "not_testable": [*content["not_testable"], *not_testable(has_angle)],
+    }
+    content = {**content, **more}
+    return {**content, "summary": [*content["summary"], *sentences(content)]}
+
+
 def not_testable(has_angle: bool) -> list[dict]:
     """What joins `not_testable` of diagnosis.json, where terms were looked for."""
     why = "theta is not measured: the unknown spin takes up any error that depends on it"
@@ -96,13 +107,16 @@ def sentences(d: Mapping) -> list[str]:
     doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
     ended = f"The search for terms ended at max_terms = {found['limit']}, although more than noise is left; "
     ended += "critique.settings.max_terms of the configuration, max_terms of the settings in Python, allows more."
+    where = "Critique.save(folder) writes it as an effect file to read, rename and edit, which --effects adds."
+    if file := found["file"]:
+        where = f"{file}, beside the folder, holds it as an effect to read, rename and edit, and critique DATA "
+        where += f"--effects {file} adds it."
     return [
         f"Proposed {many}: {listed(named)}; of {found['tried']} that were tried, p = {number(worst, 2)}; with "
         f"{'them' if len(terms) > 1 else 'it'} {fall}.",
         *doubt,
         *[ended] * (found["limit"] is not None),
-        f"That is a form for what is missing, not its cause: {found['file']}, beside the folder, holds it as an effect "
-        f"to read, rename and edit, and critique DATA --effects {found['file']} adds it.",
+        f"That is a form for what is missing, not its cause: {where}",
     ]
 
 
@@ -127,6 +141,13 @@ def text_of(proposal: Proposal) -> str:
     change = SearchSettings().change(float(before), float(after), proposal.after.floor, _speed)
     found.append(f"With it the held-out error {change}.")
     return source([one.term for one in proposal.terms], "\n".join(found))
+
+
+def proposal_path(folder: str | Path) -> Path:
+    """The file beside the folder of a critique, or further up: out of a folder with data no code is loaded."""
+    folder = Path(folder).resolve()
+    outside = next(place for place in (folder, *folder.parents) if not any(map(holds_data, place.parents)))
+    return outside.with_name(f"{folder.name}_proposal.py")
 
 
 def write_source(proposal: Proposal, path: Path) -> Path:

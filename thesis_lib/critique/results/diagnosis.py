@@ -42,7 +42,7 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
@@ -61,7 +61,7 @@ from thesis_lib.statistics.bootstrap import bootstrap_mean
 WORST = 5  # impacts that are listed if single ones dominate the mean
 
 
-def diagnosis(critique: Critique, rng: np.random.Generator, rungs: pd.DataFrame | None = None) -> dict:
+def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataFrame | None = None) -> dict:
     """Content of diagnosis.json, rounded to six digits.
 
     `rng` draws intervals and trial states; `rungs` is the table of the ladder, None: made here.
@@ -131,7 +131,7 @@ def parameters(fitted: Fit, of: str = "") -> dict[str, dict]:
     }
 
 
-def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
+def _law(critique: DropsCritique, name: str, rng: np.random.Generator) -> dict:
     """One law without effects: what two runs that chose different laws can be compared by."""
     fitted = critique.discovery.bases[name]
     judged = critique.laws[name]
@@ -143,7 +143,7 @@ def _law(critique: Critique, name: str, rng: np.random.Generator) -> dict:
     }
 
 
-def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
+def _effect(critique: DropsCritique, i: int, rng: np.random.Generator) -> dict:
     step, (_, final, judged) = critique.discovery.steps[i], critique.ladder[-1]
     name = step.effect.name
     gain, low, high = critique.gain_of(name, rng)
@@ -161,7 +161,7 @@ def _effect(critique: Critique, i: int, rng: np.random.Generator) -> dict:
     }
 
 
-def _rejected(critique: Critique, one: Rejected) -> dict:
+def _rejected(critique: DropsCritique, one: Rejected) -> dict:
     """An effect that the held-out trials reject, with the errors that rise."""
     rises = {}
     for channel in spoilt_channels(one.judged, one.than, critique.settings):
@@ -171,12 +171,12 @@ def _rejected(critique: Critique, one: Rejected) -> dict:
     return {"name": one.step.effect.name, "rises": rises}
 
 
-def _search(critique: Critique) -> dict:
+def _search(critique: DropsCritique) -> dict:
     limit = critique.discovery.limit
     return {"limit": limit, "value": None if limit is None else getattr(critique.settings, limit)}
 
 
-def _error(critique: Critique) -> dict:
+def _error(critique: DropsCritique) -> dict:
     (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
     base, augmented, floor = float(before.error.mean()), float(after.error.mean()), after.floor
     single = critique.held_out.single
@@ -195,7 +195,7 @@ def _error(critique: Critique) -> dict:
     return errors | bounds | {"no_impact": critique.no_impact, "worst": _worst(critique)} | misfits
 
 
-def _worst(critique: Critique) -> list[dict]:
+def _worst(critique: DropsCritique) -> list[dict]:
     """Held-out impacts of largest error, if they lift the mean far above the floor and the median is not there."""
     judged, limit = critique.ladder[-1][2], critique.settings.excess_scatter
     # a comparison with an unknown floor is false

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_TIME
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 
 MOVED, MATERIAL = 3.0, 0.02  # least change of a compensating parameter: standard errors, and share
@@ -14,7 +14,7 @@ CHANNELS = ("flight", "meet", "touch")
 BASE_NAMES = tuple(p.name for p in (*BASE_PARAMETERS, CONTACT_TIME))
 
 
-def ladder_table(critique: Critique, tables: Mapping[str, pd.DataFrame] | None = None) -> pd.DataFrame:
+def ladder_table(critique: DropsCritique, tables: Mapping[str, pd.DataFrame] | None = None) -> pd.DataFrame:
     """Held-out error after 0, 1, ... effects: label, error, error_low, error_high (m/s), flight, meet, touch (sigma).
 
     Rows come from `tables["ladder"]` if it exists, so that page, plot and table agree.
@@ -30,7 +30,7 @@ def ladder_table(critique: Critique, tables: Mapping[str, pd.DataFrame] | None =
     return pd.DataFrame(rows, columns=columns)
 
 
-def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
+def law_errors(critique: DropsCritique) -> tuple[pd.DataFrame, np.ndarray]:
     """Held-out error and score of each law without effects, best first, and Best Post Hoc's error (n,) in m/s.
 
     Columns: model, error, error_low, error_high (m/s), gain, gain_low, gain_high (nats per impact over the base law).
@@ -49,7 +49,7 @@ def law_errors(critique: Critique) -> tuple[pd.DataFrame, np.ndarray]:
     return table.sort_values("error", kind="stable", ignore_index=True), best
 
 
-def parameter_table(critique: Critique) -> pd.DataFrame:
+def parameter_table(critique: DropsCritique) -> pd.DataFrame:
     """Each parameter at each rung of the ladder: columns label, parameter, unit, value, std; of a bound std is NaN."""
     rows = [
         (label, name, p.unit, fitted.content(name)["value"], fitted.std[name])
@@ -59,7 +59,7 @@ def parameter_table(critique: Critique) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["label", "parameter", "unit", "value", "std"])
 
 
-def compensations(critique: Critique) -> pd.DataFrame:
+def compensations(critique: DropsCritique) -> pd.DataFrame:
     """Change of each base parameter from the first to the last rung: columns parameter, before, after, sigmas.
 
     `sigmas` is the change over the joint standard error.  Empty if the law changed: μ and ε of different laws differ.
@@ -74,7 +74,7 @@ def compensations(critique: Critique) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameter", "before", "after", "sigmas"])
 
 
-def compensated(critique: Critique, material: bool = True) -> pd.DataFrame:
+def compensated(critique: DropsCritique, material: bool = True) -> pd.DataFrame:
     """The rows of `compensations` with a significant change that is material, or is not."""
     table = compensations(critique)
     share = (table["after"] - table["before"]).abs() / table["before"].abs()

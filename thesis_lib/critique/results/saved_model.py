@@ -126,6 +126,66 @@ class SavedModel(Section):
         reference = Reference(rig.reference.x, rig.reference.t, rig.reference.trial)
         return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle, reference)
 
+    def __repr__(self) -> str:
+        named = f" with {', '.join(self.effects)}" if self.effects else ""
+        return f"<SavedModel of {self.dataset}: {self.law}{named}>"
+
+    __str__ = __repr__
+
+    def predict(self, states: pd.DataFrame, source: str = "") -> pd.DataFrame:
+        """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
+
+        The prediction holds where the contact ends: at once, or after the time that a model with `tau` gives it.
+        `states` are x, y, theta, vx, vy, omega at first touch, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
+        effect depends on them, and any further columns.  Between walls the body hits the nearest one towards which it
+        moves.  Where spins were not measured, predictions hold for those of the states.  UserError, which begins with
+        `source`, the name of their file, if a column is missing or a value is not a finite number.
+        """
+        prefix = f"{source}: " if source else ""
+        if missing := [name for name in STATE if name not in states]:
+            raise UserError(
+                f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
+                "(m, rad, m/s, rad/s) just before impact."
+            )
+        columns = {}
+        for name in (*STATE, *OPTIONAL):
+            if name in states:
+                try:
+                    columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
+                except OverflowError as error:
+                    raise UserError(f"{prefix}The column {name} holds a number that is too large.") from error
+                bad = np.flatnonzero(~np.isfinite(columns[name]))
+                if len(bad):
+                    raise UserError(
+                        f"{prefix}The column {name} holds no finite number in {len(bad)} row(s), first in row "
+                        f"{bad[0] + 1} below the header."
+                    )
+        # what is missing is that of the reference: far from it a limit such as ε ≤ 1 would hide what depends on it
+        for name in (name for name in OPTIONAL if name not in states):
+            columns[name] = np.full(len(states), getattr(self.rig.reference, name))
+        state = State.planar(**columns)
+        after, approaches = _after(self, state)
+        for name in (name for name in OPTIONAL if name not in states):
+            moved, _ = _after(self, state.moved(**{name: getattr(state, name) + _PULL}))
+            if not np.array_equal(after, moved, equal_nan=True):
+                effects = ", ".join(self.effects)
+                why = f"This model depends on {name} ({effects}): add the column {name} to the states."
+                raise UserError(f"{prefix}{why}")
+        status = np.where(approaches, "ok", "not_approaching")
+        status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
+        return states.assign(**dict(zip(POST, after.T)), status=status)
+
+    def save(self, path: str | Path) -> None:
+        """Write model.json; with `origins` only where something is not the library's."""
+        content = self.model_dump(mode="json", by_alias=True)
+        content["parameters"] = {
+            name: {k: v for k, v in p.items() if k not in OF_BOUND or v is not None}
+            for name, p in content["parameters"].items()
+        }
+        content["origins"] = {name: one.origin.content() for name, one in self.origins.items()}
+        content["rig"] = {k: v for k, v in content["rig"].items() if (k, v) not in _USUAL}
+        write_json(content if self.origins else {k: v for k, v in content.items() if k != "origins"}, path)
+
 
 def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping] | None = None) -> SavedModel:
     """Content of model.json for a fitted model; `parameters`: as in diagnosis.json, None: as fitted."""
@@ -145,18 +205,6 @@ def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping]
     user |= {"reference": asdict(rig.reference)}
     user |= {"walls": [wall.model_dump(mode="json") for wall in rig.walls]}
     return SavedModel.model_validate(rounded | {"rig": user})
-
-
-def save_model(model: SavedModel, path: str | Path) -> None:
-    """Write model.json; with `origins` only where something is not the library's."""
-    content = model.model_dump(mode="json", by_alias=True)
-    content["parameters"] = {
-        name: {k: v for k, v in p.items() if k not in OF_BOUND or v is not None}
-        for name, p in content["parameters"].items()
-    }
-    content["origins"] = {name: one.origin.content() for name, one in model.origins.items()}
-    content["rig"] = {k: v for k, v in content["rig"].items() if (k, v) not in _USUAL}
-    write_json(content if model.origins else {k: v for k, v in content.items() if k != "origins"}, path)
 
 
 def changed_code(model: SavedModel) -> list[str]:
@@ -229,49 +277,6 @@ def read_states(path: str | Path) -> pd.DataFrame:
         return pd.read_csv(io.BytesIO(content), index_col=False, encoding="utf-8-sig")
     except Exception as error:  # the parser raises errors of many kinds
         raise UserError(f"{path} is not a CSV table: {error}") from error
-
-
-def predict(model: SavedModel, states: pd.DataFrame, source: str = "") -> pd.DataFrame:
-    """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
-
-    The prediction holds where the contact ends: at once, or after the time that a model with `tau` gives it.
-    `states` are x, y, theta, vx, vy, omega at first touch, as measured (m, rad, m/s, rad/s), `trial` and `t` if an
-    effect depends on them, and any further columns.  Between walls the body hits the nearest one towards which it
-    moves.  Where spins were not measured, predictions hold for those of the states.  UserError, which begins with
-    `source`, the name of their file, if a column is missing or a value is not a finite number.
-    """
-    prefix = f"{source}: " if source else ""
-    if missing := [name for name in STATE if name not in states]:
-        raise UserError(
-            f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
-            "(m, rad, m/s, rad/s) just before impact."
-        )
-    columns = {}
-    for name in (*STATE, *OPTIONAL):
-        if name in states:
-            try:
-                columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
-            except OverflowError as error:
-                raise UserError(f"{prefix}The column {name} holds a number that is too large.") from error
-            bad = np.flatnonzero(~np.isfinite(columns[name]))
-            if len(bad):
-                raise UserError(
-                    f"{prefix}The column {name} holds no finite number in {len(bad)} row(s), first in row {bad[0] + 1} "
-                    "below the header."
-                )
-    # what is missing is that of the reference: far from it a limit such as ε ≤ 1 would hide what depends on it
-    for name in (name for name in OPTIONAL if name not in states):
-        columns[name] = np.full(len(states), getattr(model.rig.reference, name))
-    state = State.planar(**columns)
-    after, approaches = _after(model, state)
-    for name in (name for name in OPTIONAL if name not in states):
-        moved, _ = _after(model, state.moved(**{name: getattr(state, name) + _PULL}))
-        if not np.array_equal(after, moved, equal_nan=True):
-            effects = ", ".join(model.effects)
-            raise UserError(f"{prefix}This model depends on {name} ({effects}): add the column {name} to the states.")
-    status = np.where(approaches, "ok", "not_approaching")
-    status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
-    return states.assign(**dict(zip(POST, after.T)), status=status)
 
 
 def _after(model: SavedModel, state: State) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ import pandas as pd
 
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.planar.unknown_spin import what_is_left
@@ -51,7 +51,7 @@ RANGE_UNKNOWN = 0.1  # m/s, the same if the noise is unknown
 TRIM = 0.02  # share of the impacts, largest errors first, that the budget excludes
 
 
-def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
+def tables(critique: DropsCritique, rng: np.random.Generator) -> dict[str, pd.DataFrame]:
     """All tables by file stem; KeyError if columns.yaml does not explain a column."""
     content = {
         "comparison": comparison(critique),
@@ -67,7 +67,7 @@ def tables(critique: Critique, rng: np.random.Generator) -> dict[str, pd.DataFra
     return content
 
 
-def comparison(critique: Critique) -> pd.DataFrame:
+def comparison(critique: DropsCritique) -> pd.DataFrame:
     """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
     o = critique.held_out
     bases = critique.discovery.bases
@@ -107,7 +107,7 @@ def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     return irb_bound(v_pre, v_post, r, mass=1.0, k_g=observations.rig.k_g).error
 
 
-def errors(critique: Critique) -> pd.DataFrame:
+def errors(critique: DropsCritique) -> pd.DataFrame:
     """A row per impact and model (base, and augmented if there are effects) with the error in the contact frame."""
     o = critique.observations
     models = {"base": critique.ladder[0][1]}
@@ -127,7 +127,7 @@ def errors(critique: Critique) -> pd.DataFrame:
     )
 
 
-def ladder(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
+def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     """A row per rung: after 0, 1, ... effects."""
     rows, previous = [], None
     for step, (label, _, judged) in enumerate(critique.ladder):
@@ -193,7 +193,7 @@ def left_out_impacts(observations: Observations) -> pd.DataFrame:
     return pd.concat([left_out, short], ignore_index=True) if len(short) else left_out
 
 
-def budget(critique: Critique, rng: np.random.Generator) -> pd.DataFrame:
+def budget(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     """Parts of the mean square error of the base law on held-out single hits, as in the module's table."""
     o, base = critique.held_out.single, critique.ladder[0][1]
     laws = list(critique.discovery.bases.values())
@@ -236,7 +236,7 @@ def _row(model: str, kind: str, error: np.ndarray, fitted: Fit | None = None, ju
     return row
 
 
-def _shares_in_range(critique: Critique) -> tuple[dict[str, float], float]:
+def _shares_in_range(critique: DropsCritique) -> tuple[dict[str, float], float]:
     """By law, the share of held-out single hits that some (μ, ε) brings within the tolerance, and this in m/s."""
     o, base = critique.held_out.single, critique.ladder[0][1]
     floor = critique.ladder[0][2].floor

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.effects import EFFECTS
 
@@ -61,13 +61,13 @@ def counted_from(name: str, reference: Mapping[str, float], found: Mapping[str, 
     return ", ".join([f"counted from {' and '.join(starts)}", *places]) if starts else ""
 
 
-def new_law(critique: Critique, i: int) -> str:
+def new_law(critique: DropsCritique, i: int) -> str:
     """Title of the law at the i-th rung of the ladder if it differs from the rung before, else ''."""
     before, here = (critique.ladder[j][1].model.law.name for j in (max(i - 1, 0), i))
     return law_title(here) if here != before else ""
 
 
-def rung_title(critique: Critique, i: int) -> str:
+def rung_title(critique: DropsCritique, i: int) -> str:
     """Label of the i-th rung of the ladder: the base law, or the added effect and a change of law."""
     if i == 0:
         return law_title(critique.discovery.base)

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from thesis_lib.bodies.walls import as_filmed
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.results.tables import left_out_impacts
@@ -26,7 +26,7 @@ STATES = ("v_t", "v_n", "omega", "theta")
 
 
 @house_style
-def draw_data(critique: Critique) -> Drawn:
+def draw_data(critique: DropsCritique) -> Drawn:
     """Trials in the plane, histograms of the states before impact, and reasons for leaving impacts out."""
     o = critique.observations
     shown = trials_to_show(critique)
@@ -76,7 +76,7 @@ def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
     return [("impacts", name, np.nan, np.nan, float(n), np.nan) for name, n in zip(names, counts)]
 
 
-def data_sentence(critique: Critique) -> str:
+def data_sentence(critique: DropsCritique) -> str:
     """Numbers of impacts and trials, and how many are used."""
     o = critique.observations
     out = len(left_out_impacts(o))
@@ -84,7 +84,7 @@ def data_sentence(critique: Critique) -> str:
     return f"{text}; {out} ({100 * out / (out + len(o)):.0f} %) were left out" if out else f"{text}, none left out"
 
 
-def trials_to_show(critique: Critique) -> np.ndarray:
+def trials_to_show(critique: DropsCritique) -> np.ndarray:
     """Numbers of up to `TRIALS` trials of typical impact counts, from the start, middle and end of the dataset."""
     source = critique.source
     if source is None or source.trajectories is None or not critique.observations.arcs:
@@ -95,7 +95,7 @@ def trials_to_show(critique: Critique) -> np.ndarray:
     return typical[np.unique(np.linspace(0, len(typical) - 1, TRIALS).astype(int))]
 
 
-def _path(ax: Axes, critique: Critique, trial: int) -> list[tuple]:
+def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
     """One trial in the plane: samples, fitted arcs, outline of the body at each impact, surface."""
     source, o = critique.source, critique.observations
     searched = o.found.samples

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.results.numbers import BASE_NAMES, compensated, ladder_table, law_errors, parameter_table
 from thesis_lib.critique.results.titles import GREEK, effect_title, handy_unit, law_title, rung_title
 from thesis_lib.figures.law_style import LAW_STYLE
@@ -43,7 +43,7 @@ def set_title(figure: Figure, text: str) -> None:
     figure.suptitle(text, x=0.01, ha="left", fontsize=9, fontweight="bold")
 
 
-def step_label(critique: Critique, i: int) -> str:
+def step_label(critique: DropsCritique, i: int) -> str:
     """Label of the i-th rung of the ladder."""
     return textwrap.fill(rung_title(critique, i), LABEL_WIDTH)
 
@@ -58,7 +58,7 @@ BUDGET_WORDS = {  # completing "so much of the error ..."
 
 
 @house_style
-def draw_ladder(critique: Critique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
+def draw_ladder(critique: DropsCritique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
     """Held-out error after each added effect with 95 % intervals, between noise floor and no-impact baseline."""
     table = ladder_table(critique, tables)
     labels = [step_label(critique, i) for i in range(len(table))]
@@ -106,7 +106,7 @@ def _draw_misfits(ax: Axes, misfits: pd.DataFrame) -> None:
     ax.legend(loc="lower left", bbox_to_anchor=(-0.03, 1.0), ncols=3, handletextpad=0.1, columnspacing=0.8)
 
 
-def ladder_sentence(critique: Critique) -> str:
+def ladder_sentence(critique: DropsCritique) -> str:
     """Change of the held-out error along the ladder, beside the noise floor."""
     first, last = critique.ladder[0][2], critique.ladder[-1][2]
     before, after, floor = float(first.error.mean()), float(last.error.mean()), last.floor
@@ -119,7 +119,7 @@ def ladder_sentence(critique: Critique) -> str:
 
 
 @house_style
-def draw_laws(critique: Critique) -> Drawn:
+def draw_laws(critique: DropsCritique) -> Drawn:
     """Held-out error and log score of each law without effects, beside Best Post Hoc, IRB bound and floor."""
     table, best = law_errors(critique)
     figure = new_figure(height=3.0)
@@ -197,7 +197,7 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
 
 
 @house_style
-def draw_parameters(critique: Critique) -> Drawn:
+def draw_parameters(critique: DropsCritique) -> Drawn:
     """Each parameter with its 95 % interval at each step, or its bound as an arrow.
 
     One that moves had compensated for a missing effect.
@@ -259,7 +259,7 @@ def symbol_of(name: str) -> str:
     return f"${first}_{{{','.join(rest)}}}$" if rest else f"${first}$"
 
 
-def parameters_sentence(critique: Critique) -> str:
+def parameters_sentence(critique: DropsCritique) -> str:
     """Parameters that had compensated for missing effects."""
     names = {"mu": "friction μ", "epsilon": "restitution ε", "tau": "contact time τ"}
     if len(critique.ladder) == 1:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.figures.critique.data import draw_data
 from thesis_lib.figures.critique.errors import draw_budget, draw_ladder, draw_laws, draw_parameters
 from thesis_lib.figures.critique.models import draw_models
@@ -16,7 +16,9 @@ NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "ladder", "p
 
 
 @house_style
-def pictures(critique: Critique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None) -> dict[str, Drawn]:
+def pictures(
+    critique: DropsCritique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None
+) -> dict[str, Drawn]:
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
     `tables`: `ladder`, `comparison` (IRB bound), `budget` and `models`; `where`: content of where.json.  The pictures

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.questions import flight_residuals as flying
 from thesis_lib.critique.results.residual_numbers import bin_of, contact_residuals, dependence
@@ -58,7 +58,7 @@ class Residuals:
 
 
 @house_style
-def draw_residuals(critique: Critique) -> Drawn:
+def draw_residuals(critique: DropsCritique) -> Drawn:
     """Residuals in the contact frame against the features on which they depend most, before and after the effects."""
     o = critique.observations.single
     values = {kind: contact_residuals(fitted, o) for kind, fitted in _fits(critique).items()}
@@ -72,7 +72,7 @@ def draw_residuals(critique: Critique) -> Drawn:
 
 
 @house_style
-def draw_flights(critique: Critique) -> Drawn:
+def draw_flights(critique: DropsCritique) -> Drawn:
     """Residual accelerations of flights, in units of noise, against the state at mid-flight."""
     o = critique.observations
     values = {kind: flying.relative_residuals(fitted, o.flights, o.rig) for kind, fitted in _fits(critique).items()}
@@ -85,7 +85,7 @@ def draw_flights(critique: Critique) -> Drawn:
     return figure, flying.flight_table(critique)
 
 
-def _fits(critique: Critique) -> dict:
+def _fits(critique: DropsCritique) -> dict:
     rungs = {"before": critique.ladder[0]} | ({"after": critique.ladder[-1]} if len(critique.ladder) > 1 else {})
     return {kind: fitted for kind, (_, fitted, _) in rungs.items()}
 
@@ -144,7 +144,7 @@ def residuals_sentence(shown: Residuals) -> str:
     return _strongest(shown) or "The residuals of the base law depend on no single feature of the state"
 
 
-def flights_sentence(critique: Critique, shown: Residuals) -> str:
+def flights_sentence(critique: DropsCritique, shown: Residuals) -> str:
     """How far flights miss the prediction, and the feature on which that depends most."""
     first, last = (float(np.sqrt(critique.ladder[i][2].sigmas["flight"])) for i in (0, -1))
     sentence = _strongest(shown) or "The residuals in flight depend on no single feature of the state"

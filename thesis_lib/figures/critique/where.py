@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.words import plain_rule
 from thesis_lib.critique.results.residual_numbers import energy_disc, impact_errors
@@ -80,7 +80,7 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
 
 
 @house_style
-def draw_where(critique: Critique, where: Mapping | None) -> Drawn:
+def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
     """Maps of the error over (v_t, v_n) and over the energy disc, before and after the effects."""
     o = critique.observations.single
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
@@ -148,7 +148,7 @@ def region_text(region: Mapping) -> str:
     return f"{text}, {100 * region['support']:.0f} % of impacts (p = {number(region['p_value'], 2)})"
 
 
-def where_sentence(critique: Critique, regions: Sequence[Mapping]) -> str:
+def where_sentence(critique: DropsCritique, regions: Sequence[Mapping]) -> str:
     """Where the base law fails, and how much of the error the effects remove."""
     if not regions:
         return "The error of the base law is spread over all states: no rule marks a region in which it is larger"

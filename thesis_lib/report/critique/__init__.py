@@ -4,12 +4,12 @@ Reading order:
 
 | file                               | holds                                                                       |
 |------------------------------------|-----------------------------------------------------------------------------|
-| `folder`, `whole_folder`           | from data to a folder of results, which is complete or absent               |
+| `folder`, `whole_folder`           | writes a folder of results, which is complete or absent                     |
 | `skeleton`                         | what the pages of all critiques share                                       |
 | `page`                             | the page of drops: its sections in order                                    |
 | `text`, `effects`                  | sentences: on data, laws and failures; on missing effects                   |
 | `tables`                           | tables, and the captions of the pictures                                    |
 | `impacts`                          | the map of single impacts in section 2                                      |
-| `few_impacts`                      | folder and page of impacts that are too few for a verdict                   |
+| `few_impacts`                      | the page of impacts that are too few for a verdict                          |
 | `mechanisms`                       | the page of a mechanism                                                     |
 """

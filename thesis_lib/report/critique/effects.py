@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
 from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
@@ -111,7 +111,7 @@ def _alternatives(names: Sequence[str]) -> str:
     return alternatives_listed([effect_title(name) for name in names])
 
 
-def remaining(critique: Critique, d: Mapping) -> Markup:
+def remaining(critique: DropsCritique, d: Mapping) -> Markup:
     """What remains after the last effect: structure, scatter beyond the noise, or nothing that matters."""
     rest, judged = d["remaining"], critique.ladder[-1][2]
     p, most = number(rest["p_value"], 2), number(critique.settings.excess_scatter, 2)
@@ -166,7 +166,7 @@ def _worst(error: Mapping) -> Markup:
     ) + table("Largest held-out errors", ("trial", "t (s)", "error (m/s)"), rows, numeric=(1, 2))
 
 
-def ladder_text(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
+def ladder_text(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     if not d["effects"]:
         return paragraph("No effect was added, so the ladder has a single rung.")
     error, unit, flight = d["error"], d["error"]["unit"], d["error"]["flight"]
@@ -192,7 +192,7 @@ def ladder_text(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     return paragraph(text)
 
 
-def moved(critique: Critique) -> Markup:
+def moved(critique: DropsCritique) -> Markup:
     if len(critique.ladder) < 2:
         return Markup()
     first, last = (law_title(critique.ladder[i][1].model.law.name) for i in (0, -1))

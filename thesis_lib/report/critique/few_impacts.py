@@ -1,7 +1,6 @@
-"""The folder and the page of impacts that are too few for a verdict: a number for restitution, and what it rests on."""
+"""The page of impacts that are too few for a verdict: a number for restitution, and what it rests on."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,31 +8,21 @@ from markupsafe import Markup
 
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.likelihood.residuals import states_at_impact
-from thesis_lib.critique.results.few_impacts import few_diagnosis, few_parameters, with_error
-from thesis_lib.critique.results.saved_model import save_model, saved
-from thesis_lib.critique.results.tables import few_tables
+from thesis_lib.critique.results.few_impacts import with_error
+from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.titles import law_title, symbol
-from thesis_lib.foundation.files import write_json, write_result, write_text
+from thesis_lib.report.critique.folder import Contents
 from thesis_lib.report.critique.skeleton import critique_page
 from thesis_lib.report.critique.tables import comparison_table, left_out_table
-from thesis_lib.report.critique.whole_folder import MODEL_FILE, VERDICT_FILE, whole_folder
 from thesis_lib.report.elements import paragraph, sized, table
 from thesis_lib.statistics.wording import number
 
 MOST = 60  # impacts in the table of the page
 
 
-def write_few_impacts(few: FewImpacts, folder: str | Path) -> dict:
-    """Write all files into `folder` and return the content of diagnosis.json."""
-    d, made = few_diagnosis(few), few_tables(few)
-    with whole_folder(folder) as part:
-        for name, content in made.items():
-            write_result(content, part / f"{name}.csv")
-        model = saved(few.fitted, few.observations.rig, few.dataset, few_parameters(few))
-        save_model(model, part / MODEL_FILE)
-        write_text(few_page(few, d, made), part / "report.html")
-        write_json(d, part / VERDICT_FILE)
-    return d
+def few_contents(few: FewImpacts, findings: Findings) -> Contents:
+    """The page of impacts that are too few for a verdict; there are no pictures."""
+    return Contents(few_page(few, findings.diagnosis, findings.tables))
 
 
 def few_page(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> str:

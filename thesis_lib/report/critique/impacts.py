@@ -22,7 +22,7 @@ from matplotlib.colors import to_hex
 from matplotlib.ticker import MaxNLocator
 
 from thesis_lib.contact.space import contact_space, energy_ellipse, measured_impulse, velocity_error
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
@@ -47,7 +47,7 @@ KEYS = (
 )
 
 
-def explorer(critique: Critique, where: Mapping) -> Markup:
+def explorer(critique: DropsCritique, where: Mapping) -> Markup:
     """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction."""
     o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]
     residuals = {"base": velocity_left(base.model, base.values, o)}
@@ -111,7 +111,7 @@ def _reading(shown: int, total: int) -> str:
     )
 
 
-def _numbers(critique: Critique, base: Fit, residuals: Mapping, errors: Mapping, rows: np.ndarray) -> dict:
+def _numbers(critique: DropsCritique, base: Fit, residuals: Mapping, errors: Mapping, rows: np.ndarray) -> dict:
     """What the script draws (see the module's table) of the impacts `rows`; residuals and errors by model."""
     o = critique.observations.single
     mass = None if critique.source is None else critique.source.mass

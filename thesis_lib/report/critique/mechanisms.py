@@ -1,19 +1,19 @@
 """report.html of a mechanism's critique: the four steps of the impacts' page, from the content of diagnosis.json."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
+from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, misfit_table, residual_tables
 from thesis_lib.critique.mechanisms.effects import CANDIDATES
+from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.titles import symbol
-from thesis_lib.figures.style import Drawn, save_figure
-from thesis_lib.foundation.files import write_json, write_result, write_text
+from thesis_lib.figures.chapter2.hidden import figure_residuals
+from thesis_lib.figures.style import Drawn
+from thesis_lib.report.critique.folder import Contents
 from thesis_lib.report.critique.skeleton import critique_page
-from thesis_lib.report.critique.whole_folder import VERDICT_FILE, whole_folder
 from thesis_lib.report.elements import amount, bullets, estimate, fitted, interval, paragraph, percent, picture, table
 from thesis_lib.statistics.wording import listed, number
 
@@ -65,28 +65,16 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
     return critique_page(d, contents, "force")
 
 
-def write_mechanism_critique(
-    critique: MechanismCritique, name: str, folder: str | Path, rng: np.random.Generator
-) -> dict:
-    """Write all files of a mechanism's critique into `folder` and return the content of diagnosis.json.
+def mechanism_findings(critique: MechanismCritique, name: str, rng: np.random.Generator) -> Findings:
+    """What is written of a mechanism, under the `name` of its recording; `rng` permutes windows."""
+    return Findings(mechanism_diagnosis(critique, name, rng), {"misfit": misfit_table(critique)})
 
-    The page shows `name`.  `folder` is made if needed, and files of an earlier critique are replaced.  `rng` permutes
-    windows; an equal stream gives equal bytes.
-    """
-    from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, residual_tables
-    from thesis_lib.figures.chapter2.hidden import figure_residuals
 
-    d = mechanism_diagnosis(critique, name, rng)
+def mechanism_contents(critique: MechanismCritique, findings: Findings) -> Contents:
+    """Picture and page of a mechanism."""
     drawn = figure_residuals(*residual_tables(critique))
-    labels = ["believed_parameters", *(step.effect.name for step in critique.steps)]
-    columns = ["label", "misfit", "misfit_low", "misfit_high"]
-    misfit = pd.DataFrame([(label, *rung) for label, rung in zip(labels, critique.ladder)], columns=columns)
-    with whole_folder(folder) as part:
-        save_figure(*drawn, part / "mechanism_residuals")
-        write_result(misfit, part / "misfit.csv")
-        write_text(mechanism_page(d, {"residuals": (drawn, RESIDUALS)}), part / "report.html")
-        write_json(d, part / VERDICT_FILE)
-    return d
+    page = mechanism_page(findings.diagnosis, {"residuals": (drawn, RESIDUALS)})
+    return Contents(page, {"mechanism_residuals": drawn})
 
 
 def _reasons(left: Mapping) -> str:

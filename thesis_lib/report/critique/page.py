@@ -11,18 +11,30 @@ from collections.abc import Mapping
 import pandas as pd
 from markupsafe import Markup
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.numbers import ladder_table
 from thesis_lib.critique.results.summary import possible_faults
-from thesis_lib.figures.style import Drawn
+from thesis_lib.figures.style import Drawn, png_of
 from thesis_lib.foundation.terminal import visible
 from thesis_lib.report.critique import effects, impacts, proposal, tables, text
+from thesis_lib.report.critique.folder import Contents
 from thesis_lib.report.critique.skeleton import critique_page
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, picture
 
 
+def contents(critique: DropsCritique, findings: Findings) -> Contents:
+    """Pictures and page of a critique of drops."""
+    from thesis_lib.figures.critique.pictures import pictures
+
+    drawn = pictures(critique, findings.tables, findings.regions)
+    images = {name: png_of(figure) for name, (figure, _) in drawn.items()}
+    of_findings = (findings.diagnosis, findings.regions or {}, findings.tables)
+    return Contents(report_html(critique, *of_findings, drawn, images), drawn, images)
+
+
 def report_html(
-    critique: Critique,
+    critique: DropsCritique,
     d: Mapping,
     where: Mapping,
     made: Mapping[str, pd.DataFrame],
@@ -96,7 +108,7 @@ def _models(made: Mapping[str, pd.DataFrame]) -> tuple[Markup, ...]:
     return (models(made["models"]),)
 
 
-def _description(critique: Critique) -> Markup:
+def _description(critique: DropsCritique) -> Markup:
     words = "" if critique.source is None else (critique.source.header.description or "")
     return paragraph(f"What the dataset says of itself: {visible(words)}" if words.strip() else "", kind="about")
 

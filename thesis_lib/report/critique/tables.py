@@ -10,7 +10,7 @@ from dataclasses import asdict
 import pandas as pd
 from markupsafe import Markup
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.results.summary import origin_text
@@ -35,7 +35,7 @@ TESTS = {
 LEVEL = 0.01
 
 
-def captions(critique: Critique) -> dict[str, str]:
+def captions(critique: DropsCritique) -> dict[str, str]:
     """How to read each picture; also the alternative text, after the picture's own title."""
     states = "Histograms of the states before impact, training and held-out trials stacked"
     if critique.source is not None and critique.source.trajectories is not None and critique.observations.arcs:
@@ -155,7 +155,7 @@ def tests_table(where: Mapping) -> Markup:
     return table("Tests of the whole class of laws, before any effect is tried", columns, rows, numeric=(1,))
 
 
-def parameters_table(critique: Critique) -> Markup:
+def parameters_table(critique: DropsCritique) -> Markup:
     """Each parameter without effects and with all of them."""
     fits = [critique.ladder[i][1] for i in ((0, -1) if len(critique.ladder) > 1 else (0,))]
     rows = []

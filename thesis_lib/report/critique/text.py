@@ -7,7 +7,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.results.numbers import law_errors
 from thesis_lib.critique.results.summary import MUCH_LEFT_OUT, addition_title, origin_text
@@ -29,7 +29,7 @@ METHOD_SOURCES = (
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
-def data(critique: Critique, d: Mapping) -> Markup:
+def data(critique: DropsCritique, d: Mapping) -> Markup:
     train, held, share = critique.training, critique.held_out, d["left_out"]["share"]
     first = f"{d['n_impacts']} impacts of {d['n_trials']} trials are used; "
     first += f"{percent(share)} of the detected impacts were left out." if share else "none was left out."
@@ -59,7 +59,7 @@ def data(critique: Critique, d: Mapping) -> Markup:
     return paragraph(first, second, third) + bullets(critique.observations.found.warnings)
 
 
-def laws(critique: Critique, d: Mapping, ladder: pd.DataFrame) -> Markup:
+def laws(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:
     errors, best = law_errors(critique)
     base, unit, error = d["base_model"], d["error"]["unit"], d["error"]
     values, floor = listed([fitted(name, p) for name, p in base["parameters"].items()]), error["noise_floor"]

@@ -12,7 +12,8 @@ from thesis_lib.figures.chapter2.hidden import figure_hidden
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.report.critique.mechanisms import write_mechanism_critique
+from thesis_lib.report.critique.folder import write_critique
+from thesis_lib.report.critique.mechanisms import mechanism_contents, mechanism_findings
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 params, out = snakemake.params, snakemake.output
@@ -25,4 +26,5 @@ save_figure(*figure_hidden(tables["effects"], tables["forces"]), Path(out[0]).wi
 for name, found in shown.items():
     name = name.replace("/", "_")
     rng = generator(params.seed, "mechanism critique", name)
-    write_mechanism_critique(found, name, f"{out.pages}/{name}", rng)
+    written = mechanism_findings(found, name, rng)
+    write_critique(written, mechanism_contents(found, written), f"{out.pages}/{name}")

@@ -7,18 +7,18 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.run import criticise
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.report.critique.folder import critique_folder
 
 params = snakemake.params
 dataset = read_dataset(params.folder).first_trials(params.max_trials)
-critique_folder(
+found = criticise(
     dataset,
-    Path(snakemake.output.page).parent,
-    params.seed,
     effects=params.effects,
     settings=CritiqueSettings.model_validate(params.settings),
     arcs=ArcSettings.model_validate(params.arcs),
+    seed=params.seed,
     say=print,
 )
+found.save(Path(snakemake.output.page).parent)

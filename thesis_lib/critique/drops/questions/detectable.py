@@ -18,7 +18,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from thesis_lib.critique.contacts.model import Model, inward
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.critique.likelihood.covariance import residual_covariance
@@ -38,7 +38,7 @@ Parts = Mapping[str, np.ndarray]
 Sizes = dict[str, dict[str, float | None]]
 
 
-def detectable(critique: Critique) -> list[dict]:
+def detectable(critique: DropsCritique) -> list[dict]:
     """Rows name, smallest, significant, material (each by parameter, in its unit) and drops_for_half.
 
     drops_for_half: drops that would show half of `smallest` for every parameter; None if half the size is immaterial.
@@ -65,7 +65,7 @@ def detectable(critique: Critique) -> list[dict]:
     return rows
 
 
-def significant_sizes(critique: Critique) -> Sizes:
+def significant_sizes(critique: DropsCritique) -> Sizes:
     """By effect and parameter, the size that passes both tests of the log score with a chance of 80 %."""
     discovery, final = critique.discovery, critique.ladder[-1][1]
     testable, _ = testable_effects(critique.training, final.model.takes_time)
@@ -90,7 +90,7 @@ def significant_sizes(critique: Critique) -> Sizes:
     return sizes
 
 
-def material_sizes(critique: Critique) -> Sizes:
+def material_sizes(critique: DropsCritique) -> Sizes:
     """By effect and parameter, the size that raises an error by a material amount."""
     o, final = critique.training, critique.ladder[-1][1]
     S = residual_covariance(final.model, final.values, o)
@@ -149,7 +149,12 @@ def _compensated(shift: Parts, others: list[Parts]) -> Parts:
 
 
 def _material(
-    here: Parts, shift: Parts, channels: tuple[str, ...], floors: Mapping[str, float], critique: Critique, p: Parameter
+    here: Parts,
+    shift: Parts,
+    channels: tuple[str, ...],
+    floors: Mapping[str, float],
+    critique: DropsCritique,
+    p: Parameter,
 ) -> float | None:
     s = critique.settings
 

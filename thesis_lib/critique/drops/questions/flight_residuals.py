@@ -11,7 +11,7 @@ deviations.  The columns `residual_x`, `_y`, `_theta` hold z_c, and `misfit` hol
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import within_half_a_turn
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.flights import Flights
@@ -47,7 +47,7 @@ def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
     )
 
 
-def flight_table(critique: Critique) -> pd.DataFrame:
+def flight_table(critique: DropsCritique) -> pd.DataFrame:
     """A row per flight and model (base, and augmented if there are effects); empty without trajectories."""
     flights, rig = critique.observations.flights, critique.observations.rig
     trial = flights.state.trial.astype(int)

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.critique.contacts.model import inward
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
 from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP, Fit, fit
@@ -58,7 +58,7 @@ CHECKS = {  # what shows a fault of the measurement without an impact
 }
 
 
-def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
+def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
     """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states.
 
     Where a candidate depends on the place of the impact, states also have x in m.
@@ -90,7 +90,7 @@ def next_experiment(critique: Critique, rng: np.random.Generator) -> dict:
     return _compared(critique, final, rival, why, rng)
 
 
-def tell_apart(critique: Critique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
+def tell_apart(critique: DropsCritique, final: Fit, chosen: Effect, other: Effect, rng: np.random.Generator) -> dict:
     """States at which the chosen effect of the model `final` and another one differ most, as `next_experiment`."""
     kept_effects = tuple(effect for effect in final.effects if effect.name != chosen.name)
     model = replace(final.model, effects=(*kept_effects, other))
@@ -103,7 +103,7 @@ def tell_apart(critique: Critique, final: Fit, chosen: Effect, other: Effect, rn
 
 
 def _compared(
-    critique: Critique, final: Fit, rival: Fit, why: str, rng: np.random.Generator, checks: Sequence[str] = ()
+    critique: DropsCritique, final: Fit, rival: Fit, why: str, rng: np.random.Generator, checks: Sequence[str] = ()
 ) -> dict:
     """States at which two models differ most, or the reason why there are none."""
     states, pairs = _differences(critique, final, rival, rng)
@@ -136,7 +136,7 @@ def _nothing(why: str) -> dict:
     return _proposed(why, None, np.zeros((0, 4)), np.zeros(0))
 
 
-def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
+def _unexplained(critique: DropsCritique, rng: np.random.Generator) -> dict:
     """States around which the remaining misfit is largest."""
     final, channels = critique.ladder[-1][1], critique.misfit_channels
     why = "Something is left that no effect explains, so that no comparison of named effects is proposed."
@@ -165,7 +165,7 @@ def _unexplained(critique: Critique, rng: np.random.Generator) -> dict:
     return _proposed(why, "misfit", drawn[rows], nearby[rows])
 
 
-def _misfits(critique: Critique, final: Fit, channels: tuple[str, ...]) -> np.ndarray:
+def _misfits(critique: DropsCritique, final: Fit, channels: tuple[str, ...]) -> np.ndarray:
     """Root mean square residual (n,) of each impact in units of noise, over the misfitted `channels`."""
     o = critique.observations
     R = impact_residuals(final.model, final.values, o)
@@ -208,7 +208,7 @@ class _Refit:
 
 
 def _differences(
-    critique: Critique, final: Fit, rival: Fit, rng: np.random.Generator
+    critique: DropsCritique, final: Fit, rival: Fit, rng: np.random.Generator
 ) -> tuple[np.ndarray, tuple[_Refit, ...]]:
     """Candidate states (n, 4 or 5) as in `PLACED`, and there the rival's refit to the final model, and the reverse."""
     o = critique.observations
@@ -279,7 +279,7 @@ def _within_a_turn(theta: np.ndarray) -> np.ndarray:
     return np.remainder(theta + np.pi, 2.0 * np.pi) - np.pi
 
 
-def _reachable(critique: Critique, final: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _reachable(critique: DropsCritique, final: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """States in reach of the rig (n, 4), drawn evenly, and those of the measured impacts (m, 4), as in `CHANNELS`."""
     o = critique.observations
     rig = o.rig

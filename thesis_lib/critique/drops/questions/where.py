@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.criticise import Critique
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import FEATURES, features
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import class_tests
@@ -85,7 +85,7 @@ class Condition:
 Rule = tuple[Condition, ...]
 
 
-def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
+def where(critique: DropsCritique, rng: np.random.Generator | None = None) -> dict:
     """Content of where.json: regions before and after the effects, and tests of whole classes of models."""
     rng = rng or np.random.default_rng(0)
     # separate streams: later draws must not depend on whether there are flights
@@ -102,7 +102,7 @@ def where(critique: Critique, rng: np.random.Generator | None = None) -> dict:
     return six_digits(content | {"after": after, "class_tests": class_tests(base, critique.observations.single)})
 
 
-def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
+def impact_regions(critique: DropsCritique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
     """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
     o, weights = critique.observations, np.array([1.0, 1.0, critique.observations.rig.k_told])
     error = velocity_error(velocity_left(fitted.model, fitted.values, o), o.rig.k_told)
@@ -111,7 +111,7 @@ def impact_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) ->
     return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)
 
 
-def flight_regions(critique: Critique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
+def flight_regions(critique: DropsCritique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
     """Regions of the state at mid-flight with larger errors, in units of noise."""
     flights, rig = critique.observations.flights, critique.observations.rig
     z = misfit(relative_residuals(fitted, flights, rig))

@@ -1,20 +1,19 @@
-"""Text that the commands print: a diagnosis, and the end of a batch."""
+"""A diagnosis in lines of text, as the command line prints it."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from thesis_lib.commands.batch import Batch
+import pandas as pd
+
+from thesis_lib.critique.engines.words import bounded_text, model_sentences, row_title
+from thesis_lib.critique.results.summary import origin_text
+from thesis_lib.critique.results.titles import counted_from
+from thesis_lib.statistics.wording import bounded
 
 STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad", "x": " m"}
 
 
 def diagnosis_text(content: Mapping) -> str:
-    """The content of diagnosis.json for a terminal."""
-    from thesis_lib.critique.results.summary import origin_text
-    from thesis_lib.critique.results.titles import counted_from
-
+    """The content of diagnosis.json: verdict, sentences, errors, parameters with effects, what to measure next."""
     lines = [f"{content['dataset']}: {content['verdict'] or 'no verdict'}", *(f"  {s}" for s in content["summary"])]
     if content["verdict"] is None:
         names = content["base_model"]["parameters"].items()
@@ -72,31 +71,12 @@ def _mechanism_errors(content: Mapping) -> list[str]:
 def _value(p: Mapping) -> str:
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
     if p.get("bound"):
-        from thesis_lib.statistics.wording import bounded
-
         return bounded(p, unit.strip())
     return f"{p['value']:.4g} ± {p['std']:.2g}{unit}" if p["std"] else f"{p['value']:.4g}{unit}"
 
 
-def batch_text(batch: "Batch", out: Path) -> str:
-    """Number of datasets with each verdict, reasons of failures, and where to look."""
-    from thesis_lib.report.batch_index import plain, summary_text
-
-    lines = [summary_text(batch.rows, len(batch.rows))]
-    if batch.skipped:
-        lines.append(f"  {len(batch.skipped)} of them were done already")
-    for row in batch.failed:
-        log = out / f"{row['dataset']}.log"
-        lines.append(f"  {plain(row['dataset'])} failed: {row['reason']}\n      log: {log}")
-    return "\n".join([*lines, f"\nwritten to {out}; open {out / 'index.html'}"])
-
-
 def _models(rows: Sequence[Mapping]) -> list[str]:
     """Laws and engines side by side."""
-    import pandas as pd
-
-    from thesis_lib.critique.engines.words import bounded_text, model_sentences, row_title
-
     lines = [f"  {sentence}" for sentence in model_sentences(pd.DataFrame(rows))]
     titles = [row_title(row) for row in rows]
     width = max(map(len, titles))

@@ -1,0 +1,259 @@
+"""What `criticise` returns: the verdict to read, to compute with, to write down, and to draw.
+
+A `Critique` is one of three kinds, `OfDrops`, `OfFewImpacts` and `OfMechanism`, which answer the same calls.  Numbers,
+page and pictures are computed when they are first asked for, and once: the order of the calls changes none of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.few_impacts import FewImpacts
+from thesis_lib.critique.mechanisms.critique import MechanismCritique
+from thesis_lib.critique.printed import diagnosis_text
+from thesis_lib.critique.results.findings import Findings, few_findings, findings
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.foundation.errors import UserError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from thesis_lib.critique.proposal.propose import Proposal
+    from thesis_lib.report.critique.folder import Contents
+
+Say = Callable[[str], None]
+
+
+class Critique:
+    """What is known of one dataset or recording after its critique.
+
+    Attributes:
+        name: of the dataset.
+        found: the fits and judgements behind the verdict.
+        plots: what `plot` draws.
+    """
+
+    name: str
+    found: DropsCritique | FewImpacts | MechanismCritique
+    plots: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        named = f" ({', '.join(self.effects)})" if self.effects else ""
+        return f"<Critique of {self.name}: {self.verdict or 'no verdict'}{named}{self._error}>"
+
+    @property
+    def verdict(self) -> str | None:
+        """adequate, effects or unexplained; None where impacts are too few for a verdict."""
+        return self.found.verdict
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that were found, in that order."""
+        return ()
+
+    def to_dict(self) -> dict:
+        """The content of diagnosis.json: numbers in SI units, and sentences (keys: `critique/results/diagnosis.py`)."""
+        return self._diagnosis("")
+
+    def summary(self) -> str:
+        """The lines that the command line prints: verdict, sentences, errors, parameters, the next experiment."""
+        return diagnosis_text(self.to_dict())
+
+    def save(self, folder: str | Path, *, proposal: str | Path | None = None) -> dict:
+        """Write tables, pictures, model.json, report.html and diagnosis.json, and return the content of the last.
+
+        Args:
+            folder: made if needed; files of an earlier critique are replaced, others stay.
+            proposal: file for a term that is proposed where nothing fits; None: beside the folder.
+
+        Raises:
+            OSError: the folder cannot be written; an earlier critique in it is then as it was.
+        """
+        from thesis_lib.report.critique.folder import write_critique
+
+        self._say("writing tables, pictures and report")
+        content = self._diagnosis(self._write_proposal(folder, proposal))
+        found = Findings(content, self._findings.tables, self._findings.regions, self._findings.model)
+        write_critique(found, self._contents(found), folder)
+        return content
+
+    @property
+    def model(self) -> SavedModel:
+        """The law with its effects, as model.json holds it; UserError for a mechanism."""
+        if (model := self._findings.model) is None:
+            raise UserError(f"{self.name} is the recording of a mechanism, whose critique fits no model of impacts.")
+        return model
+
+    def predict(self, states: pd.DataFrame | Mapping[str, Sequence[float] | np.ndarray]) -> pd.DataFrame:
+        """Velocities after impact by the law with its effects.
+
+        Args:
+            states: columns x, y, theta, vx, vy, omega (n,) at first touch in m, rad, m/s and rad/s; `trial` and `t` if
+                an effect depends on them.
+
+        Returns:
+            The states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
+
+        Raises:
+            UserError: a column is missing, a value is not a finite number, or the critique is that of a mechanism.
+        """
+        return self.model.predict(pd.DataFrame(states))
+
+    def plot(self, what: str = "") -> "Figure":
+        """One picture of `plots`, by default the first, as a Matplotlib figure.
+
+        "ladder": the held-out error (m/s) after each effect; "map": where the errors are, before and after; of a
+        mechanism "residuals".  UserError if there is no such picture.
+        """
+        what = what or (self.plots[0] if self.plots else "")
+        if what not in self.plots:
+            known = f"there are {', '.join(self.plots)}" if self.plots else "there are none of so few impacts"
+            raise UserError(f"The critique of {self.name} has no picture {what!r}; {known}.")
+        return self._draw(what)
+
+    # --- what differs between the kinds ---
+
+    _say: Say = staticmethod(lambda text: None)
+
+    @cached_property
+    def _findings(self) -> Findings:
+        raise NotImplementedError
+
+    @property
+    def _error(self) -> str:
+        """The error in words, for `repr`."""
+        return ""
+
+    def _diagnosis(self, file: str) -> dict:
+        """diagnosis.json; `file`: name of the effect file with what is proposed, "" where none was written."""
+        return self._findings.diagnosis
+
+    def _write_proposal(self, folder: str | Path, path: str | Path | None) -> str:
+        """Write the effect file of what is proposed, and return its name; "" if nothing is."""
+        return ""
+
+    def _contents(self, found: Findings) -> "Contents":
+        raise NotImplementedError
+
+    def _draw(self, what: str) -> "Figure":
+        raise NotImplementedError
+
+
+class OfDrops(Critique):
+    """The critique of drops.
+
+    Args:
+        rng: in the state in which the search left it.
+        models: table of `compare_models`, where models were compared.
+        proposals: what was proposed where nothing fits: one `Proposal` or None; empty where nothing was looked for.
+        say: receives a line for each step.
+    """
+
+    plots = ("ladder", "map")
+
+    def __init__(
+        self,
+        found: DropsCritique,
+        rng: np.random.Generator,
+        models: pd.DataFrame | None = None,
+        proposals: "Sequence[Proposal | None]" = (),
+        say: Say = lambda text: None,
+    ) -> None:
+        self.name, self.found, self.models, self._proposals = found.dataset, found, models, tuple(proposals)
+        self._rng, self._say = rng, say
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        return tuple(step.effect.name for step in self.found.discovery.steps if step.clears)
+
+    @property
+    def _error(self) -> str:
+        ends = [f"{judged.error.mean():.3g}" for _, _, judged in (self.found.ladder[0], self.found.ladder[-1])]
+        return f", held-out error {' -> '.join(dict.fromkeys(ends))} m/s"
+
+    @cached_property
+    def _findings(self) -> Findings:
+        return findings(self.found, self._rng, self.models)
+
+    def _diagnosis(self, file: str) -> dict:
+        content = self._findings.diagnosis
+        if not self._proposals:
+            return content
+        from thesis_lib.critique.proposal.results import with_proposal
+
+        return with_proposal(content, self._proposals[0], file, self.found.observations.rig.has_angle)
+
+    def _write_proposal(self, folder: str | Path, path: str | Path | None) -> str:
+        if not self._proposals or self._proposals[0] is None:
+            return ""
+        from thesis_lib.critique.proposal.results import proposal_path, write_source
+
+        return write_source(self._proposals[0], Path(path) if path else proposal_path(folder)).name
+
+    def _contents(self, found: Findings) -> "Contents":
+        from thesis_lib.report.critique.page import contents
+
+        return contents(self.found, found)
+
+    def _draw(self, what: str) -> "Figure":
+        from thesis_lib.figures.critique.errors import draw_ladder
+        from thesis_lib.figures.critique.where import draw_where
+
+        if what == "ladder":
+            return draw_ladder(self.found, self._findings.tables)[0]
+        return draw_where(self.found, self._findings.regions)[0]
+
+
+class OfFewImpacts(Critique):
+    """Impacts that are too few for a verdict: restitution and friction, with their standard errors."""
+
+    def __init__(self, found: FewImpacts, say: Say = lambda text: None) -> None:
+        self.name, self.found, self._say = found.dataset, found, say
+
+    @cached_property
+    def _findings(self) -> Findings:
+        return few_findings(self.found)
+
+    def _contents(self, found: Findings) -> "Contents":
+        from thesis_lib.report.critique.few_impacts import few_contents
+
+        return few_contents(self.found, found)
+
+
+class OfMechanism(Critique):
+    """The critique of a mechanism; `rng` in the state in which the search left it."""
+
+    plots = ("residuals",)
+
+    def __init__(
+        self, found: MechanismCritique, name: str, rng: np.random.Generator, say: Say = lambda text: None
+    ) -> None:
+        self.name, self.found, self._rng, self._say = name, found, rng, say
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        return tuple(step.effect.name for step in self.found.steps if step.clears)
+
+    @property
+    def _error(self) -> str:
+        ends = dict.fromkeys(f"{self.found.ladder[i][0]:.3g}" for i in (0, -1))
+        return f", held-out misfit {' -> '.join(ends)} standard deviations of noise"
+
+    @cached_property
+    def _findings(self) -> Findings:
+        from thesis_lib.report.critique.mechanisms import mechanism_findings
+
+        return mechanism_findings(self.found, self.name, self._rng)
+
+    def _contents(self, found: Findings) -> "Contents":
+        from thesis_lib.report.critique.mechanisms import mechanism_contents
+
+        return mechanism_contents(self.found, found)
+
+    def _draw(self, what: str) -> "Figure":
+        return self._contents(self._findings).pictures["mechanism_residuals"][0]
