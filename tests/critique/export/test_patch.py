@@ -227,6 +227,14 @@ BAD = {
     "cut off": ("mjcf", MJCF[:700], "is not XML"),
     "empty": ("mjcf", "", "is not XML: Document is empty"),
     "entities": ("mjcf", '<!DOCTYPE x [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><mujoco>&b;</mujoco>', "document type"),
+    "entities in an attribute": ("mjcf", '<!DOCTYPE x [<!ENTITY a "aa">]><mujoco model="&a;"/>', "document type"),
+    "entities that unfold": (
+        "mjcf",
+        "<!DOCTYPE x [<!ENTITY a0 'aaaaaaaaaa'>"
+        + "".join(f"<!ENTITY a{i} '{10 * f'&a{i - 1};'}'>" for i in range(1, 12))
+        + ']><mujoco model="&a11;"/>',
+        "amplification",
+    ),
     "a file as an entity": (
         "mjcf",
         '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>',

@@ -22,6 +22,7 @@ from thesis_lib.foundation.command_line import near
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import read_bytes
 
+Element = etree._Element
 LARGEST = 20_000_000  # bytes; a humanoid's file has 0.1 MB, one with meshes in it a few
 # effects that are about what a patch leaves alone
 NOT_PATCHED = {
@@ -90,12 +91,12 @@ class Patch:
         start = [b'<?xml version="1.0" encoding="utf-8"?>'] if self._declared else []
         return b"\n".join([*start, *parts, b""]).replace(b"\n", self._newline)
 
-    def where(self, element: etree._Element) -> str:
+    def where(self, element: Element) -> str:
         return f"{self.path}, line {element.sourceline}"
 
-    def named(self, elements: Iterable[etree._Element], name: str, what: str) -> etree._Element:
+    def named(self, elements: Iterable[Element], name: str, what: str) -> Element:
         """The element of this name; UserError with those that there are."""
-        by_name: dict[str, list[etree._Element]] = {}
+        by_name: dict[str, list[Element]] = {}
         for one in elements:
             by_name.setdefault(one.get("name", ""), []).append(one)
         found, names = by_name.get(name, []), sorted(filter(None, by_name))
@@ -107,7 +108,7 @@ class Patch:
             raise UserError(f"{self.path} has no {what} named {name!r}{near(name, names)}; {known}.")
         return found[0]
 
-    def numbers(self, element: etree._Element | None, attribute: str = "", count: int = 0) -> list[float]:
+    def numbers(self, element: Element | None, attribute: str = "", count: int = 0) -> list[float]:
         """Numbers of an attribute, or of the text; none of what is missing.
 
         UserError if they are not finite, or if there are not `count` of them.
@@ -125,7 +126,7 @@ class Patch:
                 raise UserError(f"{where} needs {count} number(s) in {attribute or 'its text'}.")
         return values
 
-    def write(self, what: str, values: Sequence[float], element: etree._Element, attribute: str = "") -> None:
+    def write(self, what: str, values: Sequence[float], element: Element, attribute: str = "") -> None:
         """Write numbers into an attribute, or as the text, and report them."""
         old = self.numbers(element, attribute)
         self.changed.append(f"{what}: {n(*old) if old else 'none'} -> {n(*values)}")
@@ -134,12 +135,24 @@ class Patch:
         else:
             element.text = n(*values)
 
-    def insert(self, parent: etree._Element, tag: str) -> etree._Element:
+    def insert(self, parent: Element, tag: str) -> Element:
         """A new first child, on a line of its own if the others have such."""
         new = etree.Element(tag, nsmap=parent.nsmap)
         new.tail = parent.text
         parent.insert(0, new)
         return new
+
+    def child(self, parent: Element, tag: str) -> Element:
+        """The first child of this tag; a new last one if there is none, on a line of its own like all others then."""
+        if (found := parent.find(tag)) is None:
+            found = etree.SubElement(parent, tag)
+            etree.indent(parent, level=len(list(parent.iterancestors())))
+        return found
+
+    def declare(self, prefix: str, namespace: str) -> None:
+        """Declare a namespace that was added below once, at the root."""
+        prefixes = [known for one in self.root.iter() for known in one.nsmap if known]
+        etree.cleanup_namespaces(self.root, {prefix: namespace}, keep_ns_prefixes=prefixes)
 
     def inertia_factor(self, tensor: np.ndarray, solid: ExportedBody, where: str) -> float:
         """What makes m k² of the moment across the plane of a file's tensor (3, 3); UserError if it has none there."""

@@ -7,10 +7,9 @@ Numbers stand in attributes of URDF and in the text of SDF.
 """
 
 import numpy as np
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.critique.export import drake_files
-from thesis_lib.critique.export.patch import Patch, not_patched
+from thesis_lib.critique.export.patch import Element, Patch, not_patched
 from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.foundation.errors import UserError
 
@@ -41,9 +40,8 @@ def patch(
         raise UserError(f"{file.path}: the surface's link {surface!r} has no collision.")
     for collision in (*collisions, *others):
         _contact(file, collision, drake_files.drake_elements(made), target)
-    if "drake" not in file.root.nsmap:  # one declaration for all that was added
-        prefixes = [prefix for one in file.root.iter() for prefix in one.nsmap if prefix]
-        etree.cleanup_namespaces(file.root, {"drake": NAMESPACE[target]}, keep_ns_prefixes=prefixes)
+    if "drake" not in file.root.nsmap:
+        file.declare("drake", NAMESPACE[target])
     if not surface:
         file.left.append(
             "contact of the surface: Drake mixes both bodies' numbers; name its link (--surface), or give it the same"
@@ -55,13 +53,13 @@ def _value(target: str) -> str:
     return "value" if target == "urdf" else ""
 
 
-def _link(file: Patch, name: str, target: str) -> etree._Element:
+def _link(file: Patch, name: str, target: str) -> Element:
     if file.root.tag != ROOTS[target]:
         raise UserError(f"{file.path} is no {target.upper()} file: it begins with <{file.root.tag}>.")
     return file.named(file.root.iter("link"), name, "link")
 
 
-def _inertial(file: Patch, link: etree._Element, solid: ExportedBody, target: str) -> None:
+def _inertial(file: Patch, link: Element, solid: ExportedBody, target: str) -> None:
     inertial, mass, inertia = (link.find(f"inertial{tag}") for tag in ("", "/mass", "/inertia"))
     where = f"{file.where(link)}: the link"
     if inertial is None or mass is None or inertia is None:
@@ -92,24 +90,21 @@ def _inertial(file: Patch, link: etree._Element, solid: ExportedBody, target: st
             file.write(f"inertia {name}", [factor * value], *spot)
 
 
-def _contact(file: Patch, collision: etree._Element, elements: dict[str, float], target: str) -> None:
+def _contact(file: Patch, collision: Element, elements: dict[str, float], target: str) -> None:
     which = f"collision {collision.get('name', f'in line {collision.sourceline}')}"
     drake = f"{{{collision.nsmap.get('drake', NAMESPACE[target])}}}"
     properties = collision.find(f"{drake}proximity_properties")
     if properties is None:
         properties = file.insert(collision, f"{drake}proximity_properties")
     for name, value in elements.items():
-        element = properties.find(drake + name)
-        element = etree.SubElement(properties, drake + name) if element is None else element
-        file.write(f"{which}: {name}", [value], element, _value(target))
-    etree.indent(properties, level=len(list(properties.iterancestors())))
+        file.write(f"{which}: {name}", [value], file.child(properties, drake + name), _value(target))
     # what other readers take for friction
     for name in ("mu", "mu2"):
         if (old := collision.find(f"surface/friction/ode/{name}")) is not None:
             file.write(f"{which}: ode {name}", [elements["mu_dynamic"]], old)
 
 
-def _pose(file: Patch, element: etree._Element, target: str) -> tuple[list[float], list[float]]:
+def _pose(file: Patch, element: Element, target: str) -> tuple[list[float], list[float]]:
     """Place in m, and roll, pitch, yaw in rad, of what has `<pose>` or `<origin>`."""
     if target == "urdf":
         origin = element.find("origin")

@@ -5,11 +5,10 @@ Classes and files that the model includes are not looked into: what is written s
 """
 
 import numpy as np
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.export import mjcf
-from thesis_lib.critique.export.patch import Patch, not_patched
+from thesis_lib.critique.export.patch import Element, Patch, not_patched
 from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.critique.export.text import n
 from thesis_lib.engines.parameters import MujocoNumbers
@@ -45,7 +44,7 @@ def patch(file: Patch, name: str, solid: ExportedBody, points: int | None = None
     file.left += not_patched(solid)
 
 
-def points_of(file: Patch, geoms: list[etree._Element], solid: ExportedBody) -> int:
+def points_of(file: Patch, geoms: list[Element], solid: ExportedBody) -> int:
     """Points that share the load: both ends of an edge, or geoms that stand behind each other across the plane."""
     if isinstance(solid.shape, Ellipse) and len(geoms) == 1:
         return 1
@@ -54,7 +53,7 @@ def points_of(file: Patch, geoms: list[etree._Element], solid: ExportedBody) -> 
     return 2
 
 
-def _body(file: Patch, name: str) -> etree._Element:
+def _body(file: Patch, name: str) -> Element:
     if file.root.tag != "mujoco":
         raise UserError(f"{file.path} is no MJCF file: it begins with <{file.root.tag}>, not <mujoco>.")
     try:
@@ -65,7 +64,7 @@ def _body(file: Patch, name: str) -> etree._Element:
         raise
 
 
-def _inertial(file: Patch, body: etree._Element, solid: ExportedBody) -> None:
+def _inertial(file: Patch, body: Element, solid: ExportedBody) -> None:
     if (compiler := file.root.find("compiler[@inertiafromgeom='true']")) is not None:
         raise UserError(f'{file.where(compiler)}: inertiafromgeom="true" makes MuJoCo ignore <inertial>; remove it.')
     inertial = body.find("inertial")
@@ -102,7 +101,7 @@ def _inertial(file: Patch, body: etree._Element, solid: ExportedBody) -> None:
     file.write("inertia", [factor * value for value in old], inertial, attribute)
 
 
-def _contact(file: Patch, geom: etree._Element, made: MujocoNumbers) -> None:
+def _contact(file: Patch, geom: Element, made: MujocoNumbers) -> None:
     which = f"geom {geom.get('name', f'in line {geom.sourceline}')}"
     _numbers(file, which, geom, made, slides=1)
     if not (file.numbers(geom, "priority") or [0.0])[0] > 0.0:
@@ -111,7 +110,7 @@ def _contact(file: Patch, geom: etree._Element, made: MujocoNumbers) -> None:
         file.write(f"{which}: condim", [3.0], geom, "condim")
 
 
-def _numbers(file: Patch, which: str, element: etree._Element, made: MujocoNumbers, slides: int) -> None:
+def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, slides: int) -> None:
     """The contact of a geom or a pair, whose friction begins with that of so many directions along the surface."""
     friction = [made.friction] * slides + file.numbers(element, "friction")[slides:]
     for attribute, values in (("friction", friction), ("solref", made.solref), ("solimp", made.solimp)):
