@@ -49,7 +49,7 @@ class ThirdHarmonic(Effect):
     equation = "ε = ε₀ (1 + a sin 3θ)"
     parameters = (Parameter("a", "1", null=0.0, low=-0.9, high=0.9, scale=0.1),)
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["a"] * np.sin(3.0 * state.theta)), 0.0, 1.0)
 
 

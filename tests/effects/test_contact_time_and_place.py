@@ -114,7 +114,7 @@ def test_a_soft_body_is_pressed_in_the_middle_of_its_chord(kind) -> None:
     state = one_state(theta=theta, vy=-2.0, omega=omega)
     lowest = rig.shape.contact_point(state.theta)
     speed = 2.0 - lowest[0, 0] * omega  # of the contact point: the spin has its share
-    r_x, r_y = effect.contact_point(lowest[:, 0], lowest[:, 1], state, p, rig)
+    r_x, r_y = effect.contact_point(lowest.T, state, p, rig)
     assert r_y[0] == pytest.approx(lowest[0, 1] + lam * speed)
     # the ends of the chord: points of the outline at that height
     outline = shape.outline(400_001)
@@ -124,4 +124,4 @@ def test_a_soft_body_is_pressed_in_the_middle_of_its_chord(kind) -> None:
     assert len(ends) == 2 and r_x[0] == pytest.approx(ends.mean(), abs=1e-6)
     # a body that leaves is not pressed
     up = one_state(theta=theta, vy=-2.0, omega=omega + 2.0 * speed / lowest[0, 0])
-    assert np.array_equal(effect.contact_point(lowest[:, 0], lowest[:, 1], up, p, rig), lowest.T)
+    assert np.array_equal(effect.contact_point(lowest.T, up, p, rig), lowest.T)

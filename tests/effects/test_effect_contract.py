@@ -24,8 +24,8 @@ class Right(Effect):
     parameters = (H,)
     reference = "a source"
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        speed = np.abs(space.v_t)
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        speed = np.abs(contact.v_t)
         return mu, np.clip(epsilon * (1.0 + p["h"] * speed / (1.0 + speed)), 0.0, 1.0)
 
 
@@ -34,7 +34,7 @@ def of(effect: Effect) -> dict[str, CheckResult]:
 
 
 class NoIdentity(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (0.9 + p["h"]), 0.0, 1.0)
 
 
@@ -44,19 +44,19 @@ class NoInverse(Right):
 
 
 class Writes(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         epsilon *= 1.0 + p["h"] * 0.1
         return mu, epsilon
 
 
 class Branches(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        return super().coefficients(mu, epsilon, space, state, p, rig) if p["h"] > 0.0 else (mu, epsilon)
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        return super().coefficients(mu, epsilon, contact, state, p, rig) if p["h"] > 0.0 else (mu, epsilon)
 
 
 class Unbounded(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        return mu, epsilon * (1.0 + 3.0 * p["h"] * np.abs(space.v_t))
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        return mu, epsilon * (1.0 + 3.0 * p["h"] * np.abs(contact.v_t))
 
 
 class Infinite(Right):
@@ -72,12 +72,12 @@ class OtherChannel(Right):
 class FromZero(Right):
     breaks_mirror = True
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["h"] * np.tanh(state.x)), 0.0, 1.0)
 
 
 class Unsaid(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + 1e-3 * p["h"] * (state.trial - rig.reference.trial)), 0.0, 1.0)
 
 
@@ -90,7 +90,7 @@ class Weak(Right):
 
 
 class Nothing(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, epsilon
 
 
@@ -100,8 +100,8 @@ class NotOnDisks(Right):
 
 
 class LeftIsRight(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        return mu, np.clip(epsilon * (1.0 + p["h"] * np.tanh(space.v_t)), 0.0, 1.0)
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["h"] * np.tanh(contact.v_t)), 0.0, 1.0)
 
 
 class SaysLeftIsNotRight(Right):
@@ -109,17 +109,17 @@ class SaysLeftIsNotRight(Right):
 
 
 class Forgets(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return np.full_like(mu, 0.25 * (1.0 + p["h"])), np.full_like(epsilon, 0.55)
 
 
 class Short(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu[0], epsilon[0]
 
 
 class Crashes(Right):
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, epsilon * p["x"]
 
 

@@ -97,7 +97,7 @@ NEW_EFFECT = '''
         equation = "mu = mu + m"
         parameters = (Parameter("m", "1", null=0.0, low=0.0, high=1.0, scale=0.1),)
 
-        def coefficients(self, mu, epsilon, space, state, p, rig):
+        def coefficients(self, mu, epsilon, contact, state, p, rig):
             return mu + p["m"], epsilon
 
     EFFECT = Sticky()

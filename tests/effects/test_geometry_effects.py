@@ -17,7 +17,7 @@ def contact_point(name: str, rig: Rig, theta: np.ndarray, **p: float) -> np.ndar
     effect, p = on(name, **p)[0]
     zero = np.zeros_like(theta)
     state = State.planar(zero, zero, theta, zero, zero, zero, zero, zero)
-    return np.stack(effect.contact_point(*rig.shape.contact_point(theta).T, state, p, rig), axis=-1)
+    return effect.contact_point(rig.shape.contact_point(theta).T, state, p, rig).T
 
 
 def test_rounded_corner_by_hand() -> None:
@@ -123,10 +123,10 @@ def test_com_offset_in_flight_against_lagrange(quadrilateral) -> None:
     M = mass_matrix(c, rig.k_g)
     expected = np.linalg.solve(M, (gravity + circling)[..., None])[..., 0]
     effect, p = on("com_offset", c_x=3e-3, c_y=-2e-3)[0]
-    falling = np.tile([0.0, -rig.gravity, 0.0], (N, 1))
-    np.testing.assert_allclose(effect.acceleration(falling, states, p, rig), expected, atol=1e-10)
+    falling = np.tile([[0.0], [-rig.gravity], [0.0]], N)
+    np.testing.assert_allclose(effect.acceleration(falling, states, p, rig).T, expected, atol=1e-10)
     # α = 2 rad/s²: the first two rows of M a = F hold, with the force through the centre of mass
-    a = effect.acceleration(falling + [0.0, 0.0, 2.0], states, p, rig)
+    a = effect.acceleration(falling + [[0.0], [0.0], [2.0]], states, p, rig).T
     force = np.einsum("nij,nj->ni", M, a)[:, :2] - circling[:, :2]
     np.testing.assert_allclose(force, gravity[:, :2], atol=1e-10)
 

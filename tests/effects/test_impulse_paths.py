@@ -16,14 +16,14 @@ from thesis_lib.mechanics.state import State
 SPRING_ERROR = 0.02  # of 20 steps a phase, relative to the stick impulse
 
 
-def with_path(name: str, space: Contact, mu: float, epsilon: float, state: State | None = None, r=None, **p):
+def with_path(name: str, space: Contact, mu: float, epsilon: float, state: State | None = None, **p):
     """Impulse of the exact path law with an effect, and without."""
     n = len(space.v_t)
-    mus, epsilons, zero = np.full(n, mu), np.full(n, epsilon), np.zeros(n)
+    space = space.with_coefficients(np.full(n, mu), np.full(n, epsilon))
     with np.errstate(all="ignore"):
-        law = Impulse(*LAWS["mirtich"].impulse(space, mus, epsilons), zero)
+        law = Impulse(LAWS["mirtich"].impulse(space, space.mu, space.epsilon), np.zeros(n))
     effect, p = on(name, **p)[0]
-    return effect.impulse(law, space, mus, epsilons, r, state, p, DISK), law
+    return effect.impulse(law, space, state, p, DISK), law
 
 
 def random_space(rng: np.random.Generator, n: int) -> Contact:
@@ -129,7 +129,7 @@ def test_path_in_steps_converges_to_the_exact_one() -> None:
             exact = LAWS["mirtich"].impulse(space, mus, epsilons)
         errors = []
         for steps in (STEPS, 8 * STEPS):
-            made = walk(space, mus, epsilons, steps=steps)
+            made = walk(space.with_coefficients(mus, epsilons), steps=steps)
             errors.append(np.hypot(made.c_t[1] - exact[0], made.c_n[1] - exact[1]).mean())
         assert errors[0] < 5e-3 and errors[1] < errors[0] / 5
 
@@ -180,11 +180,10 @@ def test_contact_torque_moves_the_end_of_restitution() -> None:
     m_r, r_x, r_y, omega = 1e-3, 0.01, -0.03, 30.0
     k2 = DISK.k_g**2
     state = one_state(vy=-2.0 - r_x * omega, omega=omega)
-    r = np.array([r_x]), np.array([r_y])
     space = contact_space(np.array([[0.0, state.vy[0], omega]]), np.array([[r_x, r_y]]), mass=1.0, k_g=DISK.k_g)
-    made, _ = with_path("contact_torque", space, 0.0, 0.5, state, r, m_r=m_r)
+    made, _ = with_path("contact_torque", space, 0.0, 0.5, state, m_r=m_r)
     c_n = 1.5 * 2.0 / (1.0 + (r_x * r_x - m_r * r_x) / k2)
-    np.testing.assert_allclose([made.c_n[0], made.tau[0]], [c_n, -m_r * c_n], rtol=1e-9)
+    np.testing.assert_allclose([made.c_n[0], made.couple[0]], [c_n, -m_r * c_n], rtol=1e-9)
 
 
 def test_contact_torque_opposes_rolling_and_keeps_sticking(quadrilateral) -> None:
@@ -196,14 +195,14 @@ def test_contact_torque_opposes_rolling_and_keeps_sticking(quadrilateral) -> Non
     r = rig.shape.contact_point(states.theta)
     before = np.stack([states.vx, states.vy, states.omega], axis=-1)
     tau = residual_couple(made.impact - before, r, mass=1.0, k_g=rig.k_g)
-    np.testing.assert_allclose(tau, made.impulse.tau, atol=EXACT)
+    np.testing.assert_allclose(tau, made.impulse.couple, atol=EXACT)
     assert (np.abs(tau) <= m_r * made.impulse.c_n * (1 + EXACT)).all()
     # where the body turns one way throughout, the couple is the whole lever against it; a few turn round and back
     oneway = (states.omega * made.impact[:, 2] > 25.0) & (states.omega * base.impact[:, 2] > 25.0)
     whole = -np.sign(states.omega) * m_r * made.impulse.c_n
     assert oneway.sum() > 20 and np.isclose(tau, whole, rtol=1e-2)[oneway].mean() > 0.95
     # what stuck still has no slip: it rolls; friction never leaves the cone
-    sticks = np.abs(base.space.velocity_after(base.impulse.c_t, base.impulse.c_n)[0]) < 1e-9
+    sticks = np.abs(base.contact.velocity_after(base.impulse.c_t, base.impulse.c_n)[0]) < 1e-9
     slip = made.impact[:, 0] - r[:, 1] * made.impact[:, 2]
     inside = np.abs(made.impulse.c_t) < 0.8 * 0.4 * made.impulse.c_n
     assert (sticks & inside).sum() > 10

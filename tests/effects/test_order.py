@@ -23,7 +23,7 @@ class Own(Effect):
     family = "contact_law"
     parameters = (Parameter("h", "1", null=0.0, low=-0.5, high=0.5, scale=0.1),)
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["h"]), 0.0, 1.0)
 
 
@@ -94,7 +94,7 @@ def test_adhesion_takes_the_same_energy_whatever_else_lowers_restitution(name: s
     for on in ((other,), (other, adhesion)):
         values = {"mu": 0.0, "epsilon": 0.8} | {f"{e.name}.{k}": v for e in on for k, v in at_scale(e).items()}
         model = Model(LAWS["mirtich"], on)
-        _, r_x, *_ = model.contact(states, values, RIG)
+        r_x = model.contact(states, values, RIG)[1].r[0]
         after = model.predict(states, values, RIG)
         rebounds.append((after.vy + r_x * after.omega) ** 2)
     lost, expected = rebounds[0] - rebounds[1], 0.3**2  # v_s at its scale

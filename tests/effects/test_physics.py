@@ -39,7 +39,7 @@ def test_tangential_restitution_leaves_slip_that_turned_inside_the_cone(quadrila
     given = {"law": "wang_mason", "mu": 0.1}
     base = predict([], states, rig, **given)
     made = predict(on("tangential_restitution", e_t=0.8), states, rig, **given)
-    v_t = base.space.velocity_after(base.impulse.c_t, base.impulse.c_n)[0]
+    v_t = base.contact.velocity_after(base.impulse.c_t, base.impulse.c_n)[0]
     turned = (np.abs(base.impulse.c_t) < 0.09 * base.impulse.c_n) & (np.abs(v_t) > 1e-3)
     assert turned.sum() > 5
     np.testing.assert_array_equal(made.impulse.c_t[turned], base.impulse.c_t[turned])
@@ -97,7 +97,7 @@ def test_wear_counts_trials() -> None:
 
 def flight(name: str, state: State, **p: float) -> np.ndarray:
     effect, p = on(name, **p)[0]
-    return effect.acceleration(np.array([[0.0, -9.81, 0.0]]), state, p, DISK)[0]
+    return effect.acceleration(np.array([[0.0], [-9.81], [0.0]]), state, p, DISK)[:, 0]
 
 
 def test_surface_tilt_turns_gravity() -> None:
@@ -143,7 +143,7 @@ def test_flight_by_hand() -> None:
 @pytest.mark.parametrize("name", ["linear_drag", "quadratic_drag", "magnus"])
 def test_power_in_flight(name: str, quadrilateral) -> None:
     rig, states = quadrilateral
-    extra = EFFECTS[name].acceleration(np.zeros((N, 3)), states, at_scale(EFFECTS[name]), rig)
+    extra = EFFECTS[name].acceleration(np.zeros((3, N)), states, at_scale(EFFECTS[name]), rig).T
     power = extra[:, 0] * states.vx + extra[:, 1] * states.vy + rig.k_g**2 * extra[:, 2] * states.omega
     if name == "magnus":
         np.testing.assert_allclose(power, 0.0, atol=EXACT)
@@ -155,4 +155,4 @@ def test_contact_space_of_the_predictor_is_the_library_one() -> None:
     # guards the tests above: masses are 1 and lengths are metres on both sides
     state = one_state(vx=1.0, vy=-2.0, omega=4.0)
     space = contact_space(np.array([[1.0, -2.0, 4.0]]), np.array([[0.0, -RADIUS]]), mass=1.0, k_g=DISK.k_g)
-    assert predict([], state, DISK).space.v_t == space.v_t == 1.0 + RADIUS * 4.0
+    assert predict([], state, DISK).contact.v_t == space.v_t == 1.0 + RADIUS * 4.0

@@ -21,8 +21,8 @@ class SlipDependentRestitution(Effect):
     parameters = (Parameter("h", "s/m", null=0.0, low=-0.5, high=0.5, scale=0.05),)
     reference = "Louge and Adams 2002, doi:10.1103/PhysRevE.65.021303"
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        return mu, np.clip(epsilon * (1.0 + p["h"] * np.abs(space.v_t)), 0.0, 1.0)
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        return mu, np.clip(epsilon * (1.0 + p["h"] * np.abs(contact.v_t)), 0.0, 1.0)
 
 
 EFFECT = SlipDependentRestitution()

@@ -143,7 +143,7 @@ def test_an_installed_package_adds_effects_and_laws_with_its_name(tmp_path, monk
         (own_files.EFFECT.replace(f'"{NAME}"', '"../wear"'), "lower-case letters"),
         (own_files.EFFECT.replace("restitution depends on slip", "drifting camera"), "sensor_drift of the library"),
         (own_files.NO_IDENTITY, "fails a check (changes nothing at its null): coefficients with all parameters"),
-        (own_files.EFFECT.replace("np.abs(space.v_t)", "0.0"), "cannot be looked for yet"),
+        (own_files.EFFECT.replace("np.abs(contact.v_t)", "0.0"), "cannot be looked for yet"),
         (own_files.LAW.replace('"my_law"', '"my_contact"'), "has a meaning of its own"),
         (own_files.LAW.replace('"mirtich"]', '"mirtich"], promises=frozenset()'), "neither promises nor breaks"),
     ],

@@ -65,7 +65,7 @@ def test_new_writes_a_file_that_passes_and_does_nothing_yet(tmp_path, monkeypatc
 
 def test_the_template_becomes_an_effect_by_one_line(tmp_path, capsys):
     path = tmp_path / "sticky.py"
-    path.write_text(template("sticky").replace("0.0 * space.v_t", "np.abs(space.v_t)"), encoding="utf-8")
+    path.write_text(template("sticky").replace("0.0 * contact.v_t", "np.abs(contact.v_t)"), encoding="utf-8")
     assert main(["effects", "--check", str(path)]) == 0
     assert f"{len(EFFECT_CHECKS)} of {len(EFFECT_CHECKS)} checks pass" in capsys.readouterr().out
 

@@ -28,6 +28,10 @@ class _Shape(Section):
         """Lowest point of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
         raise NotImplementedError
 
+    def lowest(self, attitude: np.ndarray) -> np.ndarray:
+        """As `contact_point`, components first: (2, n) in m at angles (1, n) in rad."""
+        return self.contact_point(attitude[0]).T
+
     def outline(self, points: int = 180) -> np.ndarray:
         """Closed outline in the body frame, (points, 2) in m, for drawing."""
         raise NotImplementedError
@@ -163,6 +167,7 @@ class Corner:
         else:
             self._corners, self._bodies, self.index = polygon.corners[index].T, len(index), index
         self._theta: np.ndarray | None = None
+        self._key: tuple = ()
         self._cos = self._sin = self._turned = np.empty(0)
 
     @classmethod
@@ -180,6 +185,10 @@ class Corner:
         self._turn(theta)
         return self._turned
 
+    def lowest(self, attitude: np.ndarray) -> np.ndarray:
+        """As `contact_point`, components first: (2, n) in m at angles (1, n) in rad."""
+        return self.contact_point(attitude[0]).T
+
     def turned(self, points: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x and y (n,) of a point that belongs to the corner, turned by `theta` (n,); `points` (k, 2), one a corner."""
         self._turn(theta)
@@ -187,11 +196,14 @@ class Corner:
         return (self._cos * x - self._sin * y).ravel(), (self._sin * x + self._cos * y).ravel()
 
     def _turn(self, theta: np.ndarray) -> None:
-        if self._theta is theta:  # a prediction asks for the same angles again
+        where = theta.__array_interface__
+        key = where["data"], where["strides"], theta.shape
+        # a prediction asks for the same angles again; as `_theta` is kept, no other array lies at their place
+        if self._key == key:
             return
         (x, y), cos, sin = self._corners, np.cos(theta[: self._bodies]), np.sin(theta[: self._bodies])
         self._turned = np.array(((cos * x - sin * y).ravel(), (sin * x + cos * y).ravel())).T
-        self._theta, self._cos, self._sin = theta, cos, sin
+        self._theta, self._key, self._cos, self._sin = theta, key, cos, sin
 
     def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
         """Distance (n,) in m of the corner above the surface at `height`."""

@@ -32,16 +32,17 @@ class AnisotropicFriction(Effect):
     reference = "Zmitrowicz 1981 (constitutive equations of anisotropic friction)"
     breaks_mirror = True
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        return mu * (1.0 + p["a_t"] * np.sign(space.v_t)), epsilon
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        return mu * (1.0 + p["a_t"] * np.sign(contact.v_t)), epsilon
 
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        # a second slip goes the way of K_tn; `mu` is that of the first
-        ratio = (1.0 + p["a_t"] * np.sign(space.K_tn)) / (1.0 + p["a_t"] * np.sign(space.v_t))
+    def impulse(self, impulse, contact, state, p, rig):
+        # a second slip goes the way of K_tn; `contact.mu` is that of the first
+        mu, epsilon = contact.mu, contact.epsilon
+        ratio = (1.0 + p["a_t"] * np.sign(contact.K_tn)) / (1.0 + p["a_t"] * np.sign(contact.v_t))
         with np.errstate(all="ignore"):
-            changed, plain = path_impulse(space, mu, epsilon, ratio * mu), path_impulse(space, mu, epsilon)
+            changed, plain = path_impulse(contact, mu, epsilon, ratio * mu), path_impulse(contact, mu, epsilon)
         d_t, d_n = (np.where(np.isfinite(a - b), a - b, 0.0) for a, b in zip(changed, plain))
-        return Impulse(impulse.c_t + d_t, impulse.c_n + d_n, impulse.tau)
+        return Impulse.planar(impulse.c_t + d_t, impulse.c_n + d_n, impulse.couple)
 
 
 EFFECT = AnisotropicFriction()

@@ -36,7 +36,7 @@ class OtherRestitution(Effect):
     parameters = (Parameter("d", "1", null=0.0, low=-1.0, high=3.0, scale=0.1),)
     reference = "definition of the restitution"
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["d"]), 0.0, 1.0)
 
 
@@ -47,9 +47,9 @@ class OtherRestitutionBySpeed(VelocityDependentRestitution):
     equation = "ε = ε₀ (1 + d) (|v_n| / 1 m/s)^−p exp(−c (|v_n| − 1 m/s))"
     parameters = (*OtherRestitution.parameters, *VelocityDependentRestitution.parameters)
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         at_1 = np.clip(epsilon * (1.0 + p["d"]), 0.0, 1.0) * np.exp(p["c"] * SPEED)
-        return super().coefficients(mu, at_1, space, state, p, rig)
+        return super().coefficients(mu, at_1, contact, state, p, rig)
 
 
 class OtherFriction(Effect):
@@ -60,7 +60,7 @@ class OtherFriction(Effect):
     parameters = (Parameter("d", "1", null=0.0, low=-1.0, high=10.0, scale=0.2),)
     reference = "Coulomb 1785"
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return np.maximum(mu * (1.0 + p["d"]), 0.0), epsilon
 
 
@@ -75,7 +75,7 @@ class OtherContactTime(Effect):
     needs_contact_time = True
     reference = "definition of the contact time"
 
-    def contact_time(self, tau, space, state, p, rig):
+    def contact_time(self, tau, contact, state, p, rig):
         return np.maximum(tau * (1.0 + p["d"]), 0.0)
 
 
@@ -108,17 +108,17 @@ class AtWall(Effect):
     def applies_to(self, rig: Rig) -> bool:
         return len(rig.walls) > 1 and any(wall.name == self.wall for wall in rig.walls)
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        here, there = self._here(state, rig), self.of.coefficients(mu, epsilon, space, state, p, rig)
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        here, there = self._here(state, rig), self.of.coefficients(mu, epsilon, contact, state, p, rig)
         return np.where(here, there[0], mu), np.where(here, there[1], epsilon)
 
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        here, there = self._here(state, rig), self.of.impulse(impulse, space, mu, epsilon, r, state, p, rig)
-        pairs = ((there.c_t, impulse.c_t), (there.c_n, impulse.c_n), (there.tau, impulse.tau))
-        return Impulse(*(np.where(here, a, b) for a, b in pairs))
+    def impulse(self, impulse, contact, state, p, rig):
+        here, there = self._here(state, rig), self.of.impulse(impulse, contact, state, p, rig)
+        pairs = ((there.c_t, impulse.c_t), (there.c_n, impulse.c_n), (there.couple, impulse.couple))
+        return Impulse.planar(*(np.where(here, a, b) for a, b in pairs))
 
-    def contact_time(self, tau, space, state, p, rig):
-        return np.where(self._here(state, rig), self.of.contact_time(tau, space, state, p, rig), tau)
+    def contact_time(self, tau, contact, state, p, rig):
+        return np.where(self._here(state, rig), self.of.contact_time(tau, contact, state, p, rig), tau)
 
     def gap(self, gap, state, p, rig):
         return np.where(self._here(state, rig), self.of.gap(gap, state, p, rig), gap)

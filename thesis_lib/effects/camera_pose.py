@@ -58,7 +58,10 @@ class CameraPose(Effect):
 
     def acceleration(self, a, state, p, rig):
         sin, cos, g = np.sin(p["slope"]), np.cos(p["slope"]), rig.gravity
-        return a + np.array((-g * sin, g * (1.0 - cos), 0.0 * sin)).T
+        oblique = a.copy()
+        oblique[0] -= g * sin
+        oblique[1] += g * (1.0 - cos)
+        return oblique
 
 
 def _turned(state, angle, rig):

@@ -1,17 +1,17 @@
 """Displaced centre of mass: it is not at the body origin, where it is believed (magnets, markers, infill).
 
-With c = (c_x, c_y) the true minus the believed centre of mass in the body frame and C = R(θ) c:
+With c the true minus the believed centre of mass along axes of the body and C = R c:
 
-    velocity    v_com = v_o + ω × C,   ω × C = ω (−C_y, C_x)
+    velocity    v_com = v_o + ω × C,   ω × C = ω (−C_y, C_x) in the plane
     lever       r ← r − C
-    flight      a_o = a_com + ω² C − α × C      (the origin circles the centre of mass, which gravity pulls)
+    flight      a_o = a_com − ω × (ω × C) − α × C      (the origin circles the centre of mass, which falls)
     arc         −(R(ω τ) − 1 − ω τ R(π/2) + (ω τ)²/2) C, what the circle has beyond that at time τ
 
 | on paper | in code      | unit | shape |                                                                    |
 |----------|--------------|------|-------|--------------------------------------------------------------------|
-| c        | `c_x`, `c_y` | m    |       | body frame                                                         |
-| C        | `C_x`, `C_y` | m    | (n,)  | axes of the surface                                                |
-| α        | `a[:, 2]`    | rad/s² | (n,) | angular acceleration                                               |
+| c        | `c_x`, `c_y`, in space `c_z` | m | | axes of the body                                        |
+| C        | `_turned`    | m    | (d, n) | axes of the surface                                               |
+| α        | `a[d:]`      | rad/s² | (turns, n) | angular acceleration                                         |
 
 The radius of gyration stays that about the true centre of mass.  The outline is where it is believed to be; where it is
 displaced with the mass, the tracked point is off the centre (marker_offset).
@@ -19,7 +19,8 @@ displaced with the mass, the tracked point is off the centre (marker_offset).
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes
+from thesis_lib.mechanics.space import cross, of_rotation_vector, rotated
 
 
 class ComOffset(Effect):
@@ -35,39 +36,53 @@ class ComOffset(Effect):
     denies = "centre of mass"
     needs_angle = True
     rank = 6
+    vectors = ("c",)
+    dimensions = IN_SPACE
     reference = "rigid-body kinematics"
     breaks_mirror = True
 
     def to_contact(self, state, p, rig):
-        C_x, C_y = _turned(state, p)
-        return state.moved(vx=state.vx - state.omega * C_y, vy=state.vy + state.omega * C_x)
+        return state.changed(velocity=state.space.velocity_at(state.velocity, state.spin, _turned(state, p)))
 
     def from_contact(self, state, p, rig):
-        C_x, C_y = _turned(state, p)
-        return state.moved(vx=state.vx + state.omega * C_y, vy=state.vy - state.omega * C_x)
+        return state.changed(velocity=state.space.velocity_at(state.velocity, state.spin, -_turned(state, p)))
 
-    def contact_point(self, r_x, r_y, state, p, rig):
-        C_x, C_y = _turned(state, p)
-        return r_x - C_x, r_y - C_y
+    def contact_point(self, r, state, p, rig):
+        return r - _turned(state, p)
 
     def acceleration(self, a, state, p, rig):
-        C_x, C_y = _turned(state, p)
-        square, alpha = state.omega * state.omega, a[:, 2]
-        return a + np.stack([square * C_x + alpha * C_y, square * C_y - alpha * C_x, 0.0 * alpha], axis=-1)
+        # the origin is at −C from the centre of mass: −α × C − ω × (ω × C)
+        space, C = state.space, _turned(state, p)
+        d, none = space.dimension, np.zeros_like(C)
+        circling = space.velocity_at(none, state.spin, space.velocity_at(none, state.spin, C))
+        made = a.copy()
+        made[:d] -= space.velocity_at(circling, a[d:], C)
+        return made
 
     def arc(self, tau, state, p, rig):
+        if not state.space.is_plane:
+            return _arc_in_space(tau, state, p, rig)
         # the origin's circle about the centre of mass
         C_x, C_y = (C[:, None] for C in _turned(state, p))
         turn = state.omega[:, None] * tau
         along, across = 1.0 - np.cos(turn) - 0.5 * turn * turn, turn - np.sin(turn)
         x, y = along * C_x - across * C_y, across * C_x + along * C_y
-        return np.stack([x, y, np.zeros_like(x)], axis=-1)
+        return np.stack([x, y, np.zeros_like(x)])
 
 
 def _turned(state, p):
-    """C = R(θ) c, two arrays (n,)."""
-    sin, cos = np.sin(state.theta), np.cos(state.theta)
-    return cos * p["c_x"] - sin * p["c_y"], sin * p["c_x"] + cos * p["c_y"]
+    """C = R c (d, n) in axes of the world."""
+    return state.space.turned(state.attitude, along_axes(p, "c", state.space))
+
+
+def _arc_in_space(tau, state, p, rig):
+    """As `arc`, for turns by ω τ + α τ²/2 with the angular acceleration of the torque-free flight."""
+    C, omega, alpha = (part[:, :, None] for part in (_turned(state, p), state.spin, rig.fall(state)[3:]))
+    turned = rotated(of_rotation_vector(omega * tau + 0.5 * alpha * tau * tau), C)
+    first = cross(omega, C)
+    second = cross(alpha, C) + cross(omega, first)
+    beyond = C + tau * first + 0.5 * tau * tau * second - turned
+    return np.concatenate([beyond, np.zeros_like(beyond)])
 
 
 EFFECT = ComOffset()

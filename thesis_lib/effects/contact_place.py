@@ -18,10 +18,10 @@ from thesis_lib.mechanics.state import State
 
 def along_surface(state: State, rig: Rig) -> np.ndarray:
     """x_c (n,) in m of the believed shape at its pose."""
-    return state.x - rig.reference.x + rig.shape.contact_point(state.theta)[:, 0]
+    return state.x - rig.reference.x + rig.lowest(state)[0]
 
 
 def around_body(state: State, rig: Rig) -> np.ndarray:
     """β (n,) in rad of the believed shape at its pose, beyond (−π, π]."""
-    r = rig.shape.contact_point(state.theta)
-    return np.arctan2(r[:, 1], r[:, 0]) - state.theta
+    r_x, r_y = rig.lowest(state)
+    return np.arctan2(r_y, r_x) - state.theta

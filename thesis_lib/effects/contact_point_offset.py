@@ -9,6 +9,8 @@
 Seen as a couple d_r c_n about the believed contact point.  Breaks mirror symmetry.
 """
 
+import numpy as np
+
 from thesis_lib.effects.effect import Effect, Parameter
 
 
@@ -22,8 +24,8 @@ class ContactPointOffset(Effect):
     reference = "Brach 1989 (rigid body collisions: distributed contact)"
     breaks_mirror = True
 
-    def contact_point(self, r_x, r_y, state, p, rig):
-        return r_x + p["d_r"], r_y
+    def contact_point(self, r, state, p, rig):
+        return np.array((r[0] + p["d_r"], r[1]))
 
 
 EFFECT = ContactPointOffset()

@@ -28,35 +28,33 @@ class ContactTorque(Effect):
     rank = 4
     reference = "Brach 1989 (rigid body collisions: moment coefficient); Johnson 1985, chapter 8 (rolling resistance)"
 
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+    def impulse(self, impulse, contact, state, p, rig):
         if not np.any(p["m_r"]):
             return impulse
         with np.errstate(all="ignore"):
-            paths = _paths(space, mu, epsilon, r, state.omega, p["m_r"])
-        return added(impulse, paths, mu, lever=p["m_r"])
+            paths = _paths(contact, state.omega, p["m_r"])
+        return added(impulse, paths, contact.mu, lever=p["m_r"])
 
 
-def _paths(space, mu, epsilon, r, omega, m_r) -> Impulse:
+def _paths(contact, omega, m_r) -> Impulse:
     """Impulses and couples (2, n) at the ends of the paths with rolling resistance and without."""
-    r_x, r_y = r
-    # K_tt + K_nn − 2 = |r|² / k²: the k of this impact, other effects included
-    k2 = (r_x * r_x + r_y * r_y) / (space.K_tt + space.K_nn - 2.0)
-    turn_t, turn_n = r_y / k2, r_x / k2
-    dp = whole_impulse(space, mu, epsilon) / STEPS
-    kick, limit, spin, inverse = space.K_tn * dp, mu * dp, turn_n * dp, 1.0 / k2
+    (r_x, r_y), inverse = contact.r, contact.mobility
+    turn_t, turn_n = r_y * inverse, r_x * inverse
+    dp = whole_impulse(contact) / STEPS
+    kick, limit, spin = contact.K_tn * dp, contact.mu * dp, turn_n * dp
     most = np.stack([m_r * dp, 0.0 * dp])
-    v_t, couple, path = space.v_t, np.zeros_like(most), NormalPath(space, turn_n)
+    v_t, couple, path = contact.v_t, np.zeros_like(most), NormalPath(contact, turn_n)
     for _ in range(STEPS):
         # friction expects the couple of the step before, so that a sticking contact goes on sticking while it rolls
         kicked = v_t + kick - turn_t * couple
-        d_t = friction(kicked, limit, space.K_tt)
+        d_t = friction(kicked, limit, contact.K_tt)
         omega = omega + spin - turn_t * d_t
         d_tau = friction(omega, most, inverse)
         omega = omega + inverse * d_tau
-        v_t = kicked + space.K_tt * d_t - turn_t * (d_tau - couple)
+        v_t = kicked + contact.K_tt * d_t - turn_t * (d_tau - couple)
         couple = d_tau
         path.step(dp, d_t, d_tau)
-    return path.end(epsilon)
+    return path.end(contact.epsilon)
 
 
 EFFECT = ContactTorque()

@@ -45,22 +45,22 @@ class CurvedSurface(Effect):
     def from_contact(self, state, p, rig):
         return _turned(state, _angle(state, p, rig)[0])
 
-    def contact_point(self, r_x, r_y, state, p, rig):
-        _, r, believed = _angle(state, p, rig)
-        return r_x + r[:, 0] - believed[:, 0], r_y + r[:, 1] - believed[:, 1]
+    def contact_point(self, r, state, p, rig):
+        _, there, believed = _angle(state, p, rig)
+        return r + there - believed
 
     def gap(self, gap, state, p, rig):
         psi, r, believed = _angle(state, p, rig)
-        x = state.x + r[:, 0] - psi * r[:, 1] - rig.reference.x - p["x_0"]
-        return gap + 0.5 * p["kappa"] * x * x + believed[:, 1] - r[:, 1] - psi * r[:, 0]
+        x = state.x + r[0] - psi * r[1] - rig.reference.x - p["x_0"]
+        return gap + 0.5 * p["kappa"] * x * x + believed[1] - r[1] - psi * r[0]
 
 
 def _angle(state, p, rig):
-    """ψ (n,) in rad, and the contact points (n, 2) in m in the axes of the surface there and as believed."""
-    believed = rig.shape.contact_point(state.theta)
+    """ψ (n,) in rad, and the contact points (2, n) in m in the axes of the surface there and as believed."""
+    believed = rig.lowest(state)
     x = state.x - rig.reference.x - p["x_0"]
-    r = rig.shape.contact_point(state.theta - p["kappa"] * (x + believed[:, 0]))
-    return p["kappa"] * (x + r[:, 0]), r, believed
+    r = rig.shape.lowest(state.attitude - p["kappa"] * (x + believed[0]))
+    return p["kappa"] * (x + r[0]), r, believed
 
 
 def _turned(state, angle):

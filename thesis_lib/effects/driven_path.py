@@ -32,24 +32,19 @@ Moment = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of v_t (n,) in m/s an
 
 def driven(
     impulse: Impulse,
-    space: Contact,
-    mu: np.ndarray,
-    epsilon: np.ndarray,
-    r: tuple[np.ndarray, np.ndarray],
+    contact: Contact,
     omega: np.ndarray,
     *,
     couple: Moment | None = None,
     sideways: Moment | None = None,
     factor: Moment | None = None,
 ) -> Impulse:
-    """`impulse` (n,) with what the driven path has more than the plain one; `r` is the contact point in m."""
-    r_x, r_y = r
+    """`impulse` (n,) with what the driven path has more than the plain one."""
+    (r_x, r_y), mu, k2 = contact.r, contact.mu, 1.0 / contact.mobility
     with np.errstate(all="ignore"):
-        # K_tt + K_nn − 2 = |r|² / k²: the k of this impact, other effects included
-        k2 = (r_x * r_x + r_y * r_y) / (space.K_tt + space.K_nn - 2.0)
-        dp = whole_impulse(space, mu, epsilon) / STEPS
-        turn_t, turn_n, path = r_y / k2, r_x / k2, NormalPath(space, r_x / k2)
-        v_t, turning = np.stack([space.v_t, space.v_t]), np.stack([omega, omega])
+        dp = whole_impulse(contact) / STEPS
+        turn_t, turn_n, path = r_y / k2, r_x / k2, NormalPath(contact, r_x / k2)
+        v_t, turning = np.stack([contact.v_t, contact.v_t]), np.stack([omega, omega])
         was_t, was_turning = v_t[0], turning[0]
         none = np.zeros_like(v_t)
         levers, pushes, factors = none[0], none[0], none[0] + 1.0  # the largest on the way
@@ -66,16 +61,16 @@ def driven(
             if factor is not None:
                 times = np.clip(factor(*moment), 0.0, HIGHEST)
                 limit[0], factors = times * limit[1], np.maximum(factors, times)
-            kicked = v_t + space.K_tn * dp + space.K_tt * push - turn_t * d_tau
-            rubbed = friction(kicked, limit, space.K_tt)
+            kicked = v_t + contact.K_tn * dp + contact.K_tt * push - turn_t * d_tau
+            rubbed = friction(kicked, limit, contact.K_tt)
             was_t, was_turning = v_t[0], turning[0]
-            v_t = kicked + space.K_tt * rubbed
+            v_t = kicked + contact.K_tt * rubbed
             turning = turning + turn_n * dp - turn_t * (rubbed + push) + d_tau / k2
             path.step(dp, rubbed + push, d_tau)
-        ends = path.end(epsilon)
-        d_t, d_n, d_tau = (pair[0] - pair[1] for pair in (ends.c_t, ends.c_n, ends.tau))
+        ends = path.end(contact.epsilon)
+        d_t, d_n, d_tau = (pair[0] - pair[1] for pair in (ends.c_t, ends.c_n, ends.couple))
     d_t, d_n, d_tau = (np.where(np.isfinite(part), part, 0.0) for part in (d_t, d_n, d_tau))
     c_n = np.maximum(impulse.c_n + d_n, 0.0)
     limit = np.maximum((mu * factors + pushes) * c_n, np.abs(impulse.c_t))
     c_t = np.maximum(np.minimum(impulse.c_t + d_t, limit), -limit)
-    return Impulse(c_t, c_n, impulse.tau + np.clip(d_tau, -levers * c_n, levers * c_n))
+    return Impulse.planar(c_t, c_n, impulse.couple + np.clip(d_tau, -levers * c_n, levers * c_n))

@@ -4,7 +4,7 @@ The prediction of an impact goes through these stages.  An effect overrides the 
 any set of effects can be on at once; at its null parameters it changes nothing:
 
     measured state ── to_true ──► true state ── to_contact ──► state as the contact sees it
-        contact_point, radius_of_gyration        where and on what the impulse acts
+        contact_point, inertia                   where and on what the impulse acts
         contact_time                             τ, where contacts take time
         coefficients ──► law ──► impulse         μ, ε before the law; impulse and couple after it
     v_post as measured ◄── to_measured ── v_post ◄── from_contact ── v⁺ = v + M⁻¹ Jᵀ c
@@ -14,30 +14,38 @@ Up to `to_contact` a state is that of the body origin; `contact_point`, `contact
 get the state as the contact sees it.
 A measurement effect changes the prediction of what is measured, never the measurement itself.
 
+Arrays hold components first: r (d, n), accelerations (d + turns, n), as in `thesis_lib/mechanics/space.py`.  An effect
+that is written so lives in space, too, and says it with `dimensions = IN_SPACE`; a parameter that is a vector has a
+component for each axis there (`vectors`).
+
 Effects act one after the other in the order of `in_order`, whatever the order in which they were chosen.  Places, times
 and numbers of releases have no origin of their own: an effect that depends on one counts it from `rig.reference`, so
 that μ, ε and τ are those in the middle of the measured impacts.
 
-| on paper        | in code               | unit        | shape |                                                 |
-|-----------------|-----------------------|-------------|-------|-------------------------------------------------|
-| q, v            | `State`               | m, rad; m/s, rad/s | (n,) each | pose and velocity                        |
-| r               | `r_x`, `r_y`          | m           | (n,)  | contact point from the centre of mass           |
-| μ, ε            | `mu`, `epsilon`       | 1           | (n,)  | coefficients of each impact                     |
-| τ               | `tau`                 | s           | (n,)  | time from touch to the centroid of the impulse  |
-| c, couple       | `c_t`, `c_n`, `tau`   | N s/kg, N m s/kg | (n,) | impulse and couple on the body, per unit mass |
+| on paper        | in code            | unit               | shape         |                                         |
+|-----------------|--------------------|--------------------|---------------|-----------------------------------------|
+| q, v            | `State`            | m, rad; m/s, rad/s | (·, n)        | pose and motion                         |
+| r               | `r`                | m                  | (d, n)        | contact point from the centre of mass   |
+| G               | `G`                | m²                 | 1, or (3, 3)  | k²; in space inertia per mass, body axes |
+| μ, ε            | `mu`, `epsilon`    | 1                  | (n,)          | coefficients of each impact             |
+| τ               | `tau`              | s                  | (n,)          | from touch to centroid of the impulse   |
+| c               | `c`                | N s/kg             | d of (n,)     | impulse on the body, per unit mass      |
+|                 | `couple`           | N m s/kg           | (n,), (3, n)  | couple about the contact point          |
 
-Masses are 1 throughout: planar impacts need the radius of gyration only.
+Masses are 1 throughout: impacts need the inertia per mass only.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import Wall, wall_of
 from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.inertia import in_world
+from thesis_lib.mechanics.space import PLANE, SPACE, Space, cross
 from thesis_lib.mechanics.state import State
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
@@ -45,6 +53,7 @@ FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface",
 Channel = Literal["impact", "meet", "touch", "flight"]
 Coordinate = Literal["x", "t", "trial"]
 Parameters = Mapping[str, float]
+IN_PLANE, IN_SPACE = frozenset({2}), frozenset({2, 3})
 
 
 @dataclass(frozen=True)
@@ -89,49 +98,88 @@ ORIGIN = Reference()
 class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
-    Between `walls` x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle` neither the angle nor
-    the spin is measured.  `reference` is where the effects count places, times and releases from.
+    In space `tensor` (3, 3) is the inertia per mass in m² along the axes of the body, and k_g the root of its mean
+    principal moment.  Between `walls` x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle`
+    neither the angle nor the spin is measured.  `reference` is where the effects count places, times and releases from.
     """
 
-    shape: Shape
+    shape: Shape | Any
     k_g: float
     gravity: float
     height: float
     walls: tuple[Wall, ...] = ()
     has_angle: bool = True
     reference: Reference = ORIGIN
+    tensor: np.ndarray | None = None
+
+    @property
+    def space(self) -> Space:
+        """Where the body moves."""
+        return PLANE if self.tensor is None else SPACE
+
+    @property
+    def G(self) -> np.ndarray | float:
+        """Inertia per mass in m²: k² in the plane, (3, 3) in space."""
+        return self.k_g * self.k_g if self.tensor is None else self.tensor
 
     @property
     def k_told(self) -> float:
         """Radius of gyration in m as a weight of errors in spin; 0 where the spin is not measured."""
         return self.k_g if self.has_angle else 0.0
 
-    def fall(self, x: np.ndarray) -> np.ndarray:
-        """Acceleration of gravity (n, 3) in m/s² and rad/s², in the frames of bodies at x (n,)."""
-        a = np.zeros((len(x), 3))
-        a[:, 1] = -self.gravity
+    def lowest(self, state: State) -> np.ndarray:
+        """Contact point (d, n) in m of the believed shape, from the body origin."""
+        return self.shape.lowest(state.attitude)
+
+    def gap(self, state: State) -> np.ndarray:
+        """Gap φ_n (n,) in m between the believed shape and the believed surface."""
+        if self.tensor is None:
+            return self.shape.gap(state.y, state.theta, self.height)
+        return state.height + self.shape.lowest(state.attitude)[-1] - self.height
+
+    def fall(self, state: State) -> np.ndarray:
+        """Acceleration of gravity (d + turns, n) in m/s² and rad/s², in the frames of the bodies."""
+        a = np.zeros(state.motion.shape)
+        a[state.space.dimension - 1] = -self.gravity
+        if self.tensor is not None:  # torque-free: G ω' = −ω × G ω
+            G = in_world(self.tensor, state.attitude)
+            turning = -cross(state.spin, np.einsum("ijn,jn->in", G, state.spin))
+            a[3:] = np.linalg.solve(np.moveaxis(G, -1, 0), turning.T[..., None])[..., 0].T
         if self.walls and self.gravity:
             # the last one is for the plane as it was filmed
-            angle = np.array([*(wall.angle for wall in self.walls), 0.0])[wall_of(x)]
-            a[:, 0], a[:, 1] = -self.gravity * np.sin(angle), -self.gravity * np.cos(angle)
+            angle = np.array([*(wall.angle for wall in self.walls), 0.0])[wall_of(state.x)]
+            a[0], a[1] = -self.gravity * np.sin(angle), -self.gravity * np.cos(angle)
         return a
 
 
 @dataclass(frozen=True)
 class Impulse:
-    """Impulse (c_t, c_n) in N s/kg and couple tau about the contact point in N m s/kg, counter-clockwise; (n,)."""
+    """Impulse c in N s/kg, by component, and couple about the contact point in N m s/kg: (n,), in space (3, n)."""
 
-    c_t: np.ndarray
-    c_n: np.ndarray
-    tau: np.ndarray
+    c: tuple[np.ndarray, ...] | np.ndarray
+    couple: np.ndarray
+
+    @classmethod
+    def planar(cls, c_t: np.ndarray, c_n: np.ndarray, couple: np.ndarray) -> "Impulse":
+        """That with these components (n,); the couple turns counter-clockwise."""
+        return cls((c_t, c_n), couple)
+
+    @property
+    def c_t(self) -> np.ndarray:
+        """In the plane: the tangential impulse."""
+        return self.c[0]
+
+    @property
+    def c_n(self) -> np.ndarray:
+        return self.c[-1]
 
 
 class Effect:
     """Base of all effects.  Override the class attributes, and the hooks of the stages at which the effect acts.
 
-    Hooks take arrays (n,) and the effect's own parameters `p` and return new arrays.  A parameter is a number, or an
-    array (n,) with one for each body: fits try several at once.  Hooks are the identity at the null parameters, and
-    never change their arguments.
+    Hooks take arrays, components first, and the effect's own parameters `p`, and return new arrays.  A parameter is a
+    number, or an array (n,) with one for each body: fits try several at once.  Hooks are the identity at the null
+    parameters, and never change their arguments.
 
     Attributes:
         name: file name and key, a standard term.
@@ -150,6 +198,8 @@ class Effect:
         bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
         along: which of x, t and trial it counts from `rig.reference`.
         rank: its place among the effects that act together; see `in_order`.
+        dimensions: 2 where it lives in the plane, 3 where it lives in space.
+        vectors: names of parameters that are vectors: “c” stands for c_x and c_y, in space also c_z.
         denies: the property of the body that it says is not as believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
         reference: source, with DOI where there is one.
@@ -170,6 +220,8 @@ class Effect:
     bends: bool = False
     along: tuple[Coordinate, ...] = ()
     rank: int = 0
+    dimensions: frozenset[int] = IN_PLANE
+    vectors: tuple[str, ...] = ()
     denies: str = ""
     reference: str = ""
 
@@ -195,7 +247,7 @@ class Effect:
         return state
 
     def meet(self, jump: np.ndarray, before: State, after: State, p: Parameters) -> np.ndarray:
-        """Measured pose after minus before at the instant of impact, (n, 3) in m, m, rad; zero without a fault."""
+        """Measured pose after minus before at the impact, (d + turns, n) in m, rad; zero without a fault."""
         return jump
 
     # contact ----------------------------------------------------------------------------------------------------
@@ -207,11 +259,9 @@ class Effect:
         """The inverse of `to_contact`."""
         return state
 
-    def contact_point(
-        self, r_x: np.ndarray, r_y: np.ndarray, state: State, p: Parameters, rig: Rig
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Contact point (r_x, r_y), each (n,) in m, from the true centre of mass."""
-        return r_x, r_y
+    def contact_point(self, r: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
+        """Contact point r (d, n) in m, from the true centre of mass."""
+        return r
 
     def gap(self, gap: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
         """Gap φ_n (n,) in m between believed shape, at its true pose `state`, and believed surface at contact.
@@ -220,46 +270,59 @@ class Effect:
         """
         return gap
 
-    def radius_of_gyration(self, k_g: float, p: Parameters) -> float:
-        """True radius of gyration in m."""
-        return k_g
+    def inertia(self, G: np.ndarray | float, p: Parameters) -> np.ndarray | float:
+        """True inertia per mass in m²: k² in the plane, (3, 3) along axes of the body in space."""
+        return G
 
     def coefficients(
-        self, mu: np.ndarray, epsilon: np.ndarray, space: Contact, state: State, p: Parameters, rig: Rig
+        self, mu: np.ndarray, epsilon: np.ndarray, contact: Contact, state: State, p: Parameters, rig: Rig
     ) -> tuple[np.ndarray, np.ndarray]:
         """μ and ε (n,) of each impact, given those of the law."""
         return mu, epsilon
 
-    def contact_time(self, tau: np.ndarray, space: Contact, state: State, p: Parameters, rig: Rig) -> np.ndarray:
+    def contact_time(self, tau: np.ndarray, contact: Contact, state: State, p: Parameters, rig: Rig) -> np.ndarray:
         """τ (n,) in s of each impact, as in a central one; not negative.  Only models that take time ask for it."""
         return tau
 
-    def impulse(
-        self,
-        impulse: Impulse,
-        space: Contact,
-        mu: np.ndarray,
-        epsilon: np.ndarray,
-        r: tuple[np.ndarray, np.ndarray],
-        state: State,
-        p: Parameters,
-        rig: Rig,
-    ) -> Impulse:
-        """Impulse and couple (n,) of each impact, given those of the law; `r` is the contact point in m."""
+    def impulse(self, impulse: Impulse, contact: Contact, state: State, p: Parameters, rig: Rig) -> Impulse:
+        """Impulse and couple of each impact, given those of the law.
+
+        `contact` has the contact point `r` (d, n) in m and the coefficients `mu` and `epsilon` (n,) of each impact.
+        """
         return impulse
 
     # flight -----------------------------------------------------------------------------------------------------
     def acceleration(self, a: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:
-        """Acceleration (n, 3) of the body origin in flight, m/s², m/s², rad/s²; `state` is the true one."""
+        """Acceleration (d + turns, n) of the body origin in flight, m/s², rad/s²; `state` is the true one."""
         return a
 
     def arc(self, tau: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray | None:
         """What the true path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
 
-        (n, W, 3) in m, m, rad; None if the acceleration is practically constant over a tenth of a second.  What the
-        camera bends (`bends`) follows from its map.
+        (d + turns, n, W) in m, rad; None if the acceleration is practically constant over a tenth of a second.  What
+        the camera bends (`bends`) follows from its map.
         """
         return None
+
+
+def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:
+    """The parameters of the effect, those that are vectors with a component for each axis of the space."""
+    if space.is_plane:
+        return effect.parameters
+    found = []
+    for p in effect.parameters:
+        found.append(p)
+        if any(p.name == f"{vector}_y" for vector in effect.vectors):
+            found.append(replace(p, name=f"{p.name[:-1]}z"))
+    return tuple(found)
+
+
+def along_axes(p: Parameters, name: str, space: Space) -> np.ndarray:
+    """The vector parameter `name`, (d, 1), or (d, n) if there is one for each body."""
+    parts = [p[f"{name}_{axis}"] for axis in "xyz"[: space.dimension]]
+    if any(isinstance(part, np.ndarray) for part in parts):
+        return np.array(np.broadcast_arrays(*parts))
+    return np.array(parts)[:, None]
 
 
 def in_order(effects: Iterable[Effect]) -> list[Effect]:

@@ -37,10 +37,10 @@ _TINY = 1e-30  # m/s; a step without any rise of v_n lies wholly in compression 
 _FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
 
 
-def whole_impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> np.ndarray:
+def whole_impulse(contact: Contact) -> np.ndarray:
     """Normal impulse (n,) in N s/kg of the path with constant μ: the length that is divided into steps."""
     with np.errstate(all="ignore"):
-        return exact_impulse(space, mu, epsilon)[1]
+        return exact_impulse(contact, contact.mu, contact.epsilon)[1]
 
 
 def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndarray:
@@ -48,28 +48,22 @@ def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndar
     return np.maximum(np.minimum(kicked / -K_tt, limit), -limit)
 
 
-def walk(
-    space: Contact,
-    mu: np.ndarray,
-    epsilon: np.ndarray,
-    factor: Callable[[np.ndarray], np.ndarray] | None = None,
-    steps: int = STEPS,
-) -> Impulse:
+def walk(contact: Contact, factor: Callable[[np.ndarray], np.ndarray] | None = None, steps: int = STEPS) -> Impulse:
     """Impulses (2, n) at the ends of two paths: the friction of the first is μ `factor`(v_t), of the second μ."""
-    dp = whole_impulse(space, mu, epsilon) / steps
-    kick, path = space.K_tn * dp, NormalPath(space)
-    limit = np.stack([mu * dp, mu * dp])
-    v_t = before = np.stack([space.v_t, space.v_t])
+    dp = whole_impulse(contact) / steps
+    kick, path = contact.K_tn * dp, NormalPath(contact)
+    limit = np.stack([contact.mu * dp, contact.mu * dp])
+    v_t = before = np.stack([contact.v_t, contact.v_t])
     with np.errstate(all="ignore"):
         for _ in range(steps):
             if factor is not None:
                 # the slip in the middle of the step, extrapolated from the step before
                 limit[0] = limit[1] * factor(1.5 * v_t[0] - 0.5 * before[0])
             before, kicked = v_t, v_t + kick
-            d_t = friction(kicked, limit, space.K_tt)
-            v_t = kicked + space.K_tt * d_t
+            d_t = friction(kicked, limit, contact.K_tt)
+            v_t = kicked + contact.K_tt * d_t
             path.step(dp, d_t)
-        return path.end(epsilon)
+        return path.end(contact.epsilon)
 
 
 class NormalPath:
@@ -80,10 +74,10 @@ class NormalPath:
         lift: (n,) r_x / k² in rad/m, what a couple does to v_n.
     """
 
-    def __init__(self, space: Contact, lift: np.ndarray | float = 0.0) -> None:
-        n = len(space.v_n)
+    def __init__(self, contact: Contact, lift: np.ndarray | float = 0.0) -> None:
+        n = len(contact.v_n)
         v_n, self._K_nn, self._K_tn, self.lift = (
-            np.array(np.broadcast_to(values, n)) for values in (space.v_n, space.K_nn, space.K_tn, lift)
+            np.array(np.broadcast_to(values, n)) for values in (contact.v_n, contact.K_nn, contact.K_tn, lift)
         )
         self.v_n = np.stack([v_n, v_n])
         self._low = self.v_n.copy()  # v_n during compression, then 0
@@ -114,7 +108,7 @@ class NormalPath:
         square = self.v_n * self.v_n + b * ((1.0 - epsilon * epsilon) * compression - self._work)
         more = (np.sqrt(np.maximum(square, 0.0)) - self.v_n) / b
         share = more / dp
-        return Impulse(self._c_t + share * d_t, self._c_n + more, self._tau + share * d_tau)
+        return Impulse.planar(self._c_t + share * d_t, self._c_n + more, self._tau + share * d_tau)
 
 
 @njit(cache=True, error_model="numpy")
@@ -145,9 +139,10 @@ def added(
     c_n.  Where the law itself leaves the cone, the sum may leave it as far.
     """
     d_t, d_n, d_tau = (
-        np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0) for pair in (paths.c_t, paths.c_n, paths.tau)
+        np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0)
+        for pair in (paths.c_t, paths.c_n, paths.couple)
     )
     c_n = np.maximum(impulse.c_n + d_n, 0.0)
     limit = np.maximum(mu * highest * c_n, np.abs(impulse.c_t))
     c_t = np.maximum(np.minimum(impulse.c_t + d_t, limit), -limit)
-    return Impulse(c_t, c_n, impulse.tau + np.clip(d_tau, -lever * c_n, lever * c_n))
+    return Impulse.planar(c_t, c_n, impulse.couple + np.clip(d_tau, -lever * c_n, lever * c_n))

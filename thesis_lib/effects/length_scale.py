@@ -11,7 +11,9 @@
 | x_0      | `rig.reference.x` | m |     | place where x is correct                                   |
 """
 
-from thesis_lib.effects.effect import Effect, Parameter
+import numpy as np
+
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class LengthScale(Effect):
@@ -24,6 +26,7 @@ class LengthScale(Effect):
     needs_one_surface = True
     along = ("x",)
     rank = 60
+    dimensions = IN_SPACE
     reference = "camera calibration"
 
     def to_true(self, state, p, rig):
@@ -35,8 +38,9 @@ class LengthScale(Effect):
 
 def _scaled(state, s, rig):
     """Lengths times 1 + s, about the reference's place on the surface."""
-    factor, x, y = 1.0 + s, s * (state.x - rig.reference.x), s * (state.y - rig.height)
-    return state.moved(x=state.x + x, y=state.y + y, vx=state.vx * factor, vy=state.vy * factor)
+    about = np.zeros((state.space.dimension, 1))
+    about[0], about[-1] = rig.reference.x, rig.height
+    return state.changed(position=state.position + s * (state.position - about), velocity=state.velocity * (1.0 + s))
 
 
 EFFECT = LengthScale()

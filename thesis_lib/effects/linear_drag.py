@@ -10,7 +10,7 @@
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class LinearDrag(Effect):
@@ -24,11 +24,11 @@ class LinearDrag(Effect):
     )
     channels = ("flight",)
     needs_trajectories = True
+    dimensions = IN_SPACE
     reference = "Stokes 1851"
 
     def acceleration(self, a, state, p, rig):
-        c_v, c_w = p["c_v"], p["c_w"]
-        return a - np.stack([c_v * state.vx, c_v * state.vy, c_w * state.omega], axis=-1)
+        return a - np.concatenate([p["c_v"] * state.velocity, p["c_w"] * state.spin])
 
 
 EFFECT = LinearDrag()

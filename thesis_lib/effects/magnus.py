@@ -11,7 +11,7 @@ The force is perpendicular to the velocity and does no work.
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class Magnus(Effect):
@@ -23,11 +23,14 @@ class Magnus(Effect):
     channels = ("flight",)
     needs_trajectories = True
     needs_angle = True
+    dimensions = IN_SPACE
     reference = "Rubinow and Keller 1961, doi:10.1017/S0022112061000640"
 
     def acceleration(self, a, state, p, rig):
-        rate = p["k_m"] * state.omega
-        return a + np.stack([-rate * state.vy, rate * state.vx, 0.0 * rate], axis=-1)
+        d = state.space.dimension
+        lifted = a.copy()
+        lifted[:d] += p["k_m"] * state.space.velocity_at(np.zeros_like(state.velocity), state.spin, state.velocity)
+        return lifted
 
 
 EFFECT = Magnus()

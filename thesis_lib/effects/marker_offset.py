@@ -16,9 +16,7 @@ is believed to be, while a marker takes it along: the contact has the believed l
 D_y.  A marker frame that is turned is an angle_offset.
 """
 
-import numpy as np
-
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes
 
 
 class MarkerOffset(Effect):
@@ -33,6 +31,8 @@ class MarkerOffset(Effect):
     channels = ("impact", "touch", "flight")
     needs_angle = True
     rank = 10
+    vectors = ("d",)
+    dimensions = IN_SPACE
     reference = "rigid-body kinematics"
     breaks_mirror = True
     bends = True
@@ -46,15 +46,9 @@ class MarkerOffset(Effect):
 
 def _seen_at(state, p, sign):
     """State of the point at `sign` D from the one that `state` is of."""
-    D_x, D_y = (sign * D for D in _turned(state, p))
-    vx, vy = state.vx - state.omega * D_y, state.vy + state.omega * D_x
-    return state.moved(x=state.x + D_x, y=state.y + D_y, vx=vx, vy=vy)
-
-
-def _turned(state, p):
-    """D = R(θ) d, two arrays (n,)."""
-    sin, cos = np.sin(state.theta), np.cos(state.theta)
-    return cos * p["d_x"] - sin * p["d_y"], sin * p["d_x"] + cos * p["d_y"]
+    D = sign * state.space.turned(state.attitude, along_axes(p, "d", state.space))
+    velocity = state.space.velocity_at(state.velocity, state.spin, D)
+    return state.changed(position=state.position + D, velocity=velocity)
 
 
 EFFECT = MarkerOffset()

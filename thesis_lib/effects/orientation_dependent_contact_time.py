@@ -36,7 +36,7 @@ class OrientationDependentContactTime(Effect):
     reference = "first harmonics of a smooth dependence on the place"
     breaks_mirror = True
 
-    def contact_time(self, tau, space, state, p, rig):
+    def contact_time(self, tau, contact, state, p, rig):
         beta = around_body(state, rig)
         first = p["a_c"] * np.cos(beta) + p["a_s"] * np.sin(beta)
         return tau * np.exp(first + p["b_c"] * np.cos(2.0 * beta) + p["b_s"] * np.sin(2.0 * beta))

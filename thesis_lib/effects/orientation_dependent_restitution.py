@@ -31,7 +31,7 @@ class OrientationDependentRestitution(Effect):
     reference = "Stoianovici and Hurmuzlu 1996 (rebound of slender bars at different angles)"
     breaks_mirror = True
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         angle = 2.0 * around_body(state, rig)
         factor = 1.0 + p["a_c"] * np.cos(angle) + p["a_s"] * np.sin(angle)
         return mu, np.clip(epsilon * factor, 0.0, 1.0)

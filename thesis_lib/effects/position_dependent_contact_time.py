@@ -34,7 +34,7 @@ class PositionDependentContactTime(Effect):
     breaks_mirror = True
     along = ("x",)
 
-    def contact_time(self, tau, space, state, p, rig):
+    def contact_time(self, tau, contact, state, p, rig):
         return tau / np.sqrt(np.maximum(1.0 - 2.0 * p["g_tau"] * along_surface(state, rig), SOFTEST))
 
 

@@ -28,7 +28,7 @@ class PositionDependentFriction(Effect):
     breaks_mirror = True
     along = ("x",)
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return np.maximum(mu * (1.0 + p["g_mu"] * along_surface(state, rig)), 0.0), epsilon
 
 

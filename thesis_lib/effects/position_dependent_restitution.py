@@ -28,7 +28,7 @@ class PositionDependentRestitution(Effect):
     breaks_mirror = True
     along = ("x",)
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["g_eps"] * along_surface(state, rig)), 0.0, 1.0)
 
 

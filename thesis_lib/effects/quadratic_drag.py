@@ -11,7 +11,7 @@ Spin is left as it is.
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class QuadraticDrag(Effect):
@@ -22,11 +22,13 @@ class QuadraticDrag(Effect):
     parameters = (Parameter("c_q", "1/m", null=0.0, low=0.0, high=10.0, scale=0.1),)
     channels = ("flight",)
     needs_trajectories = True
+    dimensions = IN_SPACE
     reference = "Newton, Principia, book II; Batchelor 1967"
 
     def acceleration(self, a, state, p, rig):
-        rate = p["c_q"] * np.hypot(state.vx, state.vy)
-        return a - np.stack([rate * state.vx, rate * state.vy, 0.0 * rate], axis=-1)
+        slowed = a.copy()
+        slowed[: state.space.dimension] -= p["c_q"] * np.sqrt((state.velocity**2).sum(axis=0)) * state.velocity
+        return slowed
 
 
 EFFECT = QuadraticDrag()

@@ -34,11 +34,10 @@ class RoundedCorners(Effect):
     def applies_to(self, rig):
         return isinstance(rig.shape, Polygon)
 
-    def contact_point(self, r_x, r_y, state, p, rig):
+    def contact_point(self, r, state, p, rig):
         if not isinstance(rig.shape, Polygon | Corner):
-            return r_x, r_y
-        d_x, d_y = _moved(rig.shape, state.theta, p["rho"])
-        return r_x + d_x, r_y + d_y
+            return r
+        return r + np.array(_moved(rig.shape, state.theta, p["rho"]))
 
     def gap(self, gap, state, p, rig):
         if not isinstance(rig.shape, Polygon | Corner):

@@ -35,10 +35,9 @@ class SoftBody(Effect):
     needs_angle = True
     reference = "Johnson 1985, chapter 4 (both bodies give way in the ratio of their compliances)"
 
-    def contact_point(self, r_x, r_y, state, p, rig):
-        r = rig.shape.contact_point(state.theta)
-        depth = p["lam"] * np.maximum(-(state.vy + r[:, 0] * state.omega), 0.0)
-        return r_x + depth * lean(rig.shape, state.theta), r_y + depth
+    def contact_point(self, r, state, p, rig):
+        depth = p["lam"] * np.maximum(-(state.vy + rig.lowest(state)[0] * state.omega), 0.0)
+        return r + np.array((depth * lean(rig.shape, state.theta), depth))
 
 
 def lean(shape: Shape | Corner, theta: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@
 Velocities after impact do not depend on it.
 """
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class SurfaceHeight(Effect):
@@ -20,6 +20,7 @@ class SurfaceHeight(Effect):
     parameters = (Parameter("h", "m", null=0.0, low=-0.1, high=0.1, scale=1e-3),)
     channels = ("touch",)
     needs_trajectories = True
+    dimensions = IN_SPACE
     reference = "definition of the gap"
 
     def gap(self, gap, state, p, rig):

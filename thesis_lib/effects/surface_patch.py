@@ -61,12 +61,12 @@ class SurfacePatch(Effect):
                 found.append({"x_1": float(x_1), "x_2": float(x_2), "w": float(np.clip(inner / 4.0, low, high))})
         return found
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         patch = _patch(state, p, rig)
         epsilon = np.clip(epsilon * (1.0 + p["h_eps"] * patch), 0.0, 1.0)
         return np.maximum(mu * (1.0 + p["h_mu"] * patch), 0.0), epsilon
 
-    def contact_time(self, tau, space, state, p, rig):
+    def contact_time(self, tau, contact, state, p, rig):
         return np.maximum(tau * (1.0 + p["h_tau"] * _patch(state, p, rig)), 0.0)
 
 

@@ -33,7 +33,10 @@ class SurfaceTilt(Effect):
 
     def acceleration(self, a, state, p, rig):
         sin, cos, g = np.sin(p["phi"]), np.cos(p["phi"]), rig.gravity
-        return a + np.array((g * sin, g * (1.0 - cos), 0.0 * sin)).T
+        oblique = a.copy()
+        oblique[0] += g * sin
+        oblique[1] += g * (1.0 - cos)
+        return oblique
 
 
 EFFECT = SurfaceTilt()

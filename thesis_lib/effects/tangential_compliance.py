@@ -50,12 +50,12 @@ class TangentialCompliance(Effect):
         "Maw, Barber and Fawcett 1976, doi:10.1016/0043-1648(76)90201-5; Stronge 1994, doi:10.1016/0734-743X(94)80027-7"
     )
 
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+    def impulse(self, impulse, contact, state, p, rig):
         if not np.any(p["eta"]):
             return impulse
         with np.errstate(all="ignore"):
-            paths = _paths(space, mu, epsilon, p["eta"], p["zeta"])
-        return added(impulse, paths, mu)
+            paths = _paths(contact, p["eta"], p["zeta"])
+        return added(impulse, paths, contact.mu)
 
 
 def _propagator(w: np.ndarray, zeta: np.ndarray | float, h: np.ndarray | float) -> tuple[np.ndarray, ...]:
@@ -66,22 +66,22 @@ def _propagator(w: np.ndarray, zeta: np.ndarray | float, h: np.ndarray | float) 
     return cos + zeta * w * sine, sine, -w * w * sine, cos - zeta * w * sine
 
 
-def _paths(space, mu, epsilon, eta, zeta) -> Impulse:
+def _paths(contact, eta, zeta) -> Impulse:
     """Impulses (2, n) at the ends of the compliant path and of the rigid one."""
-    K_tt, K_tn, v_t = space.K_tt, space.K_tn, space.v_t
-    p_c = slip_path(space, mu).p_c
-    ratio = np.maximum(whole_impulse(space, mu, epsilon) / p_c - 1.0, _SHORTEST)
-    spring = -p_c / (eta * space.v_n)  # κ, with b = −v_n / p_c
+    K_tt, K_tn, v_t, mu = contact.K_tt, contact.K_tn, contact.v_t, contact.mu
+    p_c = slip_path(contact, mu).p_c
+    ratio = np.maximum(whole_impulse(contact) / p_c - 1.0, _SHORTEST)
+    spring = -p_c / (eta * contact.v_n)  # κ, with b = −v_n / p_c
     w = np.sqrt(spring * K_tt)
     n, durations = len(mu), (_STEP, _STEP * ratio)
     stuck = np.array([[np.broadcast_to(part, n) for part in _propagator(w, zeta, h)] for h in durations])  # (2, 4, n)
     dp = _MEAN[:, None] * np.repeat([p_c * h for h in durations], STEPS, axis=0)
     numbers = K_tt, K_tn, v_t, mu, K_tn / (w * w) * p_c, mu * p_c / spring
     d_t = _slide(np.array([np.broadcast_to(values, n) for values in numbers]), stuck, dp)
-    path = NormalPath(space)
+    path = NormalPath(contact)
     for pair in zip(dp, d_t):
         path.step(*pair)
-    return path.end(epsilon)
+    return path.end(contact.epsilon)
 
 
 @njit(cache=True, error_model="numpy")

@@ -26,20 +26,21 @@ class TangentialRestitution(Effect):
     rank = -1
     reference = "Walton 1993; Chatterjee and Ruina 1998, doi:10.1115/1.2791929"
 
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+    def impulse(self, impulse, contact, state, p, rig):
         # where the law itself leaves the cone, it is not cut back
-        limit = np.maximum(mu * np.abs(impulse.c_n), np.abs(impulse.c_t))
+        limit = np.maximum(contact.mu * np.abs(impulse.c_n), np.abs(impulse.c_t))
         wanted = np.clip((1.0 + p["e_t"]) * impulse.c_t, -limit, limit)
-        return Impulse(np.where(_sticks(impulse, space, epsilon), wanted, impulse.c_t), impulse.c_n, impulse.tau)
+        c_t = np.where(_sticks(impulse, contact), wanted, impulse.c_t)
+        return Impulse.planar(c_t, impulse.c_n, impulse.couple)
 
 
-def _sticks(impulse, space, epsilon):
+def _sticks(impulse, contact):
     # some laws stick to the end, others (Drumwright-Shell, published Poisson) up to maximum compression only
     def at_rest(c_n):
-        driven = space.v_t + space.K_tn * c_n
-        return np.abs(driven + space.K_tt * impulse.c_t) <= TOLERANCE * np.abs(driven)
+        driven = contact.v_t + contact.K_tn * c_n
+        return np.abs(driven + contact.K_tt * impulse.c_t) <= TOLERANCE * np.abs(driven)
 
-    return at_rest(impulse.c_n) | at_rest(impulse.c_n / (1.0 + epsilon))
+    return at_rest(impulse.c_n) | at_rest(impulse.c_n / (1.0 + contact.epsilon))
 
 
 EFFECT = TangentialRestitution()

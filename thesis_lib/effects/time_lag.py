@@ -10,9 +10,7 @@ At an impact the angle is reported ω T too small before it and ω⁺ T too smal
 | T        | `lag`   | s    |       | lag of θ behind x and y; negative: ahead     |
 """
 
-import numpy as np
-
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class TimeLag(Effect):
@@ -24,17 +22,19 @@ class TimeLag(Effect):
     channels = ("impact", "meet", "touch")
     needs_angle = True
     rank = 20
+    dimensions = IN_SPACE
     reference = "kinematics"
 
     def to_true(self, state, p, rig):
-        return state.moved(theta=state.theta + state.omega * p["lag"])
+        return state.changed(attitude=state.space.attitude_after(state.attitude, state.spin * p["lag"]))
 
     def to_measured(self, state, p, rig):
-        return state.moved(theta=state.theta - state.omega * p["lag"])
+        return state.changed(attitude=state.space.attitude_after(state.attitude, -state.spin * p["lag"]))
 
     def meet(self, jump, before, after, p):
-        turned = -(after.omega - before.omega) * p["lag"]
-        return jump + np.stack([0.0 * turned, 0.0 * turned, turned], axis=-1)
+        jumped = jump.copy()
+        jumped[before.space.dimension :] -= (after.spin - before.spin) * p["lag"]
+        return jumped
 
 
 EFFECT = TimeLag()

@@ -13,7 +13,7 @@ The model has the share K_nn^(−1/2) of a linear spring already.  Hertz: n = 3/
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 SPEED = 1.0  # m/s
 SLOWEST = 1e-2  # m/s, below every impact that a camera sees; keeps the power finite at v_n = 0
@@ -28,11 +28,12 @@ class VelocityDependentContactTime(Effect):
     channels = ("touch",)
     needs_trajectories = True
     needs_contact_time = True
+    dimensions = IN_SPACE
     reference = "Hertz 1882; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731"
 
-    def contact_time(self, tau, space, state, p, rig):
-        speed = np.maximum(np.abs(space.v_n), SLOWEST) / SPEED
-        return tau * (np.sqrt(space.K_nn) / speed) ** p["p"]
+    def contact_time(self, tau, contact, state, p, rig):
+        speed = np.maximum(np.abs(contact.v_n), SLOWEST) / SPEED
+        return tau * (np.sqrt(contact.K_nn) / speed) ** p["p"]
 
 
 EFFECT = VelocityDependentContactTime()

@@ -31,7 +31,7 @@ class VelocityDependentFriction(Effect):
     rank = 2
     reference = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, doi:10.1016/0005-1098(94)90209-7"
 
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+    def impulse(self, impulse, contact, state, p, rig):
         s, v_s = p["s"], p["v_s"]
         if not np.any(s):
             return impulse
@@ -39,7 +39,7 @@ class VelocityDependentFriction(Effect):
         def factor(v_t: np.ndarray) -> np.ndarray:
             return 1.0 + s * np.exp(-((v_t / v_s) ** 2))
 
-        return added(impulse, walk(space, mu, epsilon, factor), mu, 1.0 + np.maximum(s, 0.0))
+        return added(impulse, walk(contact, factor), contact.mu, 1.0 + np.maximum(s, 0.0))
 
 
 EFFECT = VelocityDependentFriction()

@@ -15,7 +15,7 @@ exponential has that first order and stays positive; c ≈ (1 + ε) d / 3.
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 SPEED = 1.0  # m/s
 SLOWEST = 1e-3  # m/s, below every impact that a camera sees; keeps the power finite at v_n = 0
@@ -30,12 +30,13 @@ class VelocityDependentRestitution(Effect):
         Parameter("p", "1", null=0.0, low=-1.0, high=1.0, scale=0.15, starts=(0.05,)),
         Parameter("c", "s/m", null=0.0, low=-0.5, high=0.5, scale=0.05, starts=(0.02,)),
     )
+    dimensions = IN_SPACE
     reference = (
         "Johnson 1985, section 11.5, doi:10.1017/CBO9781139171731; Hunt and Crossley 1975, doi:10.1115/1.3423596"
     )
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
-        speed = np.maximum(np.abs(space.v_n), SLOWEST) / SPEED
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        speed = np.maximum(np.abs(contact.v_n), SLOWEST) / SPEED
         return mu, np.clip(epsilon * speed ** -p["p"] * np.exp(-p["c"] * speed), 0.0, 1.0)
 
 

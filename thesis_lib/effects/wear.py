@@ -13,7 +13,7 @@
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class Wear(Effect):
@@ -23,9 +23,10 @@ class Wear(Effect):
     equation = "ε = ε₀ (1 + w (i − i₀))"
     parameters = (Parameter("w", "1/trial", null=0.0, low=-0.02, high=0.02, scale=1e-3),)
     along = ("trial",)
+    dimensions = IN_SPACE
     reference = "first order of a slow drift (our choice)"
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu, np.clip(epsilon * (1.0 + p["w"] * (state.trial - rig.reference.trial)), 0.0, 1.0)
 
 

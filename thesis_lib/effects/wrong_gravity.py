@@ -10,9 +10,7 @@ A clock whose seconds are too long or too short by a factor 1 + s shows the same
 t (1 + s) bodies seem to fall with g / (1 + s)², so that dg = −2 s g for a small s.
 """
 
-import numpy as np
-
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class WrongGravity(Effect):
@@ -24,10 +22,13 @@ class WrongGravity(Effect):
     channels = ("flight",)
     needs_trajectories = True
     needs_one_surface = True
+    dimensions = IN_SPACE
     reference = "free fall"
 
     def acceleration(self, a, state, p, rig):
-        return a - np.array((0.0 * p["dg"], p["dg"], 0.0 * p["dg"])).T
+        faster = a.copy()
+        faster[state.space.dimension - 1] -= p["dg"]
+        return faster
 
 
 EFFECT = WrongGravity()

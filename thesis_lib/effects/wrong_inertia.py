@@ -8,9 +8,7 @@
 | k        | `k_g`   | m    |       | radius of gyration                             |
 """
 
-import numpy as np
-
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class WrongInertia(Effect):
@@ -21,10 +19,11 @@ class WrongInertia(Effect):
     parameters = (Parameter("d_I", "1", null=0.0, low=-0.7, high=2.0, scale=0.1),)
     denies = "inertia"
     needs_angle = True
+    dimensions = IN_SPACE
     reference = "definition of the radius of gyration"
 
-    def radius_of_gyration(self, k_g, p):
-        return k_g * np.sqrt(1.0 + p["d_I"])
+    def inertia(self, G, p):
+        return G * (1.0 + p["d_I"])
 
 
 EFFECT = WrongInertia()

@@ -10,7 +10,7 @@
 The radius of gyration is measured on its own and stays.
 """
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class WrongSize(Effect):
@@ -21,15 +21,15 @@ class WrongSize(Effect):
     parameters = (Parameter("s", "1", null=0.0, low=-0.5, high=0.5, scale=0.03),)
     channels = ("impact", "touch")
     denies = "size"
+    dimensions = IN_SPACE
     reference = "similarity of shapes"
 
     # the change is added, not multiplied: r may hold another effect's shift, which does not grow with the body
-    def contact_point(self, r_x, r_y, state, p, rig):
-        r = rig.shape.contact_point(state.theta)
-        return r_x + p["s"] * r[:, 0], r_y + p["s"] * r[:, 1]
+    def contact_point(self, r, state, p, rig):
+        return r + p["s"] * rig.lowest(state)
 
     def gap(self, gap, state, p, rig):
-        return gap - p["s"] * rig.shape.contact_point(state.theta)[:, 1]
+        return gap - p["s"] * rig.lowest(state)[-1]
 
 
 EFFECT = WrongSize()

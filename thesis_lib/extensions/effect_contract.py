@@ -16,6 +16,7 @@ from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Impulse, Parameter, Reference, Rig
 from thesis_lib.extensions.contract import Check, NothingYet
+from thesis_lib.extensions.old_hooks import rewritten
 from thesis_lib.extensions.stage_predictor import (
     EPSILON,
     MU,
@@ -52,25 +53,23 @@ def hook_calls(
     effect: Effect, p: Mapping[str, Any], rig: Rig, states: State
 ) -> dict[str, tuple[tuple[object, ...], object]]:
     """Each hook of an effect: its leading arguments and what it makes of them."""
-    before, n = predict([], states, rig), len(states.x)
-    r_x, r_y = rig.shape.contact_point(states.theta).T
-    r = r_x, r_y
+    before, n = predict([], states, rig), len(states)
+    contact, r = before.contact, rig.shape.contact_point(states.theta).T
     mu, epsilon, tau = np.full(n, MU), np.full(n, EPSILON), np.full(n, TAU)
-    jump, gap = np.full((n, 3), 0.3), np.full(n, 0.2)
-    a = np.random.default_rng(3).standard_normal((n, 3))
-    space = before.space
+    jump, gap, G = np.full((3, n), 0.3), np.full(n, 0.2), rig.k_g**2
+    a = np.random.default_rng(3).standard_normal((3, n))
     return {
         "to_true": ((states,), effect.to_true(states, p, rig)),
         "to_measured": ((states,), effect.to_measured(states, p, rig)),
         "meet": ((jump,), effect.meet(jump, states, before.after, p)),
         "to_contact": ((states,), effect.to_contact(states, p, rig)),
         "from_contact": ((states,), effect.from_contact(states, p, rig)),
-        "contact_point": (r, effect.contact_point(r_x, r_y, states, p, rig)),
+        "contact_point": ((r,), effect.contact_point(r, states, p, rig)),
         "gap": ((gap,), effect.gap(gap, states, p, rig)),
-        "radius_of_gyration": ((rig.k_g,), effect.radius_of_gyration(rig.k_g, p)),
-        "contact_time": ((tau,), effect.contact_time(tau, space, states, p, rig)),
-        "coefficients": ((mu, epsilon), effect.coefficients(mu, epsilon, space, states, p, rig)),
-        "impulse": ((before.impulse,), effect.impulse(before.impulse, space, mu, epsilon, r, states, p, rig)),
+        "inertia": ((G,), effect.inertia(G, p)),
+        "contact_time": ((tau,), effect.contact_time(tau, contact, states, p, rig)),
+        "coefficients": ((mu, epsilon), effect.coefficients(mu, epsilon, contact, states, p, rig)),
+        "impulse": ((before.impulse,), effect.impulse(before.impulse, contact, states, p, rig)),
         "acceleration": ((a,), effect.acceleration(a, states, p, rig)),
     }
 
@@ -80,7 +79,7 @@ def flat(value: object) -> list[np.ndarray]:
     if isinstance(value, State):
         return list(arrays(value).values())
     if isinstance(value, Impulse):
-        return [value.c_t, value.c_n, value.tau]
+        return [*value.c, value.couple]
     if isinstance(value, tuple):
         return [array for part in value for array in flat(part)]
     return [np.asarray(value)]
@@ -102,12 +101,32 @@ def _differs(made: object, expected: object, rtol: float, atol: float = 0.0) -> 
 
 
 def _for_each(value: object) -> tuple[np.ndarray, ...]:
-    """The arrays in a hook's result; a number (radius of gyration) as an array with one for each body."""
+    """The arrays in a hook's result; a number (inertia) as an array with one for each body."""
     return tuple(np.full(N, array) if array.ndim == 0 else array for array in flat(value))
 
 
 def _states(rig: Rig, seed: int = 5) -> State:
     return random_states(rig, N, np.random.default_rng(seed))
+
+
+def hooks_of_today(effect: Effect) -> str:
+    """No hook was written for the arguments of an earlier version."""
+    states = random_states(RIGS["ellipse"], FEW, np.random.default_rng(5))
+    given = np.zeros((3, FEW))
+    failing = []
+    for hook, call in (
+        ("acceleration", lambda: effect.acceleration(given, states, at_scale(effect), RIGS["ellipse"])),
+        ("meet", lambda: effect.meet(given, states, states, at_scale(effect))),
+    ):
+        try:
+            made = call()
+        except (ValueError, IndexError):
+            made = None
+        if np.shape(made) != given.shape:
+            failing.append(hook)
+    if text := rewritten(effect, failing):
+        return f"its hooks are those of an earlier version. Put these in their place:\n\n{text}\n"
+    return ""
 
 
 def declared(effect: Effect) -> str:
@@ -235,7 +254,7 @@ def finite_in_bounds(effect: Effect) -> str:
             for channel in CHANNELS:
                 if not np.isfinite(getattr(made, channel)).all():
                     return f"the {channel} is not finite at {at}, which is within the bounds"
-            mu, epsilon = effect.coefficients(np.full(N, MU), np.full(N, EPSILON), made.space, states, p, rig)
+            mu, epsilon = effect.coefficients(np.full(N, MU), np.full(N, EPSILON), made.contact, states, p, rig)
             if not ((mu >= 0).all() and (epsilon >= 0).all() and (epsilon <= 1).all()):
                 return f"coefficients gives μ < 0 or ε outside 0 to 1 at {at}; clip them"
     return ""
@@ -386,6 +405,7 @@ def composes(effect: Effect) -> str:
 
 
 EFFECT_CHECKS: tuple[Check[Effect], ...] = (
+    Check("has the hooks of this version", hooks_of_today),
     Check("says what it is, with limits that make sense", declared),
     Check("explains its symbols and names a source", described, describes=True),
     Check("changes nothing at its null", absent_at_null),

@@ -10,7 +10,6 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import contact_space
 from thesis_lib.effects import Effect
 from thesis_lib.effects.effect import Impulse, Rig, in_order
 from thesis_lib.mechanics.contact import Contact
@@ -70,7 +69,7 @@ class StagePrediction:
     touch: np.ndarray
     flight: np.ndarray
     impulse: Impulse
-    space: Contact
+    contact: Contact
     after: State
 
 
@@ -102,37 +101,37 @@ def predict(
             state = effect.to_measured(state, p, rig)
         return state
 
-    contact = true.moved(theta=true.theta + turned)
+    seen = true.moved(theta=true.theta + turned)
     for effect, p in active:
-        contact = effect.to_contact(contact, p, rig)
-    contact = contact.moved(theta=contact.theta - turned)
-    r_x, r_y = rig.shape.contact_point(true.theta + turned).T
-    k_g = rig.k_g
+        seen = effect.to_contact(seen, p, rig)
+    seen = seen.moved(theta=seen.theta - turned)
+    r, G = rig.shape.contact_point(true.theta + turned).T, rig.k_g**2
     for effect, p in active:
-        r_x, r_y = effect.contact_point(r_x, r_y, contact.moved(theta=contact.theta + turned), p, rig)
-        k_g = effect.radius_of_gyration(k_g, p)
-    v = np.stack([contact.vx, contact.vy, contact.omega], axis=-1)
-    space = contact_space(v, np.stack([r_x, r_y], axis=-1), mass=1.0, k_g=k_g)
+        r = effect.contact_point(r, seen.moved(theta=seen.theta + turned), p, rig)
+        G = effect.inertia(G, p)
+    r_x, r_y = r
+    K_tt, K_nn, K_tn = 1.0 + r_y * r_y / G, 1.0 + r_x * r_x / G, -r_x * r_y / G
+    v_c = seen.vx - r_y * seen.omega, seen.vy + r_x * seen.omega
+    contact = Contact(v_c, ((K_tt, K_tn), (K_tn, K_nn)), r, 1.0 / G)
     mus, epsilons = np.full(n, mu), np.full(n, epsilon)
     for effect, p in active:
-        mus, epsilons = effect.coefficients(mus, epsilons, space, contact, p, rig)
+        mus, epsilons = effect.coefficients(mus, epsilons, contact, seen, p, rig)
+    contact = contact.with_coefficients(mus, epsilons)
     with np.errstate(all="ignore"):  # laws compute branches that they do not take
-        impulse = Impulse(*LAWS[law].impulse(space, mus, epsilons), np.zeros(n))
+        impulse = Impulse(LAWS[law].impulse(contact, mus, epsilons), np.zeros(n))
     for effect, p in active:
-        impulse = effect.impulse(impulse, space, mus, epsilons, (r_x, r_y), contact, p, rig)
-    pushes = space.v_n < 0.0
-    c_t, c_n, tau = (np.where(pushes, a, 0.0) for a in (impulse.c_t, impulse.c_n, impulse.tau))
-    after = contact.moved(
-        vx=contact.vx + c_t, vy=contact.vy + c_n, omega=contact.omega + (r_x * c_n - r_y * c_t + tau) / k_g**2
-    )
+        impulse = effect.impulse(impulse, contact, seen, p, rig)
+    pushes = contact.v_n < 0.0
+    c_t, c_n, couple = (np.where(pushes, a, 0.0) for a in (*impulse.c, impulse.couple))
+    after = seen.moved(vx=seen.vx + c_t, vy=seen.vy + c_n, omega=seen.omega + (r_x * c_n - r_y * c_t + couple) / G)
     if contact_time:
         taus = np.full(n, contact_time)
         for effect, p in active:
-            taus = effect.contact_time(taus, space, contact, p, rig)
+            taus = effect.contact_time(taus, contact, seen, p, rig)
         # the mass that the contact sees, from how fast the contact point gains normal velocity
-        gained = (after.vy + r_x * after.omega) - space.v_n
+        gained = (after.vy + r_x * after.omega) - contact.v_n
         delay = np.where(pushes, taus * np.sqrt(c_n / np.where(pushes, gained, 1.0)), 0.0)
-        made = predict(active, measured, rig, law, mu, epsilon, turned=0.25 * delay * (after.omega - contact.omega))
+        made = predict(active, measured, rig, law, mu, epsilon, turned=0.25 * delay * (after.omega - seen.omega))
         earlier = true.flown(np.tile([0.0, -rig.gravity, 0.0], (n, 1)), -delay)
         sunk = rig.shape.gap(earlier.y, earlier.theta) - rig.shape.gap(true.y, true.theta)
         return replace(made, touch=made.touch + sunk)
@@ -140,19 +139,19 @@ def predict(
         after = effect.from_contact(after, p, rig)
     seen_after = seen_by_camera(after)
 
-    jump, gap = np.zeros((n, 3)), np.zeros(n)
-    a = np.tile([0.0, -rig.gravity, 0.0], (n, 1))
+    jump, gap = np.zeros((3, n)), np.zeros(n)
+    a = np.tile([[0.0], [-rig.gravity], [0.0]], n)
     for effect, p in active:
         jump = effect.meet(jump, measured, seen_after, p)
         gap = effect.gap(gap, true, p, rig)
         a = effect.acceleration(a, true, p, rig)
-    one, two = (seen_by_camera(true.flown(a, h)) for h in (-STEP, STEP))
+    one, two = (seen_by_camera(true.flown(a.T, h)) for h in (-STEP, STEP))
     return StagePrediction(
         impact=np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1),
-        meet=jump,
+        meet=jump.T,
         touch=rig.shape.gap(true.y, true.theta, rig.height) - gap,
         flight=np.stack([two.vx - one.vx, two.vy - one.vy, two.omega - one.omega], axis=-1) / (2.0 * STEP),
         impulse=impulse,
-        space=space,
+        contact=contact,
         after=seen_after,
     )

@@ -43,19 +43,19 @@ class {camel}(Effect):
     channels = ("impact",)
     # Does a drop that is mirrored left to right have the mirrored outcome?  If not: breaks_mirror = True
 
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
         """μ and ε of each impact, given those of the law: arrays with one value for each impact.
 
-        space: v_t, v_n (velocity of the contact point along and into the surface, m/s; v_n < 0), K_tt, K_nn, K_tn.
+        contact: v_t, v_n (velocity of the contact point along and into the surface, m/s; v_n < 0), K_tt, K_nn, K_tn.
         state: x, y, theta, vx, vy, omega of the body (m, rad, m/s, rad/s), trial (number of the release), t (s);
         count x, trial and t from rig.reference, and name them in `along`, as in along = ("x",).
         p: the parameters by name.  rig: shape, k_g (m), gravity (m/s²), height (m).
         """
-        change = 0.0 * space.v_t  # yours goes here: np.abs(space.v_t), np.cos(2.0 * state.theta), ...
+        change = 0.0 * contact.v_t  # yours goes here: np.abs(space.v_t), np.cos(2.0 * state.theta), ...
         return mu, np.clip(epsilon * (1.0 + p["h"] * change), 0.0, 1.0)
 
     # The other stages: to_true, to_measured, meet (camera), to_contact, from_contact, contact_point, gap,
-    # radius_of_gyration (body), contact_time, impulse (contact), acceleration (flight).  What each is given and must
+    # inertia (body), contact_time, impulse (contact), acceleration (flight).  What each is given and must
     # return: python -c "from thesis_lib.effects.effect import Effect; help(Effect)"
     # Rules: return new arrays; use NumPy, no `if` on a parameter or a state (they may be arrays); what one of a pair
     # does (to_contact) the other must undo (from_contact).

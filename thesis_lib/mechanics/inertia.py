@@ -18,7 +18,7 @@ TOLERANCE = 1e-9  # relative, of what makes a tensor symmetric, positive and tha
 def mobility(space: Space, G: np.ndarray | float, attitude: np.ndarray) -> np.ndarray:
     """G⁻¹ in 1/m²: in the plane as G is, in space (3, 3, n) in the axes of the world at attitudes (4, n)."""
     if space.is_plane:
-        return 1.0 / np.asarray(G)
+        return 1.0 / G
     R = rotation_matrix(attitude)
     inverse = np.linalg.inv(np.moveaxis(np.asarray(G), (0, 1), (-2, -1)))
     if inverse.ndim == 2:

@@ -197,6 +197,13 @@ class State:
         surface = None if self.surface is None else self.surface[rows]
         return State(self.pose[:, rows], self.motion[:, rows], self.trial[rows], self.t[rows], surface, self.space)
 
+    def put(self, rows: np.ndarray, new: "State") -> "State":
+        """The same state with the bodies at `rows` replaced by those of `new`."""
+        arrays = [np.array(array) for array in (self.pose, self.motion, self.trial, self.t)]
+        for array, replacing in zip(arrays, (new.pose, new.motion, new.trial, new.t)):
+            array[..., rows] = replacing
+        return State(*arrays, self.surface, self.space)
+
     def tiled(self, copies: int) -> "State":
         """The bodies `copies` times, one set after the other."""
         return self.joined([self] * copies)

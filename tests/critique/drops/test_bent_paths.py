@@ -72,7 +72,7 @@ def test_the_state_at_impact_is_found_behind_a_line_through_a_bent_path(name: st
     found, exact = state_beside(model, values, o, 0), EFFECTS[name].to_measured(true, p, RIG)
     np.testing.assert_allclose(found.q, exact.q, atol=NEAR_POSE)
     np.testing.assert_allclose(found.v[:, :2], exact.v[:, :2], atol=NEAR_SPEED)
-    parabola = lines.slope[:, 0] - lines.bow[:, 0, 1:] * RIG.fall(true.x)
+    parabola = lines.slope[:, 0] - lines.bow[:, 0, 1:] * RIG.fall(true).T
     assert np.abs(parabola - exact.v)[:, :2].max() > 20.0 * NEAR_SPEED
 
 
@@ -94,7 +94,7 @@ def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_orig
     c_x, c_y = 1e-3, -2e-3
     model, values = Model(LAWS["mirtich"], (EFFECTS["com_offset"],)), {"com_offset.c_x": c_x, "com_offset.c_y": c_y}
     tau, centre = np.linspace(-0.5 * FLIGHT, 0.5 * FLIGHT, 76), states(0.3, falling=0.0)
-    q = centre.q[:, None] + centre.v[:, None] * tau[:, None] + 0.5 * RIG.fall(centre.x)[:, None] * tau[:, None] ** 2
+    q = centre.q[:, None] + centre.v[:, None] * tau[:, None] + 0.5 * RIG.fall(centre).T[:, None] * tau[:, None] ** 2
     lever = (c_x + 1j * c_y) * np.exp(1j * q[..., 2])  # from the origin to the centre
     path_of_origin = q - np.stack([lever.real, lever.imag, np.zeros_like(lever.real)], axis=-1)
     fits = np.stack([np.polyfit(tau, path, 2) for path in path_of_origin])

@@ -130,7 +130,7 @@ def test_the_gap_is_judged_where_the_flights_of_the_model_meet(cause, shape, con
     misfit = np.sqrt([world.judge(fit).sigmas["touch"] for fit in (off, on)])
     assert misfit[0] > without and 0.7 < misfit[1] < 1.4
     # impacts that are taken for later ones by 0.1 ms, in all arcs: the same lines, followed for longer
-    late, a = 1e-4, o.rig.fall(o.value[:, 0, 0])[:, None]
+    late, a = 1e-4, o.rig.fall(State.of(o.value[:, 0], o.slope[:, 0], o.trial, o.t)).T[:, None]
     moved = replace(o, value=o.value + late * (o.slope - o.bow[:, :, 1:] * a), slope=o.slope + late * a)
     later = Drops(moved).judge(on).sigmas["touch"]
     assert np.sqrt(later) == pytest.approx(misfit[1], rel=0.05)

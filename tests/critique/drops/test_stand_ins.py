@@ -32,8 +32,9 @@ class Spun(Effect):
     equation = "τ = q (r_x c_n − r_y c_t)"
     parameters = (Parameter("q", "1", null=0.0, low=-1.0, high=1.0, scale=0.1),)
 
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
-        return replace(impulse, tau=impulse.tau + p["q"] * (r[0] * impulse.c_n - r[1] * impulse.c_t))
+    def impulse(self, impulse, contact, state, p, rig):
+        r_x, r_y = contact.r
+        return replace(impulse, couple=impulse.couple + p["q"] * (r_x * impulse.c_n - r_y * impulse.c_t))
 
 
 CAUSES = {

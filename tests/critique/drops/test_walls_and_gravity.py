@@ -10,6 +10,7 @@ from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.saved_model import load_model, saved
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.mechanics.state import State
 
 RADIUS, MU, EPSILON, G = 0.03, 0.15, 0.7, 9.81
 RATE, NOISE, ANGLE_NOISE = 250.0, 2e-4, 3e-3
@@ -72,8 +73,9 @@ def trough(trials: int, seed: int, **epsilon: float) -> Dataset:
 def test_gravity_pulls_along_and_across_a_wall() -> None:
     rig = observe(trough(3, 0)).rig
     at = 100.0 * np.arange(4)  # as it was filmed, floor, left, right
-    np.testing.assert_allclose(rig.fall(at)[:2], [[0.0, -G, 0.0]] * 2, atol=1e-12)
-    for row, wall in zip(rig.fall(at)[1:], TROUGH):
+    fall = rig.fall(State.planar(at, *[0.0 * at] * 7)).T
+    np.testing.assert_allclose(fall[:2], [[0.0, -G, 0.0]] * 2, atol=1e-12)
+    for row, wall in zip(fall[1:], TROUGH):
         np.testing.assert_allclose(row, [G * wall.n[0], -G * wall.n[1], 0.0], atol=1e-12)
 
 

@@ -52,7 +52,7 @@ def duration(tau: float, epsilon: float) -> float:
     return tau * (1.0 + epsilon) / (epsilon + (1.0 - epsilon) * 2.0 / np.pi)
 
 
-def mobility(push: np.ndarray, gained: np.ndarray) -> np.ndarray:
+def normal_mobility(push: np.ndarray, gained: np.ndarray) -> np.ndarray:
     """b (n,) from the gain of normal velocity of the centre of mass and of the contact point; 1 without a push."""
     b = np.divide(gained, push, out=np.ones_like(push), where=push > 0.0)
     return np.maximum(b, LEAST_MOBILITY)

@@ -18,7 +18,7 @@ from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, IMPEDANCE
-from thesis_lib.critique.contacts.model import Model, contact_space_of
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.engines.engine import OUTSIDE, Press, impacts
 from thesis_lib.engines.parameters import DrakeNumbers, MujocoNumbers, drake_numbers, of_drake, of_mujoco
@@ -44,7 +44,7 @@ DRAKE_DEFAULT = DrakeNumbers(stiffness=1e6, dissipation=50.0, friction=0.5)
 BULLET_DEFAULT = (0.5 * 0.5, 0.0, 1.0 / 240.0)  # μ of two bodies, ε, and the time step in s that a rigid contact takes
 CAUSE_OF = {f"{CAUSES[name].effects[0]}.{CAUSES[name].parameter}": name for name in OUTSIDE}
 FRAME = "moving_surface"
-_OF_FORCE = ("to_contact", "from_contact", "contact_point", "radius_of_gyration", "impulse", "gap", "contact_time")
+_OF_FORCE = ("to_contact", "from_contact", "contact_point", "inertia", "impulse", "gap", "contact_time")
 
 
 def engine_law(name: str) -> Law:
@@ -123,10 +123,9 @@ def _coefficients(
     mu, epsilon = (np.full(len(true.x), values[name]) for name in ("mu", "epsilon"))
     by_body = [pair for pair in active if type(pair[0]).coefficients is not Effect.coefficients]
     if by_body:
-        contact = seen, *_ = model.contact_at(true, active, rig)
-        space = contact_space_of(*contact)
+        seen, at = model.contact_at(true, active, rig)
         for effect, p in by_body:
-            mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
+            mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, rig)
     return np.maximum(mu, 0.0), np.clip(epsilon, 0.0, 1.0)
 
 

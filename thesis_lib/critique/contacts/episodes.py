@@ -255,8 +255,8 @@ class _Play:
         if p > 1:
             state = state.tiled(p)
         rig = all_points(self.rig, n)
-        seen, r_x, *_ = self.model.contact_at(state, self.model.active(values), rig)
-        return self.model.gap(state, values, rig).reshape(p, n), (seen.vy + r_x * seen.omega).reshape(p, n)
+        _, at = self.model.contact_at(state, self.model.active(values), rig)
+        return self.model.gap(state, values, rig).reshape(p, n), at.v_n.reshape(p, n)
 
     def _hit(self, rows: np.ndarray) -> None:
         """Resolve the hits of the bodies `rows`, which touch now."""

@@ -14,10 +14,17 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import ConvexDamper
 from thesis_lib.contact.law import Law
-from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_TIME, OF_FRICTION, TURNED, mobility
+from thesis_lib.critique.contacts.contact_time import (
+    BASE_PARAMETERS,
+    CONTACT_TIME,
+    OF_FRICTION,
+    TURNED,
+    normal_mobility,
+)
 from thesis_lib.critique.contacts.sliding import SLIDING, TABLE
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, in_order
-from thesis_lib.mechanics.contact import Contact, contact
+from thesis_lib.mechanics.contact import Contact, contact, velocity_change
+from thesis_lib.mechanics.inertia import mobility
 from thesis_lib.mechanics.state import State
 
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
@@ -28,11 +35,6 @@ _H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad
 def inward(p: Parameter, value: float, step: float) -> float:
     """The step from `value`, or its opposite where it would leave the bounds."""
     return step if value + step <= p.high else -step
-
-
-def contact_space_of(seen: State, r_x: np.ndarray, r_y: np.ndarray, k_g: float) -> Contact:
-    """Contact space per unit mass of what `Model.contact` returns."""
-    return contact(seen, np.array((r_x, r_y)), 1.0 / (k_g * k_g))
 
 
 def _without_camera(effect: Effect) -> Effect:
@@ -133,11 +135,11 @@ class Model:
         values: Mapping[str, float],
         rig: Rig,
         offset: np.ndarray | None = None,
-        turned: np.ndarray | float = 0.0,
-    ) -> tuple[State, np.ndarray, np.ndarray, float]:
-        """State as the contact sees it, contact point r_x, r_y (n,) in m from the true centre of mass, and true k in m.
+        turned: np.ndarray | None = None,
+    ) -> tuple[State, Contact]:
+        """State as the contact sees it, and the contact, per unit mass, of the true body.
 
-        `turned` (n,) in rad is how much further the body has turned than in the measured pose.
+        `turned` (turns, n) in rad is how much further the body has turned than in the measured pose.
         """
         active = self.active(values)
         true = self.to_true(measured, active, rig)
@@ -146,38 +148,40 @@ class Model:
     def _true_offset(
         self, measured: State, true: State, active: Sequence, rig: Rig, offset: np.ndarray | None
     ) -> np.ndarray | None:
-        """The offset at the true pose; None if there is none."""
+        """The offset (d, n) at the true pose, of one by row (n, d); None if there is none."""
         if offset is None or not offset.any():
             return None
         # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
         further = self.to_true(measured.moved(theta=measured.theta + _H), active, rig)
-        return np.stack([offset[:, 0] * np.sign(further.theta - true.theta), offset[:, 1]], axis=1)
+        return np.stack([offset[:, 0] * np.sign(further.theta - true.theta), offset[:, 1]])
 
     @staticmethod
     def contact_at(
-        true: State, active: Sequence, rig: Rig, offset: np.ndarray | None = None, turned: np.ndarray | float = 0.0
-    ) -> tuple[State, np.ndarray, np.ndarray, float]:
-        """As `contact`, from a true state; `active` is the result of `active`, `offset` that at the true pose."""
-        is_turned = isinstance(turned, np.ndarray)
-        pose = true.moved(theta=true.theta + turned) if is_turned else true
-        r = rig.shape.contact_point(pose.theta)
-        r_x, r_y = r[:, 0], r[:, 1]
+        true: State, active: Sequence, rig: Rig, offset: np.ndarray | None = None, turned: np.ndarray | None = None
+    ) -> tuple[State, Contact]:
+        """As `contact`, from a true state; `active` is the result of `active`, `offset` (d, n) that at that pose."""
+        pose = true
+        if turned is not None:
+            pose = true.changed(attitude=true.space.attitude_after(true.attitude, turned))
+        r = rig.lowest(pose)
         if offset is not None:
-            r_x, r_y = r_x + offset[:, 0], r_y + offset[:, 1]
-        seen, k_g = pose, rig.k_g
+            r = r + offset
+        seen, G = pose, rig.G
         for effect, p in active:
             seen = effect.to_contact(seen, p, rig)
         for effect, p in active:
-            r_x, r_y = effect.contact_point(r_x, r_y, seen, p, rig)
+            r = effect.contact_point(r, seen, p, rig)
         for effect, p in active:
-            k_g = effect.radius_of_gyration(k_g, p)
-        return seen.moved(theta=seen.theta - turned) if is_turned else seen, r_x, r_y, k_g
+            G = effect.inertia(G, p)
+        at = contact(seen, r, mobility(seen.space, G, seen.attitude))
+        if turned is not None:
+            seen = seen.changed(attitude=seen.space.attitude_after(seen.attitude, -turned))
+        return seen, at
 
     @staticmethod
     def approaches(true: State, active: Sequence, rig: Rig) -> np.ndarray:
         """Mask (n,) of bodies in true states whose contact point comes down, as the contact sees it: v_n < 0."""
-        seen, r_x, *_ = Model.contact_at(true, active, rig)
-        return seen.vy + r_x * seen.omega < 0.0
+        return Model.contact_at(true, active, rig)[1].v_n < 0.0
 
     def predict(
         self,
@@ -217,65 +221,61 @@ class Model:
         epsilon: np.ndarray | None = None,
     ) -> tuple[State, np.ndarray]:
         """As `strike`, from the true state to the true state; `offset` is that at the true pose."""
-        active = self.active(values)
-        contact = seen, r_x, *_ = self.contact_at(true, active, rig, offset)
-        space = contact_space_of(*contact)
-        mu = np.full_like(r_x, values["mu"]) if mu is None else mu
-        epsilon = np.full_like(r_x, values["epsilon"]) if epsilon is None else epsilon
-        after, depth = self._struck(contact, space, active, rig, mu, epsilon), np.zeros_like(r_x)
+        active, n = self.active(values), len(true)
+        seen, at = self.contact_at(true, active, rig, offset)
+        mu = np.full(n, values["mu"]) if mu is None else mu
+        epsilon = np.full(n, values["epsilon"]) if epsilon is None else epsilon
+        after, depth = self._struck(seen, at, active, rig, mu, epsilon), np.zeros(n)
         if self.takes_time:
-            delay = self._delay(contact, space, after, values, active, rig)
-            fallen = delay * (true.vy - 0.5 * rig.fall(true.x)[:, 1] * delay)
-            at_touch = rig.shape.gap(true.y - fallen, true.theta - delay * true.omega)
-            depth = np.where(space.v_n < 0.0, at_touch - rig.shape.gap(true.y, true.theta), 0.0)
-            turned = TURNED * delay * (after.omega - seen.omega)
-            contact = self.contact_at(true, active, rig, offset, turned)
-            after = self._struck(contact, contact_space_of(*contact), active, rig, mu, epsilon)
+            delay = self._delay(seen, at, after, values, active, rig)
+            depth = np.where(at.v_n < 0.0, rig.gap(true.flown(rig.fall(true).T, -delay)) - rig.gap(true), 0.0)
+            turned = TURNED * delay * (after.spin - seen.spin)
+            seen, at = self.contact_at(true, active, rig, offset, turned)
+            after = self._struck(seen, at, active, rig, mu, epsilon)
         for effect, p in reversed(active):
             after = effect.from_contact(after, p, rig)
         return after, depth
 
     def delay(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """t̄ (n,) in s of contacts that begin in true states; 0 if contacts take no time."""
+        n = len(true)
         if not self.takes_time:
-            return np.zeros_like(true.x)
+            return np.zeros(n)
         active = self.active(values)
-        contact = self.contact_at(true, active, rig)
-        space = contact_space_of(*contact)
-        mu, epsilon = (np.full_like(true.x, values[name]) for name in ("mu", "epsilon"))
-        after = self._struck(contact, space, active, rig, mu, epsilon)
-        return self._delay(contact, space, after, values, active, rig)
+        seen, at = self.contact_at(true, active, rig)
+        mu, epsilon = (np.full(n, values[name]) for name in ("mu", "epsilon"))
+        after = self._struck(seen, at, active, rig, mu, epsilon)
+        return self._delay(seen, at, after, values, active, rig)
 
     def _delay(
-        self, contact: tuple, space: Contact, after: State, values: Mapping[str, float], active: Sequence, rig: Rig
+        self, seen: State, at: Contact, after: State, values: Mapping[str, float], active: Sequence, rig: Rig
     ) -> np.ndarray:
-        """t̄ (n,) in s of each impact, from what `contact` returns, its space, and the state after the impulse."""
-        seen, r_x, *_ = contact
-        tau = np.full_like(seen.x, values["tau"])
+        """t̄ (n,) in s of each impact, from what `contact_at` returns and the state after the impulse."""
+        tau = np.full(len(seen), values["tau"])
         for effect, p in active:
-            tau = effect.contact_time(tau, space, seen, p, rig)
-        push = after.vy - seen.vy
-        gained = after.vy + r_x * after.omega - space.v_n
-        b = mobility(push, gained)
+            tau = effect.contact_time(tau, at, seen, p, rig)
+        push = after.velocity[-1] - seen.velocity[-1]
+        rebound = after.space.velocity_at(after.velocity, after.spin, at.r)[-1]
+        b = normal_mobility(push, rebound - at.v_n)
         if self.law.force is not None:
-            tau = self.law.force.tau_at(tau, np.full_like(tau, values["epsilon"]), b, space.v_n)
+            tau = self.law.force.tau_at(tau, np.full_like(tau, values["epsilon"]), b, at.v_n)
         return tau / np.sqrt(b)
 
     def _struck(
-        self, contact: tuple, space: Contact, active: Sequence, rig: Rig, mu: np.ndarray, epsilon: np.ndarray
+        self, seen: State, at: Contact, active: Sequence, rig: Rig, mu: np.ndarray, epsilon: np.ndarray
     ) -> State:
-        """State after the impulse as the contact sees it, from what `contact` returns and (μ, ε) of each impact."""
-        seen, r_x, r_y, k_g = contact
-        w = 1.0 / (k_g * k_g)
+        """State after the impulse as the contact sees it, from what `contact_at` returns and (μ, ε) of each impact."""
         for effect, p in active:
-            mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
+            mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, rig)
+        at = at.with_coefficients(mu, epsilon)
         with np.errstate(all="ignore"):
-            impulse = Impulse(*self.law.impulse(space, mu, epsilon), np.zeros_like(r_x))
+            impulse = Impulse(self.law.impulse(at, mu, epsilon), np.zeros_like(seen.spin if at.dimension == 3 else mu))
             for effect, p in active:
-                impulse = effect.impulse(impulse, space, mu, epsilon, (r_x, r_y), seen, p, rig)
-        touches = space.v_n < 0.0
-        c_t, c_n, couple = (np.where(touches, a, 0.0) for a in (impulse.c_t, impulse.c_n, impulse.tau))
-        return seen.moved(vx=seen.vx + c_t, vy=seen.vy + c_n, omega=seen.omega + w * (r_x * c_n - r_y * c_t + couple))
+                impulse = effect.impulse(impulse, at, seen, p, rig)
+        touches = at.v_n < 0.0
+        c = tuple(np.where(touches, part, 0.0) for part in impulse.c)
+        couple = np.where(touches, impulse.couple, 0.0)
+        return seen.with_motion(seen.motion + velocity_change(c, at.r, at.mobility, couple=couple))
 
     def acceleration(self, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Measured acceleration in flight (n, 3), m/s² and rad/s²."""
@@ -294,10 +294,10 @@ class Model:
     @staticmethod
     def true_acceleration(true: State, active: Sequence, rig: Rig) -> np.ndarray:
         """Acceleration in flight (n, 3) in a true state, m/s² and rad/s²; `active` is the result of `active`."""
-        a = rig.fall(true.x)
+        a = rig.fall(true)
         for effect, p in active:
             a = effect.acceleration(a, true, p, rig)
-        return a
+        return a.T
 
     def arc(self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray | None:
         """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
@@ -308,7 +308,7 @@ class Model:
     def _true_arc(tau: np.ndarray, true: State, active: Sequence, rig: Rig) -> np.ndarray | None:
         """As `arc`, from a true state."""
         parts = [part for effect, p in active if (part := effect.arc(tau, true, p, rig)) is not None]
-        return sum(parts[1:], parts[0]) if parts else None
+        return np.moveaxis(sum(parts[1:], parts[0]), 0, -1) if parts else None
 
     def path(self, tau: np.ndarray, measured: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Poses (n, W, 3) that the camera reports at times τ (n, W) in s from `measured`, in m, m, rad.
@@ -328,8 +328,7 @@ class Model:
         rows = np.repeat(np.arange(len(tau)), tau.shape[1])
         at = true.select(rows).flown(a[rows], tau.ravel())
         if beyond is not None:
-            q = at.q + beyond.reshape(-1, 3)
-            at = at.moved(x=q[:, 0], y=q[:, 1], theta=q[:, 2])
+            at = at.with_pose(at.space.shift(at.pose, beyond.reshape(len(rows), -1).T))
         each = [
             (effect, {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in p.items()})
             for effect, p in active
@@ -338,17 +337,17 @@ class Model:
 
     def gap(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Gap (n,) in m between true body and surface: that of the believed shape less the effects' share."""
-        taken = np.zeros(len(true.x))
+        taken = np.zeros(len(true))
         for effect, p in self.active(values):
             taken = effect.gap(taken, true, p, rig)
-        return rig.shape.gap(true.y, true.theta, rig.height) - taken
+        return rig.gap(true) - taken
 
     def jump(self, before: State, after: State, values: Mapping[str, float]) -> np.ndarray:
         """Measured pose after impact minus before (n, 3), in m, m, rad."""
-        jump = np.zeros((len(before.x), 3))
+        jump = np.zeros(before.motion.shape)
         for effect, p in self.active(values):
             jump = effect.meet(jump, before, after, p)
-        return jump
+        return jump.T
 
     def camera_and_body(self) -> tuple["Model", "Model"]:
         """The model with measurement effects only, and the one with all that acts on the body; neither takes time."""

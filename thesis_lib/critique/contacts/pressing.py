@@ -27,12 +27,12 @@ from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integ
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.contact_time import IMPEDANCE
-from thesis_lib.critique.contacts.model import Model, contact_space_of
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
 from thesis_lib.engines.parameters import PLANAR
-from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.contact import Contact, velocity_change
 from thesis_lib.mechanics.state import State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
@@ -103,16 +103,15 @@ def press(
     at_corner = rig if is_field else all_points(rig, n)
     tiled = true.tiled(corners)
     others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
-    seen, r_x, r_y, k_g = model.contact_at(tiled, others, at_corner)
-    space = contact_space_of(seen, r_x, r_y, k_g)
+    seen, at = model.contact_at(tiled, others, at_corner)
     mu, epsilon, tau = (np.full(corners * n, at_corners[name]) for name in ("mu", "epsilon", "tau"))
     as_fitted = force.loss(epsilon)
     for effect, p in active:
-        mu, epsilon = effect.coefficients(mu, epsilon, space, seen, p, rig)
-        tau = effect.contact_time(tau, space, seen, p, rig)
+        mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, rig)
+        tau = effect.contact_time(tau, at, seen, p, rig)
     length = force.length(np.maximum(tau, SHORTEST), as_fitted)
     gap = np.maximum(model.gap(tiled, at_corners, at_corner), 0.0)  # what is below is noise, or a dent
-    points = np.stack([r_x, r_y, gap, mu, force.loss(epsilon), length])
+    points = np.stack([*at.r, gap, mu, force.loss(epsilon), length])
     points = points.reshape(6, corners, n)
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
@@ -125,7 +124,7 @@ def press(
         *integrate(
             (force.kind, force.exponent, ratio, regularisation, _central_pressure(rig.shape) if is_field else 1.0),
             points,
-            (np.full(corners * n, k_g**-2.0)[:n], falling, np.ascontiguousarray(true.theta)),
+            (np.full(corners * n, at.mobility)[:n], falling, np.ascontiguousarray(true.theta)),
             _outline(rig.shape, corners),
             (eta, zeta),
             (share, slopes.reshape(corners, n)),
@@ -134,7 +133,7 @@ def press(
             np.ceil((LONGEST + left / central) * STEPS).astype(int),
         )
     )
-    v, shift = pressed.v + _added(others, rig, pressed, (seen, r_x, r_y), space, mu, epsilon, k_g), pressed.shift
+    v, shift = pressed.v + _added(others, rig, pressed, seen, at.with_coefficients(mu, epsilon)), pressed.shift
     after = State.of(frame.q + shift, v, frame.trial, frame.t + pressed.elapsed)
     if model.has_varying_flight:
         # the contact turns the velocity, and with it what slows the flight: the mean of before and after
@@ -198,27 +197,19 @@ def _chord(
 
 
 def _added(
-    active: Sequence[tuple[Effect, Mapping]],
-    rig: Rig,
-    pressed: _Pressed,
-    contact: tuple[State, np.ndarray, np.ndarray],
-    space: Contact,
-    mu: np.ndarray,
-    epsilon: np.ndarray,
-    k_g: float,
+    active: Sequence[tuple[Effect, Mapping]], rig: Rig, pressed: _Pressed, seen: State, at: Contact
 ) -> np.ndarray:
     """Change of velocity (n, 3) by what effects add to the impulse of each corner that has pressed."""
-    seen, r_x, r_y = contact
-    plain = Impulse(pressed.c_t.ravel(), pressed.c_n.ravel(), np.zeros_like(r_x))
+    plain = Impulse.planar(pressed.c_t.ravel(), pressed.c_n.ravel(), np.zeros(len(seen)))
     impulse = plain
     for effect, p in active:
-        impulse = effect.impulse(impulse, space, mu, epsilon, (r_x, r_y), seen, p, rig)
-    touched = (plain.c_n > 0.0) & (space.v_n < 0.0)
+        impulse = effect.impulse(impulse, at, seen, p, rig)
+    touched = (plain.c_n > 0.0) & (at.v_n < 0.0)
     d_t, d_n, couple = (
-        np.where(touched, getattr(impulse, name) - getattr(plain, name), 0.0) for name in ("c_t", "c_n", "tau")
+        np.where(touched, getattr(impulse, name) - getattr(plain, name), 0.0) for name in ("c_t", "c_n", "couple")
     )
-    turn = (r_x * d_n - r_y * d_t + couple) / k_g**2
-    return np.stack([a.reshape(pressed.c_t.shape).sum(axis=0) for a in (d_t, d_n, turn)], axis=1)
+    change = velocity_change((d_t, d_n), at.r, at.mobility, couple=couple)
+    return change.reshape(3, *pressed.c_t.shape).sum(axis=1).T
 
 
 def _outline(shape: Shape, corners: int) -> tuple[bool, np.ndarray, np.ndarray]:

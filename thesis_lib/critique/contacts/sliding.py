@@ -35,9 +35,9 @@ class _Table(Effect):
     reference = "Coulomb 1785"
 
     def acceleration(self, a, state, p, rig):
-        speed = np.maximum(np.hypot(state.vx, state.vy), _SLOWEST)
-        slowing = p[SLIDING.name] / speed
-        return a - np.stack([slowing * state.vx, slowing * state.vy, 0.0 * speed], axis=-1)
+        slowed = a.copy()
+        slowed[:2] -= p[SLIDING.name] / np.maximum(np.hypot(state.vx, state.vy), _SLOWEST) * state.velocity
+        return slowed
 
 
 TABLE = _Table()

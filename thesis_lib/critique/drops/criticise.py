@@ -237,10 +237,10 @@ def _irb(fitted: Fit, observations: Observations) -> float:
     model, values, rig = fitted.model, fitted.values, observations.rig
     turned = turned_until_impulse(model, values, observations, before, after)
     at_impulse = before.moved(theta=before.theta + turned), after.moved(theta=after.theta + turned)
-    (seen_before, r_x, r_y, k_g), (seen_after, *_) = (
+    (seen_before, at), (seen_after, _) = (
         model.contact(state, values, rig, observations.offset) for state in at_impulse
     )
-    bound = irb_bound(seen_before.v, seen_after.v, np.stack([r_x, r_y], 1), mass=1.0, k_g=k_g)
+    bound = irb_bound(seen_before.v, seen_after.v, at.r.T, mass=1.0, k_g=at.mobility**-0.5)
     return float(bound.error.mean())
 
 

@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.critique.contacts.model import Model, contact_space_of, inward
+from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.likelihood.whitening import Whitening, robust
@@ -91,8 +91,8 @@ def slip_is_known(model: Model, values: Mapping[str, float], observations: Obser
     """Whether the direction of slip is known before any impact, whatever spin nobody measured: else friction is not."""
     o = observations
     before, _ = states_at_impact(model, values, o)
-    contact = model.contact(before, values, o.rig, o.offset)
-    return bool(np.any(np.abs(contact_space_of(*contact).v_t) > Z95 * o.spin * np.abs(contact[2])))
+    _, at = model.contact(before, values, o.rig, o.offset)
+    return bool(np.any(np.abs(at.v_t) > Z95 * o.spin * np.abs(at.r[1])))
 
 
 def largest_ratio(model: Model, values: Mapping[str, float], observations: Observations) -> float:

@@ -23,6 +23,7 @@ from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.residuals import compare, over_spins, predict, predict_by_spin, state_beside
+from thesis_lib.mechanics.state import State
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
@@ -110,7 +111,7 @@ def _copies(o: Observations, with_samples: bool) -> Observations:
             lines[k][first + 2 * i, :, side, channel] += step[:, side, channel, k]
             lines[k][first + 2 * i + 1, :, side, channel] -= step[:, side, channel, k]
     # a later instant: both arcs fly on, by their velocity there (not that of the line), under gravity
-    a = o.rig.fall(o.value[:, 0, 0])[:, None]
+    a = o.rig.fall(State.of(o.value[:, 0], o.slope[:, 0], o.trial, o.t)).T[:, None]
     lines[0][13] += _H_INSTANT * (o.slope - o.bow[:, :, 1:] * a)
     lines[1][13] += _H_INSTANT * a
     return copies

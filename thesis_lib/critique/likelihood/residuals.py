@@ -64,13 +64,9 @@ def state_beside(model: Model, values: Mapping[str, float], observations: Observ
 
     if model.camera_bends:
         # the state whose path, seen by the camera, has this line
-        a = o.rig.fall(o.value[:, side, 0])
-        state = State.of(
-            o.value[:, side] - o.bow[:, side, :1] * a,
-            o.slope[:, side] - o.bow[:, side, 1:] * a,
-            o.trial,
-            o.t if side == 0 else o.t + o.span,
-        )
+        lines = State.of(o.value[:, side], o.slope[:, side], o.trial, o.t if side == 0 else o.t + o.span)
+        a = o.rig.fall(lines).T
+        state = State.of(lines.q - o.bow[:, side, :1] * a, lines.v - o.bow[:, side, 1:] * a, o.trial, lines.t)
         for _ in range(BENDINGS):
             value, slope = _line(model, values, o, side, state)
             state = State.of(state.q + o.value[:, side] - value, state.v + o.slope[:, side] - slope, o.trial, state.t)
@@ -190,9 +186,8 @@ def _apart(model: Model, values: Mapping[str, float], rig: Rig, before: State, a
     gaps, rates = [], []
     for state in (before, after):
         true = model.to_true(state, model.active(values), rig)
-        seen, r_x, *_ = model.contact_at(true, model.active(values), rig)
         gaps.append(model.gap(true, values, rig))
-        rates.append(seen.vy + r_x * seen.omega)
+        rates.append(model.contact_at(true, model.active(values), rig)[1].v_n)
     apart = np.maximum(rates[1] - rates[0], np.abs(rates[0]))
     unit = np.divide(rates[0], apart, out=-np.ones_like(apart), where=apart > 0.0)
     return unit * (gaps[1] - gaps[0])

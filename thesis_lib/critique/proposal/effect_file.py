@@ -58,14 +58,14 @@ class {camel}(Effect):
 """
 
 COEFFICIENTS = """\
-    def coefficients(self, mu, epsilon, space, state, p, rig):
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
 {lines}
         phi = {phi}
         return {returned}\
 """
 
 PATH = """\
-    def impulse(self, impulse, space, mu, epsilon, r, state, p, rig):
+    def impulse(self, impulse, contact, state, p, rig):
         if not np.any(p["a"]):
             return impulse
 {lines}
@@ -73,7 +73,7 @@ PATH = """\
         def {role}(v_t, omega):  # at each moment of the impact
             return {returned}
 
-        return driven(impulse, space, mu, epsilon, r, state.omega, {role}={role})\
+        return driven(impulse, contact, state.omega, {role}={role})\
 """
 
 RETURNED = {
@@ -88,13 +88,13 @@ DRIVEN = {
 }
 # how the variables of a factor's code come about, in the order in which they are written
 VARIABLES = {
-    "v_t": "v_t = space.v_t",
-    "v_n": "v_n = space.v_n",
-    "v": "v = np.maximum(np.hypot(space.v_t, space.v_n), 1e-3)  # m/s",
+    "v_t": "v_t = contact.v_t",
+    "v_n": "v_n = contact.v_n",
+    "v": "v = np.maximum(np.hypot(contact.v_t, contact.v_n), 1e-3)  # m/s",
     "omega": "omega = state.omega",
     "k": "k = rig.k_g",
-    "r_x": "r_x = rig.shape.contact_point(state.theta)[:, 0]",
-    "beta": "at = rig.shape.contact_point(state.theta)\n        beta = np.arctan2(at[:, 1], at[:, 0]) - state.theta",
+    "r_x": "r_x = rig.lowest(state)[0]",
+    "beta": "at = rig.lowest(state)\n        beta = np.arctan2(at[1], at[0]) - state.theta",
     "x": "x = along_surface(state, rig)",
     "trial": "trial = state.trial - rig.reference.trial",
 }

@@ -27,7 +27,6 @@ from thesis_lib.mechanics.state import State
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
 REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
 _NOW = 1e-9  # s
-_VELOCITY = ("vx", "vy", "omega")
 
 
 class ReleaseDistribution(Protocol):
@@ -134,18 +133,12 @@ def _step(
         alive &= ~(hits & (approach > -REST))
         if model.takes_time:
             rows = np.flatnonzero(hits)
-            off = kind_of(model).off(model, values, rig, at.select(rows))
-            touch, s = _put(touch, rows, at.select(rows)), _put(at, rows, off)
+            hit = at.select(rows)
+            off = kind_of(model).off(model, values, rig, hit)
+            touch, s = touch.put(rows, hit), at.put(rows, off)
             low += s.t - at.t
         else:
             after = model.predict(at, values, rig)
-            s = at.moved(**{name: np.where(hits, getattr(after, name), getattr(at, name)) for name in _VELOCITY})
+            s = at.with_motion(np.where(hits, after.motion, at.motion))
         remaining = np.where(hits, np.maximum(remaining - low, 0.0), 0.0)
     return touch, s
-
-
-def _put(state: State, rows: np.ndarray, new: State) -> State:
-    """The states with those of the bodies `rows` replaced."""
-    q, v, now = state.q.copy(), state.v.copy(), state.t.copy()
-    q[rows], v[rows], now[rows] = new.q, new.v, new.t
-    return State.of(q, v, state.trial, now)

@@ -140,10 +140,10 @@ class ImpactLink:
         state = State.planar(zero, zero, theta, zero, zero, zero, self.trial, zero)
         for effect, values in effects:
             state = effect.to_true(state, values, self.rig)
-        r_x, r_y = self.rig.shape.contact_point(state.theta).T + self.offset.T
+        r = self.rig.lowest(state) + self.offset.T
         for effect, values in effects:
-            r_x, r_y = effect.contact_point(r_x, r_y, state, values, self.rig)
-        return np.stack([r_x, r_y], axis=-1)
+            r = effect.contact_point(r, state, values, self.rig)
+        return r.T
 
     def sides(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lever L (n,) in m²/s and Δω (n,) in rad/s."""

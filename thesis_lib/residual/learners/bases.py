@@ -69,18 +69,17 @@ class AugmentedBase:
     def seen(self, impacts: Impacts) -> Impacts:
         """Impacts in the frame of the contact: true pose, velocities, contact point and radius of gyration."""
         m = self.model
-        before, r_x, r_y, k_g = m.model.contact(self._state(impacts), m.values, m.believed, self._offset(impacts))
-        after, *_ = m.model.contact(self._state(impacts, impacts.v_post), m.values, m.believed)
+        before, at = m.model.contact(self._state(impacts), m.values, m.believed, self._offset(impacts))
+        after, _ = m.model.contact(self._state(impacts, impacts.v_post), m.values, m.believed)
         # cov=None: covariances belong to the measured quantities
-        return replace(
-            impacts, q=before.q, v_pre=before.v, v_post=after.v, r=np.stack([r_x, r_y], 1), k_g=k_g, cov=None
-        )
+        k_g = at.mobility**-0.5
+        return replace(impacts, q=before.q, v_pre=before.v, v_post=after.v, r=at.r.T, k_g=k_g, cov=None)
 
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
         """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact; affine in v_post."""
         m = self.model
         active = m.model.active(m.values)
-        state, *_ = m.model.contact(self._state(impacts), m.values, m.believed)
+        state, _ = m.model.contact(self._state(impacts), m.values, m.believed)
         after = state.with_velocity(v_post)
         for effect, p in reversed(active):
             after = effect.from_contact(after, p, m.believed)

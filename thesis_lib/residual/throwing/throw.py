@@ -64,25 +64,24 @@ class LawImpact:
         with np.errstate(all="ignore"):
             space = contact_space(v, r, mass=1.0, k_g=self.k_g)
             if self.effects:
-                return q, push(v, r, self._with_effects(space, q, v, r, slow), self.k_g), 0.0
+                return q, push(v, r, self._with_effects(space, q, v, slow), self.k_g), 0.0
             c_t, c_n = self.law.impulse(space, self.mu, np.where(slow, 1.0, self.epsilon))
         return q, push(v, r, np.stack([c_t, c_n], axis=1), self.k_g), 0.0
 
-    def _with_effects(
-        self, space: Contact, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray
-    ) -> np.ndarray:
+    def _with_effects(self, contact: Contact, q: np.ndarray, v: np.ndarray, slow: np.ndarray) -> np.ndarray:
         """Impulse per unit mass and couple about r, (n, 3)."""
         assert self.rig is not None
         zero, middle = np.zeros(len(q)), self.rig.reference
         state = State.of(q, v, zero + middle.trial, zero + middle.t)
         mu, epsilon = np.full(len(q), self.mu), np.full(len(q), self.epsilon)
         for effect, p in self.effects:
-            mu, epsilon = effect.coefficients(mu, epsilon, space, state, p, self.rig)
+            mu, epsilon = effect.coefficients(mu, epsilon, contact, state, p, self.rig)
         epsilon = np.where(slow, 1.0, epsilon)
-        impulse = Impulse(*self.law.impulse(space, mu, epsilon), zero)
+        contact = contact.with_coefficients(mu, epsilon)
+        impulse = Impulse(self.law.impulse(contact, mu, epsilon), zero)
         for effect, p in self.effects:
-            impulse = effect.impulse(impulse, space, mu, epsilon, (r[:, 0], r[:, 1]), state, p, self.rig)
-        return np.stack([impulse.c_t, impulse.c_n, impulse.tau], axis=1)
+            impulse = effect.impulse(impulse, contact, state, p, self.rig)
+        return np.stack([*impulse.c, impulse.couple], axis=1)
 
 
 def push(v: np.ndarray, r: np.ndarray, impulse: np.ndarray, k_g: float) -> np.ndarray:
