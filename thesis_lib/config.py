@@ -8,8 +8,10 @@ A number that we chose, because the thesis does not give it, is marked as such i
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from itertools import islice
+from operator import itemgetter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
@@ -18,7 +20,7 @@ from thesis_lib.critique.mechanisms.settings import HiddenStudy
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.foundation import SEED
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.mistakes import LONGEST, Place, dotted, unknown_key, wrong_value
+from thesis_lib.foundation.mistakes import LONGEST, Place, dotted, mistakes_in
 from thesis_lib.foundation.regular_file import MissingFile
 from thesis_lib.foundation.settings import Section
 from thesis_lib.foundation.yaml_file import Document, read_yaml
@@ -102,9 +104,9 @@ def parse_config(values: dict, files: Sequence[str | Path] = ()) -> Config:
         schema, documents = Config.model_json_schema(), {str(path): read_yaml(path) for path in files}
         source = f" ({' + '.join(documents)})" if documents else ""
         lines = [f"The configuration{source} has {error.error_count()} mistake(s):"]
-        for mistake in error.errors(include_url=False)[:SHOWN]:
-            text = f"  {_line(mistake['loc'], documents)}{_what(mistake, schema)}"
-            lines.append(text[:WIDEST])
+        for mistake in islice(mistakes_in(error, values, {}, schema), SHOWN):
+            key = dotted(tuple(part[:LONGEST] if isinstance(part, str) else part for part in mistake.place))
+            lines.append(f"  {_line(mistake.place, documents)}{mistake.of(key or '(top level)')}"[:WIDEST])
         if error.error_count() > SHOWN:
             lines.append(f"  ... and {error.error_count() - SHOWN} more")
         lines.append(f"{SCHEMA} lists every key with its meaning.")
@@ -113,23 +115,13 @@ def parse_config(values: dict, files: Sequence[str | Path] = ()) -> Config:
 
 def _line(place: Place, documents: Mapping[str, Document]) -> str:
     """File and line of a place, in the last file that sets it; empty if none does (`--config` of snakemake)."""
-    best: Place = ()
-    text = ""
-    for path, document in documents.items():
-        here: Place = ()
-        for part in place:  # pydantic also names the kind of a section, which is no key
-            here = (*here, part) if (*here, part) in document.lines else here
-        if here and len(here) >= len(best):
-            best, text = here, f"{path}, line {document.lines[here]}: "
-    return text
-
-
-def _what(mistake: Mapping[str, Any], schema: Mapping[str, Any]) -> str:
-    place = mistake["loc"]
-    key = dotted(tuple(part[:LONGEST] if isinstance(part, str) else part for part in place)) or "(top level)"
-    if mistake["type"] == "extra_forbidden":
-        return f"{key}: unknown key; {unknown_key(place, schema)}"
-    return f"{key} {wrong_value(mistake)}"
+    found = [
+        (n, f"{path}, line {document.lines[place[:n]]}: ")
+        for path, document in documents.items()
+        for n in range(1, len(place) + 1)
+        if place[:n] in document.lines
+    ]
+    return max(reversed(found), key=itemgetter(0), default=(0, ""))[1]
 
 
 def read_config(*paths: str | Path) -> Config:

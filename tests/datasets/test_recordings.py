@@ -50,13 +50,13 @@ def test_torques_are_read_only_where_the_arm_is_driven(tmp_path):
 
 YAML_MISTAKES = [
     ("spokes: 8", "spokes: 8, colour: red", "line 3, mechanism.colour: unknown key"),
-    ("spokes: 8", "spokes: 2", "mechanism.spokes: input should be greater than or equal to 3"),
-    ("kind: wheel", "kind: car", "mechanism: input tag 'car'"),
+    ("spokes: 8", "spokes: 2", "mechanism.spokes: is 2, but must be 3 or more"),
+    ("kind: wheel", "kind: car", "mechanism: kind is 'car', but must be arm or wheel"),
     ("mass: 1.0", "mass: .nan", "mechanism.mass"),
-    ("mass: 1.0", "mass: 1.0, mass: 2.0", "mass: the key stands twice"),
+    ("mass: 1.0", "mass: 1.0, mass: 2.0", "mass: the key occurs twice"),
     ("rate: 200.0", "rate: 100.0", "the time step is not the 0.01 s of rate: 100"),
     ("rate: 200.0", "", "rate: the key is missing"),
-    ("schema: 1", "schema: 2", "schema: input should be 1"),
+    ("schema: 1", "schema: 2", "schema: is 2, but must be 1"),
     ("schema: 1", "schema: [1", "is not valid YAML"),
 ]
 

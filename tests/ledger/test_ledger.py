@@ -35,26 +35,26 @@ def test_the_example_in_the_docstring_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("check", "published", "words"),
     [
-        ({"kind": "abs", "tolerance": 0.01}, 0.062, "check.reason is missing: say why"),
+        ({"kind": "abs", "tolerance": 0.01}, 0.062, "check.reason: the key is missing (why this tolerance"),
         ({"kind": "rel", "tolerance": 0.01, "reason": "  "}, 0.062, "check.reason"),
-        ({"kind": "interval", "k": 2}, 0.062, "check.reason is missing"),
+        ({"kind": "interval", "k": 2}, 0.062, "check.reason: the key is missing"),
         ({"kind": "greater", "threshold": 0, "k": 2}, None, "reason is missing: say why this k"),
         ({"kind": "greater", "threshold": 20}, 30, "reason is missing: say why the threshold is 20"),
         ({"kind": "less", "threshold": 151}, None, "reason is missing: say why the threshold is 151"),
         ({**ORDER, "k": 2}, None, "reason is missing: say why this k"),
         ({**ORDER, "tie_tolerance": 0.1}, None, "reason is missing: say why this tie_tolerance"),
         ({**ORDER, "k": 1, "tie_tolerance": 0.1, "reason": "x"}, None, "give one of them"),
-        ({**ABS, "tolerance": 0}, 0.062, "check.tolerance: Input should be greater than 0"),
+        ({**ABS, "tolerance": 0}, 0.062, "check.tolerance is 0, but must be above 0"),
         ({**ABS, "tolerance": -1}, 0.062, "check.tolerance"),
         ({**ABS, "tolerance": float("nan")}, 0.062, "check.tolerance"),
         ({**ABS, "tolerance": float("inf")}, 0.062, "check.tolerance"),
         ({**ABS, "tolerance": True}, 0.062, "a number is wanted here"),
-        ({**ABS, "tolerence": 0.01}, 0.062, "check.tolerence is not a known key"),
-        ({**ABS, "kind": "about"}, 0.062, "check: Input tag 'about'"),
+        ({**ABS, "tolerence": 0.01}, 0.062, "check.tolerence: unknown key; did you mean 'tolerance'?"),
+        ({**ABS, "kind": "about"}, 0.062, "check: kind is 'about', but must be abs or rel or interval"),
         (ABS, None, "published must be a number"),
         (ABS, "mirtich", "published must be a number"),
         (ABS, True, "published must be a number"),
-        (ABS, float("nan"), "published: a published number is finite"),
+        (ABS, float("nan"), "published is nan: a published number is finite"),
         ({"kind": "rel", "tolerance": 0.1, "reason": "x"}, 0, "use kind abs"),
         ({"kind": "less", "threshold": 1}, "small", "published must be a number or left out"),
         (ORDER, ["whittaker", "mirtich"], "published contradicts check.rows"),
@@ -88,16 +88,19 @@ def test_the_reason_of_a_threshold_is_shown(write_ledger, make_claim):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"notes": "a typo"}, "notes is not a known key"),
+        ({"notes": "a typo"}, "notes: unknown key"),
         ({"id": "no dots"}, "claim no dots: id"),
         ({"chapter": 0}, "chapter"),
         ({"statement": ""}, "statement"),
         ({"source": {"file": "../elsewhere.csv", "column": "mu"}}, "source.file"),
         ({"source": {"file": "/etc/table.csv", "column": "mu"}}, "source.file"),
         ({"source": {"file": "table.png", "column": "mu"}}, "source.file"),
-        ({"source": {"file": "table.csv"}}, "source.column is missing"),
+        ({"source": {"file": "table.csv"}}, "source.column: the key is missing"),
         ({"source": {"file": "table.csv", "column": "mu", "where": {"law": None}}}, "source.where.law"),
-        ({"source": {"file": "table.csv", "column": "mu", "were": {}}}, "source.were is not a known key"),
+        (
+            {"source": {"file": "table.csv", "column": "mu", "were": {}}},
+            "source.were: unknown key; did you mean 'where'?",
+        ),
     ],
 )
 def test_a_bad_claim_is_refused(write_ledger, make_claim, change, words):
@@ -119,10 +122,10 @@ def test_everything_wrong_is_listed_at_once(write_ledger, make_claim):
     for words in (
         "5 mistakes",
         "claim table_3_1.first: this id stands more than once",
-        "claim table_3_1.first: check.reason is missing",
-        "claim table_3_1.second: colour is not a known key",
+        "claim table_3_1.first: check.reason: the key is missing",
+        "claim table_3_1.second: colour: unknown key",
         "claim table_3_1.third: published must be a number",
-        "extra is not a known key",
+        "extra: unknown key",
     ):
         assert words in text
 
@@ -138,11 +141,11 @@ def test_a_duplicated_id_alone_is_refused(write_ledger, make_claim):
         ("schema: 1\nclaims: [", "is not valid YAML"),
         ("schema: 1\nclaims: []\nclaims: []\n", "the key 'claims' stands in line 2 and again in line 3"),
         ("schema: 2\nclaims: []\n", "schema"),
-        ("claims: []\n", "schema is missing"),
+        ("claims: []\n", "schema: the key is missing"),
         ("", "the whole file"),
         ("- 1\n", "the whole file"),
         ("schema: 1\nclaims: 3\n", "claims"),
-        ("schema: 1\nclaims: [3]\n", "claims[1]"),
+        ("schema: 1\nclaims: [3]\n", "claims[0] is 3"),
     ],
 )
 def test_a_bad_file_is_refused(tmp_path, text, words):
@@ -195,13 +198,13 @@ class TestSharedChecks:
     def test_a_bad_one_is_told_once_however_many_claims_name_it(self, write_ledger, make_claim):
         claims = [make_claim(name, "rounding", 0.062) for name in ("x", "y", "z")]
         path = write_ledger(claims, checks={"rounding": {"kind": "abs", "tolerance": 0, "reason": "none"}})
-        assert "1 mistake:\n- line 5: checks.rounding.tolerance: Input should be greater" in refusal(path)
+        assert "1 mistake:\n- line 5: checks.rounding.tolerance is 0, but must be above 0" in refusal(path)
 
     def test_each_mistake_has_its_line(self, write_ledger, make_claim):
         path = write_ledger([make_claim("x", {**ABS, "tolerance": 0}, 0.062), make_claim("y", ABS)])
         lines = path.read_text().split("\n")
         tolerance = lines.index("    tolerance: 0") + 1
-        assert f"- line {tolerance}: claim table_3_1.x: check.tolerance: Input should be greater" in refusal(path)
+        assert f"- line {tolerance}: claim table_3_1.x: check.tolerance is 0, but must be above 0" in refusal(path)
         second = [i for i, line in enumerate(lines, 1) if line.startswith("- ")][1]
         assert f"- line {second}: claim table_3_1.y: published must be a number" in refusal(path)
 

@@ -1,16 +1,87 @@
-"""Mistakes that pydantic finds in YAML, in words: what a value must be, and which keys there are.
+"""Mistakes that pydantic finds in a file, in words: where they stand, what a value must be, and which keys there are.
 
-Header and configuration share the words; each adds where the mistake stands and what to do about it.
+All files that users write (header of a dataset, recording, configuration, claims) are told of in these words.
 """
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
+
+from pydantic import ValidationError
 
 LONGEST = 60  # characters of a value that are shown
 MOST_HOMES = 3  # sections that are named for a key
 Place = tuple[str | int, ...]
 Schema = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A mistake in a file.
+
+    `line` is that of the nearest key around it, None if there is none; `remedy` is "" if the mistake does not say it;
+    `meaning` is what the key means, "" if nothing says so.
+    """
+
+    place: Place
+    line: int | None
+    what: str
+    remedy: str
+    meaning: str
+
+    def of(self, key: str) -> str:
+        """The mistake as a sentence about a key, and what to do."""
+        verb = " " if self.what.startswith("is ") else ": "
+        return f"{key}{verb if key else ''}{self.what}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+def mistakes_in(
+    error: ValidationError, content: Any, lines: Mapping[Place, int], schema: Mapping[str, Any]
+) -> Iterator[Mistake]:
+    """The mistakes of a file that holds `content`, with its keys in these lines; `schema` is the JSON schema of it."""
+    for entry in error.errors(include_url=False):
+        place = _place(entry["loc"], content)
+        meaning = next((node["description"] for node in _nodes(schema, entry["loc"]) if "description" in node), "")
+        yield Mistake(place, line_of(place, lines), *_said(entry, schema), meaning)
+
+
+def line_of(place: Place, lines: Mapping[Place, int]) -> int | None:
+    """Line of a place, or of the nearest place that encloses it; None for the whole file."""
+    return next((lines[place[:n]] for n in range(len(place), 0, -1) if place[:n] in lines), None)
+
+
+def _place(loc: Place, content: Any) -> Place:
+    """A place without the kinds of sections that pydantic puts between keys."""
+    place: Place = ()
+    for depth, part in enumerate(loc, 1):
+        if isinstance(content, dict):
+            inside = part in content
+        else:
+            inside = isinstance(content, list) and part in range(len(content))
+        if inside or depth == len(loc) or not isinstance(content, dict):
+            place += (part,)
+            content = content[part] if inside else None  # pyright: ignore[reportCallIssue, reportArgumentType]
+    return place
+
+
+def _said(entry: Any, schema: Schema) -> tuple[str, str]:
+    """What is wrong, and what to do if that is known."""
+    context = entry.get("ctx", {})
+    kind = str(context.get("discriminator", "")).strip("'")
+    match entry["type"]:
+        case "extra_forbidden":
+            return "unknown key", unknown_key(entry["loc"], schema)
+        case "missing":
+            return "the key is missing", ""
+        case "union_tag_not_found":
+            return f"the key {kind} is missing", ""
+        case "union_tag_invalid":
+            tag, known = context["tag"], re.findall(r"'([^']*)'", context["expected_tags"])
+            return f"{kind} is '{tag}', but must be {' or '.join(known)}", suggest(tag, known) or ""
+        case _:
+            return wrong_value(entry), ""
 
 
 def dotted(place: Place) -> str:
@@ -32,8 +103,6 @@ def suggest(name: str, known: Iterable[str]) -> str | None:
 
 def wrong_value(mistake: Mapping[str, Any]) -> str:
     """What is wrong with a value, by an entry of `ValidationError.errors()`."""
-    if mistake["type"] == "missing":
-        return "is missing"
     context = mistake.get("ctx", {})
     must_be = {
         "greater_than": f"above {context.get('gt')}",
@@ -60,7 +129,8 @@ def wrong_value(mistake: Mapping[str, Any]) -> str:
         return f"is {found(mistake.get('input'))}, but must be {must_be}"
     # YAML has no tuples
     text = str(mistake["msg"]).removeprefix("Value error, ").replace("Tuple", "List").replace("tuple", "list")
-    return f"is {found(mistake.get('input'))}: {text}"
+    shown = mistake.get("input")
+    return text if isinstance(shown, dict | list) else f"is {found(shown)}: {text}"
 
 
 def unknown_key(place: Place, schema: Schema) -> str:
@@ -79,10 +149,16 @@ def unknown_key(place: Place, schema: Schema) -> str:
 
 def keys_at(schema: Schema, place: Place) -> list[str]:
     """Keys of the section at `place`, where pydantic names the kind of a section as one part of it."""
+    plains = (plain for node in _nodes(schema, place) for plain in _plain(schema, node))
+    return list(dict.fromkeys(key for plain in plains for key in _properties(plain)))
+
+
+def _nodes(schema: Schema, place: Place) -> list[Schema]:
+    """What a schema says of the value at a place."""
     nodes = [schema]
     for part in place:
         nodes = [child for node in nodes for child in _children(schema, node, part)]
-    return list(dict.fromkeys(key for node in nodes for plain in _plain(schema, node) for key in _properties(plain)))
+    return nodes
 
 
 def _children(schema: Schema, node: Schema, part: str | int) -> list[Schema]:

@@ -73,7 +73,7 @@ class Within(Section):
 
     kind: Literal["abs", "rel"]
     tolerance: Positive
-    reason: Text
+    reason: Text = Field(description="why this tolerance is the right one")
 
     def text(self) -> str:
         amount = f"{self.tolerance:g}" if self.kind == "abs" else f"{100 * self.tolerance:g} %"
@@ -86,7 +86,7 @@ class Interval(Section):
     kind: Literal["interval"]
     k: Positive
     rounding: NonNegative = Field(0.0, description="half a unit of the published value's last digit")
-    reason: Text
+    reason: Text = Field(description="why this k is the right one")
 
     def text(self) -> str:
         rounding = f" ± {self.rounding:g} for rounding" if self.rounding else ""

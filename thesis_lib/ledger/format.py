@@ -58,6 +58,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.mistakes import line_of
 from thesis_lib.foundation.settings import Section
 from thesis_lib.foundation.yaml_file import Key
 from thesis_lib.ledger.checks import (
@@ -71,7 +72,7 @@ from thesis_lib.ledger.checks import (
     Threshold,
     Within,
 )
-from thesis_lib.ledger.reading import Name, Text, line_of, load_yaml, validate
+from thesis_lib.ledger.reading import Name, Text, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
 NAME = r"[A-Za-z0-9_-]+"
@@ -176,7 +177,7 @@ def _read_file(path: Path) -> Ledger:
                     claim[key] = shared[pool].get(name)
         claims.append(claim)
     shared_keys: set[Key] = {(pool, str(name)) for pool in SHARED.values() for name in shared[pool]}
-    at = {place: f"line {line_of(place, document)}" for place in (*uses.values(), *shared_keys)}
+    at = {place: f"line {line_of(place, document.lines)}" for place in (*uses.values(), *shared_keys)}
     ids = Counter(str(claim.get("id")) for claim in claims if isinstance(claim, dict))
     problems = [
         *(f"{at[uses[use]]}: none of the {use[0]} is called {use[1]}" for use in uses if use not in shared_keys),

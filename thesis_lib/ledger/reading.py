@@ -17,6 +17,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, StringCo
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json
+from thesis_lib.foundation.mistakes import Mistake, dotted, mistakes_in
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
 from thesis_lib.foundation.yaml_file import Document, Key, read_yaml
 
@@ -75,44 +76,22 @@ def validate(
         if not mistakes:
             return value
     except ValidationError as error:
-        errors = error.errors(include_url=False)
-        mistakes += [_sentence(item, document) for item in errors if item["loc"][:3] not in elsewhere]
+        found = mistakes_in(error, document.content, document.lines, model.model_json_schema())
+        mistakes += [_sentence(mistake, document.content) for mistake in found if mistake.place[:3] not in elsewhere]
     count = f"{len(mistakes)} mistake{'s' if len(mistakes) > 1 else ''}"
     more = [f"... and {len(mistakes) - SHOWN} more"] if len(mistakes) > SHOWN else []
     raise UserError("\n- ".join([f"{path} has {count}:", *mistakes[:SHOWN], *more]))
 
 
-def _sentence(item: Any, document: Document) -> str:
-    """One pydantic error as "line 17: claim x: check.tolerance: what is wrong"."""
-    content, names, where = document.content, [], ""
-    at: Key = ()
-    for depth, part in enumerate(item["loc"], 1):
-        inside = part in content if isinstance(content, dict) else isinstance(content, list) and part < len(content)
-        if isinstance(content, dict) and not inside and depth < len(item["loc"]):
-            continue  # pydantic inserts the tag of a union, which is not a key of the file
-        content = content[part] if inside else None
-        at += (part,)
-        if isinstance(part, int) and isinstance(content, dict) and "id" in content:
-            names, where = [f"claim {content['id']}"], ""  # instead of claims[17]
-        elif isinstance(part, int):
-            where += f"[{part + 1}]"
-        else:
-            where += f".{part}" if where else str(part)
-    line = line_of(at, document)
-    place = ": ".join([*([f"line {line}"] if line else []), *names, *([where] if where else [])]) or "the whole file"
-    if item["type"] == "missing":
-        hint = ": say why this tolerance is the right one" if item["loc"][-1] == "reason" else ""
-        return f"{place} is missing{hint}"
-    if item["type"] == "extra_forbidden":
-        return f"{place} is not a known key"
-    message = item["msg"].removeprefix("Value error, ")
-    shown = repr(item["input"])
-    return f"{place}: {message}" + (f" (found {shown})" if len(shown) < 60 else "")
-
-
-def line_of(at: Key, document: Document) -> int | None:
-    """Line of a place, or of the nearest place that encloses it; None for the whole file."""
-    return next((document.lines[at[:n]] for n in range(len(at), 0, -1) if at[:n] in document.lines), None)
+def _sentence(mistake: Mistake, content: Any) -> str:
+    """A mistake as "line 17: claim x: check.tolerance is 0, but must be above 0"."""
+    at, place = [f"line {mistake.line}"] * bool(mistake.line), mistake.place
+    claim = content["claims"][place[1]] if place[:1] == ("claims",) and len(place) > 1 else None
+    if isinstance(claim, dict) and "id" in claim:
+        at, place = [*at, f"claim {claim['id']}"], place[2:]
+    said = mistake.of(dotted(place) or ("" if claim else "the whole file"))
+    missing = f" ({mistake.meaning})" if mistake.meaning and mistake.what == "the key is missing" else ""
+    return ": ".join([*at, said + missing])
 
 
 class Cells:

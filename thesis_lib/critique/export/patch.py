@@ -12,6 +12,7 @@ file needs them.  Nothing that the file names is opened.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
@@ -22,7 +23,7 @@ from thesis_lib.foundation.command_line import near
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import read_bytes
 
-Element = etree._Element
+Element: TypeAlias = etree._Element
 LARGEST = 20_000_000  # bytes; a humanoid's file has 0.1 MB, one with meshes in it a few
 # effects that are about what a patch leaves alone
 NOT_PATCHED = {

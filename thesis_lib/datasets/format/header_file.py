@@ -1,22 +1,22 @@
 """Read dataset.yaml and report every mistake in it.  `yaml_file` refuses what is unsafe to read."""
 
-import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import islice
 from pathlib import Path
+from typing import TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
+from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.validate import ValidationReport
-from thesis_lib.foundation.mistakes import dotted, suggest, unknown_key, wrong_value
-from thesis_lib.foundation.regular_file import FileProblem, MissingFile
+from thesis_lib.foundation.mistakes import Mistake, dotted, mistakes_in
+from thesis_lib.foundation.regular_file import FileProblem
 from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
 
 FILE = "dataset.yaml"
 MAX_REPORTED = 1000  # mistakes; for each unknown key the known ones are searched for a similar one
-
-SHAPES = {"ellipse": Ellipse, "disk": Disk, "polygon": Polygon}
+Model = TypeVar("Model", bound=BaseModel)
 # what to do about a wrong or missing value; the nearest enclosing key counts
 _REMEDIES = {
     ("schema",): "write 'schema: 1' (the version of the format that this program reads)",
@@ -52,23 +52,50 @@ def load_header(folder: Path, report: ValidationReport) -> tuple[Header | None, 
 
     The header is None if something is wrong; the mapping is {} if the file holds none.
     """
-    raw, lines = _parse(folder, report)
-    if raw is None:
+    if not (folder / FILE).exists():
+        report.error(FILE, "", "the file is missing", "write it (README, 'Your own drops'), or use the init command")
+        return None, {}
+    return parsed(folder, FILE, Header, report, _remedy)
+
+
+def _remedy(mistake: Mistake) -> str:
+    enclosing = (mistake.place[:n] for n in range(len(mistake.place), -1, -1))
+    return next((_REMEDIES[part] for part in enclosing if part in _REMEDIES), "see the format")
+
+
+def parsed(
+    folder: Path, file: str, model: type[Model], report: ValidationReport, remedy: Callable[[Mistake], str]
+) -> tuple[Model | None, dict]:
+    """The content of a file as a model, and its raw mapping; problems go to `report`.
+
+    The model is None if something is wrong; the mapping is {} if the file holds none.  `remedy` says what to do where
+    the mistake itself does not.
+    """
+    try:
+        document = read_yaml(folder / file, folder, aliases=False)
+    except (FileProblem, YamlProblem) as error:
+        report.error(file, getattr(error, "where", ""), error.what, error.remedy)
+        return None, {}
+    lines, raw = document.lines, document.content
+    for key, line in document.repeated:
+        where, what = f"line {line}, {dotted(key)}", f"the key occurs twice (first in line {lines[key]})"
+        report.error(file, where, what, "keep one of them")
+    if not isinstance(raw, dict):
+        kind = "empty" if raw is None else f"a {type(raw).__name__}"
+        report.error(
+            file, "", f"is {kind}, not a mapping of keys to values", "start with 'schema: 1' on a line of its own"
+        )
         return None, {}
     try:
-        return Header.model_validate(raw), raw
+        return model.model_validate(raw), raw
     except ValidationError as error:
-        mistakes = error.errors(include_url=False, include_context=True)
-        for mistake in mistakes[:MAX_REPORTED]:
-            _report_mistake(mistake, lines, report)
-        if (more := len(mistakes) - MAX_REPORTED) > 0:
-            report.error(FILE, "", f"{more:,} further keys or values are wrong", "correct the others first")
+        for mistake in islice(mistakes_in(error, raw, lines, model.model_json_schema()), MAX_REPORTED):
+            key = dotted(mistake.place)
+            where = key if mistake.line is None else f"line {mistake.line}, {key}"
+            report.error(file, where, mistake.what, mistake.remedy or remedy(mistake))
+        if (more := error.error_count() - MAX_REPORTED) > 0:
+            report.error(file, "", f"{more:,} further keys or values are wrong", "correct the others first")
         return None, raw
-
-
-@functools.cache
-def _schema() -> dict:
-    return Header.model_json_schema()
 
 
 def salvage_shape(raw: Mapping) -> Shape | None:
@@ -80,46 +107,3 @@ def salvage_shape(raw: Mapping) -> Shape | None:
         return TypeAdapter(Shape).validate_python(body.get("shape"))
     except ValidationError:
         return None
-
-
-def _parse(folder: Path, report: ValidationReport) -> tuple[dict | None, dict[tuple, int]]:
-    try:
-        document = read_yaml(folder / FILE, folder, aliases=False)
-    except MissingFile:
-        remedy = "write it (README, 'Your own drops'), or use the init command"
-        report.error(FILE, "", "the file is missing", remedy)
-        return None, {}
-    except (FileProblem, YamlProblem) as error:
-        report.error(FILE, getattr(error, "where", ""), error.what, error.remedy)
-        return None, {}
-    lines, raw = document.lines, document.content
-    for key, line in document.repeated:
-        where, what = f"line {line}, {dotted(key)}", f"the key occurs twice (first in line {lines[key]})"
-        report.error(FILE, where, what, "keep one of them")
-    if not isinstance(raw, dict):
-        kind = "empty" if raw is None else f"a {type(raw).__name__}"
-        what = f"is {kind}, not a mapping of keys to values"
-        report.error(FILE, "", what, "start with 'schema: 1' on a line of its own")
-        return None, {}
-    return raw, lines
-
-
-def _report_mistake(mistake: Mapping, lines: Mapping[tuple, int], report: ValidationReport) -> None:
-    """Report one validation error of pydantic as a problem."""
-    loc, kind = tuple(mistake["loc"]), mistake["type"]
-    key = tuple(part for i, part in enumerate(loc) if not (loc[:2] == ("body", "shape") and i == 2))
-    line = next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), None)
-    where = dotted(key) if line is None else f"line {line}, {dotted(key)}"
-    if kind == "extra_forbidden":
-        report.error(FILE, where, "unknown key", unknown_key(loc, _schema()))
-        return
-    enclosing = (key[:n] for n in range(len(key), -1, -1))
-    remedy = next((_REMEDIES[part] for part in enclosing if part in _REMEDIES), "see the format")
-    if not loc:  # keys that contradict each other
-        report.error(FILE, "", str(mistake["msg"]).removeprefix("Value error, "), remedy)
-        return
-    what = {"missing": "the key is missing", "union_tag_not_found": "the key kind is missing"}.get(kind)
-    if kind == "union_tag_invalid":
-        tag = str(mistake["ctx"].get("tag"))
-        what, remedy = f"kind is '{tag}', which is not a shape", suggest(tag, SHAPES) or remedy
-    report.error(FILE, where, what or wrong_value(mistake), remedy)

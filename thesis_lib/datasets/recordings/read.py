@@ -3,15 +3,14 @@
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import unwrap
+from thesis_lib.datasets.format.header_file import parsed
 from thesis_lib.datasets.format.tables import load_table
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport, check_trajectories, read_checked
-from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Wheel
+from thesis_lib.datasets.recordings.header import RecordingHeader
 from thesis_lib.datasets.recordings.recording import HEADER_FILE, STATES, Recording
-from thesis_lib.foundation.regular_file import FileProblem
-from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
+from thesis_lib.foundation.mistakes import Mistake
 
 STEP_TOLERANCE = 0.02  # of a time step: beyond it velocities and the equations of a step disagree
 ANGLES = ("theta", "q_1", "q_2")
@@ -26,8 +25,8 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Recording | None
     if (folder / "dataset.yaml").exists():
         what = "stands beside dataset.yaml, so it is unclear what the folder holds"
         report.error(HEADER_FILE, "", what, "keep drops and recordings in folders of their own")
-    header = _header(folder, report)
-    if header is None:  # it defines the columns
+    header, _ = parsed(folder, HEADER_FILE, RecordingHeader, report, _remedy)
+    if header is None or report.errors:  # it defines the columns
         return None
     table = load_table(folder, STATES, header.columns, (), report)
     if table is None:
@@ -47,38 +46,9 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Recording | None
     return Recording(name, header, states, tuple(report.warnings))
 
 
-def _header(folder: Path, report: ValidationReport) -> RecordingHeader | None:
-    """The content of recording.yaml; a problem for each wrong key and value goes to `report`."""
-    try:
-        document = read_yaml(folder / HEADER_FILE, folder, aliases=False)
-    except (FileProblem, YamlProblem) as error:
-        report.error(HEADER_FILE, getattr(error, "where", ""), error.what, error.remedy)
-        return None
-    for key, line in document.repeated:
-        report.error(HEADER_FILE, f"line {line}, {key[-1]}", "the key stands twice", "keep one of them")
-    try:
-        header = RecordingHeader.model_validate(document.content)
-    except ValidationError as error:
-        for entry in error.errors(include_url=False):
-            # pydantic adds the kind of mechanism to the place of a key
-            key = tuple(part for part in entry["loc"] if part not in ("arm", "wheel"))
-            line = next((document.lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in document.lines), 1)
-            where = f"line {line}, {'.'.join(map(str, key))}" if key else ""
-            what, remedy = _mistake(entry["type"], entry["msg"], key)
-            report.error(HEADER_FILE, where, what, remedy)
-        return None
-    return None if report.errors else header
-
-
-def _mistake(kind: str, message: str, key: tuple) -> tuple[str, str]:
-    """What is wrong with a key and what to do, from an error of pydantic."""
-    if kind == "extra_forbidden":
-        return "unknown key", "remove it; docs/reference_dataset.md lists the keys of a recording"
-    sections = [RecordingHeader, Arm, Wheel, RecordingHeader.model_fields["noise"].annotation]
-    fields = {f.alias or name: f.description for s in sections for name, f in s.model_fields.items()}
-    meaning = next((fields[part] for part in reversed(key) if fields.get(part)), "")
-    what = "the key is missing" if kind == "missing" else message[0].lower() + message[1:]
-    return (what, f"give {key[-1] if key else 'it'}{f' ({meaning})' if meaning else ''}, see docs/reference_dataset.md")
+def _remedy(mistake: Mistake) -> str:
+    key = mistake.place[-1] if mistake.place else "it"
+    return f"give {key}{f' ({mistake.meaning})' if mistake.meaning else ''}, see docs/reference_dataset.md"
 
 
 def _check_steps(table: UsableRows, rate: float) -> None:
