@@ -33,7 +33,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import flight_residuals, impact_residuals, states_at_impact
+from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.critique.proof.cases import NOTHING, Case, make
 from thesis_lib.critique.proof.results import is_right
 from thesis_lib.foundation.randomness import generator
@@ -86,7 +86,7 @@ def flight_problem(base: Fit, o: Observations) -> Problem:
     """Acceleration in flight from the velocity."""
     k, state, scale = o.rig.k_g, o.flights.state, np.array([1.0, 1.0, o.rig.k_g])
     X = np.stack([state.vx, state.vy, k * state.omega], axis=1)
-    R = flight_residuals(base.model, base.values, o.flights, o.rig) * scale
+    R = o.flights.residuals(base.model, base.values, o.rig) * scale
     std = np.sqrt(o.flights.variance) * scale
     return Problem(FLIGHT_INPUTS, X, o.flights.acceleration * scale, R, std, state.trial)
 

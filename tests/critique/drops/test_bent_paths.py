@@ -10,7 +10,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.critique.likelihood.lines import side_lines
-from thesis_lib.critique.likelihood.residuals import flight_residuals, state_beside
+from thesis_lib.critique.likelihood.residuals import state_beside
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
@@ -84,10 +84,10 @@ def test_a_flight_has_the_acceleration_of_the_parabola_through_its_bent_path(nam
     fits = np.stack([np.polyfit(tau, path, 2) for path in seen])
     state = State.of(fits[:, 2], fits[:, 1], true.trial, true.t)
     flights = Flights(state, 2.0 * fits[:, 0], np.ones((N, 3)), np.full(N, FLIGHT))
-    left = flight_residuals(model, values, flights, RIG)
+    left = flights.residuals(model, values, RIG)
     np.testing.assert_allclose(left[:, :2], 0.0, atol=NEAR_FALL)
     fall = Model(LAWS["mirtich"])
-    assert np.abs(flight_residuals(fall, {}, flights, RIG))[:, :2].max() > 20.0 * NEAR_FALL
+    assert np.abs(flights.residuals(fall, {}, RIG))[:, :2].max() > 20.0 * NEAR_FALL
 
 
 def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_origin_on_a_circle() -> None:
@@ -100,5 +100,5 @@ def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_orig
     fits = np.stack([np.polyfit(tau, path, 2) for path in path_of_origin])
     state = State.of(fits[:, 2], fits[:, 1], centre.trial, centre.t)
     flights = Flights(state, 2.0 * fits[:, 0], np.ones((N, 3)), np.full(N, FLIGHT))
-    np.testing.assert_allclose(flight_residuals(model, values, flights, RIG)[:, :2], 0.0, atol=NEAR_FALL)
-    assert np.abs(flight_residuals(Model(LAWS["mirtich"]), {}, flights, RIG)).max() > 20.0 * NEAR_FALL
+    np.testing.assert_allclose(flights.residuals(model, values, RIG)[:, :2], 0.0, atol=NEAR_FALL)
+    assert np.abs(flights.residuals(Model(LAWS["mirtich"]), {}, RIG)).max() > 20.0 * NEAR_FALL

@@ -16,7 +16,6 @@ from thesis_lib.critique.likelihood.covariance import noisy_residuals
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.likelihood.residuals import flight_residuals
 from thesis_lib.critique.proof.cases import SEEDS, Case, make
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -113,9 +112,7 @@ def test_a_parabola_through_a_long_flight_with_drag_is_predicted():
     flights = Flights(State.of(q, v, np.zeros(1, int), np.zeros(1)), a, np.ones((1, 3)), np.array([span]))
     model, values = with_effect("quadratic_drag", c_q=c)
     dragged = np.abs(a - [0.0, -9.81, 0.0]).max()
-    assert (
-        np.abs(flight_residuals(model, values, flights, RIG)).max() < 5e-3 * dragged
-    )  # to first order alone 1 % and more
+    assert np.abs(flights.residuals(model, values, RIG)).max() < 5e-3 * dragged  # to first order alone 1 % and more
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,10 @@ import pytest
 from hidden_effects import simulated
 
 from thesis_lib.critique.drops.criticise import criticise_drops
+from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.drops.world import CHANNELS, Drops, Judgement
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.channels import ALWAYS, CHANNELS
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -20,8 +22,9 @@ ASKEW = np.radians(0.5)  # of the camera's axes, few rigs are better
 def judged(impact: float = 1.0, **sigmas: float) -> Judgement:
     """One impact a trial; errors in units of the noise floor."""
     n = 10
-    squares = {name: sigmas.get(name, 1.0) ** 2 for name in CHANNELS[1:]}
-    return Judgement(np.arange(n), np.arange(n), np.zeros(n), np.zeros(n), np.full(n, impact), squares, 1.0, impact)
+    squares = {name: sigmas.get(name, 1.0) ** 2 for name in ALWAYS}
+    scores = np.arange(n), np.zeros(n)
+    return Judgement(*scores, {"flight": scores}, np.full(n, impact), squares, 1.0, impact)
 
 
 @pytest.mark.parametrize("channel", CHANNELS)

@@ -14,12 +14,14 @@ from threadpoolctl import threadpool_limits
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.features import remaining
+from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.planar.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
-from thesis_lib.critique.drops.world import Drops, DropsDiscovery, Judgement, testable_effects
+from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
+from thesis_lib.critique.likelihood.channels import FLIGHT
 from thesis_lib.critique.likelihood.fit import Fit, fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.likelihood.residuals import states_at_impact, turned_until_impulse
@@ -32,9 +34,6 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
-
-# relative standard error of a misfit from n values, times √n: of their median, and of that of norms of three components
-OF_MEDIAN, OF_NORM = 1.17, 0.56
 
 
 @dataclass(frozen=True)
@@ -90,16 +89,11 @@ class DropsCritique:
 
     @property
     def misfit_channels(self) -> tuple[str, ...]:
-        """Channels with a held-out misfit far above noise after all effects: impact, flight, meet, touch."""
+        """Channels with a held-out misfit far above noise after all effects."""
         last, limit = self.ladder[-1][2], self.settings.excess_scatter
-        far = []
-        for channel, misfit in {"impact": last.excess**2, **last.sigmas}.items():
-            count = max(len(last.flight_score if channel == "flight" else last.score), 1)
-            spread = (OF_NORM if channel == "impact" else OF_MEDIAN) / np.sqrt(count)
-            if np.sqrt(misfit) > limit * (1.0 + 2.0 * spread):
-                far.append(channel)
-        if "flight" not in far and self.observations.flights.are_bent:
-            far.append("flight")
+        far = [name for name, (misfit, std) in last.over_noise().items() if misfit > limit * (1.0 + 2.0 * std)]
+        if FLIGHT.name not in far and self.observations.flights.are_bent:
+            far.append(FLIGHT.name)
         return tuple(far)
 
     @property

@@ -16,12 +16,6 @@ REASONS = {
     "not_ballistic": "no free flight on a side (held, rolling, bad track)",
     "no_approach": "contact point does not approach (rest, rolling)",
 }
-CHANNEL_TEXT = {
-    "impact": "the velocities after impact",
-    "flight": "the flights between impacts",
-    "meet": "the poses at impact, where the arcs before and after should meet",
-    "touch": "the gap at impact",
-}
 NAMED = 2  # alternatives that are named; the others are counted
 FEW = 0.1  # share of the impacts left out below which reasons are summed up
 

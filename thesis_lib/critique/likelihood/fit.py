@@ -21,7 +21,7 @@ from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, lev
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.critique.likelihood.sandwich import sandwich
-from thesis_lib.critique.likelihood.whitening import SIGMA_LOW, Whitening, robust, together, weight
+from thesis_lib.critique.likelihood.whitening import SIGMA_LOW, Parts, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
@@ -263,7 +263,7 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
 
 def _fitting(
     model: Model, observations: Observations, start: Mapping[str, float], rounds: int, noise: Noise | None
-) -> Generator[tuple[Whitening, list[dict[str, float]]], list[tuple[np.ndarray, np.ndarray]], Fit]:
+) -> Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], Fit]:
     """Fit from one start: a generator that yields the points it needs and is sent their whitened residuals."""
     values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
     free = model.fitted_parameters

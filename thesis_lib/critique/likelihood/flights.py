@@ -1,12 +1,23 @@
 """Accelerations of the flights between impacts, measured by parabolas (`thesis_lib/datasets/flights/parabolas.py`)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.special import roots_gegenbauer
 
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.flights.parabolas import SOME, Parabolas
+from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
+BENDINGS = 2  # steps to the state behind a bent path; each leaves a tenth of the error of a lens of 1 % at 0.25 m
+# nodes on [−1, 1] and weights, of sum 1, by which a flight's path is compared with a parabola; exact to degree 23
+_ARC, _OF_ARC = leggauss(12)
+_OF_ARC = _OF_ARC / _OF_ARC.sum()
+_PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
+_PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
 MANY = 1.0 / 3.0  # share of the flights; where something bends all of them, short ones do not show it
 
 
@@ -23,6 +34,8 @@ class Flights:
     span: np.ndarray
     bent: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
 
+    channel = "flight"
+
     def __len__(self) -> int:
         return len(self.acceleration)
 
@@ -35,6 +48,56 @@ class Flights:
         """The flights of the given trials."""
         found = self.select(np.flatnonzero(np.isin(self.state.trial, trials)))
         return replace(found, bent=self.bent[np.isin(self.bent, trials)])
+
+    @property
+    def trial(self) -> np.ndarray:
+        """Trial (m,) of each."""
+        return self.state.trial
+
+    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+        """Acceleration measured minus predicted (m, 3), m/s² and rad/s²."""
+        state, tau = self.state, 0.5 * self.span[:, None] * _ARC
+        variance = (tau**2) @ _OF_ARC
+        square = tau**2 - variance[:, None]
+        of_square = _OF_ARC * 2.0 * square / (square**2 @ _OF_ARC)[:, None]
+        if model.camera_bends:
+            of_line = _OF_ARC * tau / variance[:, None]
+            for _ in range(BENDINGS):
+                path = model.path(tau, state, values, rig)
+                predicted, v = (np.einsum("nw,nwc->nc", part, path) for part in (of_square, of_line))
+                q = _OF_ARC @ path - 0.5 * predicted * variance[:, None]
+                moved = [
+                    known + wanted - found
+                    for known, wanted, found in ((state.q, self.state.q, q), (state.v, self.state.v, v))
+                ]
+                state = State.of(*moved, state.trial, state.t)
+            return self.acceleration - predicted
+        predicted = model.acceleration(state, values, rig)
+        if model.has_varying_flight:
+            # the slope of the parabola through x(τ) exceeds x'(0) by x''' T²/40
+            span = self.span[:, None]
+            early, late = (
+                model.acceleration(state.with_velocity(state.v + h * predicted), values, rig)
+                for h in (-0.25 * span, 0.25 * span)
+            )
+            jerk = 2.0 * (late - early) / span
+            speed = state.v - jerk * span**2 / 40.0
+            first = model.acceleration(state.with_velocity(speed), values, rig)
+            # the parabola averages x'' with the weight (1 − (2τ/T)²)²
+            predicted = 0.0
+            for node, weight in zip(*_PARABOLA):
+                h = 0.5 * node * span
+                later = state.with_velocity(speed + h * first + 0.5 * h**2 * jerk)
+                predicted = predicted + weight * model.acceleration(later, values, rig)
+        beyond = model.arc(tau, state, values, rig)
+        if beyond is not None:
+            # curvature of the parabola through the path's deviation from constant acceleration
+            predicted = predicted + np.einsum("nw,nwc->nc", of_square, beyond)
+        return self.acceleration - predicted
+
+    def less(self, residuals: np.ndarray) -> "Flights":
+        """The same with accelerations that are smaller by (m, 3)."""
+        return replace(self, acceleration=self.acceleration - residuals)
 
     @property
     def are_bent(self) -> bool:

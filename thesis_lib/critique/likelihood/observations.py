@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
+from thesis_lib.critique.likelihood.beside import Beside
 from thesis_lib.critique.likelihood.flights import NO_FLIGHTS, Flights, flights_of
 from thesis_lib.critique.likelihood.lines import NODES, edges_of, later, side_lines
 from thesis_lib.datasets.format.dataset import Dataset
@@ -45,6 +46,7 @@ class Observations:
         offset: (n, 2) contact point of the dataset minus that of the shape, m; zero for trajectories.
         arcs: whether there are trajectories, which measure the poses before and after separately.
         flights: accelerations, or none.
+        supports: further evidence beside impacts, as of rests; each with at least one row.
         noise_known: whether `cov` is measured or stated; else only the scatter is known.
         found: result of the detection; its impacts are these n.
         spin: rad/s, one sigma of the spin before an impact where nobody measured it, and the states say 0; else 0.
@@ -71,6 +73,12 @@ class Observations:
     found: FoundImpacts
     spin: float = 0.0
     touch_std: float = 0.0
+    supports: tuple[Beside, ...] = ()
+
+    @property
+    def beside(self) -> tuple[Beside, ...]:
+        """All that is measured beside impacts, flights first, even if there are none."""
+        return (self.flights, *self.supports)
 
     def __len__(self) -> int:
         return len(self.trial)
@@ -78,7 +86,8 @@ class Observations:
     def select(self, trials: np.ndarray) -> "Observations":
         """Impacts and flights of the given trials."""
         rows = np.flatnonzero(np.isin(self.trial, trials))
-        return replace(self.rows(rows), flights=self.flights.of_trials(trials))
+        supports = tuple(part for beside in self.supports if len(part := beside.of_trials(trials)))
+        return replace(self.rows(rows), flights=self.flights.of_trials(trials), supports=supports)
 
     @property
     def middle(self) -> Reference:

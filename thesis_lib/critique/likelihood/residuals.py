@@ -5,7 +5,7 @@ add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  T
 predicted velocity and pose where the flight after it begins; its touch is solved for, so that the last component is 0.
 A single hit whose contact is integrated has the pose predicted, too; its last component is how far the measured arcs
 are apart where they should meet.
-The residual of a flight has three, acceleration measured minus predicted ("flight").
+What is measured beside impacts has its own residuals (`beside`).
 """
 
 from collections.abc import Callable, Mapping
@@ -13,29 +13,22 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
-from numpy.polynomial.legendre import leggauss
-from scipy.special import roots_gegenbauer
 
 from thesis_lib.critique.contacts.contact_time import TURNED
 from thesis_lib.critique.contacts.kinds import Prediction, kind_of, values_of
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.likelihood.flights import Flights
+from thesis_lib.critique.likelihood.beside import drawn
+from thesis_lib.critique.likelihood.flights import BENDINGS
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
-BENDINGS = 2  # steps to the state behind a bent path; each leaves a tenth of the error of a lens of 1 % at 0.25 m
-# nodes on [−1, 1] and weights, of sum 1, by which a flight's path is compared with a parabola; exact to degree 23
-_ARC, _OF_ARC = leggauss(12)
-_OF_ARC = _OF_ARC / _OF_ARC.sum()
 # a line through τ³/6 on [−W, 0] has the slope 0.15 W², as for the acceleration at −0.3 W; its own slope is the velocity
 # at −0.5 W
 ARC_MEAN = 0.6
 # of an unknown spin, in standard deviations: nodes and weights for a normal distribution (Gauss and Hermite)
 SPINS, _OF_SPIN = hermegauss(7)
 _OF_SPIN = _OF_SPIN / _OF_SPIN.sum()
-_PARABOLA = roots_gegenbauer(3, 2.5)  # nodes and weights for (1 − u²)² on [−1, 1]
-_PARABOLA = _PARABOLA[0], _PARABOLA[1] / _PARABOLA[1].sum()
 
 
 def states_at_impact(model: Model, values: Mapping[str, float], observations: Observations) -> tuple[State, State]:
@@ -193,48 +186,6 @@ def _apart(model: Model, values: Mapping[str, float], rig: Rig, before: State, a
     return unit * (gaps[1] - gaps[0])
 
 
-def flight_residuals(model: Model, values: Mapping[str, float], flights: Flights, rig: Rig) -> np.ndarray:
-    """Acceleration measured minus predicted (m, 3), m/s² and rad/s²."""
-    state, tau = flights.state, 0.5 * flights.span[:, None] * _ARC
-    variance = (tau**2) @ _OF_ARC
-    square = tau**2 - variance[:, None]
-    of_square = _OF_ARC * 2.0 * square / (square**2 @ _OF_ARC)[:, None]
-    if model.camera_bends:
-        of_line = _OF_ARC * tau / variance[:, None]
-        for _ in range(BENDINGS):
-            path = model.path(tau, state, values, rig)
-            predicted, v = (np.einsum("nw,nwc->nc", part, path) for part in (of_square, of_line))
-            q = _OF_ARC @ path - 0.5 * predicted * variance[:, None]
-            moved = [
-                known + wanted - found
-                for known, wanted, found in ((state.q, flights.state.q, q), (state.v, flights.state.v, v))
-            ]
-            state = State.of(*moved, state.trial, state.t)
-        return flights.acceleration - predicted
-    predicted = model.acceleration(state, values, rig)
-    if model.has_varying_flight:
-        # the slope of the parabola through x(τ) exceeds x'(0) by x''' T²/40
-        span = flights.span[:, None]
-        early, late = (
-            model.acceleration(state.with_velocity(state.v + h * predicted), values, rig)
-            for h in (-0.25 * span, 0.25 * span)
-        )
-        jerk = 2.0 * (late - early) / span
-        speed = state.v - jerk * span**2 / 40.0
-        first = model.acceleration(state.with_velocity(speed), values, rig)
-        # the parabola averages x'' with the weight (1 − (2τ/T)²)²
-        predicted = 0.0
-        for node, weight in zip(*_PARABOLA):
-            h = 0.5 * node * span
-            later = state.with_velocity(speed + h * first + 0.5 * h**2 * jerk)
-            predicted = predicted + weight * model.acceleration(later, values, rig)
-    beyond = model.arc(tau, state, values, rig)
-    if beyond is not None:
-        # curvature of the parabola through the path's deviation from constant acceleration
-        predicted = predicted + np.einsum("nw,nwc->nc", of_square, beyond)
-    return flights.acceleration - predicted
-
-
 def synthesise(
     model: Model,
     values: Mapping[str, float],
@@ -287,8 +238,6 @@ def synthesise(
         value[:, side], slope[:, side] = pose, speed
     L = np.linalg.cholesky(o.cov + 1e-30 * np.eye(2))
     noise = (L @ rng.standard_normal((*o.cov.shape[:3], 2, 1)))[..., 0]
-    flights = o.flights
-    acceleration = flights.acceleration - flight_residuals(model, values, flights, rig)
-    acceleration = acceleration + np.sqrt(flights.variance) * rng.standard_normal(acceleration.shape)
-    flights = replace(flights, acceleration=acceleration)
-    return replace(o, value=value + noise[..., 0], slope=slope + noise[..., 1], flights=flights)
+    flights = drawn(o.flights, model, values, rig, rng)
+    supports = tuple(drawn(beside, model, values, rig, rng) for beside in o.supports)
+    return replace(o, value=value + noise[..., 0], slope=slope + noise[..., 1], flights=flights, supports=supports)

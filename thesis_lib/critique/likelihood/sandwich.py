@@ -39,12 +39,12 @@ def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray
     others = [-h if p.low <= values[name] - h <= p.high else h for h, (name, p) in zip(steps, free.items())]
     points = [{**values, name: values[name] + h} for side in (steps, others) for name, h in zip(free, side)]
     here, *moved = whitening.many([values, *points])
-    secants = [[(m[part] - here[part]) / h for m, h in zip(moved, steps + others)] for part in (0, 1)]
+    secants = [[(m[part] - here[part]) / h for m, h in zip(moved, steps + others)] for part in range(len(here))]
     columns = [[_lesser(*pair) for pair in zip(part, part[len(free) :])] for part in secants]
-    trials, of_trial = np.unique(np.concatenate([o.trial, o.flights.state.trial]), return_inverse=True)
+    trials, of_trial = np.unique(np.concatenate([o.trial, *(beside.trial for beside in o.beside)]), return_inverse=True)
     H, B, own = np.zeros((3, len(free), len(free)))
     scores = np.zeros((len(trials), len(free)))
-    for part, z, rows in zip(columns, here, np.split(of_trial, [len(o)])):
+    for part, z, rows in zip(columns, here, np.split(of_trial, np.cumsum([len(z) for z in here])[:-1])):
         if not len(z):
             continue
         J, m = np.stack(part, axis=2), z.shape[1]

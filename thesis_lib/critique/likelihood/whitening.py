@@ -1,7 +1,7 @@
 """Whitened residuals of a model, and their likelihood under Student's t distribution.
 
     log score of an impact   log t_ν(R; 0, S),   ν = 8, in m dimensions
-    log score of a flight    the same in 3 dimensions
+    log score beside impacts the same, as of a flight in 3 dimensions (`beside`)
 
 The t distribution limits the influence of single impacts; for Gaussian residuals it loses 2 % of efficiency.  The
 scatter σ_m that neither noise nor model explains is added to S: it has σ_m² D on the velocities after impact,
@@ -17,13 +17,15 @@ from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.covariance import noisy_residuals
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import flight_residuals, impact_residuals, states_at_impact
+from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.mechanics.state import State
 
 NU = 8.0
 BESIDE_STATES = ("span", "offset")  # the observations' arrays that a prediction needs beside the states
+Parts = tuple[np.ndarray, ...]
 KEPT = 2  # states of the point where a search stands, and of the next one that it tries
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
@@ -58,12 +60,12 @@ class Whitening:
         sigma_m = most_probable_scatter(noisy.value, S, observations)
         return cls(model, observations, S, sigma_m, (dict(values), noisy.value))
 
-    def __call__(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened residuals of impacts (n, m) and flights (f, 3)."""
+    def __call__(self, values: Mapping[str, float]) -> Parts:
+        """Whitened residuals of impacts (n, m), flights (f, 3), and whatever else is measured beside impacts."""
         return self.many([values])[0]
 
-    def many(self, points: Sequence[Mapping[str, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Whitened residuals of impacts and flights, as a call gives, for each of several sets of values."""
+    def many(self, points: Sequence[Mapping[str, float]]) -> list[Parts]:
+        """Whitened residuals, as a call gives them, for each of several sets of values."""
         return together([(self, points)])[0]
 
     def beside(self, values: Mapping[str, float]) -> tuple[tuple[State, State], np.ndarray]:
@@ -72,8 +74,7 @@ class Whitening:
         key = tuple(values[name] for name in model.flight_parameters)
         found = self._kept.pop(key, None)
         if found is None:
-            f = flight_residuals(model, values, o.flights, o.rig) / np.sqrt(o.flights.variance)
-            found = states_at_impact(model, values, o), f
+            found = states_at_impact(model, values, o), whitened(o.flights, model, values, o.rig)
         while len(self._kept) >= KEPT:
             del self._kept[next(iter(self._kept))]
         self._kept[key] = found  # moved to the end: the least recently used goes first
@@ -83,16 +84,15 @@ class Whitening:
         """All whitened residuals as one vector (N,), impacts first."""
         return np.concatenate([part.ravel() for part in self(values)])
 
-    def log_scores(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        """Log score in nats of each impact (n,) and each flight (f,)."""
-        z, f = self(values)
-        return log_t(z, self._log_det), log_t(f, np.log(self.observations.flights.variance).sum(1))
+    def log_scores(self, values: Mapping[str, float]) -> Parts:
+        """Log score in nats of each impact (n,), each flight (f,), and whatever else is measured beside impacts."""
+        of_impacts, *others = self(values)
+        beside = (log_t(z, np.log(b.variance).sum(1)) for z, b in zip(others, self.observations.beside))
+        return log_t(of_impacts, self._log_det), *beside
 
 
-def together(
-    requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]],
-) -> list[list[tuple[np.ndarray, np.ndarray]]]:
-    """Whitened residuals of impacts and flights of one model, for each request at each of its sets of values.
+def together(requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]]) -> list[list[Parts]]:
+    """Whitened residuals of one model, for each request at each of its sets of values.
 
     All impacts are predicted in one call, which takes less than twice as long as one of its many parts.
     """
@@ -116,10 +116,13 @@ def together(
         values = _by_impact([values for _, _, _, values in missing], sizes)
         R = impact_residuals(missing[0][2].model, values, all_of, (before, after))
         found |= {(i, k): part for (i, k, _, _), part in zip(missing, np.split(R, np.cumsum(sizes)[:-1]))}
-    return [
-        [((w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1]) for k in range(len(points))]
-        for i, (w, points) in enumerate(requests)
-    ]
+
+    def all_parts(i: int, k: int, w: Whitening, values: Mapping[str, float]) -> Parts:
+        o = w.observations
+        supports = (whitened(beside, w.model, values, o.rig) for beside in o.supports)
+        return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
+
+    return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]
 
 
 def _by_impact(points: Sequence[Mapping[str, float]], sizes: Sequence[int]) -> dict[str, Any]:

@@ -43,10 +43,11 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.judgement import channel_is_material, judge, spoilt_channels
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
-from thesis_lib.critique.drops.world import CHANNELS, Drops, channel_is_material, spoilt_channels
+from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.clock_and_size import could_be
@@ -165,9 +166,8 @@ def _rejected(critique: DropsCritique, one: Rejected) -> dict:
     """An effect that the held-out trials reject, with the errors that rise."""
     rises = {}
     for channel in spoilt_channels(one.judged, one.than, critique.settings):
-        velocity = channel == "impact"
-        ends = [float(j.error.mean() if velocity else np.sqrt(j.sigmas[channel])) for j in (one.than, one.judged)]
-        rises[channel] = {"unit": "m/s" if velocity else "sigma", "ends": ends}
+        ends = [j.misfit(channel)[0] for j in (one.than, one.judged)]
+        rises[channel] = {"unit": CHANNELS[channel].unit, "ends": ends}
     return {"name": one.step.effect.name, "rises": rises}
 
 
@@ -182,8 +182,8 @@ def _error(critique: DropsCritique) -> dict:
     single = critique.held_out.single
     of_single = floor if len(single) == len(critique.held_out) else np.nan
     if 0 < len(single) < len(critique.held_out):
-        of_single = Drops(single).judge(fitted).floor
-    misfits: dict = dict.fromkeys(CHANNELS[1:])
+        of_single = judge(fitted, single).floor
+    misfits: dict = dict.fromkeys(before.sigmas)
     for name in misfits:
         if np.isfinite(before.sigmas[name]):
             ends = {"base": np.sqrt(before.sigmas[name]), "augmented": np.sqrt(after.sigmas[name])}

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from thesis_lib.critique.drops.few_impacts import FewImpacts
-from thesis_lib.critique.drops.world import CHANNELS
+from thesis_lib.critique.likelihood.channels import ALWAYS
 from thesis_lib.critique.results.diagnosis import left_out, parameters
 from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
@@ -27,7 +27,7 @@ def few_diagnosis(few: FewImpacts) -> dict:
     n, m = len(o), len(np.unique(o.trial))
     model = {"name": few.fitted.base, "parameters": few_parameters(few)}
     why = f"too few impacts ({n} in {m} {'trial' if m == 1 else 'trials'}; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
-    nothing: dict = dict.fromkeys((*ERRORS, "explained_share", *CHANNELS[1:]))
+    nothing: dict = dict.fromkeys((*ERRORS, "explained_share", *ALWAYS))
     ends = {f"{name}_interval": [None, None] for name in ("base", "augmented")}
     unknown = {"error": None, "interval": [None, None], "unit": "m/s"}
     content = {

@@ -10,22 +10,23 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 
 MOVED, MATERIAL = 3.0, 0.02  # least change of a compensating parameter: standard errors, and share
-CHANNELS = ("flight", "meet", "touch")
 BASE_NAMES = tuple(p.name for p in (*BASE_PARAMETERS, CONTACT_TIME))
 
 
 def ladder_table(critique: DropsCritique, tables: Mapping[str, pd.DataFrame] | None = None) -> pd.DataFrame:
-    """Held-out error after 0, 1, ... effects: label, error, error_low, error_high (m/s), flight, meet, touch (sigma).
+    """Held-out error after 0, 1, ... effects: label, error, error_low, error_high (m/s), and
+    the channels in sigma.
 
     Rows come from `tables["ladder"]` if it exists, so that page, plot and table agree.
     """
-    columns = ["label", "error", "error_low", "error_high", *CHANNELS]
+    names = list(critique.ladder[0][2].sigmas)
+    columns = ["label", "error", "error_low", "error_high", *names]
     stored = (tables or {}).get("ladder")
     if stored is not None:
         return stored[columns].reset_index(drop=True)
     rows = []
     for label, _, judged in critique.ladder:
-        sigma = [float(np.sqrt(judged.sigmas[name])) for name in CHANNELS]
+        sigma = [judged.misfit(name)[0] for name in names]
         rows.append((label, *clustered_mean(judged.error, judged.trial), *sigma))
     return pd.DataFrame(rows, columns=columns)
 
@@ -36,7 +37,7 @@ def law_errors(critique: DropsCritique) -> tuple[pd.DataFrame, np.ndarray]:
     Columns: model, error, error_low, error_high (m/s), gain, gain_low, gain_high (nats per impact over the base law).
     """
     base = critique.laws[critique.discovery.base]
-    trials = np.unique(np.concatenate([base.trial, base.flight_trial]))
+    trials = base.trials
     n, m = len(base.score), len(trials)
     rows = []
     for name, judged in critique.laws.items():

@@ -11,14 +11,8 @@ import numpy as np
 
 from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.drops.words import (
-    CHANNEL_TEXT,
-    NAMED,
-    OFF_WALL,
-    alternatives_listed,
-    feature_text,
-    reasons_listed,
-)
+from thesis_lib.critique.drops.words import NAMED, OFF_WALL, alternatives_listed, feature_text, reasons_listed
+from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.datasets.flights.parabolas import bent_sentence
@@ -61,7 +55,7 @@ def at_its_end(effect: Mapping) -> str:
 def rejected(effect: Mapping) -> str:
     """Why an effect that was found on the training trials is left out, as a sentence."""
     rises = [
-        f"{CHANNEL_TEXT[name].split(',')[0]} from {number(one['ends'][0])} to {number(one['ends'][1])} "
+        f"{CHANNELS[name].short} from {number(one['ends'][0])} to {number(one['ends'][1])} "
         + ("m/s" if one["unit"] == "m/s" else "standard deviations of noise")
         for name, one in effect["rises"].items()
     ]
@@ -75,9 +69,9 @@ def above_noise(content: Mapping) -> list[str]:
     error, far = content["error"], content["remaining"]["channels"]
     floor = error["noise_floor"]
     ratios = {} if error["worst"] or not floor else {"impact": error["augmented"] / floor}
-    ratios |= {name: error[name]["augmented"] for name in ("flight", "meet", "touch") if error.get(name)}
+    ratios |= {name: error[name]["augmented"] for name in CHANNELS if error.get(name)}
     small = [
-        f"{CHANNEL_TEXT[name].split(',')[0]} ({ratio:.2g} times)"
+        f"{CHANNELS[name].short} ({ratio:.2g} times)"
         for name, ratio in ratios.items()
         if np.isfinite(ratio) and ratio >= ABOVE_NOISE and name not in far
     ]
@@ -219,7 +213,7 @@ def _unexplained(content: Mapping, found: Sequence, faults: Sequence, by_hand: S
         ]
     tried = "that your choice of effects does not explain" if by_hand else "that no effect in the library explains"
     sentences = [f"{_law(content, 'base_model')} misses something {tried}{beyond}."]
-    channels = [CHANNEL_TEXT[name] for name in remaining["channels"] if name != "impact"]
+    channels = [CHANNELS[name].text for name in remaining["channels"] if name != "impact"]
     if channels:
         sentences.append(f"Far more than noise is left in {listed(channels)}.")
     if replaced and not remaining["structured"]:
@@ -337,8 +331,8 @@ def _fall(content: Mapping, found: Sequence[Mapping]) -> str:
     ends = f"{settings.change(error['base'], error['augmented'], error['noise_floor'], _speed)}{_floor(error)}"
     shown = {channel for effect in found for channel in effect["material_in"]}
     falls = [
-        f"of {CHANNEL_TEXT[name].split(',')[0]} {settings.change(m['base'], m['augmented'], 1.0, '{:.3g}'.format)}"
-        for name in ("flight", "meet", "touch")
+        f"of {CHANNELS[name].short} {settings.change(m['base'], m['augmented'], 1.0, '{:.3g}'.format)}"
+        for name in CHANNELS
         if name in shown and (m := error.get(name)) and settings.matters(m["base"], m["augmented"], 1.0)
     ]
     if not falls:

@@ -141,7 +141,7 @@ def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
                 "error_low": low,
                 "error_high": high,
                 "floor": judged.floor,
-                **{name: float(np.sqrt(judged.sigmas[name])) for name in ("flight", "meet", "touch")},
+                **{name: judged.misfit(name)[0] for name in judged.sigmas},
                 "score": judged.total / len(judged.score),
                 **dict(zip(("gain", "gain_low", "gain_high"), gain)),
             }

@@ -62,7 +62,7 @@ def draw_ladder(critique: DropsCritique, tables: Mapping[str, pd.DataFrame]) -> 
     """Held-out error after each added effect with 95 % intervals, between noise floor and no-impact baseline."""
     table = ladder_table(critique, tables)
     labels = [step_label(critique, i) for i in range(len(table))]
-    channels = [name for name in CHANNELS if np.isfinite(table[name]).any()]
+    channels = [name for name in CHANNELS if name in table and np.isfinite(table[name]).any()]
     figure = new_figure(height=1.75 + 0.36 * len(table))
     ratios = {"width_ratios": [2.1, 1.0]} if channels else None
     axes = np.atleast_1d(figure.subplots(1, 2 if channels else 1, sharey=True, gridspec_kw=ratios))

@@ -5,12 +5,12 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED, alternatives_listed, feature_text
+from thesis_lib.critique.drops.words import NAMED, alternatives_listed, feature_text
+from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
 from thesis_lib.critique.results.summary import (
@@ -82,7 +82,7 @@ def _shown_by(effect: Mapping) -> str:
     channels = effect["material_in"]
     if not channels or "impact" in channels:
         return ""
-    named = listed([CHANNEL_TEXT[name] for name in channels])
+    named = listed([CHANNELS[name].text for name in channels])
     return f"What shows it is the misfit of {named}, not the error of the velocity after impact."
 
 
@@ -118,9 +118,9 @@ def remaining(critique: DropsCritique, d: Mapping) -> Markup:
     if not rest["structured"]:
         no_structure = f"What is left in the residuals shows no structure that matters (p = {p} by permutation)."
         return paragraph(no_structure, *above_noise(d)) + _worst(d["error"])
-    over_noise = {name: np.sqrt(square) for name, square in judged.sigmas.items()} | {"impact": judged.excess}
+    over_noise = {name: misfit for name, (misfit, _) in judged.over_noise().items()}
     sentences = [
-        f"With all that was found the held-out misfit of {CHANNEL_TEXT[channel]} is {number(over_noise[channel], 2)} "
+        f"With all that was found the held-out misfit of {CHANNELS[channel].text} is {number(over_noise[channel], 2)} "
         f"times what noise alone would give (far more than {most} counts as unexplained)."
         for channel in rest["channels"]
     ]

@@ -21,10 +21,11 @@ from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.drops.world import testable_effects
+from thesis_lib.critique.likelihood.channels import CHANNELS, Misfits, concerned, present
 from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP
 from thesis_lib.critique.likelihood.residuals import impact_residuals
-from thesis_lib.critique.likelihood.whitening import Whitening, given_the_others
+from thesis_lib.critique.likelihood.whitening import Whitening
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.spread import robust_std
@@ -94,21 +95,23 @@ def material_sizes(critique: DropsCritique) -> Sizes:
     """By effect and parameter, the size that raises an error by a material amount."""
     o, final = critique.training, critique.ladder[-1][1]
     S = residual_covariance(final.model, final.values, o)
-    sharp = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
-    single = o.span == 0.0
+    sharp = residual_covariance(final.model, final.values, o, o.t_std)
+    names = [beside.channel for beside in o.beside]
     floor = critique.ladder[-1][2].floor
     floors = {"impact": floor if np.isfinite(floor) else 0.0}
 
     def at(model: Model, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Residuals by channel, in m/s or standard deviations, and all whitened residuals."""
         R = impact_residuals(model, values, o)
-        z, flight = Whitening(model, o, S, final.sigma_m, (values, R))(values)
+        z, *beside = Whitening(model, o, S, final.sigma_m, (values, R))(values)
         left = R[:, :3] if o.rig.has_angle else left_over(model, values, o, R[:, :3])
-        parts = {"impact": left * [1.0, 1.0, o.rig.k_told], "all": np.concatenate([z.ravel(), flight.ravel()])}
-        if o.arcs:
-            touch = given_the_others(R[single, 3:], S[single, 3:, 3:])
-            parts |= {"meet": R[:, 3:6] / sharp[:, 3:6], "touch": touch}
-        return parts | ({"flight": flight} if len(flight) else {})
+        parts = {
+            "impact": left * [1.0, 1.0, o.rig.k_told],
+            "all": np.concatenate([part.ravel() for part in (z, *beside)]),
+        }
+        misfits = Misfits(o, R, S, sharp, dict(zip(names, beside)))
+        others = {name: CHANNELS[name].in_sigmas(misfits) for name in present(names)}
+        return parts | {name: part for name, part in others.items() if part is not None}
 
     here = at(final.model, final.values)
 
@@ -135,7 +138,7 @@ def material_sizes(critique: DropsCritique) -> Sizes:
                 step = p.null - values[key] if inside else p.discrete - p.null
             shift = slope(model, values, key, step) if step else {k: 0.0 * v for k, v in here.items()}
             shift = _compensated(shift, others)
-            sizes[name][p.name] = _material(here, shift, effect.channels, floors, critique, p)
+            sizes[name][p.name] = _material(here, shift, concerned(effect), floors, critique, p)
     return sizes
 
 

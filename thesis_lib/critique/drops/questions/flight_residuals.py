@@ -13,9 +13,9 @@ import pandas as pd
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import within_half_a_turn
+from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.flights import Flights
-from thesis_lib.critique.likelihood.residuals import flight_residuals
 from thesis_lib.effects.effect import Rig
 
 FLIGHT_UNITS = {"v_x": "m/s", "v_y": "m/s", "omega": "rad/s", "theta": "rad", "r_x": "m", "x": "m", "y": "m"}
@@ -25,7 +25,7 @@ RESIDUALS = ("residual_x", "residual_y", "residual_theta")
 
 def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
     """z_c (m, 3) of m flights."""
-    return flight_residuals(fitted.model, fitted.values, flights, rig) / np.sqrt(flights.variance)
+    return whitened(flights, fitted.model, fitted.values, rig)
 
 
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:

@@ -27,7 +27,8 @@ import numpy as np
 
 from thesis_lib.critique.contacts.model import inward
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.words import CHANNEL_TEXT, NAMED
+from thesis_lib.critique.drops.words import NAMED
+from thesis_lib.critique.likelihood.channels import CHANNELS, FLIGHT, IMPACT
 from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP, Fit, fit
 from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
@@ -46,8 +47,8 @@ TOO_MANY = 10.0  # times the impacts at hand: more repeats are not proposed
 WORTHWHILE = 0.5  # least difference of a further state, over the largest
 CLIP = 10.0  # times the median misfit: limits the weight of a wild impact
 NEIGHBOURS = 10  # measured impacts around a state over which misfits are averaged
-CHANNELS = ("vx", "vy", "omega", "theta")
-PLACED = (*CHANNELS, "x")  # of a state, where it matters where the body lands
+OF_STATE = ("vx", "vy", "omega", "theta")
+PLACED = (*OF_STATE, "x")  # of a state, where it matters where the body lands
 CHECKS = {  # what shows a fault of the measurement without an impact
     "sensor_drift": "Film a mark that is fixed beside the surface: in the picture it moves only if the camera drifts.",
     "length_scale": "Film a ruler in the plane of motion.",
@@ -142,10 +143,8 @@ def _unexplained(critique: DropsCritique, rng: np.random.Generator) -> dict:
     why = "Something is left that no effect explains, so that no comparison of named effects is proposed."
     if critique.observations.rig.walls:
         return _nothing(why)
-    if channels == ("flight",) and not critique.is_learnable:
-        return _nothing(
-            f"{why} It is in {CHANNEL_TEXT['flight']}: film longer flights, of bodies that turn slowly and quickly."
-        )
+    if channels == (FLIGHT.name,) and not critique.is_learnable:
+        return _nothing(f"{why} It is in {FLIGHT.text}: film longer flights, of bodies that turn slowly and quickly.")
     drawn, measured = _reachable(critique, final, rng)
     if not len(drawn):
         return _nothing(why)
@@ -170,10 +169,9 @@ def _misfits(critique: DropsCritique, final: Fit, channels: tuple[str, ...]) -> 
     o = critique.observations
     R = impact_residuals(final.model, final.values, o)
     std = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
-    parts = {"impact": slice(0, 3), "meet": slice(3, 6), "touch": slice(6, None)}
     if not o.noise_known:  # the scatter replaces the unknown noise
         std = np.ones_like(std) * np.maximum(np.std(R, axis=0), 1e-12)
-    used = [parts[name] for name in channels if name in parts] or [parts["impact"]]
+    used = [CHANNELS[name].columns for name in channels if CHANNELS[name].columns] or [IMPACT.columns]
     z = np.concatenate([(R / std)[:, part] for part in used], axis=1)
     return np.minimum(np.sqrt(np.mean(z**2, axis=1)), CLIP * np.sqrt(np.mean(np.median(z**2, axis=0))))
 
@@ -280,11 +278,11 @@ def _within_a_turn(theta: np.ndarray) -> np.ndarray:
 
 
 def _reachable(critique: DropsCritique, final: Fit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """States in reach of the rig (n, 4), drawn evenly, and those of the measured impacts (m, 4), as in `CHANNELS`."""
+    """States in reach of the rig (n, 4), drawn evenly, and those of the measured impacts (m, 4), as in `OF_STATE`."""
     o = critique.observations
     rig = o.rig
     before, _ = states_at_impact(final.model, final.values, o)
-    measured = np.stack([getattr(before, name) for name in CHANNELS], axis=1)
+    measured = np.stack([getattr(before, name) for name in OF_STATE], axis=1)
     # a release sets its first impact only; the spin after a bounce is beyond most hands and launchers
     first = measured[np.unique(o.trial, return_index=True)[1]]
     first[:, 3] = _within_a_turn(first[:, 3])

@@ -1,0 +1,158 @@
+"""How far a model errs, channel by channel, on data that it was not fitted to.
+
+The error of an impact is the kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s; the other
+channels (`thesis_lib/critique/likelihood/channels.py`) count in units of noise.  The noise floor is the error of a
+perfect model whose inputs and outcome are measured with noise: the mean kinetic norm of draws from the residual's
+covariance S.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.contacts.kinds import kind_of
+from thesis_lib.critique.drops.planar.unknown_spin import left_over
+from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, Channel, Misfits, present
+from thesis_lib.critique.likelihood.covariance import noisy_residuals
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.whitening import Whitening
+from thesis_lib.critique.selection.settings import SearchSettings
+
+FLOOR_SEED = 0
+FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
+# relative standard error of a misfit from n values, times √n: of their median, and of that of norms of three components
+OF_MEDIAN, OF_NORM = 1.17, 0.56
+Scores = tuple[np.ndarray, np.ndarray]  # trials and log scores in nats, (m,) each
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Result of one model on data that it was not fitted to.
+
+    Attributes:
+        trial: (n,) of each impact; score: (n,) log scores in nats.
+        beside: by channel the trials and log scores of what is measured beside impacts.
+        error: (n,) kinetic norm, m/s.
+        sigmas: mean square in units of noise, by channel but impact; NaN if absent.
+        floor: noise floor of `error`, m/s; excess: median error over that of noise alone; NaN if the noise is unknown.
+        integrated: whether the contact was, so that `sigmas` are of where it ends; an impulse moves nothing.
+    """
+
+    trial: np.ndarray
+    score: np.ndarray
+    beside: Mapping[str, Scores]
+    error: np.ndarray
+    sigmas: dict[str, float]
+    floor: float
+    excess: float
+    integrated: bool = False
+
+    @property
+    def _scores(self) -> list[Scores]:
+        return [(self.trial, self.score), *self.beside.values()]
+
+    @property
+    def trials(self) -> np.ndarray:
+        return np.unique(np.concatenate([trial for trial, _ in self._scores]))
+
+    @property
+    def units(self) -> int:
+        return len(self.score)
+
+    @property
+    def total(self) -> float:
+        return float(sum(score.sum() for _, score in self._scores))
+
+    def by_trial(self, trials: np.ndarray) -> np.ndarray:
+        total = np.zeros(len(trials))
+        for trial, score in self._scores:
+            np.add.at(total, np.searchsorted(trials, trial), score)
+        return total
+
+    def misfit(self, channel: str) -> tuple[float, float]:
+        """Error in a channel and its floor, in the channel's unit; NaN if absent."""
+        if channel == IMPACT.name:
+            return float(self.error.mean()), self.floor if np.isfinite(self.floor) else 0.0
+        return float(np.sqrt(self.sigmas.get(channel, np.nan))), 1.0
+
+    def over_noise(self) -> dict[str, tuple[float, float]]:
+        """By channel how many times larger the median misfit is than that of noise, and its relative standard error."""
+        sizes = {name: len(trial) for name, (trial, _) in self.beside.items()}
+        found = {IMPACT.name: (self.excess, OF_NORM)}
+        found |= {name: (float(np.sqrt(square)), OF_MEDIAN) for name, square in self.sigmas.items()}
+        return {
+            name: (misfit, std / np.sqrt(max(sizes.get(name, self.units), 1))) for name, (misfit, std) in found.items()
+        }
+
+
+def judge(fitted: Fit, o: Observations) -> Judgement:
+    """Judge a model on observations that it was not fitted to."""
+    model, values = fitted.model, fitted.values
+    noisy = noisy_residuals(model, values, o)
+    whitening = Whitening(model, o, noisy.covariance(), fitted.sigma_m, (values, noisy.value))
+    R, S = noisy.value, noisy.covariance(o.t_std)
+    names = [beside.channel for beside in o.beside]
+    left = Misfits(o, R, noisy.covariance(), S, dict(zip(names, whitening(values)[1:])))
+    sigmas = {}
+    for name in present(names):
+        z = CHANNELS[name].in_sigmas(left)
+        sigmas[name] = np.nan if z is None else CHANNELS[name].mean_square(z)
+    knows_spin = o.rig.has_angle
+    error = velocity_error(R[:, :3] if knows_spin else left_over(model, values, o, R[:, :3]), o.rig.k_told)
+    floor, excess = np.nan, np.nan
+    if o.noise_known:
+        L = np.linalg.cholesky(S[:, :3, :3] + 1e-18 * np.eye(3))
+        # the same draws for every model: equal residuals then have equal floors
+        unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), 3))
+        drawn = np.einsum("nij,dnj->dni", L, unit)
+        noise = velocity_error(drawn if knows_spin else left_over(model, values, o, drawn), o.rig.k_told)
+        floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
+    score, *others = whitening.log_scores(values)
+    beside = {b.channel: (b.trial, scores) for b, scores in zip(o.beside, others)}
+    return Judgement(o.trial, score, beside, error, sigmas, floor, excess, kind_of(model).integrated)
+
+
+def joined(parts: Sequence[Judgement]) -> Judgement:
+    """The judgement of all folds; misfits are averaged over their impacts."""
+    weights = np.array([part.units for part in parts], float)
+
+    def mean(values: list[float]) -> float:
+        return float(np.average(values, weights=weights))
+
+    def all_of(name: str) -> Scores:
+        found = [part.beside[name] for part in parts if name in part.beside]
+        return np.concatenate([trial for trial, _ in found]), np.concatenate([score for _, score in found])
+
+    return Judgement(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ("trial", "score", "error")},
+        beside={name: all_of(name) for name in dict.fromkeys(name for part in parts for name in part.beside)},
+        sigmas={name: mean([part.sigmas[name] for part in parts]) for name in parts[0].sigmas},
+        floor=mean([part.floor for part in parts]),
+        excess=mean([part.excess for part in parts]),
+        integrated=parts[0].integrated,
+    )
+
+
+def channel_is_material(better: Judgement, worse: Judgement, channel: str, settings: SearchSettings) -> bool:
+    """Whether the held-out error of a channel falls by an amount that matters."""
+    (before, floor), (after, _) = worse.misfit(channel), better.misfit(channel)
+    return bool(np.isfinite(before)) and settings.matters(before, after, floor)
+
+
+def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
+    """Channels in which one model errs more than another one by an amount that matters.
+
+    A misfit below noise does not count.  Poses and gaps at impact are compared only if both contacts are integrated, or
+    neither.
+    """
+    noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})
+
+    def counts(channel: Channel) -> bool:
+        return judged.integrated == than.integrated or not channel.of_contact
+
+    return tuple(
+        name for name, c in CHANNELS.items() if counts(c) and channel_is_material(noise, judged, name, settings)
+    )

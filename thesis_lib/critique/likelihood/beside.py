@@ -1,0 +1,50 @@
+"""What is measured beside impacts, each with residuals of its own: the interface."""
+
+from collections.abc import Mapping
+from typing import Protocol, Self, TypeVar
+
+import numpy as np
+
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.effects.effect import Rig
+
+
+class Beside(Protocol):
+    """m measurements with c residuals each, independent of each other and of the impacts.
+
+    `channel`: its name in `channels`.  `trial` (m,).  `variance` (m, c) of the residuals.
+    """
+
+    @property
+    def channel(self) -> str: ...
+    @property
+    def trial(self) -> np.ndarray: ...
+    @property
+    def variance(self) -> np.ndarray: ...
+    def __len__(self) -> int: ...
+    def of_trials(self, trials: np.ndarray) -> Self:
+        """Those of the given trials."""
+        ...
+
+    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+        """Measured minus predicted (m, c)."""
+        ...
+
+    def less(self, residuals: np.ndarray) -> Self:
+        """The same with measurements that are smaller by (m, c)."""
+        ...
+
+
+def whitened(beside: Beside, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+    """Residuals (m, c) in standard deviations."""
+    return beside.residuals(model, values, rig) / np.sqrt(beside.variance)
+
+
+B = TypeVar("B", bound=Beside)
+
+
+def drawn(beside: B, model: Model, values: Mapping[str, float], rig: Rig, rng: np.random.Generator) -> B:
+    """The same measurements drawn from a model, with their noise."""
+    residuals = beside.residuals(model, values, rig)
+    exact = beside.less(residuals)
+    return exact.less(-np.sqrt(beside.variance) * rng.standard_normal(residuals.shape))

@@ -1,0 +1,119 @@
+"""The channels of the evidence: what a model may err in, one registry.
+
+| channel | of each    | compared                               | error                                         |
+|---------|------------|----------------------------------------|-----------------------------------------------|
+| impact  | impact     | velocity after it, with the prediction | mean kinetic norm in m/s                      |
+| flight  | flight     | acceleration, with the prediction      | root mean square of the worst component, in σ |
+| meet    | impact     | pose after it, with that before        | the same                                      |
+| touch   | single hit | gap, given the poses                   | the same, or what the upper tenth shows       |
+
+A fault of the touch may concern few impacts, as of one corner.  An error is material where it differs by what the
+settings say (`SearchSettings.matters`), over the floor that noise alone leaves: in sigmas 1.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.whitening import given_the_others
+from thesis_lib.effects.effect import Effect
+from thesis_lib.statistics.spread import quantile_std, robust_std
+
+UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
+
+
+@dataclass(frozen=True)
+class Misfits:
+    """What a model leaves of n impacts: R (n, m), its covariance S (n, m, m) for an unknown instant and `sharp` at the
+    estimated one; by channel, whitened residuals (k, c) of what is measured beside impacts."""
+
+    observations: Observations
+    R: np.ndarray
+    S: np.ndarray
+    sharp: np.ndarray
+    beside: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A channel that is measured beside impacts.
+
+    Attributes:
+        name: key in files, and what effects declare.
+        text: in a sentence.
+        columns: of the residuals of an impact; none of what is measured beside impacts.
+        of_contact: whether it says where a contact is and ends, and impulses do not compare with integrated ones.
+    """
+
+    name: str
+    text: str
+    columns: range = range(0)
+    of_contact: bool = False
+    unit = "sigma"
+
+    @property
+    def short(self) -> str:
+        """The text without its explanation."""
+        return self.text.split(",")[0]
+
+    def concerns(self, effect: Effect) -> bool:
+        """Whether the effect changes what the channel compares."""
+        return self.name in effect.channels
+
+    def in_sigmas(self, left: Misfits) -> np.ndarray | None:
+        """Residuals (k, c) in units of noise; None if the data do not have the channel."""
+        z = left.beside.get(self.name)
+        return z if z is not None and len(z) else None
+
+    def mean_square(self, z: np.ndarray) -> float:
+        """Robust mean square, from the median, of the worst component of z (k, c).
+
+        The median ignores a few flights with an undetected hit; the worst component shows a wrong gravity despite x
+        and θ.
+        """
+        return float(np.max(robust_std(z)) ** 2)
+
+
+class _Impact(Channel):
+    unit = "m/s"
+
+    def in_sigmas(self, left: Misfits) -> np.ndarray | None:
+        return left.R[:, self.columns] / np.sqrt(np.einsum("nii->ni", left.sharp)[:, self.columns])
+
+
+class _Meet(_Impact):
+    unit = "sigma"
+
+    def in_sigmas(self, left: Misfits) -> np.ndarray | None:
+        return super().in_sigmas(left) if left.observations.arcs else None
+
+
+class _Touch(_Meet):
+    def in_sigmas(self, left: Misfits) -> np.ndarray | None:
+        if not left.observations.arcs:
+            return None
+        single = left.observations.span == 0.0  # episodes do not measure the touch
+        return given_the_others(left.R[single, 3:], left.S[single, 3:, 3:]) if single.any() else None
+
+    def mean_square(self, z: np.ndarray) -> float:
+        return max(super().mean_square(z), float(np.max(quantile_std(z, UPPER)) ** 2))
+
+
+IMPACT = _Impact("impact", "the velocities after impact", range(3))
+FLIGHT = Channel("flight", "the flights between impacts")
+MEET = _Meet("meet", "the poses at impact, where the arcs before and after should meet", range(3, 6), of_contact=True)
+TOUCH = _Touch("touch", "the gap at impact", range(6, 7), of_contact=True)
+CHANNELS = {channel.name: channel for channel in (IMPACT, FLIGHT, MEET, TOUCH)}
+ALWAYS = (FLIGHT.name, MEET.name, TOUCH.name)  # in every table, if as unknown
+
+
+def present(beside: Iterable[str]) -> list[str]:
+    """Names of the channels in sigmas of data that have `beside`, in the order of the registry."""
+    return [name for name in CHANNELS if name in ALWAYS or name in beside]
+
+
+def concerned(effect: Effect) -> tuple[str, ...]:
+    """Names of the channels in which the effect changes what is compared."""
+    return tuple(name for name, channel in CHANNELS.items() if channel.concerns(effect))
