@@ -470,9 +470,9 @@ def test_paths_exist(path):
 def test_the_library_example_runs():
     code = re.search(r"```python\n(.*?)```", README, re.S).group(1)
     space: dict = {}
-    exec(code.split("diagnosis = ")[0], space)
+    exec(code.split("critique = ")[0], space)
     assert space["out"].v_post.shape == (1, 3) and space["out"].status.tolist() == [0]
-    assert callable(space["criticise"]) and callable(space["read_dataset"])
+    assert callable(space["criticise"]) and callable(space["fit"])
 
 
 @pytest.mark.parametrize("command", ["fetch", "init", "check", "example"])

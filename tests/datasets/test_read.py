@@ -10,7 +10,7 @@ import pytest
 import yaml
 from folders import header, impacts, trajectories, write
 
-from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets import dataset_of, read_dataset
 from thesis_lib.datasets.format import tables
 from thesis_lib.datasets.format.dataset import unwrap
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS
@@ -25,6 +25,21 @@ def problems(folder) -> list[Problem]:
     for problem in caught.value.problems:
         assert problem.remedy and problem.what and problem.what in str(caught.value)
     return caught.value.problems
+
+
+def test_arrays_become_the_dataset_that_files_hold(tmp_path):
+    tables = {"trajectories": trajectories(), "impacts": impacts()}
+    read = read_dataset(write(tmp_path / "drops", header(), **tables))
+    arrays = {name: {column: frame[column].to_numpy(copy=True) for column in frame} for name, frame in tables.items()}
+    made = dataset_of({key: value for key, value in header().items() if key != "schema"}, **arrays)
+    assert made.digest() == read.digest() and len(made.warnings) == len(read.warnings) == 1 and made.path is None
+    arrays["impacts"]["vy_pre"][3] = np.nan
+    with pytest.raises(DatasetError, match=r"impacts, column vy_pre, row 4: is empty or NaN"):
+        dataset_of(header(), **arrays)
+    with pytest.raises(DatasetError, match="neither is given"):
+        dataset_of(header())
+    with pytest.raises(DatasetError, match=r"body\.mas: unknown key"):
+        dataset_of(header(body={**header()["body"], "mas": 1.0}), impacts=arrays["impacts"])
 
 
 def only(folder) -> str:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
@@ -89,7 +90,7 @@ class Critique:
             raise UserError(f"{self.name} is the recording of a mechanism, whose critique fits no model of impacts.")
         return model
 
-    def predict(self, states: pd.DataFrame | Mapping[str, Sequence[float] | np.ndarray]) -> pd.DataFrame:
+    def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike]) -> pd.DataFrame:
         """Velocities after impact by the law with its effects.
 
         Args:
@@ -102,7 +103,7 @@ class Critique:
         Raises:
             UserError: a column is missing, a value is not a finite number, or the critique is that of a mechanism.
         """
-        return self.model.predict(pd.DataFrame(states))
+        return self.model.predict(states)
 
     def plot(self, what: str = "") -> "Figure":
         """One picture of `plots`, by default the first, as a Matplotlib figure.

@@ -12,6 +12,7 @@ from typing import Literal, Self
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from pydantic import Field, ValidationError, model_validator
 
 from thesis_lib.bodies.shapes import Shape
@@ -132,7 +133,7 @@ class SavedModel(Section):
 
     __str__ = __repr__
 
-    def predict(self, states: pd.DataFrame, source: str = "") -> pd.DataFrame:
+    def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
         """The table of states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
 
         The prediction holds where the contact ends: at once, or after the time that a model with `tau` gives it.
@@ -141,7 +142,7 @@ class SavedModel(Section):
         moves.  Where spins were not measured, predictions hold for those of the states.  UserError, which begins with
         `source`, the name of their file, if a column is missing or a value is not a finite number.
         """
-        prefix = f"{source}: " if source else ""
+        prefix, states = f"{source}: " if source else "", pd.DataFrame(states)
         if missing := [name for name in STATE if name not in states]:
             raise UserError(
                 f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "

@@ -86,8 +86,25 @@ def parsed(
             file, "", f"is {kind}, not a mapping of keys to values", "start with 'schema: 1' on a line of its own"
         )
         return None, {}
+    return validated(raw, lines, file, model, report, remedy), raw
+
+
+def header_of(raw: Mapping, report: ValidationReport) -> Header | None:
+    """Header with the keys of dataset.yaml, None if something is wrong; problems go to `report`."""
+    return validated(raw, {}, FILE, Header, report, _remedy)
+
+
+def validated(
+    raw: Mapping,
+    lines: Mapping[tuple, int],
+    file: str,
+    model: type[Model],
+    report: ValidationReport,
+    remedy: Callable[[Mistake], str],
+) -> Model | None:
+    """The model of a mapping, None if something is wrong; `lines`: where each key stands in the file."""
     try:
-        return model.model_validate(raw), raw
+        return model.model_validate(raw)
     except ValidationError as error:
         for mistake in islice(mistakes_in(error, raw, lines, model.model_json_schema()), MAX_REPORTED):
             key = dotted(mistake.place)
@@ -95,7 +112,7 @@ def parsed(
             report.error(file, where, mistake.what, mistake.remedy or remedy(mistake))
         if (more := error.error_count() - MAX_REPORTED) > 0:
             report.error(file, "", f"{more:,} further keys or values are wrong", "correct the others first")
-        return None, raw
+        return None
 
 
 def salvage_shape(raw: Mapping) -> Shape | None:

@@ -57,9 +57,7 @@ def load_table(
     except _NoTable as problem:
         report.error(path.name, *problem.args)
         return None
-    if not _check_columns(path.name, list(frame.columns), required, optional, report):
-        return None
-    return _usable(path, frame, ragged, required, optional, report)
+    return table_of(path.name, frame, ragged, required, optional, report)
 
 
 def _read_csv(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, np.ndarray]:
@@ -210,37 +208,42 @@ def _columns(names: Sequence[str]) -> str:
     return f"column{'s' if len(names) > 1 else ''} {', '.join(names)}"
 
 
-def _usable(
-    path: Path,
+def table_of(
+    name: str,
     frame: pd.DataFrame,
     ragged: np.ndarray,
     required: Sequence[str],
     optional: Sequence[str],
     report: ValidationReport,
 ) -> UsableRows | None:
-    """The rows of `frame` in which every known column has a usable cell; None if there are none."""
-    first_row = 2 if path.suffix == ".csv" else 1
+    """The rows of `frame` in which every known column has a usable cell; None if there are none, or columns are wrong.
+
+    `ragged`: mask (n,) of rows with too few or too many cells; problems go to `report`, as those of the file `name`.
+    """
+    if not _check_columns(name, list(frame.columns), required, optional, report):
+        return None
+    first_row = 2 if name.endswith(".csv") else 1
     if len(frame) == 0:
-        report.error(path.name, "", "has a header but no rows", "write the rows, or delete the file")
+        report.error(name, "", "has a header but no rows", "write the rows, or delete the file")
         return None
     usable, columns = ~ragged, {}
-    for name in [name for name in frame.columns if name in required or name in optional]:
-        cells = frame[name]
-        if name in TEXT:
-            columns[name] = cells.astype(object).where(cells.notna(), "").astype(str).astype(object)
+    for column in [column for column in frame.columns if column in required or column in optional]:
+        cells = frame[column]
+        if column in TEXT:
+            columns[column] = cells.astype(object).where(cells.notna(), "").astype(str).astype(object)
             continue
-        may_be_empty = name in MAY_BE_EMPTY and name not in required
-        columns[name], faults = _numbers(cells, name, ragged, may_be_empty)
+        may_be_empty = column in MAY_BE_EMPTY and column not in required
+        columns[column], faults = _numbers(cells, column, ragged, may_be_empty)
         for bad, what, remedy in faults:
             usable &= ~bad
             if bad.any():
                 rows = row_text(np.flatnonzero(bad) + first_row)
-                report.error(path.name, f"column {name}, {rows}", what, remedy)
+                report.error(name, f"column {column}, {rows}", what, remedy)
     data = pd.DataFrame(columns)[usable]
     if len(data) == 0:
         return None
-    data = data.astype({name: np.int64 for name in INTEGERS if name in data})
-    return UsableRows(path.name, data, first_row, complete=bool(usable.all()), report=report)
+    data = data.astype({column: np.int64 for column in INTEGERS if column in data})
+    return UsableRows(name, data, first_row, complete=bool(usable.all()), report=report)
 
 
 def _numbers(
