@@ -10,16 +10,16 @@ margin, and more after each failure.  How long a run takes is told from the mean
 pace of this machine against that of the one where the scale was measured (`machine` there).
 """
 
-import argparse
 import csv
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import yaml
 
+from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import write_text
 from thesis_lib.pace import pace_s
@@ -198,34 +198,31 @@ def write_measured(
     write_text(text, path)
 
 
-def main(arguments: Iterable[str] | None = None) -> int:
+@command
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     description = "Memory and CPU time of each rule in the last run."
-    parser = argparse.ArgumentParser(prog="python -m thesis_lib.resources", description=description)
+    parser = Parser(prog="python -m thesis_lib.resources", description=description)
     parser.add_argument("command", nargs="?", default="show", choices=["show", "record"])
     parser.add_argument("--results", type=Path, default=Path("results"), help="folder of the results")
     parser.add_argument("--scale", choices=["quick", "default", "full"], help="scale of the run (record)")
     parser.add_argument("--measured", type=Path, default=MEASURED, help=f"what is kept ({MEASURED})")
     whole = "CPU time of a run in one piece, as its last line says (record); without: the sum of its jobs, a tenth less"
     parser.add_argument("--cpu-min", type=float, metavar="MINUTES", help=whole)
-    options = parser.parse_args(None if arguments is None else list(arguments))
+    options = parser.parse_args(argv)
     if options.command == "record" and options.scale is None:
         parser.error("record needs --scale")
     if options.cpu_min is not None and not 0.0 < options.cpu_min < math.inf:
         parser.error(f"--cpu-min must be a number of minutes above 0, not {options.cpu_min:g}")
-    try:
-        uses = read_uses(options.results)
-        measured = read_measured(options.measured) if options.measured.exists() else {}
-        if options.command == "record":
-            machines = read_machines(options.measured) if options.measured.exists() else {}
-            jobs_s = sum(use.cpu_s for use in uses.values())
-            machines[options.scale] = {PACE: pace_s(), TOTAL: 60.0 * options.cpu_min if options.cpu_min else jobs_s}
-            measured = recorded(measured, uses, options.scale)
-            write_measured(measured, machines, options.measured)
-        print(table(uses, measured))
-    except UserError as error:
-        print(error, file=sys.stderr)
-        return 2
+    uses = read_uses(options.results)
+    measured = read_measured(options.measured) if options.measured.exists() else {}
+    if options.command == "record":
+        machines = read_machines(options.measured) if options.measured.exists() else {}
+        jobs_s = sum(use.cpu_s for use in uses.values())
+        machines[options.scale] = {PACE: pace_s(), TOTAL: 60.0 * options.cpu_min if options.cpu_min else jobs_s}
+        measured = recorded(measured, uses, options.scale)
+        write_measured(measured, machines, options.measured)
+    print(table(uses, measured))
     return 0
 
 

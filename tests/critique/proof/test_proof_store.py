@@ -237,11 +237,11 @@ class TestCommand:
         assert capsys.readouterr().out.count("law/") == 10 and not list(store.iterdir())
 
     def test_an_unknown_truth_is_named(self, store, capsys):
-        assert command.main(["run", "--truths", "phlogiston"]) == 1
+        assert command.main(["run", "--truths", "phlogiston"]) == 2
         assert "is called phlogiston" in capsys.readouterr().err
 
     def test_without_a_checkout_one_sentence_says_so(self, tmp_path, monkeypatch, capsys):
         monkeypatch.setattr(proof_sizes, "SIZES", tmp_path / "proof_sizes.json")
-        assert command.main(["table"]) == 1
+        assert command.main(["table"]) == 2
         told = capsys.readouterr()
         assert told.out == "" and told.err.count("\n") == 1 and "needs a checkout of the project" in told.err

@@ -9,22 +9,16 @@ import sys
 from collections.abc import Sequence
 
 from thesis_lib.critique.engines.proof import STORE, as_markdown, cases, compute, told
-from thesis_lib.foundation.command_line import Parser, command
+from thesis_lib.foundation.command_line import command, run_or_table
 
 
 @command
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(
-        prog="python -m thesis_lib.critique.engines",
-        description="Drops that MuJoCo or Drake made: is the engine recognised, and right?",
-    )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="run | table | measured")
-    running = commands.add_parser(
-        "run", help="compute what is not stored yet, 40 s of CPU each; goes on where it was stopped"
-    )
+    about = "Drops that MuJoCo or Drake made: is the engine recognised, and right?"
+    run = "compute what is not stored yet, 40 s of CPU each; goes on where it was stopped"
+    parser, commands, running = run_or_table("python -m thesis_lib.critique.engines", about, run, "print the shares")
     running.add_argument("--seeds", type=int, default=5, help="of each engine, shape and cause; default: %(default)s")
     running.add_argument("--jobs", type=int, default=1, help="datasets at a time; default: %(default)s")
-    commands.add_parser("table", help="print the shares")
     measured = commands.add_parser("measured", help="compare laws and engines on a measured set, and store the rows")
     measured.add_argument("folder")
     measured.add_argument("--trials", type=int, help="the first ones; default: all")

@@ -12,7 +12,6 @@ python -m thesis_lib.critique.proof next --questions 24
 """
 
 import argparse
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,42 +30,39 @@ from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.sizes import find_size, require_checkout, store_cause_size, stored_factor
 from thesis_lib.critique.proof.store import put_row, read_rows
 from thesis_lib.critique.proof.summary import report
+from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
 
 SAMPLE = 2  # rows; about 20 s of CPU time each
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run a command and return the exit code: 1 if a row differs or for a `UserError`."""
-    options = _parser().parse_args(arguments)
-    try:
-        require_checkout()
-        if options.command == "run":
-            _run(options)
-        elif options.command == "run-table":
-            cases = [case for case in headline() if case.source in options.source]
-            computed = run(cases, options.jobs, lambda line: print(line, flush=True), again=options.again)
-            return 0 if computed else 1
-        elif options.command == "check":
-            print(ages())
-            arguments_of = {"stamp": options.stamp, "tell": lambda line: print(line, flush=True)}
-            if options.all:
-                return 0 if check(rows_to_check(None, options.source), **arguments_of) else 1
-            return 0 if check_sample(options.sample, options.source, **arguments_of) else 1
-        elif options.command == "contacts":
-            print(as_markdown(outcomes(), recovered()), end="")
-        elif options.command == "headline":
-            print(headline_table())
-        elif options.command == "table":
-            print(report(folder=options.csv), end="")
-        elif options.command == "next":
-            run_questions(options.questions, lambda line: print(line, flush=True))
-            print(next_experiment(), flush=True)
-        else:
-            _size(options)
-    except UserError as error:
-        print(error, file=sys.stderr)
-        return 1
+@command
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command and return the exit code: 1 if a row differs."""
+    options = _parser().parse_args(argv)
+    require_checkout()
+    if options.command == "run":
+        _run(options)
+    elif options.command == "run-table":
+        cases = [case for case in headline() if case.source in options.source]
+        return 0 if run(cases, options.jobs, lambda line: print(line, flush=True), again=options.again) else FAILED
+    elif options.command == "check":
+        print(ages())
+        arguments_of = {"stamp": options.stamp, "tell": lambda line: print(line, flush=True)}
+        if options.all:
+            return 0 if check(rows_to_check(None, options.source), **arguments_of) else FAILED
+        return 0 if check_sample(options.sample, options.source, **arguments_of) else FAILED
+    elif options.command == "contacts":
+        print(as_markdown(outcomes(), recovered()), end="")
+    elif options.command == "headline":
+        print(headline_table())
+    elif options.command == "table":
+        print(report(folder=options.csv), end="")
+    elif options.command == "next":
+        run_questions(options.questions, lambda line: print(line, flush=True))
+        print(next_experiment(), flush=True)
+    else:
+        _size(options)
     return 0
 
 
@@ -126,8 +122,8 @@ def _chosen(source: str, names: Sequence[str]) -> list[str]:
     return [truth for truth in [*single, *double] if truth in chosen]
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="python -m thesis_lib.critique.proof",
         description="The proof of the critique: effects and causes hidden on purpose and looked for.",
     )

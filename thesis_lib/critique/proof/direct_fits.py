@@ -23,7 +23,6 @@ not fitted.  Effects are added in their order.  `run` replaces the rows of some 
 | code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -44,6 +43,7 @@ from thesis_lib.critique.proof.law_free import nearest_face
 from thesis_lib.critique.selection.search import split
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.command_line import command, run_or_table
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, Rows, stamp
@@ -258,12 +258,13 @@ def _cell(value: float) -> str:
     return "" if np.isnan(value) else number(value)
 
 
+@command
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m thesis_lib.critique.proof.direct_fits", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("table", help="print the stored rows")
-    run = commands.add_parser("run", help="fit the models and store their rows; a minute or more each")
+    prog, how = (
+        "python -m thesis_lib.critique.proof.direct_fits",
+        "fit the models and store their rows; a minute or more each",
+    )
+    parser, _, run = run_or_table(prog, __doc__ or "", how, "print the stored rows")
     run.add_argument("--drops", action="append", choices=tuple(SERIES), help="once or more; default: all")
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
     args = parser.parse_args(argv)

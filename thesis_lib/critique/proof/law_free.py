@@ -10,7 +10,6 @@ height of the tracked point over that face says where the point is, and how flat
 can do so near flat only: m/I by ranges of the angle from flat tells the two apart.
 """
 
-import argparse
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -23,6 +22,7 @@ from thesis_lib.datasets.format.impacts import POSE
 from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.impacts.quality import has_flag
 from thesis_lib.effects.effect import Rig
+from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.identify.impacts.measured_ratio import BENT, ImpactLink, bootstrap, fit_ratio
@@ -87,9 +87,9 @@ def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["low", "high", "hits", "variant", "ratio", "std"])
 
 
+@command
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m thesis_lib.critique.proof.law_free", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser = Parser(prog="python -m thesis_lib.critique.proof.law_free", description=__doc__)
     parser.add_argument("folder")
     from thesis_lib.datasets.read import read_dataset
 

@@ -18,7 +18,6 @@
 | code, made                 |      | hash of the code that made the row, empty: unknown; date                   |
 """
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +29,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.floor import floor
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.command_line import command, run_or_table
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.progress import Progress
 from thesis_lib.foundation.randomness import generator
@@ -110,12 +110,10 @@ def _line(one: "pd.Series") -> tuple[str, ...]:
     )
 
 
+@command
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m thesis_lib.critique.proof.measured", description=__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("table", help="print the stored rows")
-    run = commands.add_parser("run", help="criticise a measured set and store its row")
+    prog, how = "python -m thesis_lib.critique.proof.measured", "criticise a measured set and store its row"
+    parser, _, run = run_or_table(prog, __doc__ or "", how, "print the stored rows")
     run.add_argument("folder")
     run.add_argument("--trials", type=int, help="the first ones; default: all")
     run.add_argument("--single", action="store_true", help="single hits only, no episodes")
