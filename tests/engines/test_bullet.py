@@ -13,7 +13,7 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE, STEPS, BulletEngine
-from thesis_lib.engines.engine import episodes, impacts
+from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.parameters import bullet_numbers, of_bullet
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
@@ -137,15 +137,6 @@ def test_an_impact_hangs_on_no_other_and_is_the_same_again():
     np.testing.assert_array_equal(together, again)
     for i in range(6):
         np.testing.assert_allclose(impacts(of(ELLIPSE, 1), q[i : i + 1], v[i : i + 1]).v[0], together[i], atol=SAME)
-
-
-def test_an_episode_with_one_hit_is_flight_and_impact_and_flight():
-    q, v = touching(DISK, 6)
-    one, fall, g = impacts(of(DISK, 6), q, v), 0.004, np.array([0.0, -9.81, 0.0])
-    span = fall + one.t + 0.003
-    made = episodes(of(DISK, 6), q - fall * v + 0.5 * fall**2 * g, v - fall * g, span)
-    assert (made.hits == 1).all() and made.left.all()
-    np.testing.assert_allclose(made.v, one.v + 0.003 * g, atol=1e-4)
 
 
 def test_what_no_engine_can_have_is_refused():

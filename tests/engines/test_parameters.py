@@ -32,7 +32,7 @@ def landing(engine, body, slip=0.0, **options):
     """Velocity after, and duration of, a central impact at the reference speed."""
     q = np.array([[0.0, -body.shape.contact_point(np.zeros(1))[0, 1], 0.0]])
     made = impacts(engine(body, 1, gravity=GRAVITY, **options), q, np.array([[slip, -REFERENCE_SPEED, 0.0]]))
-    assert made.left.all() and made.hits.tolist() == [1]
+    assert made.left.all() and made.t[0] > 0.0
     return made.v[0], made.t[0]
 
 

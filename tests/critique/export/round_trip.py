@@ -15,7 +15,7 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.effects import EFFECTS
 from thesis_lib.engines.drake_engine import DrakeEngine
-from thesis_lib.engines.engine import episodes
+from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.engines.parameters import drake_numbers, of_drake
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
@@ -24,7 +24,7 @@ from thesis_lib.simulate.mujoco.contact import MujocoContact
 from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, CompliantContact, HiddenCauses
 
-MASS, SPAN, LEAD = 0.05, 5e-3, 1.3e-4  # kg; s after the touch; s of flight before it
+MASS, SPAN, LEAD = 0.05, 4.5e-3, 1.3e-4  # kg; s after the touch; s of flight before it
 NOISE = np.array([0.01, 0.01, 0.4])  # m/s, rad/s, of velocities before and after
 POSE, PRE = ["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"]
 BODIES = {
@@ -78,7 +78,21 @@ def predicted(name, body, q, v, mu, epsilon, contact_time, c_x=0.0, c_y=0.0, imp
         )
     else:
         engine = DrakeEngine(body, len(q), contact=CompliantContact(**contact), causes=causes)
-    return episodes(engine, q, v, np.full(len(q), SPAN)).v
+    low, high = np.zeros(len(q)), np.full(len(q), SPAN)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        below = engine.mechanics.gap(flown(engine.mechanics, q, v, middle)[0], middle, np.arange(len(q))) < 0.0
+        low, high = np.where(below, low, middle), np.where(below, middle, high)
+    at = engine.mechanics.origin_state(*flown(engine.mechanics, q, v, low))
+    out = impacts(engine, *at)
+    return engine.mechanics.origin_state(*flown(engine.mechanics, out.q, out.v, SPAN - low - out.t))[1]
+
+
+def flown(mechanics, q, v, s):
+    """States of the true centre of mass (n, 3) after flights of s (n,) from those of the origin."""
+    (centre, rate), s = mechanics.centre_state(q, v), s[:, None]
+    spin, g = v[:, 2:], mechanics.gravity
+    return np.hstack([centre + s * rate + 0.5 * s**2 * g, q[:, 2:] + s * spin]), np.hstack([rate + s * g, spin])
 
 
 def made(name, body, n=60, seed=1):
