@@ -10,9 +10,9 @@ import pytest
 
 from thesis_lib.contact import LAWS, Law, Promise
 from thesis_lib.extensions.contract import outcomes
-from thesis_lib.extensions.law_contract import LAW_CHECKS
+from thesis_lib.extensions.law_contract import LAW_CHECKS, SPACE_CHECKS, checks_of
 
-RIGHT, WHITTAKER = LAWS["wang_mason"], LAWS["whittaker"]
+RIGHT, WHITTAKER, CONE = LAWS["wang_mason"], LAWS["whittaker"], LAWS["anitescu_potra_newton"]
 
 
 def changed(change: Callable) -> Law:
@@ -52,6 +52,52 @@ def writes(s, mu, e, c_t, c_n):
 def test_a_mistake_is_found_and_named(wrong: Law, check: str, says: str) -> None:
     (outcome,) = outcomes([one for one in LAW_CHECKS if check in one.name], wrong)
     assert outcome.verdict == "FAIL" and re.search(says, outcome.reason), outcome
+
+
+def in_space(change: Callable) -> Law:
+    """AP Newton with another impulse in space: `change` is given the contact, the parameters and the right impulse."""
+
+    def impulse(s, mu, e):
+        right = CONE.impulse(s, mu, e)
+        return right if s.dimension == 2 else change(s, mu, e, *right)
+
+    return replace(CONE, impulse=impulse)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "check", "says"),
+    [
+        (replace(CONE, breaks_in_space={}), "where it is from", "how often it breaks Promise.NO_ENERGY_GAIN in space"),
+        (replace(CONE, dimensions=frozenset({4})), "where it is from", "dimensions must be"),
+        (
+            in_space(lambda s, mu, e, a, b, n: (a, b, np.where(s.v[0] > 2.0, np.nan, n))),
+            "solves every",
+            "not finite in",
+        ),
+        (in_space(lambda s, mu, e, a, b, n: (a, b, n * (1.0 + 1e-6))), "keeps its", "add it to breaks_in_space"),
+        (
+            replace(CONE, breaks_in_space=MappingProxyType({Promise.NO_ENERGY_GAIN: 0.2})),
+            "in space, keeps its",
+            r"in a share of 0.2 of impacts; measured: 0.0\d",
+        ),
+        (in_space(lambda s, mu, e, a, b, n: (a + 1e-3 * n, b, n)), "mirrored", "in 2000 of 2000"),
+        # friction towards one side keeps mirror symmetry, but not the turn
+        (in_space(lambda s, mu, e, a, b, n: (a, b + 1e-3 * n, n)), "turns the impulse", "the turned impulse"),
+        (in_space(lambda s, mu, e, a, b, n: (0.99 * a, 0.99 * b, n)), "for impacts in a plane", "is another one"),
+        (in_space(lambda s, mu, e, a, b, n: (a, b, n * (1.0 + 0.1 * s.K_nn))), "units", "a constant in it has a unit"),
+        (in_space(lambda s, mu, e, a, b, n: (a, b, n + np.mean(n))), "in space, takes one", "an impact alone"),
+        (in_space(lambda s, mu, e, a, b, n: (a, b, -n)), "in space, leaves a contact alone", "must be pushed"),
+    ],
+)
+def test_a_mistake_in_space_is_found_and_named(wrong: Law, check: str, says: str) -> None:
+    found = outcomes([one for one in checks_of(wrong) or LAW_CHECKS if check in one.name], wrong)
+    assert found[-1].verdict == "FAIL" and re.search(says, found[-1].reason), found
+
+
+def test_a_law_is_held_to_the_dimensions_that_it_names() -> None:
+    assert checks_of(LAWS["drumwright_shell"]) == LAW_CHECKS
+    assert checks_of(CONE) == (*LAW_CHECKS, *SPACE_CHECKS)
+    assert checks_of(replace(CONE, dimensions=frozenset({3}))) == (LAW_CHECKS[0], *SPACE_CHECKS)
 
 
 def test_momentum_follows_from_the_impulse() -> None:

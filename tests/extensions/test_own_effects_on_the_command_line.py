@@ -10,7 +10,7 @@ import pytest
 
 from thesis_lib.__main__ import main
 from thesis_lib.extensions.effect_contract import EFFECT_CHECKS
-from thesis_lib.extensions.law_contract import LAW_CHECKS
+from thesis_lib.extensions.law_contract import LAW_CHECKS, SPACE_CHECKS
 from thesis_lib.extensions.template import template
 from thesis_lib.foundation.errors import UserError
 
@@ -36,7 +36,8 @@ def test_check_says_why_a_check_fails_with_exit_code_1(tmp_path, capsys):
     assert main(["effects", "--check", str(path)]) == 1
     out = capsys.readouterr().out
     assert "  FAIL  changes nothing at its null: coefficients with all parameters at null must return" in out
-    assert f"{path}: the law my_law" in out and f"1 of {len(EFFECT_CHECKS) + len(LAW_CHECKS)} checks fail" in out
+    n = len(EFFECT_CHECKS) + len(LAW_CHECKS) + len(SPACE_CHECKS)
+    assert f"{path}: the law my_law" in out and f"1 of {n} checks fail" in out
     assert main(["effects", "--check", str(path), "--json"]) == 1
     rows = json.loads(capsys.readouterr().out)
     assert [row["check"] for row in rows if row["verdict"] == "FAIL"] == ["changes nothing at its null"]

@@ -1,4 +1,4 @@
-"""Rigid impact laws for one planar contact: `LAWS[name](v_pre, r, mass=, k_g=, mu=, epsilon=)`.
+"""Rigid impact laws for one contact: `LAWS[name](v_pre, r, mass=, k_g=, mu=, epsilon=)`, in space with `inertia=`.
 
 The six of the thesis stand in the list below, with a `LAW_AS_PUBLISHED` where the authors' code differs from the law as
 defined.  Any further file of this folder with a `LAW` adds a law: `LAWS` holds it, and the critique tries it beside the
@@ -41,6 +41,8 @@ LAWS: dict[str, Law] = {
     **{law.name: law for module in _MODULES if (law := getattr(module, "LAW_AS_PUBLISHED", None))},
     **_FURTHER,
 }
-CANDIDATE_LAWS: tuple[str, ...] = (*SIX_LAWS, *_FURTHER)  # what the critique fits to a dataset
+# what the critique fits to a dataset in the plane
+CANDIDATE_LAWS: tuple[str, ...] = (*SIX_LAWS, *(name for name, law in _FURTHER.items() if 2 in law.dimensions))
+LAWS_IN_SPACE: tuple[str, ...] = tuple(name for name, law in LAWS.items() if 3 in law.dimensions)
 
-__all__ = ["CANDIDATE_LAWS", "LAWS", "SIX_LAWS", "Law", "Outcome", "Promise", "Status"]
+__all__ = ["CANDIDATE_LAWS", "LAWS", "LAWS_IN_SPACE", "SIX_LAWS", "Law", "Outcome", "Promise", "Status"]

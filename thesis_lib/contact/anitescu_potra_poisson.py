@@ -21,12 +21,15 @@ from types import MappingProxyType
 import numpy as np
 
 from thesis_lib.contact.anitescu_potra_newton import impulse_to_normal_velocity
+from thesis_lib.contact.circular_cone import friction_at
 from thesis_lib.contact.law import Law, Promise
 from thesis_lib.mechanics.contact import Contact
 
 
-def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n), each (n,) in N s, of compression and decompression together."""
+def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s, of compression and decompression together."""
+    if space.dimension == 3:
+        return _in_space(space, mu, epsilon)
     c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
     normal = epsilon * c_n
     limit = mu * normal
@@ -35,7 +38,15 @@ def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.nda
     return c_t + tangential, c_n + normal
 
 
-def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_space(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, ...]:
+    *c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
+    normal = epsilon * c_n
+    v_1, v_2, _ = space.velocity_after(*c_t, c_n + normal)
+    t_1, t_2 = friction_at(space, (v_1, v_2), mu * normal)
+    return c_t[0] + t_1, c_t[1] + t_2, c_n + normal
+
+
+def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, ...]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code."""
     c_t, c_n = impulse_to_normal_velocity(space, mu, -space.v_n)
     return c_t, (1.0 + epsilon) * c_n
@@ -46,6 +57,7 @@ LAW = Law(
     title="AP Poisson",
     impulse=impulse,
     promises=frozenset(Promise),
+    dimensions=frozenset({2, 3}),
     reference="Anitescu and Potra 1997, doi:10.1023/A:1008292328909",
 )
 

@@ -1,4 +1,4 @@
-"""What an impact law is: a name, an impulse for (contact space, μ, ε), and the promises that it keeps.
+"""What an impact law is: a name, an impulse for (contact, μ, ε), in the plane or in space too, and its promises.
 
 A law never fails in silence: every impact gets a status.  `Law.impulse` broadcasts, so that a whole grid of parameters
 (G, 1) against n impacts (n,) is one call; calling the law itself checks its input first.
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thesis_lib.mechanics.contact import Contact, contact_at, velocity_change
-from thesis_lib.mechanics.space import PLANE
+from thesis_lib.mechanics.space import PLANE, SPACE, Space
 
 if TYPE_CHECKING:  # numba comes with it
     from thesis_lib.contact.compliant.normal_force import NormalForce
@@ -41,7 +41,8 @@ class Promise(enum.StrEnum):
     STICKS = "large μ and ε = 0 take all contact velocity"
 
 
-ImpulseFunction = Callable[[Contact, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+ImpulseFunction = Callable[[Contact, np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+ROUNDING = 1e-9  # relative to speed or energy: rounding, amplified by the condition of M_C
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ class Outcome:
     """Result of n impacts.
 
     Attributes:
-        v_post: (n, 3) velocity after impact, m/s and rad/s.
-        impulse: (n, 2) impulse (c_t, c_n), N s.
+        v_post: (n, 3) velocity after impact, m/s and rad/s; (n, 6) in space.
+        impulse: (n, 2) impulse (c_t, c_n), N s; (n, 3) in space, (c_t1, c_t2, c_n).
         status: (n,) codes of `Status`.
     """
 
@@ -66,9 +67,14 @@ class Law:
     Attributes:
         name: key in `LAWS`.
         title: as in tables and figures.
-        impulse: (space, mu, epsilon) -> (c_t, c_n) in N s, arrays that broadcast; for approaching contacts (v_n < 0).
+        impulse: (contact, mu, epsilon) -> (c_t, c_n), in space (c_t1, c_t2, c_n), in N s, arrays that broadcast; for
+            approaching contacts (v_n < 0).
         promises: what holds for every impact.
         breaks: promises that it breaks, with the share of impacts in which it does (in the tests' reference draw).
+        dimensions: 2 if it is a law of the plane, 3 if of space.
+        breaks_in_space: as `breaks`, in the reference draw of impacts in space; what a law breaks there and not in the
+            plane may stand in `promises`.
+        accuracy_in_space: how far the impulse is off in space, relative to the speed, if it is integrated.
         reference: where the law is defined.
         mu_unit: unit of μ; "1" except for the viscous variant.
         force: of a contact that takes time, whose limit `impulse` is.
@@ -81,6 +87,9 @@ class Law:
     promises: frozenset[Promise]
     reference: str
     breaks: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
+    dimensions: frozenset[int] = frozenset({2})
+    breaks_in_space: Mapping[Promise, float] = field(default_factory=lambda: MappingProxyType({}))
+    accuracy_in_space: float = ROUNDING
     mu_unit: str = "1"
     force: "NormalForce | None" = None
     engine: str = ""
@@ -96,59 +105,65 @@ class Law:
         r: np.ndarray,
         *,
         mass: float,
-        k_g: float,
+        k_g: float | None = None,
+        inertia: np.ndarray | None = None,
         mu: float | np.ndarray,
         epsilon: float | np.ndarray,
     ) -> Outcome:
-        """Resolve n impacts at once.
+        """Resolve n impacts at once, in the plane with `k_g`, in space with `inertia`.
 
         Args:
-            v_pre: (n, 3) velocity (v_x, v_y, ω) before impact, m/s and rad/s.
-            r: (n, 2) contact point from the centre of mass, m.
+            v_pre: (n, 3) velocity (v_x, v_y, ω) before impact, m/s and rad/s; in space (n, 6).
+            r: (n, 2) contact point from the centre of mass, m; in space (n, 3), axes (t_1, t_2, n).
             mass: kg.
             k_g: radius of gyration, m.
+            inertia: (3, 3) or (n, 3, 3) inertia per mass in m², in the axes of r at the impact.
             mu: coefficient of friction, scalar or (n,).
             epsilon: coefficient of restitution, scalar or (n,).
 
         Raises:
-            ValueError: wrong shapes, mass or k_g not positive, μ < 0, ε outside [0, 1], or either NaN.
+            ValueError: wrong shapes, mass, k_g or inertia not positive, μ < 0, ε outside [0, 1], or either NaN; the law
+                does not hold in space.
         """
         v_pre, r = np.asarray(v_pre, dtype=float), np.asarray(r, dtype=float)
         mu, epsilon = np.asarray(mu, dtype=float), np.asarray(epsilon, dtype=float)
-        _check(v_pre, r, mass, k_g, mu, epsilon)
+        space = PLANE if inertia is None else SPACE
+        if space.dimension not in self.dimensions:
+            raise ValueError(f"{self.title} holds in {' and '.join(map(str, sorted(self.dimensions)))} dimensions only")
+        _check(v_pre, r, mass, mu, epsilon, space)
+        mobility = _mobility(mass, k_g, inertia, len(v_pre))
+        d, inverse_mass = space.dimension, 1.0 / mass
         with np.errstate(all="ignore"):  # the status says what went wrong
-            w, w_I = 1.0 / mass, 1.0 / (mass * k_g * k_g)
-            space = contact_at(PLANE, v_pre.T[:2], v_pre.T[2:], r.T, w_I, w)
-            c_t, c_n = self.impulse(space, mu, epsilon)
+            contact = contact_at(space, v_pre.T[:d], v_pre.T[d:], r.T, mobility, inverse_mass)
+            c = tuple(self.impulse(contact, mu, epsilon))
             status = np.zeros(len(v_pre), dtype=np.int8)
             # an infinite velocity can give a finite impulse: look at the input, too
-            if not np.isfinite(c_t.sum() + c_n.sum() + v_pre.sum() + r.sum()):
-                status[~(np.isfinite(c_t) & np.isfinite(c_n))] = Status.NO_SOLUTION
+            if not np.isfinite(sum(part.sum() for part in c) + v_pre.sum() + r.sum()):
+                status[~np.isfinite(sum(c))] = Status.NO_SOLUTION
                 valid = np.isfinite(v_pre).all(axis=1) & np.isfinite(r).all(axis=1)
                 status[~valid] = Status.INVALID_INPUT
                 failed = status != Status.OK
-                c_t, c_n = np.where(failed, np.nan, c_t), np.where(failed, np.nan, c_n)
-            away = space.v_n >= 0.0
+                c = tuple(np.where(failed, np.nan, part) for part in c)
+            away = contact.v_n >= 0.0
             if away.any():
                 away &= status != Status.INVALID_INPUT
                 status[away] = Status.NOT_APPROACHING
-                c_t, c_n = np.where(away, 0.0, c_t), np.where(away, 0.0, c_n)
-            impulse = np.empty((len(v_pre), 2))
-            impulse[:, 0], impulse[:, 1] = c_t, c_n
-            v_post = np.empty((len(v_pre), 3))
-            velocity_change((c_t, c_n), r.T, w_I, w, out=v_post.T)  # v⁺ = v + M⁻¹ Jᵀ c (eq. 3.2)
+                c = tuple(np.where(away, 0.0, part) for part in c)
+            impulse = np.empty((len(v_pre), d))
+            impulse.T[:] = c
+            v_post = np.empty_like(v_pre)
+            # v⁺ = v + M⁻¹ Jᵀ c (eq. 3.2)
+            velocity_change(tuple(impulse.T), r.T, mobility, inverse_mass, out=v_post.T)
             v_post += v_pre
         return Outcome(v_post, impulse, status)
 
 
-def _check(v_pre: np.ndarray, r: np.ndarray, mass: float, k_g: float, mu: np.ndarray, epsilon: np.ndarray) -> None:
-    if v_pre.ndim != 2 or v_pre.shape[1] != 3:
-        raise ValueError(f"v_pre must have shape (n, 3), got {v_pre.shape}")
+def _check(v_pre: np.ndarray, r: np.ndarray, mass: float, mu: np.ndarray, epsilon: np.ndarray, space: Space) -> None:
+    if v_pre.ndim != 2 or v_pre.shape[1] != space.motions:
+        raise ValueError(f"v_pre must have shape (n, {space.motions}), got {v_pre.shape}")
     n = len(v_pre)
-    if r.shape != (n, 2):
-        raise ValueError(f"r must have shape ({n}, 2) like v_pre, got {r.shape}")
-    if not (mass > 0 and k_g > 0 and np.isfinite(mass) and np.isfinite(k_g)):
-        raise ValueError(f"mass and k_g must be positive, got mass={mass}, k_g={k_g}")
+    if r.shape != (n, space.dimension):
+        raise ValueError(f"r must have shape ({n}, {space.dimension}) like v_pre, got {r.shape}")
     for name, value in (("mu", mu), ("epsilon", epsilon)):
         if value.shape not in ((), (n,)):
             raise ValueError(f"{name} must be a scalar or have shape ({n},), got {value.shape}")
@@ -156,3 +171,19 @@ def _check(v_pre: np.ndarray, r: np.ndarray, mass: float, k_g: float, mu: np.nda
         raise ValueError("mu must be finite and at least 0")
     if not np.all((epsilon >= 0.0) & (epsilon <= 1.0)):
         raise ValueError("epsilon must lie in [0, 1]")
+
+
+def _mobility(mass: float, k_g: float | None, inertia: np.ndarray | None, n: int) -> np.ndarray | float:
+    """What a couple turns: 1/(m k²) in the plane, (3, 3, n) in space."""
+    if inertia is None:
+        if not (k_g is not None and mass > 0 and k_g > 0 and np.isfinite(mass) and np.isfinite(k_g)):
+            raise ValueError(f"mass and k_g must be positive, got mass={mass}, k_g={k_g}")
+        return 1.0 / (mass * k_g * k_g)
+    if k_g is not None:
+        raise ValueError("give k_g (in the plane) or inertia (in space), not both")
+    G = np.asarray(inertia, dtype=float)
+    if G.shape not in ((3, 3), (n, 3, 3)):
+        raise ValueError(f"inertia must have shape (3, 3) or ({n}, 3, 3), got {G.shape}")
+    if not (mass > 0 and np.isfinite(mass) and np.isfinite(G).all() and np.all(np.linalg.eigvalsh(G) > 0.0)):
+        raise ValueError(f"mass and inertia must be positive, got mass={mass}")
+    return np.moveaxis(np.broadcast_to(np.linalg.inv(G) / mass, (n, 3, 3)), 0, -1)

@@ -9,6 +9,8 @@ As defined, on the path of Coulomb's law (slip_path.py):
                                           W_s = v_n p_s + b p_s²/2,
                                           W_c = W_s − u²/(2 b₂) if u < 0 (in compression), else −v_n²/(2 b).
 
+In space the direction of slip turns on the way (slip_hodograph.py).
+
 As published (the authors' code): the tangential rate is *viscous*, dc_t/dp = −μ v_t instead of −μ sign(v_t), and
 μ has the unit s/m.  With κ = μ K_tt the slip is v_t(p) = v_t φ₀ + K_tn φ₁, φ₀ = exp(−κ p), φ_{i+1} = ∫ φ_i dp.
 
@@ -20,20 +22,25 @@ from types import MappingProxyType
 
 import numpy as np
 
+from thesis_lib.contact import slip_hodograph
 from thesis_lib.contact.law import Law, Promise
+from thesis_lib.contact.roots import increasing_root
 from thesis_lib.contact.slip_path import slip_path, tangential_impulse
 from thesis_lib.mechanics.contact import Contact
 
-MAX_STEPS = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
 SERIES_BELOW = 1e-3  # κp: four terms are then exact to rounding
 EPS = np.finfo(float).eps
-RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of φ₃; Newton squares it
 
 
 def impulse(
     space: Contact, mu: np.ndarray, epsilon: np.ndarray, mu_after: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n), each (n,) in N s, at the end of restitution; `mu_after` as in `slip_path`."""
+) -> tuple[np.ndarray, ...]:
+    """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s, at the end of restitution.
+
+    `mu_after` is as in `slip_path`.
+    """
+    if space.dimension == 3:
+        return slip_hodograph.impulse(space, mu, epsilon, slip_hodograph.Restitution.STRONGE, mu_after)
     path = slip_path(space, mu, mu_after)
     p, u = path.p_slip, path.v_slip
     c_n = (1.0 + epsilon) * path.p_c
@@ -82,7 +89,7 @@ def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) ->
         return space.v_n + space.K_nn * p - mu * space.K_tn * slid, space.K_nn - mu * space.K_tn * v_t
 
     frictionless = -space.v_n / space.K_nn
-    p_c = _increasing_root(v_n, 0.0 * (frictionless + kappa), frictionless + 0.0 * kappa)
+    p_c = increasing_root(v_n, 0.0 * (frictionless + kappa), frictionless + 0.0 * kappa)
     v_c, slid, slid_twice = slip(space.v_t, p_c, (0, 1, 2))
     W_c = p_c * (space.v_n + 0.5 * space.K_nn * p_c) - mu * space.K_tn * slid_twice
 
@@ -92,28 +99,8 @@ def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) ->
         work = 0.5 * space.K_nn * d * d - mu * space.K_tn * slid_twice + epsilon * epsilon * W_c
         return work, space.K_nn * d - mu * space.K_tn * slid
 
-    d = _increasing_root(missing_work, 0.0 * (p_c + epsilon), epsilon * p_c, EPS * p_c)
+    d = increasing_root(missing_work, 0.0 * (p_c + epsilon), epsilon * p_c, EPS * p_c)
     return -mu * (slid + slip(v_c, d, (1,))[0]), p_c + d
-
-
-def _increasing_root(function, low: np.ndarray, start: np.ndarray, floor: float | np.ndarray = 0.0) -> np.ndarray:
-    """Roots (n,) above `low` of functions that are negative before and positive after: Newton's method, bracketed.
-
-    `function` gives values and slopes, each (n,).  A step below `floor` ends the search.
-    """
-    p, high = start, np.full(np.shape(start), np.inf)
-    for _ in range(MAX_STEPS):
-        f, slope = function(p)
-        low, high = np.where(f < 0.0, p, low), np.where(f < 0.0, high, p)
-        newton = p - f / slope
-        inside = (newton >= low) & (newton <= high)
-        middle = np.where(np.isfinite(high), 0.5 * (low + high), 2.0 * p)
-        step = np.where(f == 0.0, 0.0, np.where(inside, newton, middle) - p)
-        p = p + step
-        moved = np.abs(step) > RELATIVE_STEP * p + floor
-        if not np.any(moved):
-            return p
-    return np.where(moved, np.nan, p)  # becomes NO_SOLUTION
 
 
 LAW = Law(
@@ -121,6 +108,8 @@ LAW = Law(
     title="Mirtich",
     impulse=impulse,
     promises=frozenset(Promise),
+    dimensions=frozenset({2, 3}),
+    breaks_in_space=MappingProxyType({Promise.STICKS: 0.00133}),  # slip that turns can outlast the impact
     reference="Mirtich 1996; Stronge 1990, doi:10.1098/rspa.1990.0125",
 )
 

@@ -2,7 +2,8 @@
 
 As defined: c_n = −(1 + ε) v_n / (K_nn − s μ K_tn), c_t = −s μ c_n with s the sign of the initial slip, if that
 keeps s v_t⁺ ≥ 0; otherwise the contact sticks, c = M_C (−v_t, −(1 + ε) v_n), even where that leaves the cone.
-Without initial slip the contact sticks.
+Without initial slip the contact sticks.  In space friction points against the initial slip, and the contact sticks
+where the slip that is left would point back, v_t·v_t⁺ < 0.
 
 As published (the authors' code): the stick impulse; where it leaves the cone, c_t = ±μ c_n against the resulting
 slip, *without* solving c_n again.  The normal impulse then does not depend on μ, and the contact may penetrate.
@@ -21,9 +22,11 @@ from thesis_lib.contact.law import Law, Promise
 from thesis_lib.mechanics.contact import Contact
 
 
-def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Impulse (c_t, c_n), each (n,) in N s: slide with the initial slip, or stick."""
+def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Impulse (c_t, c_n) or (c_t1, c_t2, c_n), each (n,) in N s: slide with the initial slip, or stick."""
     dv_n = (-1.0 - epsilon) * space.v_n
+    if space.dimension == 3:
+        return _in_space(space, mu, dv_n)
     slope = -np.copysign(mu, space.v_t)
     reach = space.K_nn + slope * space.K_tn
     slide_n = dv_n / reach
@@ -35,7 +38,20 @@ def impulse(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.nda
     return np.where(slides, slide_t, stick_t), np.where(slides, slide_n, stick_n)
 
 
-def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_space(space: Contact, mu: np.ndarray, dv_n: np.ndarray) -> tuple[np.ndarray, ...]:
+    v_1, v_2, v_n = space.v
+    speed = np.hypot(v_1, v_2)
+    share = -mu / np.where(speed > 0.0, speed, 1.0)
+    reach = space.K_nn + share * (space.K[0][2] * v_1 + space.K[1][2] * v_2)
+    slide_n = dv_n / reach
+    slide = share * v_1 * slide_n, share * v_2 * slide_n, slide_n
+    after = space.velocity_after(*slide)
+    slides = (after[0] * v_1 + after[1] * v_2 >= 0.0) & (reach > 0.0) & (speed > 0.0)
+    stick = space.impulse_to(0.0, 0.0, v_n + dv_n)
+    return tuple(np.where(slides, *both) for both in zip(slide, stick))
+
+
+def impulse_as_published(space: Contact, mu: np.ndarray, epsilon: np.ndarray) -> tuple[np.ndarray, ...]:
     """Impulse (c_t, c_n), each (n,) in N s, of the authors' code."""
     c_t, c_n = space.impulse_to(0.0, -epsilon * space.v_n)
     limit = mu * c_n
@@ -51,6 +67,15 @@ LAW = Law(
     promises=frozenset(Promise) - {Promise.FRICTION_CONE, Promise.NO_ENERGY_GAIN, Promise.FRICTIONLESS},
     breaks=MappingProxyType(
         {Promise.FRICTION_CONE: 0.0384, Promise.NO_ENERGY_GAIN: 0.0248, Promise.FRICTIONLESS: 0.163}
+    ),
+    dimensions=frozenset({2, 3}),
+    breaks_in_space=MappingProxyType(
+        {
+            Promise.FRICTION_CONE: 0.0807,
+            Promise.NO_ENERGY_GAIN: 0.0163,
+            Promise.FRICTIONLESS: 0.053,
+            Promise.STICKS: 0.00436,
+        }
     ),
     reference="Whittaker 1904; Chatterjee and Ruina 1998, doi:10.1115/1.2791929",
 )

@@ -2,14 +2,14 @@
 
 import sys
 
-from thesis_lib.contact import LAWS, Law, Promise
+from thesis_lib.contact import LAWS, LAWS_IN_SPACE, Law, Promise, circular_cone, slip_hodograph
 from thesis_lib.foundation.markdown import docstring, table
 
 
 def text() -> str:
     """All laws in the order of the thesis's Table 3.1, then others."""
     defined = [law for law in LAWS.values() if not law.as_published]
-    return "\n\n".join([promises_table(), *map(_entry, defined)])
+    return "\n\n".join([promises_table(), _in_space(), *map(_entry, defined)])
 
 
 def published_twin(law: Law) -> Law | None:
@@ -27,6 +27,23 @@ def _kept(law: Law, promise: Promise) -> str:
     if promise in law.promises:
         return "kept"
     return f"{100 * law.breaks[promise]:.3g} %" if promise in law.breaks else "not known"
+
+
+def _in_space() -> str:
+    """The promises of laws in space, and the equations that they share there."""
+    laws = [LAWS[name] for name in LAWS_IN_SPACE]
+    shares = [law.breaks_in_space for law in laws]
+    rows = [
+        [promise.value, *(f"{100 * s[promise]:.3g} %" if promise in s else "kept" for s in shares)]
+        for promise in Promise
+    ]
+    promises = table(["promise", *(law.title for law in laws)], rows)
+    shared = (
+        f"### {module.__name__.rpartition('.')[2]}.py\n\n{docstring(module)}"
+        for module in (circular_cone, slip_hodograph)
+    )
+    said = "With `inertia=` in place of `k_g=` these laws resolve impacts in space; random ones break"
+    return "\n\n".join([f"## In space\n\n{said}\n\n{promises}", *shared])
 
 
 def _entry(law: Law) -> str:

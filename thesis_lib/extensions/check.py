@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from thesis_lib.extensions.contract import CheckResult, outcomes
 from thesis_lib.extensions.effect_contract import EFFECT_CHECKS
-from thesis_lib.extensions.law_contract import LAW_CHECKS
+from thesis_lib.extensions.law_contract import checks_of
 from thesis_lib.extensions.registry import Loaded
 
 
@@ -14,4 +14,4 @@ def results(loaded: Loaded, described: bool = True) -> Iterator[tuple[str, str, 
     for effect in loaded.effects:
         yield "effect", effect.name, outcomes(effect_checks, effect)
     for law in loaded.laws:
-        yield "law", law.name, outcomes(LAW_CHECKS, law)
+        yield "law", law.name, outcomes(checks_of(law), law)

@@ -1,42 +1,54 @@
 """What every impact law must do, whoever wrote it: the library's are tested by the same checks as a user's.
 
-Each check resolves random impacts, most of them those of the reference draw (`impact_draws`).
+Each check resolves random impacts, most of them those of the reference draw (`impact_draws`), in the plane or in space;
+what holds in space only stands in `space_contract`.
 """
 
 import functools
+from collections.abc import Callable
 
 import numpy as np
 
+from thesis_lib.contact.law import ROUNDING as KEPT
 from thesis_lib.contact.law import Law, Promise, Status
-from thesis_lib.contact.space import velocity_change
 from thesis_lib.extensions.contract import Check
-from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw, violation
+from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw, reference_draw_in_space, violation
+from thesis_lib.extensions.space_contract import embeds_the_plane, turns_with_the_surface
+from thesis_lib.mechanics.space import PLANE, SPACE
 
-N_REFERENCE = 20_000  # as in the published constraint summary that the rates are compared with
-# Relative to the speed (or energy) before impact.  Rounding, amplified by the condition of M_C (r/k up to 10),
+# Impacts of the draw: in the plane as in the published constraint summary that the rates are compared with.
+# KEPT is relative to the speed (or energy) before impact: rounding, amplified by the condition of M_C (r/k up to 10),
 # reaches 5e-13 in 600 000 impacts; of true violations less than 1 in 10 000 is below 1e-6.
-KEPT = 1e-9
+N_REFERENCE = 20_000
+N_IN_SPACE = 2_000
 SIGMAS = 4.0  # binomial: one false alarm in 16 000 rates
 RATE_DIGITS = 5e-4  # the rates in `breaks` have three digits
 ROUNDING = 1e-12  # two evaluations of the same formulas in another order, relative to the speed
 UNITS = 1e-10  # the same in other units of mass and length
+# the body of the checks that need just one: principal moments per mass in m², in its radii of gyration
+BODY = np.diag([0.8, 1.0, 1.3])
+
+
+def drawn(rng: np.random.Generator, n: int, dimension: int, central: bool = False) -> ImpactDraws:
+    """n impacts of the reference draw in 2 or 3 dimensions."""
+    return (reference_draw if dimension == 2 else reference_draw_in_space)(rng, n, central=central)
 
 
 @functools.cache
-def reference() -> ImpactDraws:
+def reference(dimension: int = 2) -> ImpactDraws:
     """The reference draw; do not write into it."""
-    return reference_draw(np.random.default_rng(1), N_REFERENCE)
+    return drawn(np.random.default_rng(1), N_REFERENCE if dimension == 2 else N_IN_SPACE, dimension)
 
 
 @functools.cache
-def central() -> ImpactDraws:
+def central(dimension: int = 2) -> ImpactDraws:
     """The same with the centre of mass above the contact."""
-    return reference_draw(np.random.default_rng(2), N_REFERENCE, central=True)
+    return drawn(np.random.default_rng(2), N_REFERENCE if dimension == 2 else N_IN_SPACE, dimension, central=True)
 
 
-def few(n: int = 40) -> ImpactDraws:
+def few(n: int = 40, dimension: int = 2) -> ImpactDraws:
     """A few impacts."""
-    return reference_draw(np.random.default_rng(20180608), n)
+    return drawn(np.random.default_rng(20180608), n, dimension)
 
 
 def band(rate: float, n: int) -> float:
@@ -52,8 +64,13 @@ def declared(law: Law) -> str:
         return f"promises and breaks both hold {_names(both)}"
     if missing := set(Promise) - law.promises - law.breaks.keys():
         return f"neither promises nor breaks holds {_names(missing)}"
-    if wrong := [promise for promise, rate in law.breaks.items() if not 0.0 < rate <= 1.0]:
-        return f"breaks must be shares above 0 and at most 1; not so for {_names(wrong)}"
+    for field in ("breaks", "breaks_in_space"):
+        if wrong := [promise for promise, rate in getattr(law, field).items() if not 0.0 < rate <= 1.0]:
+            return f"{field} must be shares above 0 and at most 1; not so for {_names(wrong)}"
+    if not law.dimensions or not law.dimensions <= {2, 3}:
+        return "dimensions must be {2}, {3} or {2, 3}"
+    if 3 in law.dimensions and (missing := law.breaks.keys() - law.breaks_in_space.keys()):
+        return f"breaks_in_space must say how often it breaks {_names(missing)} in space"
     return ""
 
 
@@ -61,99 +78,117 @@ def _names(promises) -> str:
     return ", ".join(sorted(f"Promise.{promise.name}" for promise in promises))
 
 
-def always_solves(law: Law) -> str:
+def always_solves(law: Law, dimension: int = 2) -> str:
     """Every impact of the reference draw has a finite impulse."""
-    failed = int(np.sum(reference().resolve(law).status != Status.OK))
-    return f"the impulse is not finite in {failed} of {N_REFERENCE} random impacts" if failed else ""
+    draw = reference(dimension)
+    failed = int(np.sum(draw.resolve(law).status != Status.OK))
+    return f"the impulse is not finite in {failed} of {len(draw.mu)} random impacts" if failed else ""
 
 
-def broken_share(law: Law, promise: Promise) -> float:
+def broken_share(law: Law, promise: Promise, dimension: int = 2) -> float:
     """Share of the impacts of the reference draw in which a law breaks a promise."""
-    factor = np.random.default_rng(20180608).uniform(0.1, 10.0, N_REFERENCE)
-    x = violation(promise, law, reference(), central(), factor)
-    return float(np.mean(~(x <= KEPT)))
+    draw = reference(dimension)
+    factor = np.random.default_rng(20180608).uniform(0.1, 10.0, len(draw.mu))
+    x = violation(promise, law, draw, central(dimension), factor)
+    return float(np.mean(~(x <= _accuracy(law, dimension))))
 
 
-def keeps_its_promises(law: Law) -> str:
+def _accuracy(law: Law, dimension: int) -> float:
+    return KEPT if dimension == 2 else max(KEPT, law.accuracy_in_space)
+
+
+def keeps_its_promises(law: Law, dimension: int = 2) -> str:
     """What it promises holds in every impact, what it breaks it breaks at its stated rate."""
+    field, breaks = ("breaks", law.breaks) if dimension == 2 else ("breaks_in_space", law.breaks_in_space)
     for promise in Promise:
-        share = broken_share(law, promise)
+        share = broken_share(law, promise, dimension)
         said = f"Promise.{promise.name} ({promise.value})"
-        if promise in law.promises and share:
-            return f"it promises {said}, but breaks it in a share of {share:.3g}: move it to breaks, with that share"
-        if promise in law.breaks and abs(share - law.breaks[promise]) > band(law.breaks[promise], N_REFERENCE):
-            rate = law.breaks[promise]
+        if promise not in breaks and share:
+            move = f"move it to {field}" if dimension == 2 else f"add it to {field}"
+            return f"it promises {said}, but breaks it in a share of {share:.3g}: {move}, with that share"
+        n = len(reference(dimension).mu)
+        if promise in breaks and abs(share - breaks[promise]) > band(breaks[promise], n):
+            rate = breaks[promise]
             return f"it says that it breaks {said} in a share of {rate:.3g} of impacts; measured: {share:.3g}"
     return ""
 
 
-def mirror_symmetric(law: Law) -> str:
-    """(v_t, r_x, ω) → −(v_t, r_x, ω) turns (c_t, c_n) into (−c_t, c_n), wherever the impulse pushes."""
-    draw = reference()
-    out, mirrored = draw.resolve(law), draw.resolve(law, v_pre=draw.v_pre * [-1, 1, -1], r=draw.r * [-1, 1])
-    away = np.abs(mirrored.impulse - out.impulse * [-1, 1]).max(axis=1) > ROUNDING * draw.speed
-    wrong = int(np.sum((away & (out.impulse[:, 1] >= 0.0)) | (mirrored.status != out.status)))
-    return f"in {wrong} of {N_REFERENCE} impacts the mirrored one has not the mirrored impulse" if wrong else ""
+def mirror_symmetric(law: Law, dimension: int = 2) -> str:
+    """In a mirror that holds the normal (c_t, c_n) turns into (−c_t, c_n), wherever the impulse pushes."""
+    draw = reference(dimension)
+    out, mirrored = draw.resolve(law), draw.mirrored().resolve(law)
+    x = [-1, 1] if dimension == 2 else [-1, 1, 1]
+    tolerance = ROUNDING if dimension == 2 else _accuracy(law, dimension)
+    away = np.abs(mirrored.impulse - out.impulse * x).max(axis=1) > tolerance * draw.speed
+    wrong = int(np.sum((away & (out.impulse[:, -1] >= 0.0)) | (mirrored.status != out.status)))
+    return f"in {wrong} of {len(draw.mu)} impacts the mirrored one has not the mirrored impulse" if wrong else ""
 
 
-def ignores_units(law: Law) -> str:
+def ignores_units(law: Law, dimension: int = 2) -> str:
     """Mass and length in other units give the same; μ of the viscous variant keeps its unit here."""
-    draw, mass, length = reference(), 0.05, 0.02
+    draw, mass, length = reference(dimension), 0.05, 0.02
     out = draw.resolve(law)
-    v_pre, r = draw.v_pre / [1.0, 1.0, length], draw.r * length
-    other = law(v_pre, r, mass=mass, k_g=length, mu=draw.mu, epsilon=draw.epsilon)
-    scale = draw.speed[:, None]
-    if not np.allclose(other.impulse / mass / scale, out.impulse / scale, rtol=0.0, atol=UNITS, equal_nan=True):
+    v_pre, r = np.array(draw.v_pre), draw.r * length
+    v_pre[:, dimension:] /= length
+    body: dict = {"k_g": length} if draw.inertia is None else {"inertia": draw.inertia * length**2}
+    other = law(v_pre, r, mass=mass, **body, mu=draw.mu, epsilon=draw.epsilon)
+    scale, tolerance = draw.speed[:, None], UNITS if dimension == 2 else _accuracy(law, dimension)
+    if not np.allclose(other.impulse / mass / scale, out.impulse / scale, rtol=0.0, atol=tolerance, equal_nan=True):
         return "with mass and lengths in other units the impulse is another one: a constant in it has a unit"
     return ""
 
 
-def keeps_momentum(law: Law) -> str:
+def keeps_momentum(law: Law, dimension: int = 2) -> str:
     """v⁺ − v = M⁻¹ Jᵀ c, in SI units of a real body."""
-    n, mass, k_g = 2000, 0.0364, 0.0192
+    n, mass, k_g, space = 2000, 0.0364, 0.0192, PLANE if dimension == 2 else SPACE
     rng = np.random.default_rng(20180608)
-    v_pre, r = rng.standard_normal((n, 3)) * [1.0, 1.0, 20.0], rng.uniform(-0.035, 0.035, (n, 2))
-    out = law(v_pre, r, mass=mass, k_g=k_g, mu=0.3, epsilon=0.5)
-    change = velocity_change(out.impulse[:, 0], out.impulse[:, 1], r, mass=mass, k_g=k_g)
+    v_pre = rng.standard_normal((n, space.motions)) * np.repeat([1.0, 20.0], [dimension, space.turns])
+    r = rng.uniform(-0.035, 0.035, (n, dimension))
+    body: dict = {"k_g": k_g} if dimension == 2 else {"inertia": k_g**2 * BODY}
+    out = law(v_pre, r, mass=mass, **body, mu=0.3, epsilon=0.5)
+    couple = space.moment(r.T, out.impulse.T).T
+    turned = couple / k_g**2 if dimension == 2 else np.linalg.solve(k_g**2 * BODY, couple.T).T
+    change = np.concatenate([out.impulse, turned], axis=1) / mass
     same = np.allclose(out.v_post - v_pre, change, rtol=1e-9, atol=1e-10, equal_nan=True)
     return "" if same else "the velocity after impact is not that which the impulse gives"
 
 
-def elastic_without_friction(law: Law) -> str:
+def elastic_without_friction(law: Law, dimension: int = 2) -> str:
     """ε = 1 and μ = 0 keep the energy, α = 1 exactly, for every law that is frictionless at μ = 0."""
-    alpha = reference().space.alpha(*reference().impulse(law, mu=0.0, epsilon=1.0))
-    if Promise.FRICTIONLESS in law.promises and not np.all(np.abs(alpha - 1.0) <= KEPT):
+    draw, breaks = reference(dimension), law.breaks if dimension == 2 else law.breaks_in_space
+    alpha = draw.space.alpha(*draw.impulse(law, mu=0.0, epsilon=1.0))
+    if Promise.FRICTIONLESS not in breaks and not np.all(np.abs(alpha - 1.0) <= _accuracy(law, dimension)):
         return "with ε = 1 and μ = 0 it does not keep the energy, though it is frictionless there"
     return ""
 
 
-def takes_batches(law: Law) -> str:
+def takes_batches(law: Law, dimension: int = 2) -> str:
     """n impacts at once, one at a time, and a grid of parameters (G, 1) agree; none give none."""
-    impacts = few()
+    impacts = few(dimension=dimension)
     out = impacts.resolve(law, mu=0.4, epsilon=0.6)
     if not np.array_equal(impacts.resolve(law, mu=np.full(40, 0.4), epsilon=np.full(40, 0.6)).v_post, out.v_post):
         return "one μ and ε for all impacts, and the same for each, give different outcomes"
     for i in range(40):
-        row = law(impacts.v_pre[i : i + 1], impacts.r[i : i + 1], mass=1.0, k_g=1.0, mu=0.4, epsilon=0.6)
+        row = impacts[i : i + 1].resolve(law, mu=0.4, epsilon=0.6)
         if row.status[0] != out.status[i] or not np.allclose(row.impulse[0], out.impulse[i], rtol=1e-10, atol=1e-12):
             return "an impact alone and the same among others have different outcomes"
-    if law(np.empty((0, 3)), np.empty((0, 2)), mass=1.0, k_g=1.0, mu=0.3, epsilon=0.5).v_post.shape != (0, 3):
+    if impacts[:0].resolve(law, mu=0.3, epsilon=0.5).v_post.shape != (0, impacts.v_pre.shape[1]):
         return "no impacts must give no outcomes"
-    seven, mu, epsilon = few(7), np.array([[0.1], [0.5], [1.2]]), np.array([[0.2], [0.5], [0.9]])
-    c_t, c_n = law.impulse(seven.space, mu, epsilon)
-    if np.broadcast_shapes(np.shape(c_t), np.shape(c_n)) != (3, 7):
+    seven, mu, epsilon = few(7, dimension), np.array([[0.1], [0.5], [1.2]]), np.array([[0.2], [0.5], [0.9]])
+    c = law.impulse(seven.space, mu, epsilon)
+    if np.broadcast_shapes(*(np.shape(part) for part in c)) != (3, 7):
         return "a grid of parameters (3, 1) on 7 impacts must give (3, 7) impulses: broadcast"
     for i in range(3):
         row = seven.resolve(law, mu=mu[i, 0], epsilon=epsilon[i, 0]).impulse
-        grid = np.stack([np.broadcast_to(c, (3, 7))[i] for c in (c_t, c_n)], axis=-1)
+        grid = np.stack([np.broadcast_to(part, (3, 7))[i] for part in c], axis=-1)
         if not np.allclose(grid, row, rtol=1e-9, atol=1e-12):
             return "a grid of parameters and single ones give different impulses"
     return ""
 
 
-def keeps_arguments(law: Law) -> str:
+def keeps_arguments(law: Law, dimension: int = 2) -> str:
     """Nothing is written into what the law is given."""
-    impacts = few()
+    impacts = few(dimension=dimension)
     given = (impacts.v_pre, impacts.r, impacts.mu, impacts.epsilon)
     before = [array.copy() for array in given]
     space = impacts.space
@@ -165,41 +200,66 @@ def keeps_arguments(law: Law) -> str:
     return ""
 
 
-def leaves_what_does_not_approach(law: Law) -> str:
+def leaves_what_does_not_approach(law: Law, dimension: int = 2) -> str:
     """A contact with v_n ≥ 0 gets no impulse."""
-    r = np.array([[0.3, -0.5], [0.3, -0.5]])
+    v, r, body = _three_alike(dimension)
     for v_n in (0.0, 0.7):
-        v = np.array([[0.4, v_n, 0.0], [0.4, -1.0, 0.0]])
-        out = law(v, r, mass=1.0, k_g=0.3, mu=0.4, epsilon=0.5)
+        v[0, dimension - 1] = v_n
+        out = law(v[:2], r[:2], **body, mu=0.4, epsilon=0.5)
         if out.status.tolist() != [Status.NOT_APPROACHING, Status.OK] or np.any(out.impulse[0] != 0.0):
             return "a contact that does not approach must have no impulse, and spare the others"
-        if not out.impulse[1, 1] > 0.0:
+        if not out.impulse[1, -1] > 0.0:
             return "a contact that approaches must be pushed"
     return ""
 
 
-def marks_invalid_states(law: Law) -> str:
+def marks_invalid_states(law: Law, dimension: int = 2) -> str:
     """NaN or infinity in one state is marked, and spares the others."""
     for bad in (np.nan, np.inf, -np.inf):
-        for column in range(5):
-            state = np.tile([0.6, -2.5, 1.0, 0.1, -0.2], (3, 1))
-            state[1, column] = bad
-            out = law(state[:, :3], state[:, 3:], mass=1.0, k_g=0.3, mu=0.4, epsilon=0.5)
-            if out.status.tolist() != [Status.OK, Status.INVALID_INPUT, Status.OK]:
-                return f"with {bad} in one state the others must be resolved as without it"
+        v, r, body = _three_alike(dimension)
+        for state in (v, r):
+            for column in range(state.shape[1]):
+                right, state[1, column] = state[1, column], bad
+                out = law(v, r, **body, mu=0.4, epsilon=0.5)
+                state[1, column] = right
+                if out.status.tolist() != [Status.OK, Status.INVALID_INPUT, Status.OK]:
+                    return f"with {bad} in one state the others must be resolved as without it"
     return ""
 
 
+def _three_alike(dimension: int) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Three times the same impact: velocities without spin, contact points, and what a law is told of the body."""
+    if dimension == 2:
+        return np.tile([0.6, -2.5, 0.0], (3, 1)), np.tile([0.1, -0.2], (3, 1)), {"mass": 1.0, "k_g": 0.3}
+    v, r = np.tile([0.6, 0.3, -2.5, 0.0, 0.0, 0.0], (3, 1)), np.tile([0.1, -0.15, -0.2], (3, 1))
+    return v, r, {"mass": 1.0, "inertia": 0.09 * BODY}
+
+
+# in the plane and in space
+_CHECKS: tuple[tuple[str, Callable[..., str]], ...] = (
+    ("solves every impact", always_solves),
+    ("keeps its promises, and breaks the others as often as it says", keeps_its_promises),
+    ("gives a mirrored impact the mirrored impulse", mirror_symmetric),
+    ("does not depend on the units of mass and length", ignores_units),
+    ("gives the velocity that follows from its impulse", keeps_momentum),
+    ("keeps the energy where nothing takes it", elastic_without_friction),
+    ("takes one impact, many, and grids of parameters", takes_batches),
+    ("leaves its arguments as they are", keeps_arguments),
+    ("leaves a contact alone that does not approach", leaves_what_does_not_approach),
+    ("marks an invalid state and spares the others", marks_invalid_states),
+)
 LAW_CHECKS: tuple[Check[Law], ...] = (
     Check("says where it is from, what it promises and what it breaks", declared),
-    Check("solves every impact", always_solves),
-    Check("keeps its promises, and breaks the others as often as it says", keeps_its_promises),
-    Check("gives a mirrored impact the mirrored impulse", mirror_symmetric),
-    Check("does not depend on the units of mass and length", ignores_units),
-    Check("gives the velocity that follows from its impulse", keeps_momentum),
-    Check("keeps the energy where nothing takes it", elastic_without_friction),
-    Check("takes one impact, many, and grids of parameters", takes_batches),
-    Check("leaves its arguments as they are", keeps_arguments),
-    Check("leaves a contact alone that does not approach", leaves_what_does_not_approach),
-    Check("marks an invalid state and spares the others", marks_invalid_states),
+    *(Check(name, find) for name, find in _CHECKS),
 )
+SPACE_CHECKS: tuple[Check[Law], ...] = (
+    *(Check(f"in space, {name}", functools.partial(find, dimension=3)) for name, find in _CHECKS),
+    Check("in space, turns the impulse with the impact", lambda law: turns_with_the_surface(law, reference(3))),
+    Check("in space, is that of the plane for impacts in a plane", lambda law: embeds_the_plane(law, reference())),
+)
+
+
+def checks_of(law: Law) -> tuple[Check[Law], ...]:
+    """The checks of a law, by the dimensions in which it holds."""
+    in_plane = LAW_CHECKS if 2 in law.dimensions else LAW_CHECKS[:1]
+    return (*in_plane, *SPACE_CHECKS) if 3 in law.dimensions else in_plane

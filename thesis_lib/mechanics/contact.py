@@ -112,7 +112,7 @@ class Contact:
             c_t, c_n = c
             v_t, v_n = self.v
             return v_t + self.K_tt * c_t + self.K_tn * c_n, v_n + self.K_tn * c_t + self.K_nn * c_n
-        return self.v + _product(self.K, c)
+        return np.stack([before + change for before, change in zip(self.v, _product(self.K, c))])
 
     def impulse_to(self, *v: np.ndarray | float) -> Components:
         """Impulse in N s that brings the contact point to the velocity v in m/s: c = M_C (v_C⁺ − v_C)."""
