@@ -16,7 +16,6 @@ Source: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu 
 from collections.abc import Callable
 
 import numpy as np
-import pandas as pd
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from thesis_lib.bodies.body import Body, Noise, Surface
@@ -25,13 +24,12 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.law_drops import REST, ReleaseDistribution, between, camera_and_body
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import POSE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.drake.clock import Clock, fly
 from thesis_lib.simulate.drake.plant import drop_plant
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
+from thesis_lib.simulate.rig.record import as_dataset
 
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
@@ -72,19 +70,13 @@ def simulate_augmented_in_drake(
     # planar motion does not depend on the mass
     drops = _Drops(model, body.model_copy(update={"mass": 1.0}))
     samples = np.arange(round(duration * rate) + 1) / rate
-    tables = []
+    poses = np.full((n, len(samples), 3), np.nan)
     for i in range(n):
-        tables.append(drops.run(i, q[i], v[i], samples))
+        drops.run(i, q[i], v[i], samples, poses[i])
         if (i + 1) % SAY_EVERY == 0:
             say(f"{i + 1} of {n} drops")
-    table = pd.concat(tables, ignore_index=True)
-    sigma = (noise.position, noise.position, noise.angle) if noise else (None, None, None)
-    # drawn for all samples: a body that comes to rest early changes no other's noise
-    noises = noise_rng.standard_normal((n, len(samples), 3))[table["trial"], np.rint(table["t"] * rate).astype(int)]
-    table[list(POSE)] += [std or 0.0 for std in sigma] * noises
-    surface, gravity = Surface(height=model.rig.height), model.rig.gravity
-    header = {"schema": 1, "description": f"{n} drops", "body": body, "surface": surface, "gravity": gravity}
-    return Dataset("drops", Header(**header, rate=rate, noise=noise), table)
+    header, table = as_dataset(poses, f"{n} drops", body, model.rig.gravity, rate, noise, noise_rng)
+    return Dataset("drops", header.model_copy(update={"surface": Surface(height=model.rig.height)}), table)
 
 
 class _Air(LeafSystem):
@@ -116,9 +108,9 @@ class _Drops:
         plant = drop_plant(body, CompliantContact(), HiddenCauses(), self.rig.gravity, air=air)
         self.clock = Clock(plant, FLIGHT_STEP, ACCURACY)
 
-    def run(self, trial: int, q: np.ndarray, v: np.ndarray, samples: np.ndarray) -> pd.DataFrame:
-        """Record of one drop without noise: trial, t (s), x, y (m), theta (rad)."""
-        self._trial[0], t, legs = trial, 0.0, []
+    def run(self, trial: int, q: np.ndarray, v: np.ndarray, samples: np.ndarray, poses: np.ndarray) -> None:
+        """One drop as the camera sees it, into `poses` (s, 3) at `samples` (s,) in s; NaN where it has ended."""
+        self._trial[0], t = trial, 0.0
 
         def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
             # no effect depends on the velocity in flight here: the gap is a function of pose
@@ -126,10 +118,10 @@ class _Drops:
 
         for _ in range(MAX_TOUCHES):
             times, q_path, v_path, landed = fly(self.clock, gap, t, q, v, samples[samples > t + 1e-12])
-            seen = samples[(samples >= t - 1e-12) & (samples <= times[-1] + 1e-12)]
+            seen = (samples >= t - 1e-12) & (samples <= times[-1] + 1e-12)
             # Drake stops at every sample, so that its log holds them
-            at = np.abs(times[:, None] - seen).argmin(axis=0)
-            legs.append(self._seen(q_path[at], v_path[at], seen, trial))
+            at = np.abs(times[:, None] - samples[seen]).argmin(axis=0)
+            poses[seen] = self._seen(_state(q_path[at], v_path[at], samples[seen], trial))
             if not landed:
                 break
             t, q = times[-1], q_path[-1]
@@ -141,20 +133,16 @@ class _Drops:
                 v = self.inner.predict(before, self.saved.values, self.rig).v[0]
                 continue
             end = kind_of(self.inner).off(self.inner, self.saved.values, self.rig, before)
-            within = samples[(samples > t + 1e-12) & (samples < end.t[0] - 1e-12)]
-            if len(within):
-                n = np.zeros(len(within), int)
-                path = between(before.select(n), end.select(n), within)
-                legs.append(self._seen(path.q, path.v, within, trial))
+            within = (samples > t + 1e-12) & (samples < end.t[0] - 1e-12)
+            n = np.zeros(within.sum(), int)
+            poses[within] = self._seen(between(before.select(n), end.select(n), samples[within]))
             t, q, v = end.t[0], end.q[0], end.v[0]
             if t >= samples[-1]:
                 break
-        return pd.concat(legs, ignore_index=True)
 
-    def _seen(self, q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> pd.DataFrame:
-        active = self.camera.active(self.saved.values)
-        seen = self.camera.to_measured(_state(q, v, t, trial), active, self.rig)
-        return pd.DataFrame({"trial": trial, "t": t, "x": seen.x, "y": seen.y, "theta": seen.theta})
+    def _seen(self, true: State) -> np.ndarray:
+        """Poses (n, 3) that the camera reports."""
+        return self.camera.to_measured(true, self.camera.active(self.saved.values), self.rig).q
 
 
 def _state(q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> State:

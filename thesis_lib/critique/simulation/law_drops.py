@@ -13,16 +13,14 @@ from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
-import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import POSE
 from thesis_lib.effects.effect import ORIGIN, Reference, Rig
 from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.rig.record import as_dataset
 
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
 REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
@@ -70,12 +68,7 @@ def simulate_law_drops(
         pose[alive, k] = measured.q[alive]
         for step in range(1, SUBSTEPS + 1):
             touch, state = _step(inner, values, rig, touch, state, (k + step / SUBSTEPS) / rate, h, alive)
-    sigma = [noise.position or 0.0, noise.position or 0.0, noise.angle or 0.0]
-    pose = pose + sigma * noise_rng.standard_normal(pose.shape)
-    trials, frames = np.nonzero(np.isfinite(pose[:, :, 0]))
-    table = pd.DataFrame({"trial": trials, "t": frames / rate} | dict(zip(POSE, pose[trials, frames].T)))
-    about = {"schema": 1, "description": "simulated drops", "body": body, "gravity": gravity, "rate": rate}
-    return Dataset("drops", Header(**about, noise=noise), table)
+    return Dataset("drops", *as_dataset(pose, "simulated drops", body, gravity, rate, noise, noise_rng))
 
 
 def camera_and_body(model: Model) -> tuple[Model, Model]:

@@ -123,13 +123,9 @@ def simulate_throws(
     for _ in range(settings.max_contacts):
         if not len(moving):
             break
-        t, corner = first_touch(body, q[moving], v[moving])
-        q_m, v_m = fly(body, q[moving], v[moving], t)
-        r = body.contact_point(q_m[:, 2], corner)
-        slow = -(v_m[:, 1] + r[:, 0] * v_m[:, 2]) < settings.micro
-        q_m, v_m, took = impact(q_m, v_m, r, slow, rng)
+        q_m, v_m, t, _ = _next_contact(body, q[moving], v[moving], np.full(len(moving), np.inf), impact, settings, rng)
         q[moving], v[moving] = q_m, v_m
-        clock[moving] += t + took
+        clock[moving] += t
         hits[moving] += 1
         contacts[moving] += clock[moving] - last[moving] > settings.merge
         last[moving] = clock[moving]
@@ -164,21 +160,38 @@ def state_at(
     for _ in range(settings.max_contacts):
         if not len(moving):
             break
-        q_m, v_m, remaining_m = q[moving], v[moving], remaining[moving]
-        t, corner = first_touch(body, q_m, v_m)
-        touches = t < remaining_m
-        t = np.minimum(t, remaining_m)
-        q_m, v_m = fly(body, q_m, v_m, t)
-        if touches.any():
-            r = body.contact_point(q_m[touches, 2], corner[touches])
-            before = v_m[touches]
-            slow = -(before[:, 1] + r[:, 0] * before[:, 2]) < settings.micro
-            _, v_m[touches], _ = impact(q_m[touches], before, r, slow, rng)
-        q[moving], v[moving], remaining[moving] = q_m, v_m, remaining_m - t
+        states = q[moving], v[moving], remaining[moving]
+        q[moving], v[moving], t, touches = _next_contact(body, *states, impact, settings, rng)
+        remaining[moving] -= t
         hits[moving] += touches
         moving = moving[touches]
     q[moving], v[moving] = np.nan, np.nan
     return q, v, hits
+
+
+def _next_contact(
+    body: ThrownBody,
+    q: np.ndarray,
+    v: np.ndarray,
+    left: np.ndarray,
+    impact: ImpactModel,
+    settings: ThrowSettings,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Pose and velocity (n, 3) after the next contact, or after `left` (n,) in s if that is before it.
+
+    Also the time (n,) in s that flight and contact take, and a mask (n,) of those that touch.
+    """
+    t, corner = first_touch(body, q, v)
+    touches = t < left
+    t = np.minimum(t, left)
+    q, v = fly(body, q, v, t)
+    if touches.any():
+        r = body.contact_point(q[touches, 2], corner[touches])
+        slow = -(v[touches, 1] + r[:, 0] * v[touches, 2]) < settings.micro
+        q[touches], v[touches], took = impact(q[touches], v[touches], r, slow, rng)
+        t[touches] += took
+    return q, v, t, touches
 
 
 def lies(body: ThrownBody, q: np.ndarray, v: np.ndarray, settle: float) -> np.ndarray:
