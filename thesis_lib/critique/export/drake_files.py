@@ -8,8 +8,10 @@ surface alike, because Drake mixes those of a pair.
 """
 
 import numpy as np
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.bodies.shapes import Disk, Ellipse
+from thesis_lib.critique.export.patch import Element
 from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.critique.export.text import comment, n, story
 from thesis_lib.engines.parameters import DrakeNumbers, drake_numbers
@@ -21,6 +23,8 @@ GRAVITY = {
     "sdf": "Drake ignores the gravity of an SDF world: set it in the plant",
     "urdf": "gravity is not part of URDF: set it where you load the file",
 }
+ROOTS = {"sdf": "sdf", "urdf": "robot"}
+NAMESPACE = {"sdf": "drake.mit.edu", "urdf": "http://drake.mit.edu"}
 WIDE, THICK = 20.0, 1.0  # m, of the box that is the surface in URDF
 
 
@@ -52,166 +56,127 @@ def contact_story(solid: ExportedBody, of: int) -> list[str]:
 
 def sdf(solid: ExportedBody) -> str:
     """The file as SDF, a world with two models."""
-    of = points(solid)
-    contact = _sdf_contact(numbers(solid, of))
-    I, reach = solid.inertia, float(-solid.shape.contact_point(np.zeros(1))[0, 1])
-    seen = f"""        <visual name="prism">
-{_placed(solid, "          ")}        </visual>
-"""
-    collisions = "".join(
-        f"""        <collision name="{name}">
-          <pose>{n(*place)} {turn}</pose>
-          <geometry>{shape}</geometry>
-{contact}        </collision>
-"""
-        for name, place, turn, shape in _collisions(solid, _SDF)
-    )
-    return f"""<?xml version="1.0"?>
-{comment([*story(solid, contact_story(solid, of)), "", GRAVITY["sdf"]])}
-<sdf version="1.9" xmlns:drake="drake.mit.edu">
-  <world name="drops">
-    <gravity>0 0 {n(-solid.gravity)}</gravity>
-    <model name="surface">
-      <static>true</static>
-      <pose>{n(solid.height * solid.normal)} 0 {n(solid.tilt)} 0</pose>
-      <link name="surface">
-        <collision name="plane">
-          <geometry><plane><normal>0 0 1</normal><size>1 1</size></plane></geometry>
-{contact}        </collision>
-      </link>
-    </model>
-    <model name="body">
-      <pose>{n((solid.height + reach) * solid.normal)} 0 0 0</pose>
-      <link name="body">
-        <inertial>
-          <pose>{n(solid.centre)} 0 0 0</pose>
-          <mass>{n(solid.mass)}</mass>
-          <inertia>
-            <ixx>{n(I[0, 0])}</ixx><iyy>{n(I[1, 1])}</iyy><izz>{n(I[2, 2])}</izz>
-            <ixy>{n(I[0, 1])}</ixy><ixz>{n(I[0, 2])}</ixz><iyz>{n(I[1, 2])}</iyz>
-          </inertia>
-        </inertial>
-{seen if solid.box else ""}{collisions}      </link>
-    </model>
-  </world>
-</sdf>
-"""
+    of, tree = points(solid), _Tree("sdf", version="1.9")
+    reach = float(-solid.shape.contact_point(np.zeros(1))[0, 1])
+    world = tree.add(tree.root, "world", name="drops")
+    tree.add(world, "gravity", f"0 0 {n(-solid.gravity)}")
+    surface = tree.add(world, "model", name="surface")
+    tree.add(surface, "static", "true")
+    tree.pose(surface, solid.height * solid.normal, f"0 {n(solid.tilt)} 0")
+    collision = tree.add(tree.add(surface, "link", name="surface"), "collision", name="plane")
+    plane = tree.add(tree.add(collision, "geometry"), "plane")
+    tree.values(plane, normal="0 0 1", size="1 1")
+    tree.contact(collision, numbers(solid, of))
+    body = tree.add(world, "model", name="body")
+    tree.pose(body, (solid.height + reach) * solid.normal)
+    _body(tree, tree.add(body, "link", name="body"), solid, of)
+    return tree.text([*story(solid, contact_story(solid, of)), "", GRAVITY["sdf"]])
 
 
 def urdf(solid: ExportedBody) -> str:
     """The file as URDF, a robot whose surface is fixed to the world."""
-    of = points(solid)
-    contact = _urdf_contact(numbers(solid, of))
-    I, normal = solid.inertia, solid.normal
-    under = (solid.height - 0.5 * THICK) * normal
-    collisions = "".join(
-        f"""    <collision name="{name}">
-      <origin xyz="{n(*place)}" rpy="{turn}"/>
-      <geometry>{shape}</geometry>
-{contact}    </collision>
-"""
-        for name, place, turn, shape in _collisions(solid, _URDF)
-    )
-    seen = ""
-    if isinstance(solid.shape, Disk):
-        turned = _URDF["cylinder"].format(n(solid.shape.radius), n(solid.depth))
-        seen = f"""    <visual name="disk">
-      <origin xyz="0 0 0" rpy="{_ALONG_Y}"/>
-      <geometry>{turned}</geometry>
-    </visual>
-"""
+    of, tree = points(solid), _Tree("urdf", name="drops")
+    tree.add(tree.root, "link", name="world")
+    collision = tree.add(tree.add(tree.root, "link", name="surface"), "collision", name="plane")
+    tree.shape(collision, "box", size=n(WIDE, WIDE, THICK))
+    tree.contact(collision, numbers(solid, of))
+    joint = tree.add(tree.root, "joint", name="surface", type="fixed")
+    tree.add(joint, "parent", link="world")
+    tree.add(joint, "child", link="surface")
+    tree.pose(joint, (solid.height - 0.5 * THICK) * solid.normal, f"0 {n(solid.tilt)} 0")
+    _body(tree, tree.add(tree.root, "link", name="body"), solid, of)
+    return tree.text([*story(solid, contact_story(solid, of)), "", GRAVITY["urdf"]])
+
+
+class _Tree:
+    """A new file; numbers stand in attributes of URDF and in elements of their own in SDF."""
+
+    def __init__(self, target: str, **attributes: str) -> None:
+        self.target = target
+        self.root = etree.Element(ROOTS[target], attributes, nsmap={"drake": NAMESPACE[target]})
+
+    def add(self, parent: Element, tag: str, text: str = "", **attributes: str) -> Element:
+        """A new last child; Drake's own tags begin with "drake:"."""
+        prefix, _, name = tag.rpartition(":")
+        child = etree.SubElement(parent, f"{{{NAMESPACE[self.target]}}}{name}" if prefix else tag, attributes)
+        child.text = text or None
+        return child
+
+    def values(self, element: Element, **values: str) -> None:
+        for name, value in values.items():
+            if self.target == "urdf":
+                element.set(name, value)
+            else:
+                self.add(element, name, value)
+
+    def pose(self, element: Element, place: np.ndarray, turn: str = "0 0 0") -> None:
+        """Where an element is: `place` (3,) in m, `turn` as roll, pitch, yaw in rad."""
+        if self.target == "urdf":
+            self.add(element, "origin", xyz=n(*place), rpy=turn)
+        else:
+            self.add(element, "pose", f"{n(*place)} {turn}")
+
+    def shape(self, element: Element, kind: str, **sizes: str) -> None:
+        self.values(self.add(self.add(element, "geometry"), kind), **sizes)
+
+    def contact(self, collision: Element, made: DrakeNumbers) -> None:
+        properties = self.add(collision, "drake:proximity_properties")
+        for name, value in drake_elements(made).items():
+            said = {"value": n(value)} if self.target == "urdf" else {"text": n(value)}
+            self.add(properties, f"drake:{name}", **said)
+
+    def text(self, said: list[str]) -> str:
+        """The file, headed by a comment."""
+        etree.indent(self.root)
+        return f'<?xml version="1.0"?>\n{comment(said)}\n{etree.tostring(self.root, encoding="unicode")}\n'
+
+
+def _body(tree: _Tree, link: Element, solid: ExportedBody, of: int) -> None:
+    """Inertia, what is seen, and what touches."""
+    I = solid.inertia
+    inertial = tree.add(link, "inertial")
+    tree.pose(inertial, solid.centre)
+    mass = {"value": n(solid.mass)} if tree.target == "urdf" else {"text": n(solid.mass)}
+    tree.add(inertial, "mass", **mass)
+    names = ("xx", "yy", "zz", "xy", "xz", "yz")
+    tensor = {f"i{name}": n(I["xyz".index(name[0]), "xyz".index(name[1])]) for name in names}
+    tree.values(tree.add(inertial, "inertia"), **tensor)
     if solid.box:
         (x, z), (a, b) = solid.box
-        seen = f"""    <visual name="prism">
-      <origin xyz="{n(x, 0.0, z)}" rpy="0 0 0"/>
-      <geometry><box size="{n(2.0 * a, solid.depth, 2.0 * b)}"/></geometry>
-    </visual>
-"""
-    tensor = " ".join(
-        f'i{name}="{n(I["xyz".index(name[0]), "xyz".index(name[1])])}"' for name in ("xx", "yy", "zz", "xy", "xz", "yz")
-    )
-    return f"""<?xml version="1.0"?>
-{comment([*story(solid, contact_story(solid, of)), "", GRAVITY["urdf"]])}
-<robot name="drops" xmlns:drake="http://drake.mit.edu">
-  <link name="world"/>
-  <link name="surface">
-    <collision name="plane">
-      <geometry><box size="{n(WIDE, WIDE, THICK)}"/></geometry>
-{contact}    </collision>
-  </link>
-  <joint name="surface" type="fixed">
-    <parent link="world"/>
-    <child link="surface"/>
-    <origin xyz="{n(under)}" rpy="0 {n(solid.tilt)} 0"/>
-  </joint>
-  <link name="body">
-    <inertial>
-      <origin xyz="{n(solid.centre)}" rpy="0 0 0"/>
-      <mass value="{n(solid.mass)}"/>
-      <inertia {tensor}/>
-    </inertial>
-{seen}{collisions}  </link>
-</robot>
-"""
+        seen = tree.add(link, "visual", name="prism")
+        tree.pose(seen, np.array([x, 0.0, z]))
+        tree.shape(seen, "box", size=n(2.0 * a, solid.depth, 2.0 * b))
+    elif isinstance(solid.shape, Disk) and tree.target == "urdf":
+        seen = tree.add(link, "visual", name="disk")
+        tree.pose(seen, np.zeros(3), _ALONG_Y)
+        tree.shape(seen, "cylinder", radius=n(solid.shape.radius), length=n(solid.depth))
+    for name, place, turn, kind, sizes in _collisions(solid, tree.target):
+        collision = tree.add(link, "collision", name=name)
+        tree.pose(collision, place, turn)
+        tree.shape(collision, kind, **sizes)
+        tree.contact(collision, numbers(solid, of))
 
 
-_SDF = {
-    "ellipsoid": "<ellipsoid><radii>{0} {1} {2}</radii></ellipsoid>",
-    "cylinder": "<cylinder><radius>{0}</radius><length>{1}</length></cylinder>",
-    "sphere": "<sphere><radius>{0}</radius></sphere>",
-}
-_URDF = {
-    "ellipsoid": '<drake:ellipsoid a="{0}" b="{1}" c="{2}"/>',
-    "cylinder": '<cylinder radius="{0}" length="{1}"/>',
-    "sphere": '<sphere radius="{0}"/>',
-}
 _ALONG_Y = f"{n(0.5 * np.pi)} 0 0"  # turns the axis of a cylinder
 
 
-def _collisions(solid: ExportedBody, form: dict[str, str]) -> list[tuple[str, np.ndarray, str, str]]:
-    """Name, place (3,) in m, turn and shape of each collision geometry."""
+def _collisions(solid: ExportedBody, target: str) -> list[tuple[str, np.ndarray, str, str, dict[str, str]]]:
+    """Name, place (3,) in m, turn, kind and sizes of each collision geometry."""
     shape, half = solid.shape, 0.5 * solid.depth
     if isinstance(shape, Ellipse):
         a, b = shape.semi_axes
-        return [("body", np.zeros(3), "0 0 0", form["ellipsoid"].format(n(a), n(half), n(b)))]
+        if target == "urdf":
+            return [("body", np.zeros(3), "0 0 0", "drake:ellipsoid", {"a": n(a), "b": n(half), "c": n(b)})]
+        return [("body", np.zeros(3), "0 0 0", "ellipsoid", {"radii": n(a, half, b)})]
     if isinstance(shape, Disk):
-        if form is _URDF:  # against a box, Drake iterates for the contact of a cylinder and does not get on
-            return [("body", np.zeros(3), "0 0 0", form["sphere"].format(n(shape.radius)))]
-        return [("body", np.zeros(3), _ALONG_Y, form["cylinder"].format(n(shape.radius), n(solid.depth)))]
+        sizes = {"radius": n(shape.radius)}
+        if target == "urdf":  # against a box, Drake iterates for the contact of a cylinder and does not get on
+            return [("body", np.zeros(3), "0 0 0", "sphere", sizes)]
+        return [("body", np.zeros(3), _ALONG_Y, "cylinder", sizes | {"length": n(solid.depth)})]
     rho = solid.corner_radius or SHARP
-    ball = form["sphere"].format(n(rho))
     centres = rounded_centres(shape.corners, rho)
     places = [np.array([x, y, z]) for x, z in centres for y in (rho - half, half - rho)]
-    return [(f"corner{i}", place, "0 0 0", ball) for i, place in enumerate(places)]
-
-
-def _placed(solid: ExportedBody, indent: str) -> str:
-    """Pose and geometry of the prism that is seen, of a box."""
-    if not solid.box:
-        return ""
-    (x, z), (a, b) = solid.box
-    size = n(2.0 * a, solid.depth, 2.0 * b)
-    return f"{indent}<pose>{n(x, 0.0, z)} 0 0 0</pose>\n{indent}<geometry><box><size>{size}</size></box></geometry>\n"
-
-
-def _sdf_contact(made: DrakeNumbers) -> str:
-    return "".join(
-        [
-            "          <drake:proximity_properties>\n",
-            *(f"            <drake:{name}>{n(value)}</drake:{name}>\n" for name, value in drake_elements(made).items()),
-            "          </drake:proximity_properties>\n",
-        ]
-    )
-
-
-def _urdf_contact(made: DrakeNumbers) -> str:
-    return "".join(
-        [
-            "      <drake:proximity_properties>\n",
-            *(f'        <drake:{name} value="{n(value)}"/>\n' for name, value in drake_elements(made).items()),
-            "      </drake:proximity_properties>\n",
-        ]
-    )
+    return [(f"corner{i}", place, "0 0 0", "sphere", {"radius": n(rho)}) for i, place in enumerate(places)]
 
 
 def drake_elements(made: DrakeNumbers) -> dict[str, float]:

@@ -9,12 +9,11 @@ Numbers stand in attributes of URDF and in the text of SDF.
 import numpy as np
 
 from thesis_lib.critique.export import drake_files
+from thesis_lib.critique.export.drake_files import NAMESPACE, ROOTS
 from thesis_lib.critique.export.patch import Element, Patch, not_patched
 from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.foundation.errors import UserError
 
-ROOTS = {"sdf": "sdf", "urdf": "robot"}
-NAMESPACE = {"sdf": "drake.mit.edu", "urdf": "http://drake.mit.edu"}
 _ENTRIES = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
