@@ -12,7 +12,7 @@ from thesis_lib.critique.likelihood.residuals import synthesise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
-from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.record import DropsWithTruth
 from thesis_lib.simulate.stepping.drops import simulate_drops
 
 TRUTH = {"mu": 0.2, "epsilon": 0.6}
@@ -20,7 +20,7 @@ LAW = LAWS["anitescu_potra_newton"]  # that of the simulator
 
 
 @cache
-def drops(n: int = 40, seed: int = 0) -> Drops:
+def drops(n: int = 40, seed: int = 0) -> DropsWithTruth:
     rng = np.random.default_rng(seed)
     return simulate_drops(ELLIPSE_BODY, PROOF_RELEASE, n, **TRUTH, noise=RIG_NOISE, rng=rng)
 

@@ -11,14 +11,14 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
-from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.record import DropsWithTruth
 
 APART = 4e-3  # s, one frame: contacts nearer than this are one hit in the samples
 REASON = "next corner"
 
 
 @cache
-def drops() -> Drops:
+def drops() -> DropsWithTruth:
     contact, rng = CompliantContact(contact_time=2e-5), np.random.default_rng(5)
     return simulate_compliant_drops(SQUARE, PROOF_RELEASE, 120, contact=contact, noise=RIG_NOISE, rng=rng)
 

@@ -25,7 +25,7 @@ from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
-from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.record import DropsWithTruth
 from thesis_lib.simulate.rig.tracker import Tracker
 
 NORMAL = 1.959964  # sigmas of a 95 % interval
@@ -107,7 +107,7 @@ def recorded(case: Case, shape: str, contact_time: float, drops: int, seed: int)
 
 def _drop(
     shape: str, contact_time: float, drops: int, seed: int, rate: float, noise: Noise | None, tracker: Tracker | None
-) -> Drops:
+) -> DropsWithTruth:
     contact, rng = CompliantContact(contact_time=contact_time, steps=STEPS), np.random.default_rng(seed)
     return simulate_compliant_drops(
         BODIES[shape], PROOF_RELEASE, drops, contact=contact, rate=rate, noise=noise, tracker=tracker, rng=rng

@@ -22,7 +22,7 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
-from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.record import DropsWithTruth
 from thesis_lib.simulate.rig.tracker import Tracker
 
 BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
@@ -33,7 +33,7 @@ CENTRAL = 0.02  # of τ: contacts are oblique, and gravity and friction act in t
 
 
 @cache
-def drops(shape: str, contact_time: float = T, noisy: bool = True) -> Drops:
+def drops(shape: str, contact_time: float = T, noisy: bool = True) -> DropsWithTruth:
     contact = CompliantContact(mu=MU, epsilon=EPSILON, contact_time=contact_time)
     noise, rng = RIG_NOISE if noisy else None, np.random.default_rng(1)
     return simulate_compliant_drops(BODIES[shape], PROOF_RELEASE, 150, contact=contact, noise=noise, rng=rng)
@@ -45,7 +45,7 @@ def critique(shape: str, contact_time: float = T) -> DropsCritique:
     return criticise_drops(Dataset(shape, made.header, made.trajectories), rng=np.random.default_rng(1))
 
 
-def where_arcs_meet(body: Body, made: Drops, tau: float) -> tuple[State, np.ndarray]:
+def where_arcs_meet(body: Body, made: DropsWithTruth, tau: float) -> tuple[State, np.ndarray]:
     """Free arcs before and after, at the centroid of the impulse: state before (n, …) and velocity after (n, 3).
 
     Only contacts of one corner that part within two contact times, from a fall of at least 0.3 m/s.

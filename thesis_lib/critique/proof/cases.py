@@ -49,7 +49,7 @@ from thesis_lib.simulate.rig.hidden_causes import (
     CompliantContact,
     HiddenCauses,
 )
-from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.record import DropsWithTruth
 
 NOTHING = "nothing"
 # contact time in s of each source unless a case says otherwise; 0: an instant
@@ -249,7 +249,7 @@ def make(case: Case) -> tuple[Dataset, dict[str, float]]:
     return Dataset("proof", drops.header, drops.trajectories), true
 
 
-def simulate(case: Case, sizes: dict[str, float], rng: np.random.Generator) -> Drops:
+def simulate(case: Case, sizes: dict[str, float], rng: np.random.Generator) -> DropsWithTruth:
     """Drops of a case's source, body, contact time and noise, with hidden causes of given `sizes`."""
     from thesis_lib.simulate.compliant.drops import OwnContact, simulate_compliant_drops
 

@@ -38,7 +38,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.impacts.measured_ratio import ImpactLink
 from thesis_lib.identify.impacts.settings import ImpactForces
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
-from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.record import DropsWithTruth
 from thesis_lib.statistics.intervals import Z95
 
 METHODS = ("arcs", "arcs_link")
@@ -149,7 +149,7 @@ def estimate_impulses(found: FoundImpacts, rig: Rig) -> dict[str, Impulses]:
     }
 
 
-def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Drops:
+def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> DropsWithTruth:
     """Drops in Drake, with noisy poses."""
     from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
     from thesis_lib.simulate.drake.drops import DropsInDrake
@@ -167,7 +167,9 @@ def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> Drops:
     )
 
 
-def study_impact_forces(drops: Drops, settings: ImpactForces | None = None) -> tuple[pd.DataFrame, dict[str, int]]:
+def study_impact_forces(
+    drops: DropsWithTruth, settings: ImpactForces | None = None
+) -> tuple[pd.DataFrame, dict[str, int]]:
     """A row per impact and method with estimates and truth, and the numbers of impacts left out by reason.
 
     Columns: trial, impact, method, t, c_t, c_n, c_t_std, c_n_std, true_c_t, true_c_n, sensor_c_n, peak, peak_true,
@@ -255,7 +257,7 @@ def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def shown_impact(rows: pd.DataFrame, drops: Drops, settings: ImpactForces) -> tuple[pd.Series, ForceHistory]:
+def shown_impact(rows: pd.DataFrame, drops: DropsWithTruth, settings: ImpactForces) -> tuple[pd.Series, ForceHistory]:
     """The impact of figure 2-15, the first hit of median true peak: its row of method `arcs` and its history."""
     first = rows[(rows["impact"] == 0) & (rows["method"] == METHODS[0])].sort_values("peak_true", kind="stable")
     if first.empty:

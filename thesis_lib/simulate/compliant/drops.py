@@ -26,7 +26,14 @@ from thesis_lib.simulate.compliant.contacts import LONGEST, TRUTH, contact_truth
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.rig.camera import reported, wobble
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
-from thesis_lib.simulate.rig.record import Drops, as_dataset, check_request, contact_table, sample_times, trial_table
+from thesis_lib.simulate.rig.record import (
+    DropsWithTruth,
+    as_dataset,
+    check_request,
+    contact_table,
+    sample_times,
+    trial_table,
+)
 from thesis_lib.simulate.rig.release import Release
 from thesis_lib.simulate.rig.smoothing import low_pass
 from thesis_lib.simulate.rig.tracker import Tracker
@@ -86,7 +93,7 @@ def simulate_compliant_drops(
     noise: Noise | None = None,
     tracker: Tracker | None = None,
     rng: np.random.Generator,
-) -> Drops:
+) -> DropsWithTruth:
     """Release n bodies over a plate and record their poses.
 
     Args:
@@ -138,7 +145,7 @@ def simulate_compliant_drops(
     poses = reported(poses, late, samples, hidden)
     dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng, tracker)
     count = np.bincount(impacts["trial"], minlength=n)
-    return Drops(*dataset, impacts, trial_table(pose, velocity, contacts=count, t_end=made.t))
+    return DropsWithTruth(*dataset, impacts, trial_table(pose, velocity, contacts=count, t_end=made.t))
 
 
 @dataclass(frozen=True)

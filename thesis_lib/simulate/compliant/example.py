@@ -27,7 +27,7 @@ from thesis_lib.simulate.rig.hidden_causes import (
     CompliantContact,
     HiddenCauses,
 )
-from thesis_lib.simulate.rig.record import Drops
+from thesis_lib.simulate.rig.record import DropsWithTruth
 from thesis_lib.simulate.rig.tracker import Tracker
 
 NOTHING = "nothing"
@@ -80,7 +80,7 @@ def simulate_example(
         raise UserError(f"{hidden} needs corners, and an ellipse has none; leave --shape out, or give --shape square.")
     body = BODIES[shape or ("square" if cornered else "ellipse")]
 
-    def released(n: int, part: str) -> Drops:
+    def released(n: int, part: str) -> DropsWithTruth:
         chosen: dict = {"hidden": causes, "noise": RIG_NOISE, "tracker": tracker, "contact": contact, "engine": engine}
         return simulate_compliant_drops(body, PROOF_RELEASE, n, rng=generator(seed, "example", part), **chosen)
 

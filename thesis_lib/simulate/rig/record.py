@@ -1,7 +1,7 @@
 """Output of simulated drops: a dataset as its owner would have it, and the truth.
 
-All three engines (time stepping, compliant contact, Drake) return `Drops` and add columns to the truth.  Arrays hold n
-drops or contacts in SI units; poses are x, y, θ of the body's origin.
+All engines (time stepping, compliant contact, Drake, MuJoCo) return `DropsWithTruth` and add columns to the truth.
+Arrays hold n drops or contacts in SI units; poses are x, y, θ of the body's origin.
 """
 
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ CONTACT = ("trial", "impact", "t", *POSE, *V_PRE, *V_POST, "r_x", "r_y", "c_t", 
 
 
 @dataclass(frozen=True)
-class Drops:
-    """Simulated drops."""
+class DropsWithTruth:
+    """Simulated drops as a rig records them, and what truly happened."""
 
     header: Header  # content of dataset.yaml as the user believes it, without hidden causes
     trajectories: pd.DataFrame  # trial,t,x,y,theta as the camera reports them, with noise, sorted by trial and t

@@ -29,7 +29,7 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.record import (
     CONTACT,
-    Drops,
+    DropsWithTruth,
     as_dataset,
     check_request,
     contact_columns,
@@ -71,7 +71,7 @@ def simulate_drops(
     rate: float = 250.0,
     noise: Noise | None = None,
     rng: np.random.Generator,
-) -> Drops:
+) -> DropsWithTruth:
     """Release n bodies over the surface y = 0 and record their poses.
 
     `mu` and `epsilon` are scalars or (n,); `gravity` is in m/s², `dt` the largest time step in s (the step used divides
@@ -107,7 +107,7 @@ def simulate_drops(
     impacts = contact_table(simulation.contacts, TRUTH, {"status": int})
     count = np.bincount(impacts["trial"], minlength=n)
     trials = trial_table(q, v, impacts=count, t_support=simulation.t_support, status=simulation.status)
-    return Drops(*dataset, impacts, trials)
+    return DropsWithTruth(*dataset, impacts, trials)
 
 
 class _Simulation:
