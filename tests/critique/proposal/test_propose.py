@@ -1,6 +1,7 @@
 """A law that no effect names, hidden in impacts: it is proposed, with its sign; nothing is where nothing is hidden."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,11 @@ from hidden_effects import injected_impacts
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.proposal.effect_file import effect_of
-from thesis_lib.critique.proposal.propose import Proposal, _Proposer, propose
+from thesis_lib.critique.proposal.propose import Proposal, _TermSearch, propose
 from thesis_lib.critique.proposal.regression import regress
 from thesis_lib.critique.proposal.results import content_of, sentences, text_of, write_source
 from thesis_lib.critique.proposal.terms import Term, all_terms
+from thesis_lib.critique.selection import discovery
 from thesis_lib.effects import EFFECTS
 from thesis_lib.extensions.check import results
 from thesis_lib.extensions.loading import read_file
@@ -50,7 +52,7 @@ def test_the_critique_alone_does_not_explain_it(hidden: DropsCritique) -> None:
 
 def test_the_hidden_term_is_proposed_with_its_size(proposal: Proposal) -> None:
     (one,) = proposal.terms
-    assert one.term.name == HIDDEN and one.p_value <= 0.01 and one.gain[1] > 0.0
+    assert one.term.name == HIDDEN and one.step.p_value <= 0.01 and one.step.gain[1] > 0.0
     a, std = (getattr(proposal.fitted, of)[f"{HIDDEN}.a"] for of in ("values", "std"))
     assert abs(a - SIZE) < 4.0 * std
     assert proposal.after.error.mean() < 1.25 * proposal.after.floor < 0.5 * proposal.before.error.mean()
@@ -58,11 +60,23 @@ def test_the_hidden_term_is_proposed_with_its_size(proposal: Proposal) -> None:
 
 
 def test_what_had_stood_in_for_it_leaves(hidden: DropsCritique, proposal: Proposal) -> None:
-    proposer = _Proposer(hidden, np.random.default_rng(0), str)
-    effects = (EFFECTS["contact_torque"], *proposal.fitted.effects)
-    fitted = proposer.world.fit(proposal.fitted.base, effects, proposal.fitted.values, "near")
-    left, _ = proposer.without_stand_ins(fitted, proposer.evidence.judge(fitted))
-    assert left.effects == proposal.fitted.effects and not proposal.kept
+    search = _TermSearch(hidden, np.random.default_rng(0), str)
+    world, base, values = search.world, proposal.fitted.base, proposal.fitted.values
+    (step,) = (one.step for one in proposal.terms)
+    steps, effects = [], (EFFECTS["contact_torque"], *proposal.fitted.effects)
+    for i, effect in enumerate(effects, 1):
+        fitted = world.fit(base, effects[:i], values, "near")
+        steps.append(replace(step, effect=effect, fitted=fitted, judged=search.evidence.judge(fitted)))
+    path = discovery.Path(base, steps[-1].fitted, steps[-1].judged, steps)
+    search.drop_superfluous(path, "immaterial")
+    assert path.fitted.effects == proposal.fitted.effects and not proposal.kept
+    assert path.dropped == {"contact_torque"}
+
+
+def test_the_held_out_trials_may_strike_a_term(hidden: DropsCritique, proposal: Proposal) -> None:
+    """Held-out trials on which the model without it is as good: those of drops with nothing hidden."""
+    other = replace(hidden, held_out=criticised(HIDDEN, 0.0).held_out)
+    assert propose(other, np.random.default_rng(0)) is None
 
 
 def test_the_same_stream_gives_the_same_proposal(hidden: DropsCritique, proposal: Proposal) -> None:

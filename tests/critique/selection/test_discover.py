@@ -72,7 +72,7 @@ def test_forced_effects_are_switched_on_in_the_order_given():
 def test_an_effect_that_a_later_one_makes_superfluous_leaves_again():
     world, settings, rng = Drops(table_only()), CritiqueSettings(), np.random.default_rng(0)
     steps = search(world, settings, rng, fixed=["wrong_inertia", "tangential_restitution"]).steps
-    checks = search_module._Search(world, settings, rng, lambda text: None)
+    checks = search_module.Search(world, settings, rng, lambda text: None)
     assert checks.evidence.superfluous(steps, steps[:-1]) == "wrong_inertia"
     (left,) = checks.without(steps, "wrong_inertia")
     assert [effect.name for effect in left.fitted.model.effects] == ["tangential_restitution"]

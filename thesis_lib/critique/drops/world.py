@@ -156,7 +156,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return any(channel_is_material(better, worse, channel, settings) for channel in channels)
 
     def includes(self, candidate: str, other: str) -> bool:
-        return other in EFFECTS[candidate].includes
+        return other in self.candidates[candidate].includes
 
     def turns_bases(self, candidate: Effect) -> bool:
         return any(p.discrete is not None for p in candidate.parameters)

@@ -138,7 +138,7 @@ def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
     if found is not None:
         first, after = found.terms[0], found.after
         row["proposed"] = "+".join(one.term.name for one in found.terms)
-        row |= {"law": found.fitted.base, "alternatives": "+".join(term.name for term in first.alternatives)}
+        row |= {"law": found.fitted.base, "alternatives": "+".join(first.step.alternatives)}
         a = f"{first.term.name}.a"
         numbers |= {"a": found.fitted.values[a], "a_std": found.fitted.std[a]}
         numbers |= {"after": float(after.error.mean()), "floor": after.floor, "excess": after.excess}

@@ -44,11 +44,11 @@ def content_of(proposal: Proposal | None, file: str) -> dict | None:
             "equation": one.term.equation,
             "parameters": {"a": parameters[f"{one.term.name}.a"]},
             "gain": {
-                "held_out_log_score_per_impact": one.gain[0],
-                "interval": list(one.gain[1:]),
-                "p_value": one.p_value,
+                "held_out_log_score_per_impact": one.step.gain[0],
+                "interval": list(one.step.gain[1:]),
+                "p_value": one.step.p_value,
             },
-            "indistinguishable_from": [other.name for other in one.alternatives],
+            "indistinguishable_from": list(one.step.alternatives),
             "share_of_halves": one.share,
         }
         for one in proposal.terms
@@ -134,7 +134,7 @@ def text_of(proposal: Proposal) -> str:
     """The text of the effect file, with what was measured."""
     found = [
         f"Found: {one.term.name}: {sized({'parameters': {'a': proposal.fitted.content(f'{one.term.name}.a')}})}, "
-        f"p = {one.p_value:.2g} among {proposal.tried} terms."
+        f"p = {one.step.p_value:.2g} among {proposal.tried} terms."
         for one in proposal.terms
     ]
     before, after = proposal.before.error.mean(), proposal.after.error.mean()

@@ -17,12 +17,13 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Generic
 
 import numpy as np
 
+from thesis_lib.critique.selection.bases import Bases
 from thesis_lib.critique.selection.discovery import Discovery, Path, Step
 from thesis_lib.critique.selection.evidence import Drop, Evidence
 from thesis_lib.critique.selection.scan import Scan
@@ -31,9 +32,7 @@ from thesis_lib.critique.selection.world import E, F, J, World
 
 JUDGED = 3  # finalists judged by K-fold first; the others if none of these enters
 HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
-RUNNERS_UP, NEARLY = 3, 0.8  # effects tried with bases of the reserve where the best leaves an error; of its quick gain
 RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
-FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve with more is judged first
 FAR_BEYOND = 3.0  # times the largest draw of the null: refits stretch no gain this far
 
 
@@ -56,36 +55,64 @@ def search(
     `rng` draws the folds and seeds the named streams.  `fixed` are effects to switch on, in this order, instead of the
     automatic choice.  `say` receives a line for each step.
     """
-    return _Search(world, settings, rng, say).run(fixed)
+    return Search(world, settings, rng, say, fixed).run()
 
 
-class _Search(Generic[E, F, J]):
-    """State that stays fixed during the search: data, thresholds and what counts as evidence."""
+@dataclass(frozen=True)
+class Shortlist(Generic[F]):
+    """What a step chooses from.
+
+    Attributes:
+        quick: by the name of the candidate, the best quick fit with it, the best first.
+        contenders: models without any of them, over which a fit gains.
+        tests: score tests, with the null that counts all candidates.
+        base: of the fits that are judged, where it is not that of the quick ones.
+        alike: candidates that explain the same as the first, where that is not asked of the tests.
+    """
+
+    quick: Mapping[str, F]
+    contenders: Sequence[F]
+    tests: Scan
+    base: str | None = None
+    alike: tuple[str, ...] | None = None
+
+
+class Search(Generic[E, F, J]):
+    """A search from the best base on: data, thresholds and what counts as evidence stay fixed."""
 
     def __init__(
-        self, world: World[E, F, J], settings: SearchSettings, rng: np.random.Generator, say: Callable[[str], None]
+        self,
+        world: World[E, F, J],
+        settings: SearchSettings,
+        rng: np.random.Generator,
+        say: Callable[[str], None],
+        fixed: Sequence[str] | None = None,
     ) -> None:
-        self.world, self.settings, self.say = world, settings, say
+        self.world, self.settings, self.say, self.fixed = world, settings, say, fixed
         self.evidence = Evidence(world, settings, rng)
+        self.bases = Bases(self.evidence)
+        self.most = settings.max_effects if fixed is None else len(fixed)
+        self.plain: dict[str, F] = {}  # the bases without effects
+        self.ranked_bases: list[str] = []  # their names, the best first
 
-    def run(self, fixed: Sequence[str] | None) -> Discovery[E, F, J]:
-        world = self.world
-        bases = {name: world.fit(name, (), effort="near") for name in world.bases}
-        ranked = sorted(bases, key=lambda name: -bases[name].score)
-        base, judgements = next(self.evidence.judged_in_turn(bases, ranked))
+    def run(self) -> Discovery[E, F, J]:
+        world, fixed = self.world, self.fixed
+        plain = {name: world.fit(name, (), effort="near") for name in world.bases}
+        ranked = sorted(plain, key=lambda name: -plain[name].score)
+        base, judgements = next(self.evidence.judged_in_turn(plain, ranked))
         judged = judgements[base]
-        ranked = [base, *(name for name in ranked if name != base)]
-        fitted = bases[base] = self.in_full(bases[base])
+        fitted = plain[base] = self.bases.in_full(plain[base])
+        self.plain, self.ranked_bases = plain, [base, *(name for name in ranked if name != base)]
         path = Path(base, fitted, judged)
-        if fixed is not None or not self.most(fixed):
-            other = self.other_base(self.reserve(fitted), fitted, judged)
+        if fixed is not None or not self.most:
+            other = self.bases.other(self.bases.reserve(fitted), fitted, judged)
             if other:
-                self.on_other_base(path, other, bases)
-        path = self.extend(path, bases, ranked, fixed)
+                self.on_other_base(path, other)
+        path = self.extend(path)
         if path.simpler is not None and world.leaves_an_error(path.judged):
-            path = self.better_of(path, path.simpler, bases, ranked)
-        if path.steps and (other := self.other_base(self.reserve(path.fitted, refine=True), path.fitted, path.judged)):
-            self.on_other_base(path, other, bases, "useless" if fixed is None else "none")
+            path = self.better_of(path, path.simpler)
+        if path.steps:
+            self.refine(path, "useless" if fixed is None else "none")
         rest = [e for e in world.candidates.values() if e not in path.fitted.effects]
         last_scan = self.evidence.scan(path.fitted, rest, "last null")
         first_scan = path.first_scan or last_scan
@@ -96,132 +123,87 @@ class _Search(Generic[E, F, J]):
         elif path.unasked:
             limit = "finalists"
         return Discovery(
-            bases, path.base, tuple(path.steps), first_scan, last_scan, path.below, world.not_testable, limit
+            self.plain, path.base, tuple(path.steps), first_scan, last_scan, path.below, world.not_testable, limit
         )
 
-    def most(self, fixed: Sequence[str] | None) -> int:
-        """Most effects."""
-        return self.settings.max_effects if fixed is None else len(fixed)
-
-    def extend(
-        self,
-        path: Path[E, F, J],
-        bases: dict[str, F],
-        ranked: Sequence[str],
-        fixed: Sequence[str] | None,
-        with_reserve: bool = True,
-    ) -> Path[E, F, J]:
+    def extend(self, path: Path[E, F, J], with_reserve: bool = True) -> Path[E, F, J]:
         """Add effects to a path as long as one enters; the path."""
-        world = self.world
-        while len(path.steps) < self.most(fixed):
-            fitted, judged, steps = path.fitted, path.judged, path.steps
-            taken = {step.effect.name for step in steps} | path.dropped
-            candidates = [e for e in world.candidates.values() if e.name not in taken]
-            if fixed is not None:
-                candidates = [world.candidates[fixed[len(steps)]]]
-            if not candidates:
-                break
-            on = [step.effect.name for step in steps]
-            tests = self.evidence.scan(fitted, candidates, "null", *on)
-            path.first_scan = path.first_scan or tests
-            number = len(steps) + 1
-            self.say(f"step {number}: trying {len(candidates)} effects")
-            # a missing effect may favour the wrong base: the next best bases are tried with it, too
-            contenders = [fitted] if steps else [bases[name] for name in ranked[: world.rivals]]
-            if fitted.base in world.reserve:
-                contenders = [world.fit(fitted.base, fitted.effects, fitted.values, "quick")]
-            if fixed is None:
-                candidates = self.worth_a_fit(fitted, judged, candidates, tests)
-            quick = self.quick_fits(contenders, candidates, fitted)
+        world, bases, forced = self.world, self.bases, self.fixed is not None
+        while len(path.steps) < self.most and (shortlist := self.shortlist(path)):
+            fitted, judged, number = path.fitted, path.judged, len(path.steps) + 1
+            quick, contenders = shortlist.quick, shortlist.contenders
+            path.first_scan = path.first_scan or shortlist.tests
             # a base of the reserve is asked for where the best effect leaves an error, too
             best = next(iter(quick.values()), fitted)
-            leaves = with_reserve and fixed is None and world.leaves_an_error(judged) and self.leaves_an_error(best)
-            step, reserve = None, self.reserve(fitted) if leaves else []
-            other: tuple[F, J] | None = self.far_better_base(reserve, quick, contenders, judged)
+            leaves = with_reserve and not forced and world.leaves_an_error(judged) and bases.leaves_an_error(best)
+            step, reserve = None, bases.reserve(fitted) if leaves else []
+            other: tuple[F, J] | None = bases.far_better(reserve, quick, contenders, judged)
             if other is None:
-                step, path.below, path.unasked = self.best_step(
-                    fitted, judged, contenders, quick, tests, fixed is not None
-                )
+                step, path.below, path.unasked = self.best_step(fitted, judged, shortlist)
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
                     rival = step.fitted if step else fitted
-                    other = self.other_base(reserve, rival, step.judged if step else judged)
+                    other = bases.other(reserve, rival, step.judged if step else judged)
             if other:
                 path.remember(step)
             elif step:
-                step = self.with_best_base(step)
+                step = bases.with_best_base(step)
                 self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
-                steps.append(step)
-                if with_reserve and fixed is None and world.reserve and world.leaves_an_error(step.judged):
-                    steps[-1] = self.with_other_base(step, quick, contenders, judged)
+                # a model of the shortlist may do without effects of the path
+                on = {e.name for e in step.fitted.effects}
+                path.steps = steps = [*(one for one in path.steps if one.effect.name in on), step]
+                if with_reserve and not forced and world.reserve and world.leaves_an_error(step.judged):
+                    steps[-1] = bases.with_other_base(step, quick, contenders, judged)
                     if steps[-1] is not step:
                         other = (steps[-1].fitted, steps[-1].judged)
                         path.remember(step)
             if other:
-                self.on_other_base(path, other, bases)
+                self.on_other_base(path, other)
                 continue
             if step is None:
                 break
-            if fixed is None and (name := self.evidence.superfluous(steps, steps[:-1])):
+            if not forced and (name := self.evidence.superfluous(path.steps, path.steps[:-1])):
                 self.say(f"not needed any more: {name}")
                 path.dropped.add(name)
-                path.steps = self.without(steps, name)
+                path.steps = self.without(path.steps, name)
             path.fitted, path.judged = path.steps[-1].fitted, path.steps[-1].judged
         return path
 
-    def better_of(
-        self, path: Path[E, F, J], simpler: Path[E, F, J], bases: dict[str, F], ranked: Sequence[str]
-    ) -> Path[E, F, J]:
+    def shortlist(self, path: Path[E, F, J]) -> Shortlist[F] | None:
+        """What the next step chooses from; None if there is nothing."""
+        world, fitted, steps, fixed = self.world, path.fitted, path.steps, self.fixed
+        taken = {step.effect.name for step in steps} | path.dropped
+        candidates = [e for e in world.candidates.values() if e.name not in taken]
+        if fixed is not None:
+            candidates = [world.candidates[fixed[len(steps)]]]
+        if not candidates:
+            return None
+        tests = self.evidence.scan(fitted, candidates, "null", *(step.effect.name for step in steps))
+        self.say(f"step {len(steps) + 1}: trying {len(candidates)} effects")
+        # a missing effect may favour the wrong base: the next best bases are tried with it, too
+        contenders = [fitted] if steps else [self.plain[name] for name in self.ranked_bases[: world.rivals]]
+        base = fitted.base if fitted.base in world.reserve else None
+        if base:
+            contenders = [world.fit(base, fitted.effects, fitted.values, "quick")]
+        if fixed is None:
+            candidates = self.worth_a_fit(fitted, path.judged, candidates, tests)
+        return Shortlist(self.quick_fits(contenders, candidates, fitted), contenders, tests, base)
+
+    def better_of(self, path: Path[E, F, J], simpler: Path[E, F, J]) -> Path[E, F, J]:
         """The path on a base of the reserve, or that which goes on without it, if this ends better."""
         self.say(f"on {simpler.fitted.base} once more, with other effects")
         if simpler.steps:
-            last = simpler.steps[-1] = self.with_best_base(simpler.steps[-1])
+            last = simpler.steps[-1] = self.bases.with_best_base(simpler.steps[-1])
             simpler.fitted = last.fitted
-        simpler = self.extend(simpler, bases, ranked, None, with_reserve=False)
+        simpler = self.extend(simpler, with_reserve=False)
         gain = self.evidence.gain(simpler.judged, path.judged, "simpler", simpler.base)
         errs_more = self.world.errs_more(simpler.judged, path.judged, self.settings)
         return simpler if gain[1] > 0.0 and not errs_more else path
 
-    def leaves_an_error(self, fitted: F) -> bool:
-        """Whether a model errs by more than noise where it was fitted."""
-        return self.world.leaves_an_error(self.world.judge(fitted))
-
-    def in_full(self, fitted: F) -> F:
-        """The same model, fitted until nothing changes."""
-        return self.world.fit(fitted.base, fitted.effects, fitted.values)
-
-    def reserve(self, fitted: F, refine: bool = False) -> list[F]:
-        """Quick fits of bases of the reserve with the same effects; none for a fit that has one of them."""
-        world = self.world
-        return world.reserve_fits(fitted, refine) if world.reserve and fitted.base not in world.reserve else []
-
-    def far_better_base(
-        self, reserve: Sequence[F], quick: Mapping[str, F], contenders: Sequence[F], judged: J
-    ) -> tuple[F, J] | None:
-        """`other_base` if its quick fit gains far more over the `contenders` than any effect does by its own."""
-        world = self.world
-        gain = max((world.quick_gain(fit, contenders) for fit in reserve), default=0.0)
-        most = max((world.quick_gain(fit, contenders) for fit in quick.values()), default=0.0)
-        if gain < max(FAR_BETTER * most, self.settings.tell_apart):
-            return None
-        return self.other_base(reserve, max(contenders, key=lambda fit: fit.score), judged)
-
-    def other_base(self, reserve: Sequence[F], rival: F, to_beat: J) -> tuple[F, J] | None:
-        """Fit and judgement of the best base of the reserve, if it predicts better than `rival` and errs no more.
-
-        `reserve` holds quick fits; `to_beat` is the judgement of `rival`.
-        """
-        world, least = self.world, self.settings.tell_apart
-        if not reserve:
-            return None
-        best = max(reserve, key=lambda fit: fit.score)
-        best = world.fit(best.base, best.effects, best.values, "near")
-        if best.score - rival.score < least:
-            return None
-        other = self.evidence.judge(best)
-        gain = self.evidence.gain(other, to_beat, "reserve", best.base)
-        better = gain[1] > 0.0 and other.total - to_beat.total > least
-        better = better and not world.errs_more(other, to_beat, self.settings)
-        return (self.in_full(best), other) if better else None
+    def refine(self, path: Path[E, F, J], drop: Drop) -> None:
+        """Put a path on the base of the reserve that says the same with fewer approximations, if it predicts better."""
+        other = self.bases.other(self.bases.reserve(path.fitted, refine=True), path.fitted, path.judged)
+        if other:
+            self.on_other_base(path, other, drop)
 
     def worth_a_fit(self, fitted: F, judged: J, candidates: Sequence[E], tests: Scan) -> list[E]:
         """Candidates whose score test is at least half of what is significant, and all that act on what is left."""
@@ -254,10 +236,11 @@ class _Search(Generic[E, F, J]):
         return sorted(fits, key=lambda name: len(fits[name].values) - len(fitted.values) - fits[name].score)
 
     def best_step(
-        self, fitted: F, judged: J, contenders: Sequence[F], quick: Mapping[str, F], tests: Scan, forced: bool
+        self, fitted: F, judged: J, shortlist: Shortlist[F]
     ) -> tuple[Step[E, F, J] | None, F | None, tuple[str, ...]]:
         """The step that enters, or None with the fit of a significant but immaterial effect, and `Path.unasked`."""
-        world, settings = self.world, self.settings
+        world, settings, forced = self.world, self.settings, self.fixed is not None
+        quick, contenders, tests = shortlist.quick, shortlist.contenders, shortlist.tests
         on = [e.name for e in fitted.effects]
         gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
         least = 0.5 * np.quantile(tests.null, 1.0 - settings.alpha)
@@ -265,12 +248,14 @@ class _Search(Generic[E, F, J]):
         worth = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least]
         names = worth[: settings.finalists]
         unasked = tuple(n for n in worth[len(names) :] if not forced and tests.p_value(gains[n]) <= settings.alpha)
-        if fitted.base in world.reserve and quick:
+        if shortlist.base and quick:
             # quick fits are of its limit, which may be far away; slopes are its own
             best_slope = max(quick, key=lambda name: tests.gain[name])
             names += [best_slope] * (best_slope not in names)
-        bases = {name: fitted.base if fitted.base in world.reserve else quick[name].base for name in names}
-        near = {name: world.fit(bases[name], quick[name].effects, quick[name].values, "near") for name in names}
+        near = {
+            name: world.fit(shortlist.base or fit.base, fit.effects, fit.values, "near")
+            for name, fit in ((name, quick[name]) for name in names)
+        }
         near |= self.simpler_fits(near, quick, fitted)
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
@@ -296,7 +281,9 @@ class _Search(Generic[E, F, J]):
                 p_value = tests.p_value(gains[name] / stretch)
                 fails = None if p_value <= settings.alpha else "chance"
             if forced or fails is None:
-                others = self.evidence.alternatives(name, gains, tests, judgements)
+                others = shortlist.alike
+                if others is None:
+                    others = self.evidence.alternatives(name, gains, tests, judgements)
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
         return None, below, unasked
 
@@ -320,66 +307,24 @@ class _Search(Generic[E, F, J]):
         others = [other for name, other in judgements.items() if self.world.includes(effect.name, name)]
         return any(self.evidence.failure(judgements[effect.name], other, effect) for other in others)
 
-    def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
-        """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
-        world, fitted, least = self.world, step.fitted, self.settings.tell_apart
-        others = [world.fit(name, fitted.effects, fitted.values, "quick") for name in world.bases]
-        others += world.reserve_fits(fitted) if fitted.base in world.reserve else []
-        others = [fit for fit in others if fit.base != fitted.base]
-        for quick in sorted(others, key=lambda fit: -fit.score)[:1]:
-            best = world.fit(quick.base, quick.effects, quick.values, "near")
-            if best.score - fitted.score >= least:
-                judged = self.evidence.judge(best)
-                if judged.total - step.judged.total >= least and not world.errs_more(
-                    judged, step.judged, self.settings
-                ):
-                    step = replace(step, fitted=best, judged=judged)
-        return replace(step, fitted=self.in_full(step.fitted))
-
-    def with_other_base(
-        self, step: Step[E, F, J], quick: Mapping[str, F], contenders: Sequence[F], before: J
-    ) -> Step[E, F, J]:
-        """The step, or an effect that gains nearly as much, on a base of the reserve, if these predict better."""
-        # an effect may have been chosen because the base was the wrong one, and a base because the effect was missing
-        world = self.world
-        gains = {name: world.quick_gain(quick[name], contenders) for name in list(quick)[:RUNNERS_UP]}
-        rivals = [quick[name] for name, gain in gains.items() if gain >= NEARLY * max(gains.values())]
-        reserve = [fit for rival in rivals if len(rivals) > 1 for fit in world.reserve_fits(rival)]
-        if (other := self.other_base(reserve, step.fitted, step.judged)) is None:
-            return step
-        for simpler in (fit for fit in reserve if fit.base == other[0].base):
-            if world.includes(other[0].effects[-1].name, simpler.effects[-1].name):
-                near = world.fit(simpler.base, simpler.effects, simpler.values, "near")
-                judged = self.evidence.judge(near)
-                if self.evidence.failure(other[1], judged, other[0].effects[-1]):
-                    other = self.in_full(near), judged
-        fitted, effect = other[0], other[0].effects[-1]
-        scores = {fit.effects[-1].name: fit.score for fit in reserve if fit.base == fitted.base}
-        least = scores.pop(effect.name) - self.settings.tell_apart
-        others = tuple(name for name, score in scores.items() if score > least)
-        gain = self.evidence.gain(other[1], before, "gain", *(e.name for e in other[0].effects))
-        p_value = step.scan.p_value(gains[effect.name])
-        return replace(
-            step, effect=effect, alternatives=others, p_value=p_value, gain=gain, fitted=other[0], judged=other[1]
-        )
-
-    def on_other_base(
-        self, path: Path[E, F, J], other: tuple[F, J], bases: dict[str, F], drop: Drop = "immaterial"
-    ) -> None:
+    def on_other_base(self, path: Path[E, F, J], other: tuple[F, J], drop: Drop = "immaterial") -> None:
         """Put a path on another base; what had stood in for it is dropped."""
-        world, (fitted, judged), steps = self.world, other, path.steps
-        self.say(f"another base, {fitted.base}")
-        steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
-        while drop != "none" and steps and (name := self.evidence.superfluous(steps, steps, drop)):
+        path.fitted, path.judged = other
+        self.say(f"another base, {path.fitted.base}")
+        path.steps[-1:] = [replace(step, fitted=path.fitted, judged=path.judged) for step in path.steps[-1:]]
+        self.drop_superfluous(path, drop)
+        if not path.steps:
+            self.plain[path.fitted.base], path.base = path.fitted, path.fitted.base
+
+    def drop_superfluous(self, path: Path[E, F, J], drop: Drop) -> None:
+        """Take away one after the other what a path does not need any more."""
+        while drop != "none" and path.steps and (name := self.evidence.superfluous(path.steps, path.steps, drop)):
             self.say(f"not needed any more: {name}")
             path.dropped.add(name)
-            smaller = tuple(e for e in fitted.effects if e.name != name)
-            fitted = world.fit(fitted.base, smaller, fitted.values)
-            judged, steps = self.evidence.judge(fitted), self.without(steps, name)
-            steps[-1:] = [replace(step, fitted=fitted, judged=judged) for step in steps[-1:]]
-        path.fitted, path.judged, path.steps = fitted, judged, steps
-        if not steps:
-            bases[fitted.base], path.base = fitted, fitted.base
+            smaller = tuple(e for e in path.fitted.effects if e.name != name)
+            path.fitted = self.world.fit(path.fitted.base, smaller, path.fitted.values)
+            path.judged, path.steps = self.evidence.judge(path.fitted), self.without(path.steps, name)
+            path.steps[-1:] = [replace(step, fitted=path.fitted, judged=path.judged) for step in path.steps[-1:]]
 
     def without(self, steps: Sequence[Step[E, F, J]], name: str) -> list[Step[E, F, J]]:
         """The steps without one effect; all later ones are fitted and judged again."""

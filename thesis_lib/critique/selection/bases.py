@@ -1,0 +1,109 @@
+"""Which base a model goes with: the laws that compete, and those of the reserve, which are slow to fit.
+
+A missing effect may favour the wrong base, and a wrong base an effect that only stands in for it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Generic
+
+from thesis_lib.critique.selection.discovery import Step
+from thesis_lib.critique.selection.evidence import Evidence
+from thesis_lib.critique.selection.world import E, F, J
+
+RUNNERS_UP, NEARLY = 3, 0.8  # effects tried with bases of the reserve where the best leaves an error; of its quick gain
+FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve with more is judged first
+
+
+class Bases(Generic[E, F, J]):
+    """The bases of a world, and the evidence for one in place of another."""
+
+    def __init__(self, evidence: Evidence[E, F, J]) -> None:
+        self.world, self.settings, self.evidence = evidence.world, evidence.settings, evidence
+
+    def in_full(self, fitted: F) -> F:
+        """The same model, fitted until nothing changes."""
+        return self.world.fit(fitted.base, fitted.effects, fitted.values)
+
+    def leaves_an_error(self, fitted: F) -> bool:
+        """Whether a model errs by more than noise where it was fitted."""
+        return self.world.leaves_an_error(self.world.judge(fitted))
+
+    def reserve(self, fitted: F, refine: bool = False) -> list[F]:
+        """Quick fits of bases of the reserve with the same effects; none for a fit that has one of them."""
+        world = self.world
+        return world.reserve_fits(fitted, refine) if world.reserve and fitted.base not in world.reserve else []
+
+    def far_better(
+        self, reserve: Sequence[F], quick: Mapping[str, F], contenders: Sequence[F], judged: J
+    ) -> tuple[F, J] | None:
+        """`other` if its quick fit gains far more over the `contenders` than any effect does by its own."""
+        if not reserve:
+            return None
+        world = self.world
+        gain = max(world.quick_gain(fit, contenders) for fit in reserve)
+        most = max((world.quick_gain(fit, contenders) for fit in quick.values()), default=0.0)
+        if gain < max(FAR_BETTER * most, self.settings.tell_apart):
+            return None
+        return self.other(reserve, max(contenders, key=lambda fit: fit.score), judged)
+
+    def other(self, reserve: Sequence[F], rival: F, to_beat: J) -> tuple[F, J] | None:
+        """Fit and judgement of the best base of the reserve, if it predicts better than `rival` and errs no more.
+
+        `reserve` holds quick fits; `to_beat` is the judgement of `rival`.
+        """
+        world, least = self.world, self.settings.tell_apart
+        if not reserve:
+            return None
+        best = max(reserve, key=lambda fit: fit.score)
+        best = world.fit(best.base, best.effects, best.values, "near")
+        if best.score - rival.score < least:
+            return None
+        other = self.evidence.judge(best)
+        gain = self.evidence.gain(other, to_beat, "reserve", best.base)
+        better = gain[1] > 0.0 and other.total - to_beat.total > least
+        better = better and not world.errs_more(other, to_beat, self.settings)
+        return (self.in_full(best), other) if better else None
+
+    def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
+        """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
+        world, fitted, least = self.world, step.fitted, self.settings.tell_apart
+        others = [world.fit(name, fitted.effects, fitted.values, "quick") for name in world.bases]
+        others += world.reserve_fits(fitted) if fitted.base in world.reserve else []
+        others = [fit for fit in others if fit.base != fitted.base]
+        for quick in sorted(others, key=lambda fit: -fit.score)[:1]:
+            best = world.fit(quick.base, quick.effects, quick.values, "near")
+            if best.score - fitted.score >= least:
+                judged = self.evidence.judge(best)
+                if judged.total - step.judged.total >= least and not world.errs_more(
+                    judged, step.judged, self.settings
+                ):
+                    step = replace(step, fitted=best, judged=judged)
+        return replace(step, fitted=self.in_full(step.fitted))
+
+    def with_other_base(
+        self, step: Step[E, F, J], quick: Mapping[str, F], contenders: Sequence[F], before: J
+    ) -> Step[E, F, J]:
+        """The step, or an effect that gains nearly as much, on a base of the reserve, if these predict better."""
+        # an effect may have been chosen because the base was the wrong one, and a base because the effect was missing
+        world = self.world
+        gains = {name: world.quick_gain(quick[name], contenders) for name in list(quick)[:RUNNERS_UP]}
+        rivals = [quick[name] for name, gain in gains.items() if gain >= NEARLY * max(gains.values())]
+        reserve = [fit for rival in rivals if len(rivals) > 1 for fit in world.reserve_fits(rival)]
+        if (other := self.other(reserve, step.fitted, step.judged)) is None:
+            return step
+        for simpler in (fit for fit in reserve if fit.base == other[0].base):
+            if world.includes(other[0].effects[-1].name, simpler.effects[-1].name):
+                near = world.fit(simpler.base, simpler.effects, simpler.values, "near")
+                judged = self.evidence.judge(near)
+                if self.evidence.failure(other[1], judged, other[0].effects[-1]):
+                    other = self.in_full(near), judged
+        fitted, effect = other[0], other[0].effects[-1]
+        scores = {fit.effects[-1].name: fit.score for fit in reserve if fit.base == fitted.base}
+        least = scores.pop(effect.name) - self.settings.tell_apart
+        others = tuple(name for name, score in scores.items() if score > least)
+        gain = self.evidence.gain(other[1], before, "gain", *(e.name for e in other[0].effects))
+        p_value = step.scan.p_value(gains[effect.name])
+        return replace(
+            step, effect=effect, alternatives=others, p_value=p_value, gain=gain, fitted=other[0], judged=other[1]
+        )
