@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from thesis_lib.critique.selection import search as search_module
 from thesis_lib.critique.selection.discovery import judge_held_out
 from thesis_lib.critique.selection.evidence import REFITS, Evidence
 from thesis_lib.critique.selection.scan import orthonormal, scan
@@ -161,10 +160,9 @@ class Turned(Line):
 
 
 def test_an_effect_that_turns_bases_is_tried_with_each(monkeypatch):
-    monkeypatch.setattr(search_module, "RIVALLED", 1)
     monkeypatch.delitem(SHAPES, "twin_of_wave")
     world = line(0, wave=3.0 * SIZE)
-    discovery = found(Turned(world.trial, world.x, world.y))
+    discovery = found(Turned(world.trial, world.x, world.y), SearchSettings(rivalled=1))
     assert [step.effect.name for step in discovery.steps] == ["wave"] and discovery.fitted.base == "turned"
 
 

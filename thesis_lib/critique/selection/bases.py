@@ -11,9 +11,6 @@ from thesis_lib.critique.selection.discovery import Step
 from thesis_lib.critique.selection.evidence import Evidence
 from thesis_lib.critique.selection.world import E, F, J
 
-RUNNERS_UP, NEARLY = 3, 0.8  # effects tried with bases of the reserve where the best leaves an error; of its quick gain
-FAR_BETTER = 1.2  # times the quick gain of the best effect: a base of the reserve with more is judged first
-
 
 class Bases(Generic[E, F, J]):
     """The bases of a world, and the evidence for one in place of another."""
@@ -43,7 +40,7 @@ class Bases(Generic[E, F, J]):
         world = self.world
         gain = max(world.quick_gain(fit, contenders) for fit in reserve)
         most = max((world.quick_gain(fit, contenders) for fit in quick.values()), default=0.0)
-        if gain < max(FAR_BETTER * most, self.settings.tell_apart):
+        if gain < max(self.settings.far_better * most, self.settings.tell_apart):
             return None
         return self.other(reserve, max(contenders, key=lambda fit: fit.score), judged)
 
@@ -87,8 +84,8 @@ class Bases(Generic[E, F, J]):
         """The step, or an effect that gains nearly as much, on a base of the reserve, if these predict better."""
         # an effect may have been chosen because the base was the wrong one, and a base because the effect was missing
         world = self.world
-        gains = {name: world.quick_gain(quick[name], contenders) for name in list(quick)[:RUNNERS_UP]}
-        rivals = [quick[name] for name, gain in gains.items() if gain >= NEARLY * max(gains.values())]
+        gains = {name: world.quick_gain(quick[name], contenders) for name in list(quick)[: self.settings.runners_up]}
+        rivals = [quick[name] for name, gain in gains.items() if gain >= self.settings.nearly * max(gains.values())]
         reserve = [fit for rival in rivals if len(rivals) > 1 for fit in world.reserve_fits(rival)]
         if (other := self.other(reserve, step.fitted, step.judged)) is None:
             return step

@@ -13,8 +13,6 @@ from thesis_lib.statistics.bootstrap import bootstrap_gain
 
 # no better than chance; no error falls by an amount that matters; an error rises by one
 Failure = Literal["chance", "immaterial", "spoils"]
-# of the fall of an error that matters: an effect that just matters shows less than its whole fall in half of all splits
-CONFIRMED = 0.5
 
 
 @dataclass(frozen=True)
@@ -126,11 +124,11 @@ def judge_held_out(
 
     The latter is, by effect, the judgement of the final model refitted without it.  An effect with which any held-out
     error is larger by an amount that matters, than on an earlier rung or than without it, is rejected; one that was
-    switched on `by_hand` stays, and fails.  So is one that lowers no held-out error by `CONFIRMED` of what matters.
+    switched on `by_hand` stays, and fails.  So is one that lowers no held-out error by `confirmed` of what matters.
     They go one by one, the last of those first without which the final model is better, and the others are fitted
     again.  This is the only say that held-out data have: they take an effect away, but choose none, and fit nothing.
     """
-    part = {name: CONFIRMED * getattr(settings, name) for name in ("material_share", "material_floor")}
+    part = {name: settings.confirmed * getattr(settings, name) for name in ("material_share", "material_floor")}
     confirming = settings.model_copy(update=part)
     fits = [("no effect", discovery.bases[discovery.base])]
     fits += [(step.effect.name, step.fitted) for step in discovery.steps]

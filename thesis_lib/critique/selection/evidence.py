@@ -15,7 +15,6 @@ from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, Slopes, World
 from thesis_lib.foundation.randomness import generator
 
-CLOSE = 20.0  # nats: finalists that fit worse than the best by more are judged only if the others do not enter
 REFITS = 199  # of data drawn without the effect, if its gain is near the null
 # an effect that predicts no better or spoils an error leaves; with "immaterial" also one that lowers none by an amount
 # that matters
@@ -59,7 +58,7 @@ class Evidence(Generic[E, F, J]):
         """Each of `names` with the judgements by K-fold of its part, the best first: first those close to the best."""
         top = near[names[0]].score if names else 0.0
         for is_close in (True, False):
-            part = [name for name in names if (near[name].score > top - CLOSE) == is_close]
+            part = [name for name in names if (near[name].score > top - self.settings.close) == is_close]
             judgements = {name: self.judge(near[name]) for name in part}
             yield from ((name, judgements) for name in sorted(part, key=lambda name: -judgements[name].total))
 

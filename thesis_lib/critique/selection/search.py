@@ -30,11 +30,6 @@ from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, J, World
 
-JUDGED = 3  # finalists judged by K-fold first; the others if none of these enters
-HOPELESS = 0.3  # of the quick gain of the best: candidates with less are no finalists
-RIVALLED = 8  # candidates, the best by quick fits, that are tried with rival bases, too
-FAR_BEYOND = 3.0  # times the largest draw of the null: refits stretch no gain this far
-
 
 def split(trials: np.ndarray, share: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the training and of the held-out trials; at least two of each if there are four."""
@@ -206,10 +201,14 @@ class Search(Generic[E, F, J]):
             self.on_other_base(path, other, drop)
 
     def worth_a_fit(self, fitted: F, judged: J, candidates: Sequence[E], tests: Scan) -> list[E]:
-        """Candidates whose score test is at least half of what is significant, and all that act on what is left."""
-        least = 0.5 * np.quantile(tests.null, 1.0 - self.settings.alpha)
+        """Candidates whose score test is large enough, and all that act on what is left."""
+        least = self.least_gain(tests)
         told = self.world.leaves_little
         return [e for e in candidates if tests.gain[e.name] >= least or not told(fitted, judged, e)]
+
+    def least_gain(self, tests: Scan) -> float:
+        """Nats below which a candidate is not worth a fit."""
+        return self.settings.worth_a_fit * float(np.quantile(tests.null, 1.0 - self.settings.alpha))
 
     def quick_fits(self, contenders: Sequence[F], candidates: Sequence[E], fitted: F) -> dict[str, F]:
         """The best quick fit with each candidate, by its name, the best first.
@@ -217,7 +216,7 @@ class Search(Generic[E, F, J]):
         They rank better than score tests: far from the null a robust fit may treat as outliers what the effect
         explains, and the slope at the null then means nothing.
         """
-        world = self.world
+        world, rivalled = self.world, self.settings.rivalled
 
         def with_effect(f: F, e: E) -> F:
             return world.fit(f.base, (*f.effects, e), world.start_with(f, e), "quick")
@@ -225,8 +224,8 @@ class Search(Generic[E, F, J]):
         first, *rivals = contenders
         quick = {e.name: with_effect(first, e) for e in candidates}
         ranked = self.ranked(quick, fitted)
-        turned = [name for name in ranked[RIVALLED:] if world.turns_bases(quick[name].effects[-1])]
-        for name in [*ranked[:RIVALLED], *turned] if rivals else []:
+        turned = [name for name in ranked[rivalled:] if world.turns_bases(quick[name].effects[-1])]
+        for name in [*ranked[:rivalled], *turned] if rivals else []:
             others = [with_effect(f, quick[name].effects[-1]) for f in rivals]
             quick[name] = max([quick[name], *others], key=lambda fit: fit.score)
         return {name: quick[name] for name in self.ranked(quick, fitted)}
@@ -243,8 +242,7 @@ class Search(Generic[E, F, J]):
         quick, contenders, tests = shortlist.quick, shortlist.contenders, shortlist.tests
         on = [e.name for e in fitted.effects]
         gains = {name: world.quick_gain(fit, contenders) for name, fit in quick.items()}
-        least = 0.5 * np.quantile(tests.null, 1.0 - settings.alpha)
-        least = max(least, HOPELESS * max(gains.values(), default=0.0))
+        least = max(self.least_gain(tests), settings.finalist_gain * max(gains.values(), default=0.0))
         worth = [name for i, name in enumerate(quick) if i == 0 or gains[name] >= least]
         names = worth[: settings.finalists]
         unasked = tuple(n for n in worth[len(names) :] if not forced and tests.p_value(gains[n]) <= settings.alpha)
@@ -264,7 +262,10 @@ class Search(Generic[E, F, J]):
         p_values = {name: tests.p_value(gains[name]) for name in near}
         names = [name for name in self.ranked(near, fitted) if not self.is_simpler_as_good(name, near)]
         finalists = [name for name in names if forced or p_values[name] <= settings.alpha]
-        parts = (self.evidence.judged_in_turn(near, names) for names in (finalists[:JUDGED], finalists[JUDGED:]))
+        parts = (
+            self.evidence.judged_in_turn(near, names)
+            for names in (finalists[: settings.judged], finalists[settings.judged :])
+        )
         for name, judgements in chain.from_iterable(parts):
             e, p_value, judgement = near[name].effects[-1], p_values[name], judgements[name]
             if not forced and self.is_simpler_enough(e, judgements):
@@ -276,7 +277,7 @@ class Search(Generic[E, F, J]):
                 below = below or near[name]
             if fails == "spoils":
                 self.say(f"{name} predicts better, but spoils another error")
-            if fails is None and gains[name] < FAR_BEYOND * tests.null.max():
+            if fails is None and gains[name] < settings.far_beyond * tests.null.max():
                 stretch = self.evidence.stretch_of_null(best, e, tests, "refits", *on, name)
                 p_value = tests.p_value(gains[name] / stretch)
                 fails = None if p_value <= settings.alpha else "chance"

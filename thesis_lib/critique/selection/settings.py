@@ -19,7 +19,51 @@ class SearchSettings(Section):
     alpha: float = Field(0.01, gt=0, lt=1, description="level of the null that counts the candidates tried")
     material_share: float = Field(0.05, ge=0, description="least fall of a held-out error, over that error")
     material_floor: float = Field(0.25, ge=0, description="least fall of a held-out error, over the noise floor")
+    confirmed: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="share of that fall that unseen trials must show: an effect that just matters shows less than all "
+        "of it in half of all splits",
+    )
     tell_apart: float = Field(3.0, gt=0, description="nats in total below which two effects cannot be told apart")
+    worth_a_fit: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="least score test of a fitted candidate, over the significant one: slopes rank badly",
+    )
+    finalist_gain: float = Field(
+        0.3, ge=0, le=1, description="least quick gain of a finalist, over the best: full fits seldom turn so much"
+    )
+    rivalled: int = Field(
+        8, ge=1, description="candidates tried with rival bases too, the best by quick fits: each costs a fit a base"
+    )
+    judged: int = Field(
+        3, ge=1, description="finalists judged by K-fold first; the others if none enters: each costs K fits"
+    )
+    close: float = Field(
+        20.0, gt=0, description="nats by which a finalist may fit worse than the best and still be judged beside it"
+    )
+    far_beyond: float = Field(
+        3.0,
+        ge=1,
+        description="gain over the largest of the null beyond which no refits correct it: they stretch it less",
+    )
+    far_better: float = Field(
+        1.2,
+        ge=1,
+        description="quick gain of a base of the reserve over that of the best effect at which it is judged first: the "
+        "effect may only stand in for it",
+    )
+    runners_up: int = Field(
+        3,
+        ge=1,
+        description="effects tried with bases of the reserve where the best leaves an error: each costs slow fits",
+    )
+    nearly: float = Field(
+        0.8, ge=0, le=1, description="least quick gain of a runner-up, over the best: the wrong base may turn that much"
+    )
 
     def matters(self, before: float, after: float, floor: float) -> bool:
         """Whether the fall from `before` to `after` is material; `floor`: error of noise alone."""
