@@ -127,7 +127,7 @@ def _of_drops(
             raise
         say("too few impacts for a verdict: fitting restitution and friction")
         with threadpool_limits(limits=1):  # as `criticise_drops`
-            return OfFewImpacts(few_impacts(dataset, few.observations, settings.contact_time), say)
+            return OfFewImpacts(few_impacts(dataset, few.observations, settings), say)
     compared = None
     if models:
         from thesis_lib.critique.engines.compare import compare_models

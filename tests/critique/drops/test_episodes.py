@@ -18,6 +18,7 @@ from thesis_lib.critique.contacts.episodes import MOST_HITS, EpisodeOutcome, pla
 from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.covariance import residual_covariance
@@ -254,7 +255,7 @@ def test_drawn_episodes_are_fitted_with_honest_errors():
 def test_what_noise_leaves_open_is_left_out_with_its_spread():
     o = observed()
     noisy = replace(o, cov=400.0 * o.cov)
-    kept = predictable(noisy, noisy, True)
+    kept = predictable(noisy, noisy, CritiqueSettings())
     gone = kept.found.left_out[kept.found.left_out["reason"] == "unpredictable"]
     assert len(gone) == o.hits.sum() - kept.hits.sum() > 0
     # what is told of the first of them is the spread of its end, in the kinetic norm, over draws of the noise
@@ -267,7 +268,7 @@ def test_what_noise_leaves_open_is_left_out_with_its_spread():
     told = float(re.search(r"by ([\d.e-]+) m/s", gone.iloc[0]["detail"])[1])
     assert 0.8 < np.sqrt(((ends - ends.mean(axis=0)) ** 2).sum(axis=1).mean()) / told < 1.25
     assert len(kept.single) == len(o.single)
-    assert len(predictable(o, o, True)) > 0.97 * len(o)
+    assert len(predictable(o, o, CritiqueSettings())) > 0.97 * len(o)
 
 
 def test_a_hit_that_comes_late_still_counts():

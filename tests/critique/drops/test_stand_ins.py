@@ -11,7 +11,8 @@ from hidden_effects import injected_impacts
 from thesis_lib.bodies.body import Body, Uncertainty
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
-from thesis_lib.critique.drops.stand_ins import CONTRADICTS, stand_ins
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.drops.stand_ins import stand_ins
 from thesis_lib.critique.likelihood.bounds import Bound
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.effects import EFFECTS
@@ -21,6 +22,7 @@ SHAPE = Ellipse(semi_axes=(0.035, 0.025))
 UNSTATED = Body(shape=SHAPE, radius_of_gyration=SHAPE.radius_of_gyration)
 LIGHTER = -0.25  # of the inertia, hidden
 SURE, UNSURE = 0.005, 0.1  # relative uncertainty of the inertia
+CONTRADICTS = CritiqueSettings().contradicts
 
 
 class Spun(Effect):
@@ -153,5 +155,5 @@ def test_a_bound_contradicts_what_was_measured_only_if_it_excludes_it(bound, err
     name = "wrong_inertia.d_I"
     fitted = SimpleNamespace(values={name: 2.0}, std={name: np.nan}, bounds={name: bound})
     step = SimpleNamespace(effect=EFFECTS["wrong_inertia"], alternatives=())
-    found = stand_ins(stated(SURE), [step], fitted)
+    found = stand_ins(stated(SURE), [step], fitted, CONTRADICTS)
     assert (found["wrong_inertia"].standard_errors if found else None) == (errors and pytest.approx(errors))

@@ -25,7 +25,7 @@ def discover(
     training: Observations | None = None, settings: CritiqueSettings | None = None, seed: int = 0, fixed=None
 ) -> DropsDiscovery:
     settings = settings or CritiqueSettings()
-    world = Drops(training or table_only(), settings.rivals)
+    world = Drops(training or table_only(), settings)
     return search(world, settings, np.random.default_rng(seed), fixed)
 
 

@@ -80,7 +80,7 @@ class DropsCritique:
         """Effects of the final model that contradict what is known of the body, by name."""
         if self.source is None:
             return {}
-        return stand_ins(self.source.header.body, self.discovery.steps, self.ladder[-1][1])
+        return stand_ins(self.source.header.body, self.discovery.steps, self.ladder[-1][1], self.settings.contradicts)
 
     @property
     def is_structured(self) -> bool:
@@ -157,14 +157,14 @@ def criticise_drops(
         raise _too_few(dataset, observations, needs)
     training, held_out = map(observations.select, split(trials, settings.held_out_share, rng))
     observations, training = (part.counted_from(training.middle) for part in (observations, training))
-    observations = predictable(observations, training, settings.contact_time and observations.arcs)
+    observations = predictable(observations, training, settings)
     training, held_out = (observations.select(np.unique(part.trial)) for part in (training, held_out))
-    world = Drops(training, settings.rivals, settings.contact_time)
+    world = Drops(training, settings)
     say(f"fitting {len(world.bases)} laws")
     discovery = search(world, settings, rng, effects, say)
     discovery = _with_bounds_of_all(discovery, observations)
     say("judging on held-out trials")
-    unseen = Drops(held_out)
+    unseen = Drops(held_out, settings)
     discovery, ladder, without = judge_held_out(world, unseen, discovery, settings, effects is not None)
     laws = {name: unseen.judge(fitted) for name, fitted in discovery.bases.items()}
     base, final = ladder[0][1], ladder[-1][1]
@@ -195,10 +195,7 @@ def fit_model(
     if not len(observations):
         raise _too_few(dataset, observations, "a fit needs one or more")
     observations = observations.counted_from(observations.middle)
-    world = Drops(
-        predictable(observations, observations, settings.contact_time and observations.arcs),
-        timed=settings.contact_time,
-    )
+    world = Drops(predictable(observations, observations, settings), settings)
     return world.fit(law, tuple(world.candidates[name] for name in effects))
 
 

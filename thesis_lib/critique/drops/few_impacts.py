@@ -10,6 +10,7 @@ from functools import cached_property
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.own_restitution import OwnRestitution, own_restitution
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit, fit
 from thesis_lib.critique.likelihood.observations import Observations
@@ -55,9 +56,9 @@ class FewImpacts:
         return self.each.mean()
 
 
-def few_impacts(dataset: Dataset, observations: Observations, contact_time: bool) -> FewImpacts:
+def few_impacts(dataset: Dataset, observations: Observations, settings: CritiqueSettings) -> FewImpacts:
     """Fit all laws to impacts, of which there is at least one."""
-    world = Drops(observations, timed=contact_time)
+    world = Drops(observations, settings)
     models = {name: Model(BASES[name], (), world.timed, world.slides) for name in world.bases}
     laws = {name: fit(model, observations) for name, model in models.items()}
     return FewImpacts(dataset.name, observations, laws, dataset)

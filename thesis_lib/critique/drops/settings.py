@@ -18,6 +18,36 @@ class CritiqueSettings(SearchSettings):
     episodes: bool = Field(True, description="use hits that follow each other too quickly to see the flight between")
     max_terms: int = Field(2, ge=0, description="terms proposed where no effect of the library explains; 0: none tried")
     excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")
+    near_noise: float = Field(
+        1.5,
+        ge=1,
+        description="median error over noise, and mean squares of the other channels, up to which slopes show whether "
+        "a candidate is worth a fit: far from the truth they mean little",
+    )
+    reserve_excess: float = Field(
+        1.2,
+        ge=1,
+        description="median error over noise beyond which contacts that take time are tried: a fit of theirs costs ten "
+        "of an impact law",
+    )
+    reserve_turn: float = Field(
+        0.02, ge=0, description="rad, turning during a contact beyond which that contact is no impulse, and is tried"
+    )
+    reserve_gain: float = Field(
+        3.0, ge=0, description="nats that the limit of such a contact for short times gains, beyond which it is tried"
+    )
+    unpredictable: float = Field(
+        0.25,
+        gt=0,
+        description="spread that noise before an episode gives the state after it, over its change of velocity, beyond "
+        "which the episode is left out: it tells nothing about a model",
+    )
+    contradicts: float = Field(
+        4.0,
+        gt=0,
+        description="standard errors by which an effect denies what is known of the body, beyond which it is no cause: "
+        "by chance once in 16,000 effects, of two parameters once in 3,000",
+    )
 
 
 class CritiqueRun(Section):

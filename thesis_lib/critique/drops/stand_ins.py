@@ -5,7 +5,7 @@ drop (`Body.known`), an effect that denies this by
 
     N = √(Σ_i (p_i − p_0i)² / (σ_i² + σ²)),    p_0 the nulls, σ_i from the drops, σ as stated
 
-standard errors, N > `CONTRADICTS`, is not the cause, however well it predicts.  If the data cannot tell it from an
+standard errors, N > `contradicts`, is not the cause, however well it predicts.  If the data cannot tell it from an
 effect that denies nothing, that one may be the cause.  Otherwise the cause has no name, and the verdict is
 `unexplained`.  Of a parameter that the drops only bound, p_i is the bound, with σ_i = 0, if it excludes the null, and
 the null if it does not.
@@ -21,8 +21,6 @@ from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.selection.discovery import Step
 from thesis_lib.effects import EFFECTS
 
-CONTRADICTS = 4.0  # standard errors; by chance once in 16,000 effects, of two parameters once in 3,000
-
 
 @dataclass(frozen=True)
 class StandIn:
@@ -33,8 +31,8 @@ class StandIn:
     instead: tuple[str, ...]
 
 
-def stand_ins(body: Body, steps: Sequence[Step], fitted: Fit) -> dict[str, StandIn]:
-    """By name, those effects of the final model that contradict what is known of the body."""
+def stand_ins(body: Body, steps: Sequence[Step], fitted: Fit, contradicts: float) -> dict[str, StandIn]:
+    """By name, those effects of the final model that contradict what is known of the body by more standard errors."""
     found = {}
     for step in steps:
         effect, known = step.effect, body.known(step.effect.denies)
@@ -43,7 +41,7 @@ def stand_ins(body: Body, steps: Sequence[Step], fitted: Fit) -> dict[str, Stand
         errors = float(
             np.linalg.norm([_off(fitted, f"{effect.name}.{p.name}", p.null, known) for p in effect.parameters])
         )
-        if errors > CONTRADICTS:
+        if errors > contradicts:
             others = [name for name in step.alternatives if name in EFFECTS]
             instead = tuple(name for name in others if body.known(EFFECTS[name].denies) is None)
             found[effect.name] = StandIn(effect.denies, errors, instead)

@@ -2,8 +2,8 @@
 
 A small error of the angle before a body lands flat decides which corner hits first, and after a few hits nothing is
 left of the prediction.  Such an episode tells nothing about a contact model.  It is left out, before any model is
-chosen, if the noise of the flight before it alone spreads the state after it by more than `WIDEST` of the change of
-velocity, as the law of Mirtich predicts it that was fitted to the single hits of the training trials.
+chosen, if the noise of the flight before it alone spreads the state after it by more than the share `unpredictable` of
+the change of velocity, as the law of Mirtich predicts it that was fitted to the single hits of the training trials.
 """
 
 from dataclasses import replace
@@ -14,34 +14,34 @@ import pandas as pd
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.datasets.impacts.found import LEFT_OUT_COLUMNS
 
-WIDEST = 0.25  # of the change of velocity, in the kinetic norm
 REFERENCE = "mirtich"
 
 
-def predictable(observations: Observations, training: Observations, takes_time: bool) -> Observations:
+def predictable(observations: Observations, training: Observations, settings: CritiqueSettings) -> Observations:
     """`observations` without unpredictable episodes, which join what was left out with the spread in m/s.
 
-    Single hits stay.  `training`: the observations of the trials that choices may use; `takes_time` as in `Model`.
+    Single hits stay.  `training`: the observations of the trials that choices may use.
     """
     o = observations
     rows = np.flatnonzero(o.span)
     if not len(rows):
         return o
     alone = training.single
-    fitted = fit(Model(LAWS[REFERENCE], (), takes_time), alone if len(alone) else training)
+    fitted = fit(Model(LAWS[REFERENCE], (), settings.contact_time and o.arcs), alone if len(alone) else training)
     episodes = o.rows(rows)
     S = residual_covariance(fitted.model, fitted.values, episodes)
     spread = np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], np.array([1.0, 1.0, o.rig.k_told]) ** 2))
     before, after = states_at_impact(fitted.model, fitted.values, episodes)
     predicted = after.v - impact_residuals(fitted.model, fitted.values, episodes)[:, :3]
     change = velocity_error(predicted - before.v, o.rig.k_told)
-    wide = ~(spread < WIDEST * change)
+    wide = ~(spread < settings.unpredictable * change)
     left_out = [o.found.left_out]
     for i in np.flatnonzero(wide):
         detail = f"the noise before it spreads the prediction by {spread[i]:.2g} m/s"

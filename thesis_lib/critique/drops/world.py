@@ -18,6 +18,7 @@ from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, OF_FRICTI
 from thesis_lib.critique.contacts.kinds import BRIEF
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, joined, judge, spoilt_channels
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.channels import concerned
 from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
@@ -31,11 +32,7 @@ from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.at_wall import effects_at
 from thesis_lib.extensions.registry import added_laws
 
-# a compliant contact takes ten times as long; it is tried beyond this median error over noise, where bodies turn by
-# this much more (rad) during a contact, or where its limit as an impact law gains this much (nats)
-LEAVES, TURNS, GAINS = 1.2, 0.02, 3.0
 REFINED = RESERVE[:1]  # an impulse that takes time, integrated
-NEAR = 1.5  # median error over noise, and mean squares of the other channels, at which slopes tell what is worth a fit
 ONE_LAW = ("mirtich",)
 ROUNDING = 1e-6  # standard deviations; what changes residuals by less has no slope
 
@@ -44,13 +41,14 @@ DropsDiscovery = Discovery[Effect, Fit, Judgement]
 
 
 class Drops(World[Effect, Fit, Judgement]):
-    """Impacts and flights of some trials; `rivals` laws are tried with the first effect, `timed` contacts take time."""
+    """Impacts and flights of some trials."""
 
     unit = "impact"
 
-    def __init__(self, observations: Observations, rivals: int = 1, timed: bool = True) -> None:
-        self.timed = timed and observations.arcs
-        self.observations, self.rivals = observations, rivals
+    def __init__(self, observations: Observations, settings: CritiqueSettings | None = None) -> None:
+        self.settings = settings or CritiqueSettings()
+        self.timed = self.settings.contact_time and observations.arcs
+        self.observations, self.rivals = observations, self.settings.rivals
         self.slides = observations.arcs and observations.rig.gravity == 0.0
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
         laws = CANDIDATE_LAWS if observations.rig.has_angle else ONE_LAW
@@ -111,7 +109,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return joined([judge(fit, inside) for fit, inside in zip(fits, unseen)])
 
     def leaves_an_error(self, judged: Judgement) -> bool:
-        return judged.excess > LEAVES
+        return judged.excess > self.settings.reserve_excess
 
     def reserve_fits(self, fitted: Fit, refine: bool = False) -> list[Fit]:
         if refine and fitted.values["tau"] <= BRIEF:
@@ -132,7 +130,8 @@ class Drops(World[Effect, Fit, Judgement]):
                 fits.append(fit(model, self.quick, rigid.values, rounds=2))
                 continue
             limit = fit(model.limit, self.quick, start, rounds=1)
-            if refine or is_compliant or turn > TURNS or limit.score > rigid.score + GAINS:
+            gains = limit.score > rigid.score + self.settings.reserve_gain
+            if refine or is_compliant or gains or turn > self.settings.reserve_turn:
                 fits.append(fit(model, self.quick, limit.values, rounds=1))
         return fits
 
@@ -144,7 +143,8 @@ class Drops(World[Effect, Fit, Judgement]):
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
             return False  # hardly a slope along the time of an integrated contact
         squares = [judged.sigmas.get(channel, np.nan) for channel in concerned(candidate)]
-        is_noise = judged.excess <= NEAR and all(square <= NEAR for square in squares if np.isfinite(square))
+        near = self.settings.near_noise
+        is_noise = judged.excess <= near and all(square <= near for square in squares if np.isfinite(square))
         return is_noise or super().leaves_little(fitted, judged, candidate)
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
@@ -170,7 +170,7 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
         synthetic = synthesise(fitted.model.limit, fitted.values, self.observations, rng, fitted.sigma_m)
-        return type(self)(synthetic, self.rivals, self.timed)
+        return type(self)(synthetic, self.settings)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
         model, S = fitted.model, residual_covariance(fitted.model, fitted.values, self.observations)

@@ -33,6 +33,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.questions.floor import floor
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
@@ -164,7 +165,7 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
     training = judged = o
     if series.is_measured:
         fitted_trials, others = split(np.unique(o.trial), HELD_OUT, generator(SEED, dataset.name))
-        o = predictable(o, o.select(fitted_trials), o.arcs)
+        o = predictable(o, o.select(fitted_trials), CritiqueSettings())
         training, judged = o.select(fitted_trials), o.select(others)
     fits = [fit_in_steps(Drops(training), model) for model in series.models]
     about = {"drops": name, "detected": int(o.hits.sum()) + len(o.found.left_out), "used": int(o.hits.sum())}

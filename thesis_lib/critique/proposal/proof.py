@@ -154,7 +154,7 @@ def attainable(judged: "DropsCritique", truth: str) -> float:
     from thesis_lib.critique.proposal.propose import ENERGETIC
 
     hidden = next(term for term in all_terms() if term.name == OWN[truth])
-    world = Drops(judged.training, timed=judged.settings.contact_time)
+    world = Drops(judged.training, judged.settings)
     fitted = world.fit(ENERGETIC, (effect_of(hidden),), effort="near")
     return float(Drops(judged.held_out).judge(fitted).error.mean())
 

@@ -102,9 +102,9 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
 
     def __init__(self, critique: DropsCritique, rng: np.random.Generator, say: Callable[[str], None]) -> None:
         self.critique, self.stream, settings = critique, streams(rng), critique.settings
-        world = Drops(critique.training, settings.rivals, settings.contact_time)
+        world = Drops(critique.training, settings)
         super().__init__(world, settings, self.stream("folds"), say)
-        self.screen = Drops(world.quick, timed=settings.contact_time)
+        self.screen = Drops(world.quick, settings)
         # one that was added from a file is an effect like any other
         terms = testable_terms(world.observations.rig.has_angle)
         self.terms = {term.name: term for term in terms if term.name not in EFFECTS}
@@ -124,7 +124,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
             self.refine(path, "none")
         is_full = len(self.own(path.steps)) == settings.max_terms and path.judged.excess > settings.excess_scatter
         found = replace(found, base=path.base, steps=tuple(path.steps), below=None, rejected=())
-        found, ladder, _ = judge_held_out(self.world, Drops(critique.held_out), found, settings)
+        found, ladder, _ = judge_held_out(self.world, Drops(critique.held_out, settings), found, settings)
         terms = tuple(
             Accepted(self.terms[name], self.shares[name], step) for name, step in self.own(found.steps).items()
         )
