@@ -267,7 +267,7 @@ def _observed(
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")
     if observations.found.soft is not None:
         raise UserError(f"{dataset.name} cannot be compared with impact laws. {observations.found.soft.sentence()}")
-    refuse_what_is_not_one_body(dataset.name, observations)
+    refuse_what_is_not_one_body(dataset.name, observations, settings.one_body)
     return observations
 
 

@@ -4,10 +4,28 @@ from typing import Annotated
 
 from pydantic import Field
 
+from thesis_lib.critique.drops.planar.settings import OneBody
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.foundation.settings import Section
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+class TermChoice(Section):
+    """Which terms are candidates, where no effect of the library explains."""
+
+    fitted: int = Field(
+        12, ge=1, description="terms fitted at each start, the best by the regression, beside all single factors"
+    )
+    simpler: float = Field(
+        1.0, ge=0, description="nats that a product must gain over a single factor, which is simpler"
+    )
+    finalists: int = Field(4, ge=1, description="terms tried with every impact law: a wrong law hides a right term")
+    named: float = Field(
+        10.0,
+        ge=0,
+        description="least quick gain in nats of a named effect that is tried beside a term: it must be large to count",
+    )
 
 
 class CritiqueSettings(SearchSettings):
@@ -17,7 +35,9 @@ class CritiqueSettings(SearchSettings):
     contact_time: bool = Field(True, description="fit the time that a contact takes, where trajectories show it")
     episodes: bool = Field(True, description="use hits that follow each other too quickly to see the flight between")
     max_terms: int = Field(2, ge=0, description="terms proposed where no effect of the library explains; 0: none tried")
+    terms: TermChoice = TermChoice()
     excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")
+    one_body: OneBody = OneBody()
     near_noise: float = Field(
         1.5,
         ge=1,

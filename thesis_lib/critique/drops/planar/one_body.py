@@ -8,13 +8,13 @@ acts there.  With a wrong size s, a displaced centre of mass d (body frame) and 
 
 A surface that slopes by α in the picture adds α x to g, and to τ what its contact point is further along the body.
 Two bodies have two sets of coefficients, and each *trial* belongs to one body.  Alternating fit and assignment finds
-them.  They count as two if they reduce the scatter by `SHRINK` and nearly every trial clearly belongs to one.  A
+them.  They count as two if they reduce the scatter by `shrink` and nearly every trial clearly belongs to one.  A
 quantity that drifts, wears, or varies with place or angle is spread evenly instead: two sets then halve its scatter and
 leave trials in between.  Noise alone is split, too, where each of few trials has one impact: what one body explains
 within the noise is one body.
 
-g and τ are fitted in units of their noise.  The limits were tried on every cause of `simulate/rig/hidden_causes.py`.
-De Veaux (1989) describes a mixture of regressions with one group per trial.
+g and τ are fitted in units of their noise.  The limits (`OneBody` of the settings) were tried on every cause of
+`simulate/rig/hidden_causes.py`.  De Veaux (1989) describes a mixture of regressions with one group per trial.
 """
 
 from dataclasses import dataclass
@@ -22,50 +22,47 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.critique.drops.planar.settings import OneBody
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.spread import robust_std
 
-SHRINK = 3.0  # scatter with one body over that with two; splitting an even spread gives 2
-CLEAR = 9.0  # difference of χ² between the bodies at which a trial clearly belongs to one
-UNCLEAR = 0.15  # largest share of trials without a clear body
-SMALLEST = 0.2  # least share of trials of either body
 WILD = 5.0  # standard deviations at which residuals are clipped
 ROUNDS = 20
 PIECES = 12  # runs of trials that are listed
-NEAR_NOISE = 1.5  # scatter over a known noise: two bodies must stay below it, as one alone may not
 TURN = 1e-4  # rad, for the change of the contact point with the angle
-SIDEWAYS = 0.4  # of gravity, one sigma in flight; a surface tilted by 0.13 rad gives 0.19
 
 
 @dataclass(frozen=True)
 class Groups:
-    """Two bodies: mask `second` over `trials`, coefficients (2, p), scatter with one and with two bodies."""
+    """Two bodies: mask `second` over `trials`, coefficients (2, p), scatter with one and with two bodies.
+
+    `margin` is the difference of χ² between the bodies, by trial.
+    """
 
     trials: np.ndarray
     second: np.ndarray
     coefficients: np.ndarray
     one: float
     two: float
-    unclear: float
+    margin: np.ndarray
     noise_known: bool
 
-    @property
-    def told_apart(self) -> bool:
+    def told_apart(self, limits: OneBody) -> bool:
         """Whether the data show two bodies."""
-        share = self.second.mean()
-        enough = SMALLEST <= share <= 1.0 - SMALLEST
-        explained = not self.noise_known or self.two < NEAR_NOISE < self.one
-        return bool(enough and explained and self.unclear <= UNCLEAR and self.one > SHRINK * self.two)
+        enough = limits.smallest <= self.second.mean() <= 1.0 - limits.smallest
+        explained = not self.noise_known or self.two < limits.near_noise < self.one
+        sharp = np.mean(self.margin < limits.clear) <= limits.unclear and self.one > limits.shrink * self.two
+        return bool(enough and explained and sharp)
 
 
-def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
+def refuse_what_is_not_one_body(name: str, o: Observations, limits: OneBody) -> None:
     """Raise a UserError if the motion in `o` is not planar, or its trials are of two bodies."""
     if not len(o):
         return
     gravity, stray = o.rig.gravity, o.found.noise.stray * [1.0, 1.0, o.rig.k_g]
     for value, what in ((stray[0], "sideways (x)"), (stray[2], "in rotation (theta, at the radius of gyration)")):
-        if o.arcs and gravity and value > SIDEWAYS * gravity:
+        if o.arcs and gravity and value > limits.sideways * gravity:
             raise UserError(
                 f"{name} is no planar free motion between impacts: in flight the body accelerates {what} by "
                 f"{value:.2g} m/s² (one sigma), {value / gravity:.0%} of gravity, where a body that flies in the plane "
@@ -73,7 +70,7 @@ def refuse_what_is_not_one_body(name: str, o: Observations) -> None:
                 "surface, or something holds it. Film along the surface, and keep the body in its plane."
             )
     for kind, groups in (("touch", touch_groups(o)), ("balance", balance_groups(o))):
-        if groups is not None and groups.told_apart:
+        if groups is not None and groups.told_apart(limits):
             raise UserError(_two_bodies(name, kind, groups, o))
 
 
@@ -195,8 +192,7 @@ def _alternate(
         if (new == second).all():
             break
         second = new
-    unclear = float(np.mean(np.abs(cost[0] - cost[1]) < CLEAR))
-    return Groups(trials, second, np.array(sets), scale_of_one, scale, unclear, noise_known)
+    return Groups(trials, second, np.array(sets), scale_of_one, scale, np.abs(cost[0] - cost[1]), noise_known)
 
 
 def _scale(residual: np.ndarray) -> float:
