@@ -30,10 +30,6 @@ from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.foundation.randomness import streams
 
 ENERGETIC = "mirtich"  # the law to which contacts that take time come as these get shorter
-FITTED = 12  # terms fitted at each start, the best by the regression, beside the single factors
-SIMPLER = 1.0  # nats that a product must gain over a single factor
-FINALISTS = 4  # of all terms are tried with every law
-LEAST_SCORE = 10.0  # nats by a quick fit, below which an effect that was named is not judged again
 
 
 class Accepted(NamedTuple):
@@ -102,6 +98,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
 
     def __init__(self, critique: DropsCritique, rng: np.random.Generator, say: Callable[[str], None]) -> None:
         self.critique, self.stream, settings = critique, streams(rng), critique.settings
+        self.choice = settings.terms
         world = Drops(critique.training, settings)
         super().__init__(world, settings, self.stream("folds"), say)
         self.screen = Drops(world.quick, settings)
@@ -185,8 +182,8 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
             terms = [term for name, term in self.terms.items() if name not in gone]
             regression = regress(self.screen, start, terms, self.stream("terms", *key))
             gain, share = regression.tests.gain, regression.share
-            ranked = sorted(gain, key=lambda name: -gain[name])[:FITTED]
-            ranked += [name for name in list(share)[:FITTED] if share[name] > 0.0]
+            ranked = sorted(gain, key=lambda name: -gain[name])[: self.choice.fitted]
+            ranked += [name for name in list(share)[: self.choice.fitted] if share[name] > 0.0]
             cheap = {term.name for term in terms if len(term.factors) == 1 and not term.follows}
             chosen = [term for term in terms if term.name in cheap.union(ranked)]
             for term in chosen:
@@ -195,8 +192,8 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         others = [effect for effect in self.named if effect.name not in gone]
         if others and any(name in self.terms for name in on):
             tests = scan(self.screen.slopes(start, others), self.world.resamples, self.stream("named", *key))
-            fits = [self.with_effect(start, effect) for effect in others]
-            found += [self.one_try(fit, None, tests, 0.0) for fit in fits if fit.score > start.score + LEAST_SCORE]
+            fits, least = [self.with_effect(start, effect) for effect in others], start.score + self.choice.named
+            found += [self.one_try(fit, None, tests, 0.0) for fit in fits if fit.score > least]
         return found
 
     def with_effect(self, start: Fit, effect: Effect) -> Fit:
@@ -209,7 +206,8 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
     def simplest(self, tries: Sequence[_Try]) -> _Try:
         """The best; a single factor that explains as much as the best product is taken instead."""
         best = max(tries, key=lambda one: one.score)
-        close = [one for one in tries if one.score > best.score - SIMPLER and one.term and len(one.term.factors) == 1]
+        least = best.score - self.choice.simpler
+        close = [one for one in tries if one.score > least and one.term and len(one.term.factors) == 1]
         return max(close, key=lambda one: one.score, default=best)
 
     def with_every_law(self, tries: Sequence[_Try]) -> list[_Try]:
@@ -218,7 +216,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         for one in sorted(tries, key=lambda one: -one.score):
             first.setdefault(one.name, one)
         moved = []
-        for one in list(first.values())[:FINALISTS]:
+        for one in list(first.values())[: self.choice.finalists]:
             others = [base for base in self.world.bases if base != one.fitted.base]
             fits = [self.world.fit(base, one.fitted.effects, one.fitted.values, "quick") for base in others]
             fitted = max([one.fitted, *fits], key=lambda fit: fit.score)
