@@ -113,6 +113,14 @@ class Forgets(Right):
         return np.full_like(mu, 0.25 * (1.0 + p["h"])), np.full_like(epsilon, 0.55)
 
 
+class Remembers(Right):
+    calls = 0
+
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        self.calls += 1
+        return mu, np.clip(epsilon * (1.0 + 0.1 * p["h"] * self.calls), 0.0, 1.0)
+
+
 class Short(Right):
     def coefficients(self, mu, epsilon, contact, state, p, rig):
         return mu[0], epsilon[0]
@@ -162,6 +170,7 @@ class NoTrajectories(Right):
         (Unsaid, "from the reference", r'counts trial .* along = \("trial",\)'),
         (SaidInVain, "from the reference", "along names t, but nothing"),
         (Forgets, "together with", "it takes the influence of .* on the impact away"),
+        (Remembers, "whatever order", "first and last it makes another impact"),
         (Crashes, "nothing at its null", r"KeyError: 'x' \(test_effect_contract.py, line \d+\)"),
     ],
 )

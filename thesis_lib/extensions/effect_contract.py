@@ -404,6 +404,19 @@ def composes(effect: Effect) -> str:
     return ""
 
 
+def in_any_order(effect: Effect) -> str:
+    """Added before or after all effects of the library, it makes the same of them and they of it."""
+    rig = RIGS["quadrilateral"]
+    states = random_states(rig, FEW, np.random.default_rng(15))
+    others = [(one, at_scale(one)) for one in EFFECTS.values() if one.name != effect.name]
+    own = [(effect, at_scale(effect))]
+    first, last = (predict(active, states, rig, contact_time=TAU) for active in (own + others, others[::-1] + own))
+    for channel in CHANNELS:
+        if not np.array_equal(getattr(first, channel), getattr(last, channel), equal_nan=True):
+            return f"added first and last it makes another {channel}: hooks must keep nothing, and rank is a number"
+    return ""
+
+
 EFFECT_CHECKS: tuple[Check[Effect], ...] = (
     Check("has the hooks of this version", hooks_of_today),
     Check("says what it is, with limits that make sense", declared),
@@ -419,4 +432,5 @@ EFFECT_CHECKS: tuple[Check[Effect], ...] = (
     Check("gives a mirrored drop the mirrored outcome, or says that it does not", mirror_symmetric),
     Check("counts places, times and releases from the reference", counts_from_reference),
     Check("works together with every effect of the library", composes),
+    Check("acts the same in whatever order effects were added", in_any_order),
 )

@@ -3,6 +3,9 @@
 A Gaussian process with one length scale per feature (ARD) is fitted to the residuals of one half of the trials.  Its
 leave-one-out predictions on the other half estimate the learnable part of the error.  For the p-value the residuals of
 the second half are permuted over its impacts.
+
+The process is scikit-learn's: residuals are clipped, so that one noise holds for all.  The learners of chapter 4 have
+one of their own, in which wild impacts have more noise (`thesis_lib/residual/learners/gaussian_process.py`).
 """
 
 import warnings

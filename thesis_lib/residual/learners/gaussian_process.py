@@ -7,6 +7,8 @@ Each output is independent, with standardised inputs x and outputs y,
 
 `marginal_likelihood` finds the hyperparameters, `covariance` holds the matrices (exact, float64).  GPyTorch is what the
 tests compare with: through MKL with the common kernels its factor takes 4 times as long and its variance 8 times.
+Scikit-learn's process, with which the critique tests what is left (`thesis_lib/critique/drops/features.py`), fits one
+noise σ² for all measurements, or takes one for each as given, but does not fit σ² beside weights w; nor has it priors.
 
 GPU and CPU sum in different orders (both in float64; the GPU draws no random numbers).  With the same hyperparameters
 predictions agree within `SAME` of the outputs' spread; after training, whose search stops early, `SAME_TRAINED`.
