@@ -18,6 +18,7 @@ from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.critique.where import axis_label
 from thesis_lib.figures.marks import BLUE, RED, note
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.mechanics.state import State
 
 PANEL = 1.3  # width of a trial's panel over its height
 TRIALS = 3  # trials drawn
@@ -129,7 +130,7 @@ def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
             q = o.value[i, side] + tau[:, None] * o.slope[i, side]
             # the fit stores a line; gravity's parabola relative to it is added
             bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
-            q += o.rig.fall(q[:, 0]) * bow[:, None]
+            q += o.rig.fall(State.of(q, np.zeros_like(q), tau, tau)).T * bow[:, None]
             height = as_filmed(walls, q)[:, 1] if walls else q[:, 1]
             q = as_filmed(walls, q) if walls else q
             ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
