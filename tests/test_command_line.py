@@ -102,8 +102,8 @@ def test_help_waits_for_no_heavy_package():
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["datasets", "chek"], "did you mean check?"),
-        (["tables", "chapter6"], "did you mean chapter"),
+        (["datasets", "chek"], "did you mean 'check'?"),
+        (["tables", "chapter6"], "did you mean 'chapter"),
         (["predict"], "MODEL.json"),
         (["claims", "check"], "--scale"),
     ],

@@ -19,7 +19,7 @@ def test_a_figure_is_found_by_any_of_its_names(asked):
 
 
 def test_an_unknown_figure_is_refused_with_those_that_are_alike(capsys):
-    with pytest.raises(UserError, match=r"no figure '3-88'; did you mean 3-8"):
+    with pytest.raises(UserError, match=r"no figure '3-88'; did you mean '3-8'"):
         find_figure("3-88")
     assert main(["figures", "3-8", "--dataset", "moon"]) == 2
     assert "it has planar_impact, planar_dice, drops" in capsys.readouterr().err

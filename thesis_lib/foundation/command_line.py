@@ -10,7 +10,6 @@
 
 import argparse
 import contextlib
-import difflib
 import functools
 import os
 import re
@@ -19,7 +18,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, suggest
 from thesis_lib.foundation.terminal import VisibleStream, visible
 
 FAILED, WRONG, INTERRUPTED = 1, 2, 130
@@ -148,6 +147,6 @@ def not_installed(package: str) -> str:
 
 
 def near(word: str, known: Iterable[str]) -> str:
-    """The end of a message: "; did you mean …?", empty if no known word is similar."""
-    alike = difflib.get_close_matches(word, list(known), n=3)
-    return f"; did you mean {' or '.join(alike)}?" if alike else ""
+    """The end of a message, "; did you mean …?"; empty if no known word is similar."""
+    said = suggest(word, known, most=3)
+    return f"; {said}" if said else ""

@@ -1,5 +1,8 @@
 """Errors that a user can act on: what is wrong, where, and what to do about it."""
 
+import difflib
+from collections.abc import Iterable
+
 from thesis_lib.foundation.terminal import visible
 
 
@@ -12,3 +15,9 @@ class UserError(Exception):
 
 class CorruptFileError(UserError):
     """One of our files cannot be read back; the remedy is to delete it and run again."""
+
+
+def suggest(word: str, known: Iterable[str], most: int = 1) -> str:
+    """The known words that a mistyped one resembles, as a question, did you mean 'x' or 'y'?; empty without any."""
+    alike = difflib.get_close_matches(word, list(known), n=most)
+    return f"did you mean {' or '.join(map(repr, alike))}?" if alike else ""

@@ -3,13 +3,14 @@
 All files that users write (header of a dataset, recording, configuration, claims) are told of in these words.
 """
 
-import difflib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pydantic import ValidationError
+
+from thesis_lib.foundation.errors import suggest
 
 LONGEST = 60  # characters of a value that are shown
 MOST_HOMES = 3  # sections that are named for a key
@@ -79,7 +80,7 @@ def _said(entry: Any, schema: Schema) -> tuple[str, str]:
             return f"the key {kind} is missing", ""
         case "union_tag_invalid":
             tag, known = context["tag"], re.findall(r"'([^']*)'", context["expected_tags"])
-            return f"{kind} is '{tag}', but must be {' or '.join(known)}", suggest(tag, known) or ""
+            return f"{kind} is '{tag}', but must be {' or '.join(known)}", suggest(tag, known)
         case _:
             return wrong_value(entry), ""
 
@@ -93,12 +94,6 @@ def found(value: object) -> str:
     """A value as it was found, cut to `LONGEST` characters."""
     text = repr(value)
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
-
-
-def suggest(name: str, known: Iterable[str]) -> str | None:
-    """The known name that a mistyped one resembles, as a question; None if it resembles none."""
-    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else None
 
 
 def wrong_value(mistake: Mapping[str, Any]) -> str:

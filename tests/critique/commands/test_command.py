@@ -170,7 +170,7 @@ def test_two_runs_are_compared_in_standard_errors(run_folder, tmp_path, capsys):
     ("command", "says"),
     [
         (["critique", "nowhere"], "nowhere"),
-        (["critiqe", "nowhere"], "no command critiqe; did you mean critique?"),
+        (["critiqe", "nowhere"], "no command critiqe; did you mean 'critique'?"),
         ([], "a command is missing"),
         (["critique", "a", "b", "c"], "one dataset, or two"),
         (["critique", "DATA", "--effect", "gravity_waves"], "no effect 'gravity_waves'"),

@@ -5,7 +5,6 @@ everything that is wrong.
 """
 
 import csv
-import difflib
 import os
 import warnings
 from collections import Counter
@@ -16,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
+from thesis_lib.foundation.errors import suggest
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
 
 MAX_BYTES = 2_000_000_000  # 25 million samples; as arrays they take half of a 4 GB machine
@@ -193,10 +193,8 @@ def _check_columns(
     for name in unknown:
         if name in spatial:
             continue
-        close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
-        lower = next((other for other in candidates if other == name.lower()), None)
-        hint = lower or (close[0] if close else None)
-        remedy = f"did you mean '{hint}'?" if hint else f"remove it; columns are {', '.join(required)}"
+        hint = suggest(name.lower() if name.lower() in candidates else name, candidates)
+        remedy = hint or f"remove it; columns are {', '.join(required)}"
         report.error(file, f"column {name[:60] or '(no name)'}", "unknown column", remedy)
     if missing:
         remedy = f"the first row must be {','.join(required)} (or use the init command to convert a log)"

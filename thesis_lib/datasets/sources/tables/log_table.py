@@ -3,7 +3,6 @@
 "row" is the line in the file, counted from 1.
 """
 
-import difflib
 import io
 import re
 import warnings
@@ -18,7 +17,7 @@ from thesis_lib.datasets.format.validate import row_text
 from thesis_lib.datasets.sources.tables.layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
 from thesis_lib.datasets.sources.tables.options import TableOptions, unit_in, unit_of
 from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, points_of, sureness
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, suggest
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
 MAX_COLUMNS = 1000
@@ -75,8 +74,7 @@ class Log:
         if not missing:
             return
         columns = list(map(str, self.cells.columns))
-        close = difflib.get_close_matches(missing[0], columns, n=1, cutoff=0.6)
-        hint = f" (did you mean '{close[0]}'?)" if close else ""
+        hint = f" ({said})" if (said := suggest(missing[0], columns)) else ""
         text = f"{self.path} has no column {', '.join(missing)}{hint}. It has: {', '.join(columns)}. "
         if self.points:
             raise UserError(
