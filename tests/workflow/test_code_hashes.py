@@ -100,7 +100,7 @@ def test_edit_reaches_its_users_only(root, before, path, users, others):
 def test_a_new_law_reaches_what_goes_through_the_list_of_laws(root, before):
     found = changed(root, before, "contact/new_law.py", lambda _: "LAW = None\n")
     assert found >= STUDY | CRITIQUE
-    use_a_module = changed(root, before, "contact/space.py", lambda text: text + "\n_edited = 1\n")
+    use_a_module = changed(root, before, "contact/law.py", lambda text: text + "\n_edited = 1\n")
     assert use_a_module - found >= RATIOS
     assert "find_impacts" not in found
 
