@@ -20,7 +20,8 @@ displaced with the mass, the tracked point is off the centre (marker_offset).
 import numpy as np
 
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes
-from thesis_lib.mechanics.space import cross, of_rotation_vector, rotated
+from thesis_lib.mechanics.free_motion import TURN, attitudes
+from thesis_lib.mechanics.space import cross, rotated
 
 
 class ComOffset(Effect):
@@ -76,9 +77,10 @@ def _turned(state, p):
 
 
 def _arc_in_space(tau, state, p, rig):
-    """As `arc`, for turns by ω τ + α τ²/2 with the angular acceleration of the torque-free flight."""
+    """As `arc`, for torque-free turns."""
     C, omega, alpha = (part[:, :, None] for part in (_turned(state, p), state.spin, rig.fall(state)[3:]))
-    turned = rotated(of_rotation_vector(omega * tau + 0.5 * alpha * tau * tau), C)
+    later, _ = attitudes(state.attitude, state.spin, rig.tensor, tau.T, TURN)
+    turned = rotated(later.swapaxes(1, 2), along_axes(p, "c", state.space)[:, :, None])
     first = cross(omega, C)
     second = cross(alpha, C) + cross(omega, first)
     beyond = C + tau * first + 0.5 * tau * tau * second - turned

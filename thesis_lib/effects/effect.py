@@ -26,7 +26,7 @@ that μ, ε and τ are those in the middle of the measured impacts.
 |-----------------|--------------------|--------------------|---------------|-----------------------------------------|
 | q, v            | `State`            | m, rad; m/s, rad/s | (·, n)        | pose and motion                         |
 | r               | `r`                | m                  | (d, n)        | contact point from the centre of mass   |
-| G               | `G`                | m²                 | 1, or (3, 3)  | k²; in space inertia per mass, body axes |
+| G               | `G`                | m²                 | 1, (3, 3, ·)  | k²; in space inertia per mass, body axes |
 | μ, ε            | `mu`, `epsilon`    | 1                  | (n,)          | coefficients of each impact             |
 | τ               | `tau`              | s                  | (n,)          | from touch to centroid of the impulse   |
 | c               | `c`                | N s/kg             | d of (n,)     | impulse on the body, per unit mass      |
@@ -119,8 +119,8 @@ class Rig:
 
     @property
     def G(self) -> np.ndarray | float:
-        """Inertia per mass in m²: k² in the plane, (3, 3) in space."""
-        return self.k_g * self.k_g if self.tensor is None else self.tensor
+        """Inertia per mass in m²: k² in the plane, (3, 3, 1) in space."""
+        return self.k_g * self.k_g if self.tensor is None else self.tensor[:, :, None]
 
     @property
     def k_told(self) -> float:
@@ -271,7 +271,7 @@ class Effect:
         return gap
 
     def inertia(self, G: np.ndarray | float, p: Parameters) -> np.ndarray | float:
-        """True inertia per mass in m²: k² in the plane, (3, 3) along axes of the body in space."""
+        """True inertia per mass in m²: k² in the plane; in space (3, 3, 1) or (3, 3, n), along axes of the body."""
         return G
 
     def coefficients(

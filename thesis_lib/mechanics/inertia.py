@@ -2,7 +2,7 @@
 
 | on paper | in code    | unit | shape                                                   |
 |----------|------------|------|---------------------------------------------------------|
-| G        | `G`        | m²   | plane: k², a number or (n,); space: (3, 3) or (3, 3, n), axes of the body |
+| G        | `G`        | m²   | plane: k², a number or (n,); space: (3, 3), (3, 3, 1) or (3, 3, n), axes of the body |
 | G⁻¹      | `mobility` | 1/m² | the same, in axes of the world                          |
 
 Impacts and flights depend on the inertia per mass only.
@@ -19,17 +19,16 @@ def mobility(space: Space, G: np.ndarray | float, attitude: np.ndarray) -> np.nd
     """G⁻¹ in 1/m²: in the plane as G is, in space (3, 3, n) in the axes of the world at attitudes (4, n)."""
     if space.is_plane:
         return 1.0 / G
-    R = rotation_matrix(attitude)
     inverse = np.linalg.inv(np.moveaxis(np.asarray(G), (0, 1), (-2, -1)))
-    if inverse.ndim == 2:
-        return np.einsum("ijn,jk,lkn->iln", R, inverse, R)
-    return np.einsum("ijn,njk,lkn->iln", R, inverse, R)
+    return in_world(np.moveaxis(inverse, (-2, -1), (0, 1)), attitude)
 
 
 def in_world(G: np.ndarray, attitude: np.ndarray) -> np.ndarray:
-    """G (3, 3, n) in m² in the axes of the world, of tensors (3, 3) or (3, 3, n) in those of bodies at (4, n)."""
-    R = rotation_matrix(attitude)
-    return np.einsum("ijn,jk...,lkn->iln", R, G, R) if G.ndim == 2 else np.einsum("ijn,jkn,lkn->iln", R, G, R)
+    """G (3, 3, n) in m² in the axes of the world, of tensors as `G` in those of bodies at (4, n)."""
+    R, each = rotation_matrix(attitude), G if G.ndim == 3 else G[:, :, None]
+    if each.shape[2] == 1:
+        return np.einsum("ijn,jk,lkn->iln", R, each[:, :, 0], R)
+    return np.einsum("ijn,jkn,lkn->iln", R, each, R)
 
 
 def require_inertia(space: Space, G: np.ndarray | float) -> np.ndarray:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from thesis_lib.mechanics.space import PLANE, Space
+from thesis_lib.mechanics.space import PLANE, Space, cross
 
 AS_FILMED = -1  # surface of a body that is described in the axes of the recording
 _OF_POSE = {"x": 0, "y": 1, "theta": 2}
@@ -175,6 +175,19 @@ class State:
         pose, motion = self.pose if pose is None else pose, self.motion if motion is None else motion
         return State(pose, motion, trial, t, self.surface, self.space)
 
+    def shifted(self, change: np.ndarray, faster: np.ndarray) -> "State":
+        """The states after small changes of pose and motion by row, each (n, d + turns)."""
+        pose = self.space.shift(self.pose, change.T)
+        return State(pose, self.motion + faster.T, self.trial, self.t, self.surface, self.space)
+
+    def corrected(self, wanted: "State", found: "State") -> "State":
+        """The states moved by what those that are `wanted` have over those that were `found`."""
+        motion = self.motion + wanted.motion - found.motion
+        if self.space.is_plane:
+            return self.with_pose(self.pose + wanted.pose - found.pose).with_motion(motion)
+        change = self.space.difference(wanted.pose, found.pose)
+        return self.with_pose(self.space.shift(self.pose, change)).with_motion(motion)
+
     def with_pose(self, pose: np.ndarray) -> "State":
         """The same motions with poses (d + attitude, n)."""
         return State(pose, self.motion, self.trial, self.t, self.surface, self.space)
@@ -189,8 +202,13 @@ class State:
 
     def flown(self, a: np.ndarray, h: np.ndarray | float) -> "State":
         """The state after times h (n,) in s of constant acceleration by row a (n, d + turns) in m/s², rad/s²."""
-        pose = self.space.shift(self.pose, h * self.motion + 0.5 * h * h * a.T)
-        return State(pose, self.motion + h * a.T, self.trial, self.t + h, self.surface, self.space)
+        change = h * self.motion + 0.5 * h * h * a.T
+        if not self.space.is_plane:  # turns do not commute: the next term of Magnus's series
+            d = self.space.dimension
+            change[d:] -= h**3 / 12.0 * cross(self.spin, a.T[d:])
+        return State(
+            self.space.shift(self.pose, change), self.motion + h * a.T, self.trial, self.t + h, self.surface, self.space
+        )
 
     def select(self, rows: np.ndarray | slice) -> "State":
         """The bodies at `rows`."""

@@ -14,6 +14,7 @@ from thesis_lib.critique.likelihood.residuals import state_beside
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.mechanics.state import State
 
 RIG = Rig(Disk(radius=0.03), 0.0212, 9.81, 0.0)
@@ -68,7 +69,10 @@ def test_the_state_at_impact_is_found_behind_a_line_through_a_bent_path(name: st
     lines = side_lines(samples, np.arange(N), np.zeros(N), edges, np.full((N, 2), 40))
     names = ("value", "slope", "bow", "nodes", "weights")
     of_lines = {key: getattr(lines, key) for key in names}
-    o = SimpleNamespace(rig=RIG, trial=np.arange(N), t=np.zeros(N), span=np.zeros(N), arcs=True, **of_lines)
+    o = SimpleNamespace(
+        rig=RIG, space=PLANE, trial=np.arange(N), t=np.zeros(N), span=np.zeros(N), arcs=True, **of_lines
+    )
+    o.lines = lambda side: State.of(lines.value[:, side], lines.slope[:, side], o.trial, o.t)
     found, exact = state_beside(model, values, o, 0), EFFECTS[name].to_measured(true, p, RIG)
     np.testing.assert_allclose(found.q, exact.q, atol=NEAR_POSE)
     np.testing.assert_allclose(found.v[:, :2], exact.v[:, :2], atol=NEAR_SPEED)

@@ -18,6 +18,7 @@ from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import PLANE
 
 EXACT = 1e-12  # rounding of two orders of the same operations
 SIGMAS = 4.0
@@ -248,6 +249,6 @@ def test_the_scatter_is_the_most_probable_one_of_single_hits_and_of_episodes():
         return -sum(multivariate_t.logpdf(r, shape=s, df=NU) for r, s in zip(R, variance))
 
     direct = minimize_scalar(loss, bounds=(-5.0, 1.0), method="bounded")
-    found = most_probable_scatter(R, S, SimpleNamespace(span=span, rig=SimpleNamespace(k_g=k)))
+    found = most_probable_scatter(R, S, SimpleNamespace(span=span, space=PLANE, rig=SimpleNamespace(k_g=k)))
     assert loss(np.log(found)) == pytest.approx(direct.fun, abs=0.05)
     assert found == pytest.approx(np.exp(direct.x), rel=0.1)

@@ -78,14 +78,14 @@ class ByImpulse:
     ) -> Prediction:
         """Of what flights before and after show; `span` (n,) in s as in `Observations`, 0 of a single hit."""
         n = len(before.x)
-        v, touch, q = np.empty((n, 3)), np.zeros(n), None
+        v, touch, q = np.empty((n, before.space.motions)), np.zeros(n), None
         rows = np.flatnonzero(span == 0.0)
         if not self.integrated:
             single, own = before.select(rows), values_of(values, rows)
             after, depth = model.strike(single, own, rig, offset[rows])
             v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(own), rig), own, rig) + depth
         for played, ends in self.played(model, values, rig, before, span):
-            q = np.full((n, 3), np.nan) if q is None else q
+            q = np.full((n, before.space.poses), np.nan) if q is None else q
             v[played], q[played] = ends.v, ends.q
         touch[rows] = np.nan if self.integrated else touch[rows]
         return Prediction(v, touch, q)

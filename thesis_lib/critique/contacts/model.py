@@ -22,9 +22,11 @@ from thesis_lib.critique.contacts.contact_time import (
     normal_mobility,
 )
 from thesis_lib.critique.contacts.sliding import SLIDING, TABLE
-from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, in_order
+from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, in_order, parameters_in
 from thesis_lib.mechanics.contact import Contact, contact, velocity_change
+from thesis_lib.mechanics.free_motion import TURN, attitudes
 from thesis_lib.mechanics.inertia import mobility
+from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 
 _H = 1e-3  # s, for the derivative of a linear map: exact for any step
@@ -35,6 +37,20 @@ _H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad
 def inward(p: Parameter, value: float, step: float) -> float:
     """The step from `value`, or its opposite where it would leave the bounds."""
     return step if value + step <= p.high else -step
+
+
+def _along(true: State, a: np.ndarray, tau: np.ndarray, rig: Rig) -> State:
+    """The states (n W,) at times τ (n, W) in s, of constant acceleration a (n, d + turns); turns are free ones."""
+    rows, t = np.repeat(np.arange(len(tau)), tau.shape[1]), tau.ravel()
+    start = true.select(rows)
+    if true.space.is_plane:
+        return start.flown(a[rows], t)
+    d = true.space.dimension
+    turns, spins = attitudes(true.attitude, true.spin, rig.tensor, tau.T, TURN)
+    extra = (a.T - rig.fall(true))[d:, rows]
+    free = start.flown(np.concatenate([a.T[:d, rows], 0.0 * extra]).T, t)
+    attitude, spin = (part.swapaxes(1, 2).reshape(len(part), -1) for part in (turns, spins))
+    return free.changed(attitude=true.space.attitude_after(attitude, 0.5 * t * t * extra), spin=spin + t * extra)
 
 
 def _without_camera(effect: Effect) -> Effect:
@@ -51,18 +67,24 @@ class Model:
 
     `effects` are in the order in which they were chosen; they act in that of `acting_order`.
 
-    A body that `slides` over a table is slowed down by it: its parameters have `a_table`.
+    A body that `slides` over a table is slowed down by it: its parameters have `a_table`.  In `space` parameters of
+    effects that are vectors have a component for each axis.
     """
 
     law: Law
     effects: tuple[Effect, ...] = ()
     takes_time: bool = False
     slides: bool = False
+    space: Space = PLANE
+
+    def parameters_of(self, effect: Effect) -> tuple[Parameter, ...]:
+        """The parameters of an effect where the body moves."""
+        return parameters_in(effect, self.space)
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
-        of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in effect.parameters}
+        of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in self.parameters_of(effect)}
         of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + self.of_friction + (SLIDING,) * self.slides
         return {p.name: p for p in of_law} | of_effects
 
@@ -111,7 +133,9 @@ class Model:
     def flight_parameters(self) -> list[str]:
         """Parameters on which the measured flights, and so the states at impact, depend."""
         acting = self.acting("to_true", "to_measured", "acceleration", "arc")
-        names = [f"{effect.name}.{p.name}" for effect in acting if effect is not TABLE for p in effect.parameters]
+        names = [
+            f"{effect.name}.{p.name}" for effect in acting if effect is not TABLE for p in self.parameters_of(effect)
+        ]
         return [*names, SLIDING.name] if self.slides else names
 
     @property
@@ -326,14 +350,14 @@ class Model:
             cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)
             beyond = cubic if beyond is None else beyond + cubic
         rows = np.repeat(np.arange(len(tau)), tau.shape[1])
-        at = true.select(rows).flown(a[rows], tau.ravel())
+        at = _along(true, a, tau, rig)
         if beyond is not None:
             at = at.with_pose(at.space.shift(at.pose, beyond.reshape(len(rows), -1).T))
         each = [
             (effect, {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in p.items()})
             for effect, p in active
         ]
-        return self.to_measured(at, each, rig).q.reshape(*tau.shape, 3)
+        return self.to_measured(at, each, rig).q.reshape(*tau.shape, true.space.poses)
 
     def gap(self, true: State, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Gap (n,) in m between true body and surface: that of the believed shape less the effects' share."""
@@ -360,7 +384,7 @@ class Model:
         """The effects in the order in which they act, each with the parameters p of its hooks."""
         of_table = {SLIDING.name: values[SLIDING.name]} if self.slides else {}
         return [
-            (e, of_table if e is TABLE else {p.name: values[f"{e.name}.{p.name}"] for p in e.parameters})
+            (e, of_table if e is TABLE else {p.name: values[f"{e.name}.{p.name}"] for p in self.parameters_of(e)})
             for e in self.acting_order
         ]
 

@@ -23,7 +23,6 @@ from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.residuals import compare, over_spins, predict, predict_by_spin, state_beside
-from thesis_lib.mechanics.state import State
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
@@ -100,52 +99,62 @@ def noise_covariance(
 
 
 def _copies(o: Observations, with_samples: bool) -> Observations:
-    """26 copies of the impacts, each of the data moved up and down by its step.
+    """Copies of the impacts, each of the data moved up and down by its step; 26 in the plane.
 
-    Twelve for the data after, two for the instant as measured and later, twelve for the data before.
+    First those with the data after moved, then two for the instant as measured and later, then those with the data
+    before moved.
     """
-    copies, step = o.tiled(26, with_samples), _step(o)
-    lines = [array.reshape(26, len(o), 2, 3) for array in (copies.value, copies.slope)]
-    for first, side in ((0, 1), (14, 0)):
-        for i, (channel, k) in enumerate(_DATA):
-            lines[k][first + 2 * i, :, side, channel] += step[:, side, channel, k]
-            lines[k][first + 2 * i + 1, :, side, channel] -= step[:, side, channel, k]
+    m, step = o.space.motions, o.steps
+    moves = 4 * m
+    copies = o.tiled(2 * moves + 2, with_samples)
+    value, slope = (array.reshape(2 * moves + 2, len(o), 2, -1) for array in (copies.value, copies.slope))
+    for first, side in ((0, 1), (moves + 2, 0)):
+        for i, (channel, k) in enumerate(product(range(m), (0, 1))):
+            for sign in (1, -1):
+                at = first + 2 * i + (sign < 0)
+                if k:
+                    slope[at, :, side, channel] += sign * step[:, side, channel, 1]
+                else:
+                    change = np.zeros((m, len(o)))
+                    change[channel] = sign * step[:, side, channel, 0]
+                    value[at, :, side] = o.space.shift(value[at, :, side].T, change).T
     # a later instant: both arcs fly on, by their velocity there (not that of the line), under gravity
-    a = o.rig.fall(State.of(o.value[:, 0], o.slope[:, 0], o.trial, o.t)).T[:, None]
-    lines[0][13] += _H_INSTANT * (o.slope - o.bow[:, :, 1:] * a)
-    lines[1][13] += _H_INSTANT * a
+    for side in (0, 1):
+        lines, a = o.lines(side), o.rig.fall(o.lines(0)).T
+        behind = o.bow[:, side, 1:] * a
+        behind[:, o.space.dimension :] *= o.space.is_plane  # in space the spin is that of the flight at the instant
+        change = _H_INSTANT * (o.slope[:, side] - behind)
+        value[moves + 1, :, side] = o.space.shift(lines.pose, change.T).T
+        slope[moves + 1, :, side] += _H_INSTANT * a
     return copies
 
 
-def _step(o: Observations) -> np.ndarray:
-    """Standard deviation of each datum, (n, side, channel, value or slope)."""
-    std = np.sqrt(np.einsum("nsckk->nsck", o.cov))
-    return np.where(std > 0.0, std, 1e-6)
-
-
 def _noisy(o: Observations, R: np.ndarray) -> Noisy:
-    """From the statistic (26 n, m) of the `_copies`."""
-    n, step = len(o), _step(o)
-    R = R.reshape(26, n, -1)
-    moved, (here, later) = np.concatenate([R[14:], R[:12]]), R[12:14]
-    secants = (moved[::2] - moved[1::2]).reshape(2, 3, 2, n, -1)  # side, channel, value or slope
+    """From the statistic of the `_copies`, one after the other."""
+    n, m, step = len(o), o.space.motions, o.steps
+    moves = 4 * m
+    R = R.reshape(2 * moves + 2, n, -1)
+    moved, (here, later) = np.concatenate([R[moves + 2 :], R[:moves]]), R[moves : moves + 2]
+    secants = (moved[::2] - moved[1::2]).reshape(2, m, 2, n, -1)  # side, channel, value or slope
     S = np.zeros((n, R.shape[2], R.shape[2]))
-    for side, channel in product((0, 1), range(3)):
-        A = np.stack(list(secants[side, channel]), axis=1) / (2.0 * step[:, side, channel, :, None])  # (n, 2, m)
-        S += np.swapaxes(A, 1, 2) @ o.cov[:, side, channel] @ A
+    for side, (channels, cov) in product((0, 1), o.blocks):
+        of_block = secants[side, channels].reshape(2 * len(channels), n, -1)
+        A = np.stack(list(of_block), axis=1) / (2.0 * step[:, side, channels].reshape(n, -1, 1))  # (n, 2 c, components)
+        S += np.swapaxes(A, 1, 2) @ cov[:, side] @ A
     return Noisy(here, S, (later - here) / _H_INSTANT if o.arcs else np.zeros_like(here))
 
 
 def _of_single(model: Model, values: Mapping[str, float], o: Observations) -> Noisy:
     """Residuals of single hits; copies that differ after the hit only share its prediction."""
-    n, copies = len(o), _copies(o, model.has_arc)
-    after = state_beside(model, values, copies.part(slice(14 * n), model.has_arc), 1)
-    data = copies.part(slice(12 * n, None), model.has_arc)
+    n, moves, copies = len(o), 4 * o.space.motions, _copies(o, model.has_arc)
+    after = state_beside(model, values, copies.part(slice((moves + 2) * n), model.has_arc), 1)
+    data = copies.part(slice(moves * n, None), model.has_arc)
     before = state_beside(model, values, data, 0)
     prediction = predict(model, values, data, before)
     # where in `before` and `after` each copy has its state
-    row = np.arange(14 * n)
-    at, of = np.concatenate([np.tile(row[:n], 12), row]), np.concatenate([row, np.tile(row[12 * n : 13 * n], 12)])
+    row = np.arange((moves + 2) * n)
+    at = np.concatenate([np.tile(row[:n], moves), row])
+    of = np.concatenate([row, np.tile(row[moves * n : (moves + 1) * n], moves)])
     found = _noisy(o, compare(model, values, o.rig, before.select(at), after.select(of), prediction.select(at)))
     if o.touch_std:
         found.noise[:, 6, 6] += o.touch_std**2

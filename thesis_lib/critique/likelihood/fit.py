@@ -24,7 +24,6 @@ from thesis_lib.critique.likelihood.sandwich import sandwich
 from thesis_lib.critique.likelihood.whitening import SIGMA_LOW, Parts, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.mechanics.state import State
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
@@ -161,7 +160,7 @@ def fit(
         is_new = not any(key.startswith(f"{effect.name}.") for key in tries[0])
         if is_new:
             tries = _best_shapes(model, observations, tries[0]) or tries
-        for p in effect.parameters:
+        for p in model.parameters_of(effect):
             key = f"{effect.name}.{p.name}"
             if p.discrete is not None:
                 tries = [{**t, key: p.discrete} for t in tries]
@@ -219,7 +218,7 @@ def fit_each(
 def _starts_small(model: Model, start: Mapping[str, float]) -> bool:
     """Whether the last effect has hardly begun at its start."""
     effect = model.effects[-1]
-    return all(abs(start[f"{effect.name}.{p.name}"] - p.null) <= p.scale for p in effect.parameters)
+    return all(abs(start[f"{effect.name}.{p.name}"] - p.null) <= p.scale for p in model.parameters_of(effect))
 
 
 def _best_shapes(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
@@ -228,7 +227,7 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
     `start` without (μ, ε) stands for the fit without that effect.
     """
     effect, o = model.effects[-1], observations
-    shapes = effect.shapes(State.of(o.value[:, 0], o.slope[:, 0], o.trial, o.t), o.rig)
+    shapes = effect.shapes(o.lines(0), o.rig)
     if not shapes:
         return []
     smaller = replace(model, effects=model.effects[:-1])
@@ -239,7 +238,7 @@ def _best_shapes(model: Model, observations: Observations, start: Mapping[str, f
     here = whitening(at)
 
     free = [(name, inward(p, at[name], SLOPE_STEP * p.scale)) for name, p in smaller.fitted_parameters.items()]
-    sizes = {f"{effect.name}.{p.name}": p for p in effect.parameters if p.name not in shapes[0]}
+    sizes = {f"{effect.name}.{p.name}": p for p in model.parameters_of(effect) if p.name not in shapes[0]}
     shaped = [at | {f"{effect.name}.{name}": value for name, value in shape.items()} for shape in shapes]
     moves = [(at, *move) for move in free]
     moves += [(values, name, p.scale) for values in shaped for name, p in sizes.items()]
@@ -308,11 +307,11 @@ def _basins(model: Model, observations: Observations, start: Mapping[str, float]
     and no step leads back from a μ at which all stick.
     """
     values = {name: p.null for name, p in model.parameters.items()} | dict(start)
-    k = observations.rig.k_told
+    k, d, m = observations.rig.k_told, observations.space.dimension, observations.space.motions
 
     def cost(mu: float, epsilon: float) -> float:
-        R = impact_residuals(model, {**values, "mu": mu, "epsilon": epsilon}, observations)[:, :3]
-        error = np.sort(np.abs(R[:, 0]) + np.abs(R[:, 1]) + k * np.abs(R[:, 2]))
+        R = np.abs(impact_residuals(model, {**values, "mu": mu, "epsilon": epsilon}, observations))
+        error = np.sort(R[:, :d].sum(axis=1) + k * R[:, d:m].sum(axis=1))
         return float(error[: max(1, round(0.9 * len(error)))].mean())
 
     grid = product((0.02, 0.05, 0.1, 0.2, 0.4, 0.8), (0.2, 0.4, 0.6, 0.8))

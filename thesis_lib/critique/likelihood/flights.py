@@ -10,6 +10,7 @@ from scipy.special import roots_gegenbauer
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.flights.parabolas import SOME, Parabolas
 from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 
 BENDINGS = 2  # steps to the state behind a bent path; each leaves a tenth of the error of a lens of 1 % at 0.25 m
@@ -56,6 +57,8 @@ class Flights:
 
     def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
         """Acceleration measured minus predicted (m, 3), m/s² and rad/s²."""
+        if not len(self):
+            return self.acceleration
         state, tau = self.state, 0.5 * self.span[:, None] * _ARC
         variance = (tau**2) @ _OF_ARC
         square = tau**2 - variance[:, None]
@@ -111,4 +114,7 @@ def flights_of(found: Parabolas) -> Flights:
     return Flights(state, found.fitted[:, 2], found.variance, found.span, found.bent)
 
 
-NO_FLIGHTS = Flights(State.empty(), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+def no_flights(space: Space = PLANE) -> Flights:
+    """No flights."""
+    none = np.zeros((0, space.motions))
+    return Flights(State.empty(space), none, none, np.zeros(0))

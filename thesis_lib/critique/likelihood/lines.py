@@ -68,18 +68,27 @@ def side_lines(samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.nda
     side *= rank(side) <= most[:, :, None]
 
     lines = lines_through(side, tau, samples.q[index])
-    parabola = lines_through(side, tau, 0.5 * tau[..., None] ** 2)
+    return SideLines(lines.value, lines.slope, bows(side, tau), unit_covariance(lines), *nodes_of(side, tau, lines))
+
+
+def unit_covariance(lines: Lines) -> np.ndarray:
+    """Covariance (n, 2, 2, 2) of (value, slope) of lines for unit noise; NaN with too few samples."""
     usable = (lines.count >= 3) & (lines.spread > 0)
     count, spread = (np.where(usable, a, np.nan) for a in (lines.count, lines.spread))
-    unit_cov = np.empty((len(t), 2, 2, 2))
+    unit_cov = np.empty((*count.shape, 2, 2))
     unit_cov[..., 0, 0] = 1.0 / count + lines.mean**2 / spread
     unit_cov[..., 1, 1] = 1.0 / spread
     unit_cov[..., 0, 1] = unit_cov[..., 1, 0] = -lines.mean / spread
-    bow = np.concatenate([parabola.value, parabola.slope], axis=2)
-    return SideLines(lines.value, lines.slope, bow, unit_cov, *_nodes(side, tau, lines))
+    return unit_cov
 
 
-def _nodes(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+def bows(side: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """(b_0, b_1) (n, 2, 2) of the lines through τ²/2."""
+    parabola = lines_through(side, tau, 0.5 * tau[..., None] ** 2)
+    return np.concatenate([parabola.value, parabola.slope], axis=2)
+
+
+def nodes_of(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights that replace all samples: exact for polynomials of degree `NODES` − 1."""
     low = np.where(side > 0, tau[:, None], np.inf).min(axis=2, initial=np.inf)
     high = np.where(side > 0, tau[:, None], -np.inf).max(axis=2, initial=-np.inf)

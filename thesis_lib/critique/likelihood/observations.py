@@ -12,9 +12,8 @@ import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
 from thesis_lib.critique.likelihood.beside import Beside
-from thesis_lib.critique.likelihood.flights import NO_FLIGHTS, Flights, flights_of
+from thesis_lib.critique.likelihood.flights import Flights, flights_of, no_flights
 from thesis_lib.critique.likelihood.lines import NODES, edges_of, later, side_lines
-from thesis_lib.critique.likelihood.supports import supports_of
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
@@ -22,6 +21,8 @@ from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import ORIGIN, Reference, Rig
+from thesis_lib.mechanics.space import Space
+from thesis_lib.mechanics.state import State
 
 UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
 OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
@@ -42,7 +43,8 @@ class Observations:
         span: (n,) s from `t` to the instant of the state after, within the flight after the last hit; 0 for a single
             hit, which both states belong to.
         value, slope, bow, nodes, weights: as in `lines`; `value` has no NaN.
-        cov: (n, 2, 3, 2, 2) covariance of (value, slope), by side and channel.
+        cov: (n, 2, 3, 2, 2) covariance of (value, slope), by side and channel; in space (n, 2, 12, 12), of the value
+            and slope of each channel in turn, as the turns about all axes are known together.
         t_std: (n,) standard deviation of the instant t_c, s.
         offset: (n, 2) contact point of the dataset minus that of the shape, m; zero for trajectories.
         arcs: whether there are trajectories, which measure the poses before and after separately.
@@ -84,6 +86,32 @@ class Observations:
     def __len__(self) -> int:
         return len(self.trial)
 
+    @property
+    def space(self) -> Space:
+        """Where the body moves."""
+        return self.rig.space
+
+    def lines(self, side: int) -> State:
+        """The states by value and slope of the lines before (0) or after (1) the impacts."""
+        t = self.t if side == 0 else self.t + self.span
+        return State.of(self.value[:, side], self.slope[:, side], self.trial, t, space=self.space)
+
+    @property
+    def blocks(self) -> list[tuple[list[int], np.ndarray]]:
+        """Channels that are independent of each other, each with the covariance (n, side, 2c, 2c) of its c channels."""
+        if self.space.is_plane:
+            return [([channel], self.cov[:, :, channel]) for channel in range(3)]
+        return [(list(range(self.space.motions)), self.cov)]
+
+    @property
+    def steps(self) -> np.ndarray:
+        """Standard deviation of each datum, (n, side, channel, value or slope); small where none is known."""
+        variance = np.concatenate(
+            [np.einsum("nsii->nsi", cov).reshape(*cov.shape[:2], -1, 2) for _, cov in self.blocks], axis=2
+        )
+        std = np.sqrt(variance)
+        return np.where(std > 0.0, std, 1e-6)
+
     def select(self, trials: np.ndarray) -> "Observations":
         """Impacts and flights of the given trials."""
         rows = np.flatnonzero(np.isin(self.trial, trials))
@@ -124,20 +152,17 @@ class Observations:
         return replace(self, **{name: getattr(self, name)[rows] for name in FOR_MODELS + OF_SAMPLES * with_samples})
 
 
-def observe(
-    dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True, channels: Sequence[str] = ()
-) -> Observations:
+def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:
     """Observations from trajectories with detected impacts, or else from impacts.csv.
 
-    `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`);
-    `channels`: further evidence, "rest" and "slide" (`supports`).
+    `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`).
     """
     found = find_impacts(dataset, settings)
     walls = dataset.header.surfaces or ()
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
     if found.samples is None:
         return _from_impacts(found, rig)
-    single = replace(_from_samples(found.samples, found, rig), supports=supports_of(found, dataset.header, channels))
+    single = _from_samples(found.samples, found, rig)
     if walls:
         single, episodes = _on_floors(single, walls), False  # what touches two walls at once is left out
     if not dataset.has_angle:
@@ -171,7 +196,7 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         t_std=np.zeros(n),
         offset=impacts.r - rig.shape.contact_point(impacts.q[:, 2]),
         arcs=False,
-        flights=NO_FLIGHTS,
+        flights=no_flights(),
         noise_known=impacts.cov is not None,
         found=found,
     )

@@ -52,49 +52,60 @@ def turned_until_impulse(
 def state_beside(model: Model, values: Mapping[str, float], observations: Observations, side: int) -> State:
     """The state on one side of the impact: 0 before, 1 after."""
     o = observations
+    lines = o.lines(side)
     if not o.arcs:
-        return State.of(o.value[:, side], o.slope[:, side], o.trial, o.t if side == 0 else o.t + o.span)
+        return lines
 
     if model.camera_bends:
         # the state whose path, seen by the camera, has this line
-        lines = State.of(o.value[:, side], o.slope[:, side], o.trial, o.t if side == 0 else o.t + o.span)
-        a = o.rig.fall(lines).T
-        state = State.of(lines.q - o.bow[:, side, :1] * a, lines.v - o.bow[:, side, 1:] * a, o.trial, lines.t)
+        a = _beside_lines(o, lines, o.rig.fall(lines).T)
+        state = lines.shifted(-o.bow[:, side, :1] * a, -o.bow[:, side, 1:] * a)
         for _ in range(BENDINGS):
-            value, slope = _line(model, values, o, side, state)
-            state = State.of(state.q + o.value[:, side] - value, state.v + o.slope[:, side] - slope, o.trial, state.t)
+            found = _line(model, values, o, side, state)
+            state = state.corrected(lines, found)
         return state
 
     def acceleration(state: State) -> np.ndarray:
-        return model.acceleration(state, values, o.rig)
+        return _beside_lines(o, state, model.acceleration(state, values, o.rig))
 
     state = _flown_to_impact(o, side, acceleration, model.has_varying_flight)
     beyond = model.arc(o.nodes[:, side], state, values, o.rig) if model.has_arc else None
     if beyond is None:
         return state
     line = o.weights[:, side] @ beyond
-    return State.of(state.q - line[:, 0], state.v - line[:, 1], o.trial, state.t)
+    return state.shifted(-line[:, 0], -line[:, 1])
 
 
-def _line(
-    model: Model, values: Mapping[str, float], o: Observations, side: int, state: State
-) -> tuple[np.ndarray, np.ndarray]:
-    """Value and slope (n, 3) of the lines through the paths that the camera reports from measured states at impact."""
+def _beside_lines(o: Observations, state: State, a: np.ndarray) -> np.ndarray:
+    """Acceleration a (n, d + turns) less what the lines know already: in space the torque-free change of the spin."""
+    if o.space.is_plane:
+        return a
+    d = o.space.dimension
+    return np.concatenate([a[:, :d], a[:, d:] - o.rig.fall(state)[d:].T], axis=1)
+
+
+def _line(model: Model, values: Mapping[str, float], o: Observations, side: int, state: State) -> State:
+    """Value and slope of the lines through the paths that the camera reports from measured states at impact.
+
+    In space the attitude and the spin are those of the states: their lines follow the flight.
+    """
     line = o.weights[:, side] @ model.path(o.nodes[:, side], state, values, o.rig)
-    return line[:, 0], line[:, 1]
+    if o.space.is_plane:
+        return State.of(line[:, 0], line[:, 1], state.trial, state.t)
+    d = o.space.dimension
+    return state.changed(position=line[:, 0, :d].T, velocity=line[:, 1, :d].T)
 
 
 def _flown_to_impact(o: Observations, side: int, acceleration: Callable[[State], np.ndarray], varying: bool) -> State:
     """The state on one side of the impact, from the line there and the acceleration (n, 3) of a state, if `varying`
     with the velocity."""
-    value, slope, bow = o.value[:, side], o.slope[:, side], o.bow[:, side]
-    t = o.t if side == 0 else o.t + o.span
-    state, bent = State.of(value, slope, o.trial, t), 0.0
+    slope, bow = o.slope[:, side], o.bow[:, side]
+    state, bent = o.lines(side), 0.0
     a = acceleration(state)
     if varying:
         a = acceleration(state.with_velocity(slope - (1.0 - ARC_MEAN) * bow[:, 1:] * a))
         bent = _bent(o, side, acceleration, state.with_velocity(slope - bow[:, 1:] * a), a)
-    return State.of(value - bow[:, :1] * a - bent, slope - bow[:, 1:] * a, o.trial, t)
+    return state.shifted(-bow[:, :1] * a - bent, -bow[:, 1:] * a)
 
 
 def _bent(
@@ -160,9 +171,11 @@ def compare(
     dv = after.v - prediction.v
     if prediction.touch is None:
         return dv
-    meet = after.q - before.q - model.jump(before, after, values)
+    space = after.space
+    meet = space.difference(after.pose, before.pose).T - model.jump(before, after, values)
     if prediction.q is not None:
-        meet = np.where(np.isnan(prediction.q), meet, after.q - prediction.q)
+        played = ~np.isnan(prediction.q[:, 0])
+        meet[played] = space.difference(after.pose[:, played], prediction.q[played].T).T
     touch, rows = prediction.touch.copy(), np.flatnonzero(np.isnan(prediction.touch))
     if len(rows):
         touch[rows] = _apart(model, values_of(values, rows), rig, before.select(rows), after.select(rows))
@@ -223,7 +236,8 @@ def synthesise(
                 pose = before.q + model.jump(before, after, values)
                 pose[played] = after.q[played]
             if model.camera_bends:
-                value[:, side], slope[:, side] = _line(model, values, o, side, State.of(pose, speed, o.trial, state.t))
+                line = _line(model, values, o, side, State.of(pose, speed, o.trial, state.t))
+                value[:, side], slope[:, side] = line.q, line.v
                 continue
             a = model.acceleration(state, values, rig)
             if model.has_varying_flight:

@@ -5,7 +5,7 @@
 
 The t distribution limits the influence of single impacts; for Gaussian residuals it loses 2 % of efficiency.  The
 scatter σ_m that neither noise nor model explains is added to S: it has σ_m² D on the velocities after impact,
-D = diag(1, 1, 1/k²).
+D = diag(1, 1, 1/k²), in space diag(1, 1, 1, 1/k², 1/k², 1/k²).
 """
 
 from collections.abc import Mapping, Sequence
@@ -153,15 +153,17 @@ def log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
 
 def _scatter(observations: Observations, sigma_m: float) -> np.ndarray:
     """σ_m² D (m, m); with episodes (n, m, m): the velocity after their first hit scatters, and moves the pose."""
-    variance = np.zeros(7 if observations.arcs else 3)
-    variance[:3] = sigma_m**2, sigma_m**2, (sigma_m / observations.rig.k_g) ** 2
+    space = observations.space
+    d, m = space.dimension, space.motions
+    variance = np.zeros(2 * m + 1 if observations.arcs else m)
+    variance[:d], variance[d:m] = sigma_m**2, (sigma_m / observations.rig.k_g) ** 2
     scatter, span = np.diag(variance), observations.span
     if not span.any():
         return scatter
     scatter = np.tile(scatter, (len(span), 1, 1))
-    for i in range(3):
-        scatter[:, 3 + i, 3 + i] = span**2 * variance[i]
-        scatter[:, i, 3 + i] = scatter[:, 3 + i, i] = span * variance[i]
+    for i in range(m):
+        scatter[:, m + i, m + i] = span**2 * variance[i]
+        scatter[:, i, m + i] = scatter[:, m + i, i] = span * variance[i]
     return scatter
 
 
@@ -171,19 +173,20 @@ def most_probable_scatter(R: np.ndarray, S: np.ndarray, observations: Observatio
     In coordinates in which the scatter moves the velocities alone, with the others given and with the eigenvalues λ_i
     of what is left of S there, an impact has d² = d_0² + Σ e_i²/(λ_i + σ²) and log det S = Σ log(λ_i + σ²) + const.
     """
-    m, far = R.shape[1], np.zeros(len(R))
-    if R.shape[1] > 3:
+    space, m, far = observations.space, R.shape[1], np.zeros(len(R))
+    v = space.motions
+    if m > v:
         span = observations.span[:, None]
         R, S = R.copy(), S.copy()
-        R[:, 3:6] -= span * R[:, :3]
-        S[:, 3:6] -= span[:, None] * S[:, :3]
-        S[:, :, 3:6] -= span[:, None] * S[:, :, :3]
-        others, across = R[:, 3:, None], S[:, 3:, :3]
-        solved = np.linalg.solve(S[:, 3:, 3:], np.concatenate([others, across], axis=2))
+        R[:, v : 2 * v] -= span * R[:, :v]
+        S[:, v : 2 * v] -= span[:, None] * S[:, :v]
+        S[:, :, v : 2 * v] -= span[:, None] * S[:, :, :v]
+        others, across = R[:, v:, None], S[:, v:, :v]
+        solved = np.linalg.solve(S[:, v:, v:], np.concatenate([others, across], axis=2))
         far = np.einsum("nij,nij->n", others, solved[:, :, :1])
         given = np.swapaxes(across, 1, 2) @ solved
-        R, S = R[:, :3] - given[:, :, 0], S[:, :3, :3] - given[:, :, 1:]
-    unit = np.array([1.0, 1.0, observations.rig.k_g])
+        R, S = R[:, :v] - given[:, :, 0], S[:, :v, :v] - given[:, :, 1:]
+    unit = np.repeat([1.0, observations.rig.k_g], [space.dimension, space.turns])
     variance, axes = np.linalg.eigh(S * np.outer(unit, unit))
     variance, square = np.maximum(variance, 0.0), (np.swapaxes(axes, 1, 2) @ (unit * R)[:, :, None])[:, :, 0] ** 2
 
