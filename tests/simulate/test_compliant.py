@@ -50,7 +50,15 @@ def of_size(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["compliant.drops", "compliant.contacts", "compliant.forces", "rig.hidden_causes", "rig.camera"]
+    "name",
+    [
+        "compliant.drops",
+        "compliant.contacts",
+        "compliant.compiled",
+        "compliant.forces",
+        "rig.hidden_causes",
+        "rig.camera",
+    ],
 )
 def test_knows_no_impact_law_and_no_effect(name):
     module = import_module(f"thesis_lib.simulate.{name}")

@@ -187,10 +187,11 @@ def _next_contact(
     t = np.minimum(t, left)
     q, v = fly(body, q, v, t)
     if touches.any():
-        r = body.contact_point(q[touches, 2], corner[touches])
-        slow = -(v[touches, 1] + r[:, 0] * v[touches, 2]) < settings.micro
-        q[touches], v[touches], took = impact(q[touches], v[touches], r, slow, rng)
-        t[touches] += took
+        on = slice(None) if touches.all() else touches
+        r = body.contact_point(q[on, 2], corner[on])
+        slow = -(v[on, 1] + r[:, 0] * v[on, 2]) < settings.micro
+        q[on], v[on], took = impact(q[on], v[on], r, slow, rng)
+        t[on] += took
     return q, v, t, touches
 
 

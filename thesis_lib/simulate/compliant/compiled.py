@@ -1,7 +1,8 @@
 """Falls of planar bodies with compliant contact, compiled: flight, touch, contact, and flight again.
 
 numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
-stand here, since numba does not see changes of functions in other files.
+stand here, since numba does not see changes of functions in other files.  It shares no line with the contacts of the
+critique (`contact.compliant`): these drops are the truth by which that is judged.
 
 `forces` says which forces act, `drops` how a fall is cut into steps.  States q, v (5,) are those of `Mechanics`.
 """
