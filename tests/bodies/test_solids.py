@@ -5,19 +5,9 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.bodies.moments import moments_within
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.bodies.solids import (
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Hull,
-    Primitive,
-    Solid,
-    Sphere,
-    farthest,
-    moments_within,
-)
+from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Primitive, Solid, Sphere, farthest
 
 EXACT = 1e-14  # m, of bodies of some cm: rounding only
 SAMPLES = 400_000

@@ -16,16 +16,15 @@ stated measures: the solid is the sharp one moved in by ρ, then swept by a ball
 so that the half extents of a box are what a caliper gives.  Where a whole edge or face lies farthest, the support is
 its middle; mirrored solids then touch in mirrored points.  Volume, centre of mass and inertia are those of the
 homogeneous solid with sharp edges.
-
-Source of the moments of polyhedra: Tonon, J. Math. Stat. 1 (2005), doi:10.3844/jmssp.2005.8.11.
 """
 
 from functools import cached_property
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from thesis_lib.bodies.moments import Moments, moments_within
 from thesis_lib.bodies.shapes import Coordinate, Length
 from thesis_lib.foundation.settings import Section
 from thesis_lib.mechanics.space import SPACE
@@ -33,14 +32,6 @@ from thesis_lib.mechanics.space import SPACE
 UP = np.array([[0.0], [0.0], [1.0]])
 LEVEL = 1e-12  # of a unit direction, or of the extent: less is rounding, and the points lie equally far
 BLOCK = 2**22  # vertices times directions that are compared at once: 32 MiB
-
-
-class Moments(NamedTuple):
-    """Volume (m³), centre of mass (3,) in m, and inertia per mass (3, 3) in m² about it, of a homogeneous solid."""
-
-    volume: float
-    centre: np.ndarray
-    inertia_per_mass: np.ndarray
 
 
 class Solid(Section):
@@ -329,28 +320,6 @@ def farthest(points: np.ndarray, direction: np.ndarray) -> np.ndarray:
     if np.count_nonzero(equal) == len(first):  # no two lie equally far
         return points[:, equal.argmax(axis=0)]
     return (points @ equal) / equal.sum(axis=0)
-
-
-def moments_within(triangles: np.ndarray) -> Moments:
-    """Moments of what a closed surface of triangles (f, 3, 3) in m encloses, each counter-clockwise seen from outside.
-
-    Each triangle and the origin span a tetrahedron of signed volume V = a·(b × c)/6, with the centre of mass
-    (a + b + c)/4 and the second moments ∫ r rᵀ dV = V/20 (a aᵀ + b bᵀ + c cᵀ + s sᵀ), s = a + b + c.
-
-    Raises:
-        ValueError: the enclosed volume is not positive.
-    """
-    origin = triangles.reshape(-1, 3).mean(axis=0)  # near, so that no digits cancel
-    corners = triangles - origin
-    V = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    volume = float(V.sum())
-    if not volume > 0.0:
-        raise ValueError("the triangles enclose no volume: is the surface closed, and do its normals point out?")
-    s = corners.sum(axis=1)
-    centre = V @ s / (4.0 * volume)
-    second = (np.einsum("f,fci,fcj->ij", V, corners, corners) + np.einsum("f,fi,fj->ij", V, s, s)) / (20.0 * volume)
-    second -= np.outer(centre, centre)
-    return Moments(volume, centre + origin, np.trace(second) * np.eye(3) - second)
 
 
 def _central(volume: float, principal: np.ndarray) -> Moments:
