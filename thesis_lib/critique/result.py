@@ -155,6 +155,7 @@ class OfDrops(Critique):
         say: receives a line for each step.
     """
 
+    found: DropsCritique
     plots = ("ladder", "map")
 
     def __init__(
@@ -213,6 +214,8 @@ class OfDrops(Critique):
 class OfFewImpacts(Critique):
     """Impacts that are too few for a verdict: restitution and friction, with their standard errors."""
 
+    found: FewImpacts
+
     def __init__(self, found: FewImpacts, say: Say = lambda text: None) -> None:
         self.name, self.found, self._say = found.dataset, found, say
 
@@ -229,6 +232,7 @@ class OfFewImpacts(Critique):
 class OfMechanism(Critique):
     """The critique of a mechanism; `rng` in the state in which the search left it."""
 
+    found: MechanismCritique
     plots = ("residuals",)
 
     def __init__(

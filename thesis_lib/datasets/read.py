@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +82,7 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Dataset | None:
     if not any(os.path.lexists(folder / file) for file in files):
         remedy = "write at least one of them (the init command converts a log into trajectories.csv)"
         report.error("trajectories.csv, impacts.csv", "", "neither is there", remedy)
-    made = _checked(name, header, raw, lambda *columns: load_table(folder, *columns, report), report)
+    made = _checked(name, header, raw, partial(load_table, folder, report=report), report)
     return made and replace(made, path=folder)
 
 
