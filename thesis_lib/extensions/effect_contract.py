@@ -16,6 +16,7 @@ from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Impulse, Parameter, Reference, Rig
 from thesis_lib.extensions.contract import Check, NothingYet
+from thesis_lib.extensions.effect_in_space import SPACE_EFFECT_CHECKS
 from thesis_lib.extensions.old_hooks import rewritten
 from thesis_lib.extensions.stage_predictor import (
     EPSILON,
@@ -29,6 +30,7 @@ from thesis_lib.extensions.stage_predictor import (
     predict,
     random_states,
 )
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
 N = 300  # states
@@ -434,3 +436,8 @@ EFFECT_CHECKS: tuple[Check[Effect], ...] = (
     Check("works together with every effect of the library", composes),
     Check("acts the same in whatever order effects were added", in_any_order),
 )
+
+
+def checks_of(effect: Effect) -> tuple[Check[Effect], ...]:
+    """The checks of an effect, by the dimensions in which it lives."""
+    return (*EFFECT_CHECKS, *SPACE_EFFECT_CHECKS) if SPACE.dimension in effect.dimensions else EFFECT_CHECKS
