@@ -15,6 +15,7 @@ from thesis_lib.mechanics.space import (
     rotation_matrix,
     rotation_vector,
 )
+from thesis_lib.mechanics.state import State
 
 N = 200
 EXACT = 1e-13  # rounding of numbers of order 1
@@ -42,6 +43,18 @@ def test_quaternions_agree_with_scipy(rng):
     product = scipy_of(multiplied(first, second)) * (scipy_of(first) * scipy_of(second)).inv()
     assert product.magnitude().max() < 1e-7  # the angle of a product that is 1 up to rounding
     np.testing.assert_allclose(rotation_vector(first).T, scipy_of(first).as_rotvec(), atol=1e-12)
+
+
+@pytest.mark.parametrize("space", [PLANE, SPACE])
+def test_a_state_turns_vectors_with_its_own_pose_whatever_it_was_made_from(space, rng):
+    u, no = rng.standard_normal((space.dimension, 1)), np.zeros(N)
+    state = State(poses(space, rng), rng.standard_normal((space.motions, N)), no, no, space=space)
+    turned = state.turned(u)
+    np.testing.assert_array_equal(turned, space.turned(state.attitude, u))
+    other = poses(space, rng)[space.dimension :]
+    for made in (state.changed(velocity=2.0 * state.velocity), state.changed(attitude=other), state.tiled(3)):
+        for last in (made, made.with_motion(2.0 * made.motion), made.select(slice(None, 7))):
+            np.testing.assert_array_equal(last.turned(u), space.turned(last.attitude, u))
 
 
 @pytest.mark.parametrize("size", [1e-9, 1e-4, 2e-4, 1.0])

@@ -73,7 +73,7 @@ class ComOffset(Effect):
 
 def _turned(state, p):
     """C = R c (d, n) in axes of the world."""
-    return state.space.turned(state.attitude, along_axes(p, "c", state.space))
+    return state.turned(along_axes(p, "c", state.space))
 
 
 def _arc_in_space(tau, state, p, rig):

@@ -46,7 +46,7 @@ class MarkerOffset(Effect):
 
 def _seen_at(state, p, sign):
     """State of the point at `sign` D from the one that `state` is of."""
-    D = sign * state.space.turned(state.attitude, along_axes(p, "d", state.space))
+    D = sign * state.turned(along_axes(p, "d", state.space))
     velocity = state.space.velocity_at(state.velocity, state.spin, D)
     return state.changed(position=state.position + D, velocity=velocity)
 

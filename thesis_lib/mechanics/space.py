@@ -59,7 +59,7 @@ class Space:
     def velocity_at(self, velocity: np.ndarray, spin: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Velocity v + ω × r (d, n) in m/s of the point at r (d, n) in m from that which moves with v (d, n)."""
         if self.is_plane:
-            return np.stack([velocity[0] - spin[0] * r[1], velocity[1] + spin[0] * r[0]])
+            return np.array((velocity[0] - spin[0] * r[1], velocity[1] + spin[0] * r[0]))
         return velocity + cross(spin, r)
 
     def moment(self, r: np.ndarray, f: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ class State:
     of the recording; with a single one it is None.
     """
 
-    __slots__ = ("motion", "pose", "space", "surface", "t", "trial")
+    __slots__ = ("_cos_sin", "_tile_of", "motion", "pose", "space", "surface", "t", "trial")
 
     def __init__(
         self,
@@ -42,6 +42,9 @@ class State:
         space: Space = PLANE,
     ) -> None:
         self.pose, self.motion, self.trial, self.t, self.surface, self.space = pose, motion, trial, t, surface, space
+        # in the plane: cos θ and sin θ once they are asked for, and the state and number of copies that have them, too
+        self._cos_sin: tuple[np.ndarray, np.ndarray] | None = None
+        self._tile_of: tuple[State, int] | None = None
 
     @classmethod
     def of(
@@ -131,6 +134,24 @@ class State:
         """Motions by row (n, d + turns), a copy."""
         return np.array(self.motion).T
 
+    def turned(self, u: np.ndarray) -> np.ndarray:
+        """Vectors u (d, n) or (d, 1) in axes of the bodies, in those of the world."""
+        if not self.space.is_plane:
+            return self.space.turned(self.attitude, u)
+        cos, sin = self._cosine_and_sine()
+        return np.array((cos * u[0] - sin * u[1], sin * u[0] + cos * u[1]))
+
+    def _cosine_and_sine(self) -> tuple[np.ndarray, np.ndarray]:
+        """cos θ and sin θ (n,), computed once for each pose: they took a tenth of a critique of episodes."""
+        if self._cos_sin is None:
+            if self._tile_of is not None:
+                one, copies = self._tile_of
+                cos, sin = one._cosine_and_sine()
+                self._cos_sin = np.tile(cos, copies), np.tile(sin, copies)
+            else:
+                self._cos_sin = np.cos(self.theta), np.sin(self.theta)
+        return self._cos_sin
+
     # other states -----------------------------------------------------------------------------------------------
     def changed(
         self,
@@ -153,7 +174,8 @@ class State:
                 motion[:d] = velocity
             if spin is not None:
                 motion[d:] = spin
-        return State(pose, motion, self.trial, self.t, self.surface, self.space)
+        made = State(pose, motion, self.trial, self.t, self.surface, self.space)
+        return made._posed_as(self) if pose is self.pose else made
 
     def moved(self, **changes: np.ndarray) -> "State":
         """The same planar state with some of x, y, theta, vx, vy, omega (n,), trial and t replaced."""
@@ -172,8 +194,9 @@ class State:
                 t = array
             else:
                 raise TypeError(f"a planar state has no {name!r}")
-        pose, motion = self.pose if pose is None else pose, self.motion if motion is None else motion
-        return State(pose, motion, trial, t, self.surface, self.space)
+        motion = self.motion if motion is None else motion
+        made = State(self.pose if pose is None else pose, motion, trial, t, self.surface, self.space)
+        return made._posed_as(self) if pose is None else made
 
     def shifted(self, change: np.ndarray, faster: np.ndarray) -> "State":
         """The states after small changes of pose and motion by row, each (n, d + turns)."""
@@ -194,7 +217,7 @@ class State:
 
     def with_motion(self, motion: np.ndarray) -> "State":
         """The same poses with motions (d + turns, n)."""
-        return State(self.pose, motion, self.trial, self.t, self.surface, self.space)
+        return State(self.pose, motion, self.trial, self.t, self.surface, self.space)._posed_as(self)
 
     def with_velocity(self, v: np.ndarray) -> "State":
         """The same poses with motions by row v (n, d + turns)."""
@@ -224,7 +247,14 @@ class State:
 
     def tiled(self, copies: int) -> "State":
         """The bodies `copies` times, one set after the other."""
-        return self.joined([self] * copies)
+        made = self.joined([self] * copies)
+        made._tile_of = self, copies
+        return made
+
+    def _posed_as(self, other: "State") -> "State":
+        """This state, with what is known of the poses that it shares with the other."""
+        self._cos_sin, self._tile_of = other._cos_sin, other._tile_of
+        return self
 
     @staticmethod
     def joined(states: "Sequence[State]") -> "State":

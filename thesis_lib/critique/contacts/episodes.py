@@ -12,7 +12,7 @@ the motion is then integrated from the touch of the first with springs at all co
 How contacts are pressed, and whether all of them are, says their kind (`kinds`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -32,6 +32,7 @@ STEP = 1e-3  # s; a corner 0.05 m from the centre that turns with 60 rad/s is of
 NEWTON = 3  # steps to the instant of a touch within a step: the gap to 1 nm
 LARGEST = 400_000  # contact points of paths that share a number of steps
 AHEAD, IN_CACHE = 16, 16_000  # steps, and contact points, that are looked at in one go
+AT_FIRST = 4  # steps that are looked at first: a body was flown back by `LEAD` from about its first touch
 _NOW = 1e-9  # s
 
 
@@ -187,8 +188,10 @@ class _Play:
         """
         at, state, done, first = np.arange(len(rows)), self._state(rows), 0, True
         origin, landed, after, starts = state, [], [], []
+        soon = not self.hits[rows].any()
         while len(at) and done < steps:
-            ahead = min(steps - done, AHEAD, max(1, IN_CACHE // (len(at) * self.points)))
+            limit = AT_FIRST if soon and first else AHEAD
+            ahead = min(steps - done, limit, max(1, IN_CACHE // (len(at) * self.points)))
             path = self._path(origin, state, h[at], done, ahead, rows[at])
             looked = path if first else path.select(slice(len(at), None))
             count = ahead + first
@@ -212,9 +215,9 @@ class _Play:
         if not self.model.has_varying_flight:
             times = np.multiply.outer(np.arange(done, done + ahead + 1), h).ravel()
             return origin.tiled(ahead + 1).flown(np.array([[0.0, -self.rig.gravity, 0.0]]), times)
-        path = [state]
+        path, active = [state], self.model.active(self._values(rows))
         for _ in range(ahead):
-            path.append(path[-1].flown(self.acceleration(path[-1], h, rows), h))
+            path.append(path[-1].flown(self._acceleration(path[-1], h, active), h))
         return State.joined(path)
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -242,7 +245,10 @@ class _Play:
         return a, np.where((h < LONGEST) & (v_n > 0.0), h, 0.0)
 
     def acceleration(self, state: State, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        active = self.model.active(self._values(rows))
+        """By row (n, 3) in m/s², m/s², rad/s², of the bodies `rows` in the middle of h (n,) in s."""
+        return self._acceleration(state, h, self.model.active(self._values(rows)))
+
+    def _acceleration(self, state: State, h: np.ndarray, active: Sequence) -> np.ndarray:
         a = self.model.true_acceleration(state, active, self.rig)
         if self.model.has_varying_flight:
             a = self.model.true_acceleration(state.flown(a, 0.5 * h), active, self.rig)
