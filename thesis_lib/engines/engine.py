@@ -23,6 +23,7 @@ import numpy as np
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
@@ -103,11 +104,8 @@ def impacts(engine: Press, q: np.ndarray, v: np.ndarray) -> EngineResult:
         t[on] += steps * h
         j = opens[free].argmax(axis=1)
         ends = (c_path[rows, j], c_path[rows, j + 1], w_path[rows, j], w_path[rows, j + 1])
-        low, part = np.zeros(len(rows)), np.ones(len(rows))
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + part)
-            above = _gap(engine, _hermite(*ends, h, middle)[0]) >= 0.0
-            low, part = np.where(above, low, middle), np.where(above, middle, part)
+        both = np.ones(len(rows)), np.zeros(len(rows))
+        part, _ = bisected(lambda u, e=ends: _gap(engine, _hermite(*e, h, u)[0]) >= 0.0, *both, BISECTIONS)
         c[off], w[off] = _hermite(*ends, h, part)
         t[off] += (j + part) * h
         left[off] = True

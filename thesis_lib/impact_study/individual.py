@@ -24,6 +24,7 @@ import numpy as np
 
 from thesis_lib.contact.law import Law
 from thesis_lib.impact_study.cost import BLOCK, MeasuredImpulses, Metric, misfit, misfit_of_impulse
+from thesis_lib.mechanics.bisection import bisected
 
 MU_MAX = 2.0  # our choice: above the friction of dry solids, and above nearly every μ_s of the chapter's data
 STUCK = 1e-3  # of the impulse: below a tenth of any measurement's noise; path-wise laws never stop changing
@@ -180,9 +181,5 @@ def sticking_bound(law: Law, target: MeasuredImpulses, epsilon: np.ndarray) -> n
             c_t, c_n = law.impulse(space, mu, epsilon)
             return np.hypot(c_t - final[0], c_n - final[1]) <= scale
 
-        low, high = np.zeros(len(target)), np.full(len(target), MU_MAX)
-        for _ in range(40):  # 2 / 2^40 ≈ 2e-12
-            middle = 0.5 * (low + high)
-            stuck = sticks(middle)
-            low, high = np.where(stuck, low, middle), np.where(stuck, middle, high)
-    return high
+        highest, lowest = np.full(len(target), MU_MAX), np.zeros(len(target))
+        return bisected(sticks, highest, lowest, 40)[0]  # 2 / 2^40 ≈ 2e-12

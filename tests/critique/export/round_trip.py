@@ -18,6 +18,7 @@ from thesis_lib.engines.drake_engine import DrakeEngine
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.engines.parameters import drake_numbers, of_drake
+from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.contact import MujocoContact
@@ -78,14 +79,10 @@ def predicted(name, body, q, v, mu, epsilon, contact_time, c_x=0.0, c_y=0.0, imp
         )
     else:
         engine = DrakeEngine(body, len(q), contact=CompliantContact(**contact), causes=causes)
-    low, high = np.zeros(len(q)), np.full(len(q), SPAN)
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        below = engine.mechanics.gap(flown(engine.mechanics, q, v, middle)[0], middle, np.arange(len(q))) < 0.0
-        low, high = np.where(below, low, middle), np.where(below, middle, high)
-    at = engine.mechanics.origin_state(*flown(engine.mechanics, q, v, low))
-    out = impacts(engine, *at)
-    return engine.mechanics.origin_state(*flown(engine.mechanics, out.q, out.v, SPAN - low - out.t))[1]
+    m, none, rows = engine.mechanics, np.zeros(len(q)), np.arange(len(q))
+    low, _ = bisected(lambda s: m.gap(flown(m, q, v, s)[0], s, rows) >= 0.0, none, none + SPAN, 40)
+    out = impacts(engine, *m.origin_state(*flown(m, q, v, low)))
+    return m.origin_state(*flown(m, out.q, out.v, SPAN - low - out.t))[1]
 
 
 def flown(mechanics, q, v, s):

@@ -19,6 +19,7 @@ from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects.effect import ORIGIN, Reference, Rig
+from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.record import as_dataset
 
@@ -115,11 +116,10 @@ def _step(
         hits = alive & (model.gap(end, values, rig) < 0.0) & (remaining > 0.0)
         if not hits.any():
             return touch, end
-        low, high = np.zeros(len(s.x)), remaining.copy()
-        for _ in range(40):
-            middle = 0.5 * (low + high)
-            below = model.gap(_fly(model, values, rig, s, middle), values, rig) < 0.0
-            low, high = np.where(below, low, middle), np.where(below, middle, high)
+        none = np.zeros(len(s.x))
+        low, _ = bisected(
+            lambda h, s=s: model.gap(_fly(model, values, rig, s, h), values, rig) >= 0.0, none, remaining, 40
+        )
         at = _fly(model, values, rig, s, np.where(hits, low, remaining))
         r = rig.shape.contact_point(at.theta)
         approach = at.vy + r[:, 0] * at.omega

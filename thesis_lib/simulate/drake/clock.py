@@ -17,6 +17,7 @@ import numpy as np
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from scipy.interpolate import CubicHermiteSpline
 
+from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.simulate.drake.plant import DropPlant
 
 BISECTIONS = 34  # of a step: 2e-3 s / 2^34 = 1e-13 s
@@ -87,11 +88,7 @@ def fly(
         return times, q_path, v_path, False
     i = below[0]
     spline = CubicHermiteSpline(*(part[i - 1 : i + 1] for part in (times, q_path, v_path)))
-    low, high = times[i - 1], times[i]
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        under = gap(spline(middle)[None], np.array([middle]))[0] < 0.0
-        low, high = (low, middle) if under else (middle, high)
+    low, _ = bisected(lambda s: gap(spline(s)[None], np.array([s]))[0] >= 0.0, times[i - 1], times[i], BISECTIONS)
     touch = np.append(times[:i], low), np.vstack([q_path[:i], spline(low)])
     return *touch, np.vstack([v_path[:i], spline(low, 1)]), True
 

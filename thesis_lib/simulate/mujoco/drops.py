@@ -20,6 +20,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.simulate.compliant.compiled import BISECTIONS
 from thesis_lib.simulate.compliant.contacts import LONGEST, Contacts
 from thesis_lib.simulate.compliant.drops import FLIGHT_STEP, Falls, Instants
@@ -232,12 +233,10 @@ class _Run:
 
     def _root(self, row: int, t: float, high: float, low: float, path) -> float:
         """Time after t in s, between `high` (gap above 0) and `low` (below), at which the gap of a path is 0."""
-        rows = np.array([row])
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            above = self.mechanics.gap(path(middle)[None], np.array([t + middle]), rows)[0] >= 0.0
-            low, high = (low, middle) if above else (middle, high)
-        return high
+        gap, rows = self.mechanics.gap, np.array([row])
+        return float(
+            bisected(lambda s: gap(path(s)[None], np.array([t + s]), rows)[0] >= 0.0, high, low, BISECTIONS)[0]
+        )
 
     def _record(self, row: int, after: tuple[np.ndarray, np.ndarray, float], *, separated: bool) -> None:
         """Close the contact of a drop; its recording ends there if it has come to rest."""
