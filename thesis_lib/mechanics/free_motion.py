@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from thesis_lib.mechanics.inertia import in_world
-from thesis_lib.mechanics.space import PLANE, SPACE, conjugate, cross, multiplied, of_rotation_vector, rotated
+from thesis_lib.mechanics.space import PLANE, SPACE, cross
 
 STEP = 0.06  # rad a step: some 1e-10 rad each, 1e-6 of a column a turn
 TURN = 1.0  # rad a step where 1e-5 rad do: for what is within millimetres of the centre of mass
@@ -91,7 +91,7 @@ def attitudes(
         step: largest turn in rad of a step of the integration.
 
     Raises:
-        ValueError: a body turns by more than `MOST_STEPS` steps.
+        ValueError: a body turns by more than `MOST_STEPS` of these steps.
     """
     q, spins, _ = _integrated(attitude, spin, G, _grid(tau, attitude.shape[1]), step)
     return q, spins
@@ -136,83 +136,21 @@ def _integrated(
     q: np.ndarray, spin: np.ndarray, G: np.ndarray, tau: np.ndarray, step: float, with_columns: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Attitudes (4, k, n), spins (3, k, n), and derivatives Φ (3, 3, k, n) of the attitudes; (3, 0, k, n) without."""
-    k, n = tau.shape
-    motion = _TorqueFree(q, spin, G, with_columns)
-    attitudes, derivatives = np.empty((4, k, n)), np.empty((3, 3 if with_columns else 0, k, n))
-    bodies = np.arange(n)
-    for sign in (1.0, -1.0):  # onwards from time 0, then backwards
-        ahead = sign * tau
-        if sign < 0.0 and not (ahead > 0.0).any():
-            break
-        target = np.where(ahead > 0.0, ahead, 0.0)
-        now, state = np.zeros(n), motion.start
-        for row in np.argsort(target, axis=0):
-            span = target[row, bodies] - now
-            turn = motion.rate * span
-            steps = int(np.ceil(np.max(turn, where=np.isfinite(turn), initial=0.0) / step))
-            if steps > MOST_STEPS:
-                raise ValueError(
-                    f"a flight turns by {steps * step:.3g} rad between two times: are spins and times right?"
-                )
-            for _ in range(steps):
-                state = motion.after(state, sign * span / steps)
-            now = now + span
-            there = ahead[row, bodies] >= 0.0 if sign > 0.0 else ahead[row, bodies] > 0.0
-            attitudes[:, row[there], bodies[there]] = state[0][:, there]
-            derivatives[:, :, row[there], bodies[there]] = state[1][:, :, there]
-    attitudes[:, ~np.isfinite(tau)] = np.nan
-    return attitudes, motion.spin_at(attitudes), derivatives
+    from thesis_lib.mechanics.turning import follow
 
-
-class _TorqueFree:
-    """The equations of torque-free motion; a state is an attitude (4, n) and its derivatives Φ (3, 3 or 0, n)."""
-
-    def __init__(self, q: np.ndarray, spin: np.ndarray, G: np.ndarray, with_columns: bool) -> None:
-        self.inverse = np.linalg.inv(np.moveaxis(G, (0, 1), (-2, -1)))  # (3, 3) or (n, 3, 3)
-        D = in_world(G, q)
-        self.L = np.einsum("ijn,jn->in", D, spin)
-        self.D = D if with_columns else D[:, :0]
-        self.start = q, np.zeros_like(self.D)
-        # least principal moment g: g |ω|² ≤ ω·G ω, which is constant
-        least = np.linalg.eigvalsh(self.inverse)[..., -1]
-        self.rate = np.sqrt(np.maximum((self.L * spin).sum(axis=0), 0.0) * least)
-
-    def spin_at(self, q: np.ndarray) -> np.ndarray:
-        """ω (3, ..., n) = W L at attitudes (4, ..., n)."""
-        return self._W(q, self.L if q.ndim == 2 else self.L[:, None])
-
-    def after(self, state: tuple[np.ndarray, np.ndarray], h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The state after a step of h (n,) in s."""
-        q, P = state
-        k1, p1 = self._rates(q, P)
-        q2 = _turned(q, 0.5 * h * k1)
-        k2, p2 = self._rates(q2, P + 0.5 * h * p1)
-        k3, p3 = self._rates(_turned(q, 0.5 * h * k2), P + 0.5 * h * p2)
-        k4, p4 = self._rates(_turned(q2, h * (k3 - 0.5 * k1)), P + h * p3)
-        middle = 2.0 * (k2 + k3)
-        first, second = (3.0 * k1 + middle - k4) * (h / 12.0), (3.0 * k4 + middle - k1) * (h / 12.0)
-        return _turned(_turned(q, first), second), P + (h / 6.0) * (p1 + 2.0 * (p2 + p3) + p4)
-
-    def _rates(self, q: np.ndarray, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ω (3, n) and Φ̇ = W (D + L × Φ)."""
-        if not P.shape[1]:
-            return self._W(q, self.L), P
-        L = self.L[:, None]
-        both = self._W(q[:, None], np.concatenate([L, self.D + cross(L, P)], axis=1))
-        return both[:, 0], both[:, 1:]
-
-    def _W(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """W u (3, ..., n) of vectors u (3, ..., n)."""
-        in_body = rotated(conjugate(q), u)
-        if self.inverse.ndim == 2:
-            slow = (self.inverse @ in_body.reshape(3, -1)).reshape(in_body.shape)
-        else:
-            slow = np.einsum("nij,j...n->i...n", self.inverse, in_body)
-        return rotated(q, slow)
-
-
-def _turned(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    return multiplied(of_rotation_vector(turn), q)
+    inverse = np.linalg.inv(np.atleast_3d(G).transpose(2, 0, 1))
+    D = in_world(G, q)
+    L = np.einsum("ijn,jn->in", D, spin)
+    # least principal moment g: g |ω|² ≤ ω·G ω, which is constant
+    rate = np.sqrt(np.maximum((L * spin).sum(axis=0), 0.0) * np.linalg.eigvalsh(inverse)[:, -1])
+    farthest = np.abs(rate * tau)
+    if np.max(farthest, where=np.isfinite(farthest), initial=0.0) > MOST_STEPS * step:
+        raise ValueError(f"a flight turns by more than {MOST_STEPS * step:.3g} rad: are spins and times right?")
+    found = np.empty((4, *tau.shape)), np.empty((3, *tau.shape)), np.empty((3, 3 * with_columns, *tau.shape))
+    # in one layout, for which it is compiled
+    q, D, tau = (np.ascontiguousarray(array) for array in (q, D[:, : 3 * with_columns], tau))
+    follow(q, inverse, L, D, rate, tau, np.argsort(tau, axis=0), step, *found)
+    return found
 
 
 def _grid(tau: np.ndarray, n: int) -> np.ndarray:
