@@ -1,10 +1,10 @@
 """The critique's verdict on a dataset, how often it is right where the truth is known, and how many claims hold."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from thesis_lib.records.record import Job, Record
-from thesis_lib.records.rows import DataFrame, Row, compared, counted, share
-from thesis_lib.statistics.wording import interval, listed, number, percent, side, times
+from thesis_lib.records.rows import DataFrame, Row, counted, share
+from thesis_lib.statistics.wording import interval, listed, side, times
 
 PROVEN = {  # figure and source in summary.csv of the proof: where the effect was hidden
     ("one effect, named alone or in its group, laws injected, 150 drops", "law"): "with its own law injected",
@@ -15,8 +15,6 @@ QUIET = "nothing hidden, verdict adequate, per source"
 OUTSIDE = ("outside the library: unexplained", "mechanism + drake")
 REPRODUCED, DEVIATES = "reproduced", "deviates"
 OTHERS = {"data not present": "without the data", "not decided": "not decided at this scale"}
-MUCH_LEFT_OUT = 0.2  # larger shares of impacts left out are mentioned
-WITHIN = ("falls", "goes, within its interval,", "rises")
 
 
 @Record.found_by(
@@ -29,56 +27,18 @@ named effects are added (step 4).""",
     reads=("diagnosis.json",),
 )
 def verdict(diagnosis: Mapping) -> str:
-    """Which effects are missing, how far the error falls with them, and how much remains."""
+    """The verdict in the words of every other place, and how the error stands to the noise."""
+    from thesis_lib.critique.results.summary import headline  # late: loads every law and every effect
+
     if diagnosis["verdict"] is None:
         return " ".join(diagnosis["summary"])
-    error, clearing = diagnosis["error"], [effect for effect in diagnosis["effects"] if effect["clears"]]
-    left_out = diagnosis["left_out"]["share"]
-    sentences = [_missing(diagnosis, clearing), _fall(error, bool(clearing))]
-    if left_out > MUCH_LEFT_OUT:
-        sentences.append(f"{percent(left_out)} of the detected impacts were left out.")
-    return " ".join(sentences)
-
-
-def _missing(diagnosis: Mapping, effects: Sequence[Mapping]) -> str:
-    from thesis_lib.critique.contacts.bases import BASES  # late: loads every law; the next loads every effect
-    from thesis_lib.effects import EFFECTS
-
-    def named(group: Sequence[Mapping]) -> str:
-        doubt = " (or what these data cannot tell from it)"
-        return listed([f"“{EFFECTS[e['name']].title}”{doubt if e['indistinguishable_from'] else ''}" for e in group])
-
-    law = BASES[diagnosis["base_model"]["name"]].title
-    faults = [effect for effect in effects if effect["family"] == "measurement"]
-    physics = [effect for effect in effects if effect not in faults and not effect.get("stand_in")]
-    fault = f"; the measurements look faulty: {named(faults)}" if faults else ""
-    if diagnosis["verdict"] == "adequate":
-        # effects chosen by hand are the only ones tried
-        lowers = "no effect in the library lowers its error by an amount that matters"
-        tested = ", as far as was tested" if diagnosis["effects"] else f": {lowers}"
-        return f"{law} is adequate{tested}{fault}."
-    if diagnosis["verdict"] == "unexplained":
-        beyond = f" beyond {named(physics)}" if physics else ""
-        return f"{law} misses something{beyond} that no effect in the library explains{fault}."
-    return f"{law} leaves out {named(physics)}{fault}." if physics else f"{law} is enough{fault}."
-
-
-def _fall(error: Mapping, named: bool) -> str:
-    before, after = (
-        {"value": error[name], "low": error[f"{name}_interval"][0], "high": error[f"{name}_interval"][1]}
-        for name in ("base", "augmented")
-    )
-    now = interval(after["value"], after["low"], after["high"], "m/s")
-    sentence = f"Its held-out error is {now}"
-    if named:
-        moves = compared(after, before, WITHIN)
-        sentence = f"With what was named the held-out error {moves} from {number(before['value'])} to {now}"
-    floor = error["noise_floor"]
-    if not floor:
-        return f"{sentence}; the noise is not known."
-    if side(after["low"], after["high"], floor, ("apart", "", "apart")):
-        return f"{sentence}, {times(after['value'] / floor)} the noise floor."
-    return f"{sentence}, not told apart from the noise floor of {number(floor, unit='m/s')}."
+    error = diagnosis["error"]
+    now, (low, high), floor = error["augmented"], error["augmented_interval"], error["noise_floor"]
+    beside = "and the noise is not known"
+    if floor:
+        apart = side(low, high, floor, ("apart", "", "apart"))
+        beside = f"{times(now / floor)} the noise floor" if apart else "not told apart from the noise floor"
+    return " ".join([*headline(diagnosis), f"The held-out error is {interval(now, low, high, 'm/s')}, {beside}."])
 
 
 @Record.found_by(

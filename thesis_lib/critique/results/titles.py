@@ -79,3 +79,14 @@ def unit_of(feature: str) -> str:
     """Unit of a feature for axes; '' for pure numbers."""
     unit = FEATURES[feature][0] if feature in FEATURES else "1"
     return "" if unit == "1" else unit
+
+
+def addition_title(one: Mapping) -> str:
+    """Title of an effect or a law in `additions`."""
+    library: Mapping = EFFECTS if one["kind"] == "effect" else BASES
+    return library[one["name"]].title if one["name"] in library else one["name"]
+
+
+def origin_text(one: Mapping) -> str:
+    """The file or package from which one of `additions` came."""
+    return one["file"] if "file" in one else f"the package {one['package']} {one.get('version', '')}".rstrip()

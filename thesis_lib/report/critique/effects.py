@@ -12,17 +12,18 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED, alternatives_listed, feature_text
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.results.clock_and_size import said
-from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
-from thesis_lib.critique.results.summary import (
-    above_noise,
+from thesis_lib.critique.results.effect_sentences import (
     at_its_end,
+    effects_found,
     is_at_end,
-    possible_faults,
+    is_fault,
     rejected,
-    restitution_differs,
     stands_in,
     why_not,
 )
+from thesis_lib.critique.results.effect_sentences import faults as measurement_faults
+from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
+from thesis_lib.critique.results.summary import above_noise, restitution_differs, worst
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
 from thesis_lib.critique.selection.settings import search_ended
 from thesis_lib.effects import EFFECTS
@@ -32,26 +33,9 @@ from thesis_lib.statistics.wording import listed, number
 
 
 def faults(d: Mapping) -> Markup:
-    clear = [effect for effect in d["effects"] if effect["clears"]]
-    measured = [effect for effect in clear if effect["family"] == "measurement"]
-    maybe = Markup().join(
-        paragraph(
-            f"What is told below as “{effect_title(effect['name'])}” may be a fault of the measurement: these data "
-            f"cannot tell it from “{_alternatives(faulty)}”. Rule that out first."
-        )
-        for effect in clear
-        if (faulty := possible_faults(effect))
-    )
-    if not measured:
-        return maybe
+    measured = filter(is_fault, effects_found(d))
     sentences = [f"{_effect_sentence(effect)} {_doubt(effect)}".strip() for effect in measured]
-    others = {name for effect in measured for name in effect["indistinguishable_from"]}
-    physics = any(name in EFFECTS and EFFECTS[name].family != "measurement" for name in others)
-    advice = (
-        f"This {'may be' if physics else 'is'} a fault of camera, clock or calibration, not physics of the contact. "
-        "Repair it and run the critique again; until then all parameters below hold only with the fault modelled."
-    )
-    return paragraph(*sentences) + paragraph(advice) + maybe
+    return paragraph(*sentences) + Markup().join(map(paragraph, measurement_faults(d)))
 
 
 def effects(d: Mapping) -> Markup:
@@ -69,7 +53,7 @@ def _effect(effect: Mapping) -> Markup:
     if not effect["clears"]:
         by_hand = f"{title} was switched on by you; {why_not(effect)}."
         return paragraph(by_hand, _effect_sentence(effect))
-    if effect["family"] == "measurement":
+    if is_fault(effect):
         return paragraph(f"{title} is a fault of the measurement; see above.")
     if effect.get("stand_in"):
         return paragraph(stands_in(effect), _effect_sentence(effect), _shown_by(effect))
@@ -158,12 +142,9 @@ def _worst(error: Mapping) -> Markup:
         return Markup()
     at = ["–" if r["t"] is None else number(r["t"], 4) for r in error["worst"]]
     rows = [(f"{r['trial']}", t, number(r["error"])) for r, t in zip(error["worst"], at)]
-    times = number(error["augmented"] / error["noise_floor"], 2)
-    return paragraph(
-        f"But the mean held-out error is {times} times the noise floor, while half of the impacts lie near it: single "
-        "impacts go wrong. Look at the samples around the worst of them, and if these are sound, at what sets these "
-        "impacts apart."
-    ) + table("Largest held-out errors", ("trial", "t (s)", "error (m/s)"), rows, numeric=(1, 2))
+    return paragraph(*worst(error)) + table(
+        "Largest held-out errors", ("trial", "t (s)", "error (m/s)"), rows, numeric=(1, 2)
+    )
 
 
 def ladder_text(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:

@@ -12,9 +12,9 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.results.effect_sentences import possible_faults
 from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.numbers import ladder_table
-from thesis_lib.critique.results.summary import possible_faults
 from thesis_lib.figures.style import Drawn, png_of
 from thesis_lib.foundation.terminal import visible
 from thesis_lib.report.critique import effects, impacts, proposal, tables, text

@@ -13,8 +13,7 @@ from markupsafe import Markup
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
 from thesis_lib.critique.likelihood.fit import Fit
-from thesis_lib.critique.results.summary import origin_text
-from thesis_lib.critique.results.titles import counted_from, effect_title, law_title, symbol
+from thesis_lib.critique.results.titles import counted_from, effect_title, law_title, origin_text, symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.report.elements import amount, estimate, fitted, interval, percent, plus_minus, sized, table

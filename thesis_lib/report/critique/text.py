@@ -10,8 +10,8 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.results.numbers import law_errors
-from thesis_lib.critique.results.summary import MUCH_LEFT_OUT, addition_title, origin_text
-from thesis_lib.critique.results.titles import law_title
+from thesis_lib.critique.results.summary import MUCH_LEFT_OUT, much_left_out
+from thesis_lib.critique.results.titles import addition_title, law_title, origin_text
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
 from thesis_lib.report.critique.effects import capital
@@ -31,10 +31,9 @@ PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 def data(critique: DropsCritique, d: Mapping) -> Markup:
     train, held, share = critique.training, critique.held_out, d["left_out"]["share"]
-    first = f"{d['n_impacts']} impacts of {d['n_trials']} trials are used; "
-    first += f"{percent(share)} of the detected impacts were left out." if share else "none was left out."
-    if share > MUCH_LEFT_OUT:
-        first += " That is much: what is said here holds for the kind of impact that could be measured."
+    first = f"{d['n_impacts']} impacts of {d['n_trials']} trials are used"
+    few = f"{percent(share)} of the detected impacts were left out" if share else "none was left out"
+    first += f". {much_left_out(d)[0]}" if share > MUCH_LEFT_OUT else f"; {few}."
     seen = "which rejected an effect but chose none" if d["rejected"] else "which no choice has seen"
     second = (
         f"Law and effects were chosen on {len(np.unique(train.trial))} trials; errors are those of the other "

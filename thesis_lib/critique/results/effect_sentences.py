@@ -1,0 +1,118 @@
+"""Sentences on single effects of diagnosis.json: what they are taken for, and what speaks against them."""
+
+from collections.abc import Mapping
+
+from thesis_lib.critique.drops.words import alternatives_listed
+from thesis_lib.critique.likelihood.channels import CHANNELS
+from thesis_lib.effects import EFFECTS
+from thesis_lib.statistics.wording import bounded, listed, number
+
+
+def effects_found(content: Mapping, clears: bool = True) -> list[Mapping]:
+    """Effects that pass all tests, or those switched on by hand that do not."""
+    return [effect for effect in content["effects"] if effect["clears"] == clears]
+
+
+def is_fault(effect: Mapping) -> bool:
+    """Whether it is one of the measurement."""
+    return effect["family"] == "measurement"
+
+
+def is_at_end(effect: Mapping) -> bool:
+    """Whether the data only bound the size of an effect."""
+    return any(p.get("bound") for p in effect["parameters"].values())
+
+
+def speed(value: float) -> str:
+    """A speed in words."""
+    return f"{value:.3g} m/s"
+
+
+def at_its_end(effect: Mapping) -> str:
+    """What is said of an effect that would grow beyond the values that are believed possible."""
+    ends = listed([f"{name} {bounded(p)}" for name, p in effect["parameters"].items() if p.get("bound")])
+    return (
+        f"“{EFFECTS[effect['name']].title}” is at an end of its range ({ends}), so it may stand in for another cause."
+    )
+
+
+def rejected(effect: Mapping) -> str:
+    """Why an effect that was found on the training trials is left out, as a sentence."""
+    rises = [
+        f"{CHANNELS[name].short} from {number(one['ends'][0])} to {number(one['ends'][1])} "
+        + ("m/s" if one["unit"] == "m/s" else "standard deviations of noise")
+        for name, one in effect["rises"].items()
+    ]
+    does = f"raises the error of {listed(rises)} on" if rises else "lowers no error by an amount that matters on"
+    title = EFFECTS[effect["name"]].title
+    return f"“{title}” was found on the training trials, but {does} the held-out ones, so it is left out."
+
+
+def stands_in(effect: Mapping) -> str:
+    """Why an effect is no cause, as a sentence."""
+    why, title = effect["stand_in"], EFFECTS[effect["name"]].title
+    said = f"“{title}” stands in for something else: it contradicts the stated {why['denies']} by "
+    said += f"{why['standard_errors']:.2g} standard errors"
+    if not why["instead"]:
+        return f"{said}, so its cause has no name here."
+    names = alternatives_listed([EFFECTS[name].title for name in why["instead"]])
+    return f"{said}; these data cannot tell it from “{names}”, which contradicts nothing that is stated."
+
+
+def possible_faults(effect: Mapping) -> list[str]:
+    """Measurement effects that the data cannot tell from `effect`; none if it is one itself."""
+    if is_fault(effect):
+        return []
+    return [n for n in effect["indistinguishable_from"] if n in EFFECTS and EFFECTS[n].family == "measurement"]
+
+
+def faults(content: Mapping) -> list[str]:
+    """Faults of the measurement, and effects that may be such faults."""
+    found, sentences = effects_found(content), []
+    if measured := list(filter(is_fault, found)):
+        doubtful = any(EFFECTS[n].family != "measurement" for e in measured for n in e["indistinguishable_from"])
+        sentences.append(
+            f"The measurements {'may be' if doubtful else 'look'} faulty: {listed([named(e) for e in measured])}; "
+            "correct the camera or its calibration before reading anything else here as physics."
+        )
+    for effect in found:
+        if names := possible_faults(effect):
+            sentences.append(
+                f"The measurements may be faulty: these data cannot tell “{EFFECTS[effect['name']].title}” from "
+                f"“{alternatives_listed([EFFECTS[name].title for name in names])}”; rule that out before reading it "
+                "as physics."
+            )
+    return sentences
+
+
+def switched_on(content: Mapping) -> list[str]:
+    """Effects that were switched on by hand, which the data do not ask for."""
+    if not (by_hand := effects_found(content, clears=False)):
+        return []
+    names = listed([EFFECTS[e["name"]].title for e in by_hand])
+    it, error = "them" if len(by_hand) > 1 else "it", content["error"]
+    whys = {why_not(e, it) for e in by_hand}
+    why = whys.pop() if len(whys) == 1 else listed([f"{EFFECTS[e['name']].title}: {why_not(e)}" for e in by_hand])
+    change = f": with {it} the held-out error is {speed(error['augmented'])}, without {speed(error['base'])}"
+    if effects_found(content):  # other effects share in the change of the error
+        change = ""
+    return [f"Switched on by you: {names}; {why}{change}."]
+
+
+def why_not(effect: Mapping, it: str = "it") -> str:
+    """Why an effect that was switched on by hand is not among those that were found."""
+    return {
+        "chance": f"these data do not ask for {it}",
+        "immaterial": f"{it} can be seen, but no error falls by an amount that matters",
+        "spoils": f"with {it} another error rises by an amount that matters",
+    }[effect.get("fails") or "chance"]
+
+
+def named(effect: Mapping) -> str:
+    """Its title, with what else it may be."""
+    title = EFFECTS[effect["name"]].title
+    if (effect.get("stand_in") or {}).get("instead"):
+        likely = [EFFECTS[name].title for name in effect["stand_in"]["instead"]]
+        return f"{alternatives_listed(likely)} (fitted as {title})"
+    others = [EFFECTS[name].title for name in effect["indistinguishable_from"]]
+    return title + (f" (or {alternatives_listed(others)}, which these data cannot tell apart)" if others else "")
