@@ -148,7 +148,7 @@ def _integrated(
         raise ValueError(f"a flight turns by more than {MOST_STEPS * step:.3g} rad: are spins and times right?")
     found = np.empty((4, *tau.shape)), np.empty((3, *tau.shape)), np.empty((3, 3 * with_columns, *tau.shape))
     # in one layout, for which it is compiled
-    q, D, tau = (np.ascontiguousarray(array) for array in (q, D[:, : 3 * with_columns], tau))
+    q, D, tau = (np.array(array, order="C") for array in (q, D[:, : 3 * with_columns], tau))
     follow(q, inverse, L, D, rate, tau, np.argsort(tau, axis=0), step, *found)
     return found
 
