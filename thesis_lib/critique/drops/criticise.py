@@ -261,7 +261,7 @@ def _observed(
     """Impacts and flights of one planar rigid body, in which the named effects can be tested; UserError otherwise."""
     require_known(effects, dataset.header.surfaces or ())
     _refuse_constant(dataset)
-    observations = observe(dataset, arcs, settings.episodes)
+    observations = observe(dataset, arcs, settings.episodes, settings.channels)
     for name, why in testable_effects(observations, settings.contact_time)[1].items():
         if name in effects:
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")

@@ -117,19 +117,20 @@ def judge(fitted: Fit, o: Observations) -> Judgement:
 
 def joined(parts: Sequence[Judgement]) -> Judgement:
     """The judgement of all folds; misfits are averaged over their impacts."""
-    weights = np.array([part.units for part in parts], float)
 
-    def mean(values: list[float]) -> float:
-        return float(np.average(values, weights=weights))
+    def mean(values: list[float | None]) -> float:
+        known = [(value, float(part.units)) for value, part in zip(values, parts) if value is not None]
+        return float(np.average([value for value, _ in known], weights=[units for _, units in known]))
 
     def all_of(name: str) -> Scores:
         found = [part.beside[name] for part in parts if name in part.beside]
         return np.concatenate([trial for trial, _ in found]), np.concatenate([score for _, score in found])
 
+    names = dict.fromkeys(name for part in parts for name in part.sigmas)
     return Judgement(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ("trial", "score", "error")},
         beside={name: all_of(name) for name in dict.fromkeys(name for part in parts for name in part.beside)},
-        sigmas={name: mean([part.sigmas[name] for part in parts]) for name in parts[0].sigmas},
+        sigmas={name: mean([part.sigmas.get(name) for part in parts]) for name in names},
         floor=mean([part.floor for part in parts]),
         excess=mean([part.excess for part in parts]),
         integrated=parts[0].integrated,

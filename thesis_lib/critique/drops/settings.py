@@ -1,6 +1,6 @@
 """Settings of the critique, and of the datasets that the pipeline criticises."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -34,6 +34,9 @@ class CritiqueSettings(SearchSettings):
     rivals: int = Field(3, ge=1, description="laws with which the first effect is tried")
     contact_time: bool = Field(True, description="fit the time that a contact takes, where trajectories show it")
     episodes: bool = Field(True, description="use hits that follow each other too quickly to see the flight between")
+    channels: tuple[Literal["rest", "slide"], ...] = Field(
+        (), description="evidence beside impacts and flights: of bodies that lie still, of bodies that slide"
+    )
     max_terms: int = Field(2, ge=0, description="terms proposed where no effect of the library explains; 0: none tried")
     terms: TermChoice = TermChoice()
     excess_scatter: float = Field(1.5, gt=1, description="median held-out error over noise; beyond: unexplained")

@@ -1,14 +1,17 @@
 """The channels of the evidence: what a model may err in, one registry.
 
-| channel | of each    | compared                               | error                                         |
-|---------|------------|----------------------------------------|-----------------------------------------------|
-| impact  | impact     | velocity after it, with the prediction | mean kinetic norm in m/s                      |
-| flight  | flight     | acceleration, with the prediction      | root mean square of the worst component, in σ |
-| meet    | impact     | pose after it, with that before        | the same                                      |
-| touch   | single hit | gap, given the poses                   | the same, or what the upper tenth shows       |
+| channel | of each              | compared                               | error                                   |
+|---------|----------------------|----------------------------------------|-----------------------------------------|
+| impact  | impact               | velocity after it, with the prediction | mean kinetic norm in m/s                |
+| flight  | flight               | acceleration, with the prediction      | root mean square of the worst component |
+| meet    | impact               | pose after it, with that before        | the same                                |
+| touch   | single hit           | gap, given the poses                   | the same, or what the upper tenth shows |
+| rest    | rest on the surface  | gap and angle, with those of lying     | root mean square of the worst component |
+| slide   | slide on the surface | acceleration, with that by friction    | the same                                |
 
-A fault of the touch may concern few impacts, as of one corner.  An error is material where it differs by what the
-settings say (`SearchSettings.matters`), over the floor that noise alone leaves: in sigmas 1.
+All but the first count in units of noise.  Rests and slides are in the data only where the settings ask for them
+(`CritiqueSettings.channels`).  A fault of the touch may concern few impacts, as of one corner.  An error is material
+where it differs by what the settings say (`SearchSettings.matters`), over the floor that noise alone leaves: 1 sigma.
 """
 
 from collections.abc import Iterable, Mapping
@@ -76,6 +79,16 @@ class Channel:
         return float(np.max(robust_std(z)) ** 2)
 
 
+@dataclass(frozen=True)
+class _Derived(Channel):
+    """One that effects do not declare: those concern it that override one of the `hooks`."""
+
+    hooks: tuple[str, ...] = ()
+
+    def concerns(self, effect: Effect) -> bool:
+        return any(getattr(type(effect), hook) is not getattr(Effect, hook) for hook in self.hooks)
+
+
 class _Impact(Channel):
     unit = "m/s"
 
@@ -105,7 +118,13 @@ IMPACT = _Impact("impact", "the velocities after impact", range(3))
 FLIGHT = Channel("flight", "the flights between impacts")
 MEET = _Meet("meet", "the poses at impact, where the arcs before and after should meet", range(3, 6), of_contact=True)
 TOUCH = _Touch("touch", "the gap at impact", range(6, 7), of_contact=True)
-CHANNELS = {channel.name: channel for channel in (IMPACT, FLIGHT, MEET, TOUCH)}
+REST = _Derived("rest", "the poses in which the body lies still", hooks=("to_true", "gap"))
+SLIDE = _Derived(
+    "slide",
+    "the friction of a body that slides on the surface",
+    hooks=("to_true", "to_contact", "coefficients", "acceleration"),
+)
+CHANNELS = {channel.name: channel for channel in (IMPACT, FLIGHT, MEET, TOUCH, REST, SLIDE)}
 ALWAYS = (FLIGHT.name, MEET.name, TOUCH.name)  # in every table, if as unknown
 
 

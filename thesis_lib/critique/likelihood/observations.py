@@ -14,6 +14,7 @@ from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
 from thesis_lib.critique.likelihood.beside import Beside
 from thesis_lib.critique.likelihood.flights import Flights, flights_of, no_flights
 from thesis_lib.critique.likelihood.lines import NODES, edges_of, later, side_lines
+from thesis_lib.critique.likelihood.supports import supports_of
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
@@ -152,17 +153,20 @@ class Observations:
         return replace(self, **{name: getattr(self, name)[rows] for name in FOR_MODELS + OF_SAMPLES * with_samples})
 
 
-def observe(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:
+def observe(
+    dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True, channels: Sequence[str] = ()
+) -> Observations:
     """Observations from trajectories with detected impacts, or else from impacts.csv.
 
-    `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`).
+    `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`);
+    `channels`: further evidence, "rest" and "slide" (`supports`).
     """
     found = find_impacts(dataset, settings)
     walls = dataset.header.surfaces or ()
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
     if found.samples is None:
         return _from_impacts(found, rig)
-    single = _from_samples(found.samples, found, rig)
+    single = replace(_from_samples(found.samples, found, rig), supports=supports_of(found, dataset.header, channels))
     if walls:
         single, episodes = _on_floors(single, walls), False  # what touches two walls at once is left out
     if not dataset.has_angle:

@@ -18,17 +18,23 @@ _WITHIN = 3.0  # sigmas from the mean; at rest most windows stay within, and eac
 
 def without_rests(samples: Samples, sigma: np.ndarray) -> Samples:
     """The samples with new runs where a rest begins or ends; `sigma` (3,) is the noise of x, y, θ in m, m, rad."""
+    rests = resting(samples, sigma)
+    begins = (samples.run[1:] != samples.run[:-1]) | (rests[1:] != rests[:-1])
+    return replace(samples, run=np.r_[0, np.cumsum(begins)][: len(samples)])
+
+
+def resting(samples: Samples, sigma: np.ndarray, channels: tuple[int, ...] = (0, 1)) -> np.ndarray:
+    """Mask (N,) of samples that rest in all of the `channels` of x, y, θ."""
+    rests = np.zeros(len(samples), bool)
     if len(samples) < ROWS:
-        return samples
-    rows = np.arange(len(samples) - ROWS + 1)[:, None] + np.arange(ROWS)
-    xy = samples.q[rows, :2]
-    off = np.abs(xy - xy.mean(axis=1, keepdims=True)).max(axis=1)
-    still = (off < _WITHIN * sigma[:2]).all(axis=1) & (samples.run[rows[:, 0]] == samples.run[rows[:, -1]])
-    resting = np.zeros(len(samples), bool)
+        return rests
+    rows, used = np.arange(len(samples) - ROWS + 1)[:, None] + np.arange(ROWS), list(channels)
+    q = samples.q[rows][:, :, used]
+    off = np.abs(q - q.mean(axis=1, keepdims=True)).max(axis=1)
+    still = (off < _WITHIN * sigma[used]).all(axis=1) & (samples.run[rows[:, 0]] == samples.run[rows[:, -1]])
     for lag in range(ROWS):
-        resting[lag : lag + len(still)] |= still
+        rests[lag : lag + len(still)] |= still
     # a tracking glitch or two end no rest
     for lost in range(GLITCHES, 0, -1):
-        resting[1:-lost] |= resting[: -lost - 1] & resting[lost + 1 :]
-    begins = (samples.run[1:] != samples.run[:-1]) | (resting[1:] != resting[:-1])
-    return replace(samples, run=np.r_[0, np.cumsum(begins)])
+        rests[1:-lost] |= rests[: -lost - 1] & rests[lost + 1 :]
+    return rests

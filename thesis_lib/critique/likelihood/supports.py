@@ -1,0 +1,122 @@
+"""Evidence of bodies that lie or slide on the surface, beside impacts: no law of impacts has a say in where they lie.
+
+    rest    (φ_n at the angle at which the body lies, θ − that angle),          of the true pose behind the measured one
+    slide   a − â,   â = a_t − μ a_n sgn(v_t),    a_t, a_n: acceleration in flight along and into the surface
+
+They are found by `thesis_lib/datasets/impacts/supports.py`.  Rests tell an angle offset from all that acts at impacts,
+and a surface at another height from rounded corners, which a body does not lie on; slides tell friction.
+
+| on paper  | in code                 | unit    | shape  |                                               |
+|-----------|-------------------------|---------|--------|-----------------------------------------------|
+| φ_n, θ    | `residuals` of `Rests`  | m, rad  | (m, 2) | gap, and angle to that at which the body lies |
+| a − â     | `residuals` of `Slides` | m/s²    | (m, 1) | along the surface                             |
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from thesis_lib.bodies.lying import lying_angle
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.beside import Beside
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.impacts.found import FoundImpacts
+from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.state import State
+
+_H = 1e-3  # s, for the acceleration that a camera reports: its map is linear in the velocity
+
+
+@dataclass(frozen=True)
+class _OnSurface:
+    """m measured states on the surface, and the variance (m, c) of their residuals."""
+
+    state: State
+    variance: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.variance)
+
+    @property
+    def trial(self) -> np.ndarray:
+        """Trial (m,) of each."""
+        return self.state.trial
+
+    @classmethod
+    def of(cls, found: Supported) -> Self:
+        """Those that were found."""
+        return cls(State.of(found.q, found.v, found.trial, found.t), found.variance)
+
+    def of_trials(self, trials: np.ndarray) -> Self:
+        """Those of the given trials."""
+        rows = np.flatnonzero(np.isin(self.trial, trials))
+        return replace(self, state=self.state.select(rows), variance=self.variance[rows])
+
+
+@dataclass(frozen=True)
+class Rests(_OnSurface):
+    """Bodies that lie still."""
+
+    channel = "rest"
+
+    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+        """Gap in m and lean in rad (m, 2)."""
+        true = model.to_true(self.state, model.active(values), rig)
+        flat = lying_angle(rig.shape, true.theta)
+        return np.stack([model.gap(true.moved(theta=flat), values, rig), true.theta - flat], axis=1)
+
+    def less(self, residuals: np.ndarray) -> Self:
+        """The same, lower and turned back by (m, 2)."""
+        lower = self.state.moved(y=self.state.y - residuals[:, 0], theta=self.state.theta - residuals[:, 1])
+        return replace(self, state=lower)
+
+
+@dataclass(frozen=True)
+class Slides(_OnSurface):
+    """Bodies that slide without turning; `acceleration` (m, 1) along the surface in m/s²."""
+
+    acceleration: np.ndarray
+
+    channel = "slide"
+
+    @classmethod
+    def of(cls, found: Supported) -> Self:
+        """Those that were found."""
+        return cls(State.of(found.q, found.v, found.trial, found.t), found.variance, found.measured)
+
+    def of_trials(self, trials: np.ndarray) -> Self:
+        """Those of the given trials."""
+        return replace(super().of_trials(trials), acceleration=self.acceleration[np.isin(self.trial, trials)])
+
+    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+        """Acceleration measured minus predicted (m, 1) in m/s²."""
+        active = model.active(values)
+        true = model.to_true(self.state, active, rig)
+        seen, at = model.contact_at(true, active, rig)
+        mu, epsilon = (np.full(len(self), values[name]) for name in ("mu", "epsilon"))
+        for effect, p in active:
+            mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, rig)
+        a_t, a_n = model.true_acceleration(true, active, rig)[:, :2].T
+        along = a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
+        later = true.moved(vx=true.vx + _H * along)
+        seen_by_camera = (model.to_measured(state, active, rig).vx for state in (later, true))
+        return self.acceleration - ((next(seen_by_camera) - next(seen_by_camera)) / _H)[:, None]
+
+    def less(self, residuals: np.ndarray) -> Self:
+        """The same with accelerations that are smaller by (m, 1)."""
+        return replace(self, acceleration=self.acceleration - residuals)
+
+
+KINDS = {"rest": (Rests, find_rests), "slide": (Slides, find_slides)}
+
+
+def supports_of(found: FoundImpacts, header: Header, channels: Sequence[str]) -> tuple[Beside, ...]:
+    """The evidence of these `channels` that trajectories hold of a body that falls on one surface."""
+    if found.samples is None or header.surfaces is not None or not header.gravity:
+        return ()
+    of = (KINDS[name] for name in channels)
+    parts = ((kind, find(found.samples, found.hits, header, found.noise.used)) for kind, find in of)
+    return tuple(kind.of(part) for kind, part in parts if part is not None)
