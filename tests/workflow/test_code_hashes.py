@@ -45,7 +45,7 @@ EDITS = [
         },
     ),
     ("figures/law_style.py", {"ch3_figures", "ch3_schematics", "critique", "critique_proof"}, UNDRAWN),
-    ("effects/adhesion.py", CRITIQUE | RATIOS | RECORDED | {"ch4_named_figure"}, None),
+    ("effects/adhesion.py", CRITIQUE | RATIOS | {"ch4_named_figure"}, None),
     ("critique/likelihood/fit.py", CRITIQUE, None),
     ("report/critique/page.py", {"critique"}, None),
     (

@@ -28,8 +28,6 @@ named effects are added (step 4).""",
 )
 def verdict(diagnosis: Mapping) -> str:
     """The verdict in the words of every other place, and how the error stands to the noise."""
-    from thesis_lib.critique.results.summary import headline  # late: loads every law and every effect
-
     if diagnosis["verdict"] is None:
         return " ".join(diagnosis["summary"])
     error = diagnosis["error"]
@@ -38,7 +36,7 @@ def verdict(diagnosis: Mapping) -> str:
     if floor:
         apart = side(low, high, floor, ("apart", "", "apart"))
         beside = f"{times(now / floor)} the noise floor" if apart else "not told apart from the noise floor"
-    return " ".join([*headline(diagnosis), f"The held-out error is {interval(now, low, high, 'm/s')}, {beside}."])
+    return " ".join([*diagnosis["headline"], f"The held-out error is {interval(now, low, high, 'm/s')}, {beside}."])
 
 
 @Record.found_by(

@@ -6,6 +6,7 @@
 |-----------------|---------------------|-----------------------------------------------------------------------------|
 |                 | verdict             | null where impacts are too few (`few_impacts` beside this file)             |
 |                 | augmented_model     | law and (μ, ε) with effects; the law may differ from that of base_model     |
+|                 | headline            | sentences of the summary down to the verdict                                |
 |                 | parameters          | a bound: std null, `bound` lower or upper, `used` in predictions, `range`   |
 |                 | laws                | each law without effects: parameters, held-out error and its 95 % interval  |
 | reference       | x, t, trial         | m, s, number of a release: effects count from there, and mu, epsilon and    |
@@ -51,7 +52,7 @@ from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.clock_and_size import could_be
-from thesis_lib.critique.results.summary import summary
+from thesis_lib.critique.results.summary import headline, summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
 from thesis_lib.critique.selection.discovery import Rejected
 from thesis_lib.extensions.registry import contents
@@ -118,7 +119,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
     content["laws"][discovery.base]["interval"] = content["error"]["base_interval"]
     if added := contents():
         content["additions"] = added
-    content["summary"] = summary(content)
+    content |= {"headline": headline(content), "summary": summary(content)}
     # six digits are too few for dates and clocks
     return six_digits(content) | {"reference": asdict(critique.training.rig.reference)}
 
