@@ -8,9 +8,9 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from thesis_lib.critique.contacts.sliding import require_falling
 from thesis_lib.critique.drops.criticise import TooFew, criticise_drops, fit_model
 from thesis_lib.critique.drops.few_impacts import few_impacts
+from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.result import Critique, OfDrops, OfFewImpacts, OfMechanism
 from thesis_lib.critique.results.saved_model import SavedModel, saved

@@ -1,8 +1,20 @@
 """A law with any set of effects: prediction of measured states.
 
-A measured state passes through the camera to the true state, the effects to what the contact sees, the law, and back;
-`thesis_lib/effects/effect.py` names the stages.  That contacts take time is met to first order, as `contact_time`
-derives it.
+One impact goes down a ladder and up again; `thesis_lib/effects/effect.py` names the hooks of effects at each rung.
+
+| rung         | from, to                            | where               | hooks of effects                         |
+|--------------|-------------------------------------|---------------------|------------------------------------------|
+| to_true      | measured state, true state          | `Model.to_true`     | `to_true`                                |
+| to_contact   | true state, what the contact sees   | `Model.contact_at`  | `to_contact`, `contact_point`, `inertia` |
+| coefficients | μ, ε of the law, of each impact     | `Model._struck`     | `coefficients`                           |
+| law          | contact, μ and ε, impulse           | `Law.impulse`       |                                          |
+| impulse      | its impulse, impulse and couple     | `Model._struck`     | `impulse`                                |
+| time         | touch, pose at the impulse          | `Model._delay`      | `contact_time`                           |
+| from_contact | what the contact sees, true state   | `Model.collide`     | `from_contact`                           |
+| to_measured  | true state, what the camera reports | `Model.to_measured` | `to_measured`                            |
+
+How flights lead to the first rung and on from the last says `thesis_lib/critique/likelihood/residuals.py`, which kinds
+of contact there are beside an impulse, `thesis_lib/critique/contacts/kinds.py`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +33,6 @@ from thesis_lib.critique.contacts.contact_time import (
     TURNED,
     normal_mobility,
 )
-from thesis_lib.critique.contacts.sliding import SLIDING, TABLE
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, in_order, parameters_in
 from thesis_lib.mechanics.contact import Contact, contact, velocity_change
 from thesis_lib.mechanics.free_motion import TURN, attitudes
@@ -67,14 +78,15 @@ class Model:
 
     `effects` are in the order in which they were chosen; they act in that of `acting_order`.
 
-    A body that `slides` over a table is slowed down by it: its parameters have `a_table`.  In `space` parameters of
-    effects that are vectors have a component for each axis.
+    `always` are effects that every model of the data has, as the table under a body that slides over it: they act
+    first, and their parameters go by their own names.  In `space` parameters of effects that are vectors have a
+    component for each axis.
     """
 
     law: Law
     effects: tuple[Effect, ...] = ()
     takes_time: bool = False
-    slides: bool = False
+    always: tuple[Effect, ...] = ()
     space: Space = PLANE
 
     def parameters_of(self, effect: Effect) -> tuple[Parameter, ...]:
@@ -85,7 +97,8 @@ class Model:
     def parameters(self) -> dict[str, Parameter]:
         """All parameters by full name, in order."""
         of_effects = {f"{effect.name}.{p.name}": p for effect in self.effects for p in self.parameters_of(effect)}
-        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + self.of_friction + (SLIDING,) * self.slides
+        of_law = BASE_PARAMETERS + (CONTACT_TIME,) * self.takes_time + self.of_friction
+        of_law += tuple(p for effect in self.always for p in self.parameters_of(effect))
         return {p.name: p for p in of_law} | of_effects
 
     @property
@@ -100,8 +113,12 @@ class Model:
 
     @cached_property
     def acting_order(self) -> list[Effect]:
-        """The effects in the order in which they act, whatever the order of choice; the table is the first."""
-        return [TABLE, *in_order(self.effects)] if self.slides else in_order(self.effects)
+        """The effects in the order in which they act, whatever the order of choice."""
+        return [*self.always, *in_order(self.effects)]
+
+    def name_of(self, effect: Effect, p: Parameter) -> str:
+        """Full name of a parameter of an effect."""
+        return p.name if effect in self.always else f"{effect.name}.{p.name}"
 
     def acting(self, *hooks: str) -> list[Effect]:
         """The effects that override one of these hooks."""
@@ -133,10 +150,7 @@ class Model:
     def flight_parameters(self) -> list[str]:
         """Parameters on which the measured flights, and so the states at impact, depend."""
         acting = self.acting("to_true", "to_measured", "acceleration", "arc")
-        names = [
-            f"{effect.name}.{p.name}" for effect in acting if effect is not TABLE for p in self.parameters_of(effect)
-        ]
-        return [*names, SLIDING.name] if self.slides else names
+        return [self.name_of(effect, p) for effect in acting for p in self.parameters_of(effect)]
 
     @property
     def is_compliant(self) -> bool:
@@ -382,11 +396,7 @@ class Model:
 
     def active(self, values: Mapping[str, float]) -> list[tuple[Effect, dict[str, float]]]:
         """The effects in the order in which they act, each with the parameters p of its hooks."""
-        of_table = {SLIDING.name: values[SLIDING.name]} if self.slides else {}
-        return [
-            (e, of_table if e is TABLE else {p.name: values[f"{e.name}.{p.name}"] for p in self.parameters_of(e)})
-            for e in self.acting_order
-        ]
+        return [(e, {p.name: values[self.name_of(e, p)] for p in self.parameters_of(e)}) for e in self.acting_order]
 
     @staticmethod
     def to_true(state: State, active: Sequence, rig: Rig) -> State:

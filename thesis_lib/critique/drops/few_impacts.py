@@ -59,6 +59,6 @@ class FewImpacts:
 def few_impacts(dataset: Dataset, observations: Observations, settings: CritiqueSettings) -> FewImpacts:
     """Fit all laws to impacts, of which there is at least one."""
     world = Drops(observations, settings)
-    models = {name: Model(BASES[name], (), world.timed, world.slides) for name in world.bases}
+    models = {name: Model(BASES[name], (), world.timed, world.always) for name in world.bases}
     laws = {name: fit(model, observations) for name, model in models.items()}
     return FewImpacts(dataset.name, observations, laws, dataset)

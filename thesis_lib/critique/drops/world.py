@@ -18,6 +18,7 @@ from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, OF_FRICTI
 from thesis_lib.critique.contacts.kinds import BRIEF
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, joined, judge, spoilt_channels
+from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.channels import concerned
 from thesis_lib.critique.likelihood.covariance import residual_covariance
@@ -49,7 +50,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self.settings = settings or CritiqueSettings()
         self.timed = self.settings.contact_time and observations.arcs
         self.observations, self.rivals = observations, self.settings.rivals
-        self.slides = observations.arcs and observations.rig.gravity == 0.0
+        self.always = of_motion(observations)
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
         laws = CANDIDATE_LAWS if observations.rig.has_angle else ONE_LAW
         # and a friction with a parameter of its own acts on a slip that is known by half
@@ -62,7 +63,7 @@ class Drops(World[Effect, Fit, Judgement]):
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, effort: Effort = "full"
     ) -> Fit:
-        model = Model(BASES[base], effects, self.timed, self.slides)
+        model = Model(BASES[base], effects, self.timed, self.always)
         if effort == "quick":
             return fit(model.limit, self.quick, start, 1, self._noise_without(model.limit, start))
         return fit(model, self.observations, start, rounds=ROUNDS if effort == "full" else 1)
@@ -121,7 +122,7 @@ class Drops(World[Effect, Fit, Judgement]):
         of_law = {p.name for p in BASE_PARAMETERS}
         start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
         for name in REFINED if refine else self.reserve:
-            model = Model(BASES[name], fitted.effects, self.timed, self.slides)
+            model = Model(BASES[name], fitted.effects, self.timed, self.always)
             best = max(fits, key=lambda fit: fit.score, default=rigid)
             # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long
             if isinstance(model.law.force, PressureField) and not isinstance(best.model.law.force, HuntCrossley):

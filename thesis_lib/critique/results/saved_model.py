@@ -21,7 +21,7 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
 from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.contacts.sliding import SLIDING
+from thesis_lib.critique.drops.planar.sliding import SLIDING, TABLE
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.effects import EFFECTS, require_known
 from thesis_lib.effects.effect import Reference, Rig
@@ -113,7 +113,7 @@ class SavedModel(Section):
         """Law with effects; its contact takes time where the parameters hold that time."""
         effects = tuple(EFFECTS[name] for name in self.effects)
         timed, slides = (p.name in self.parameters for p in (CONTACT_TIME, SLIDING))
-        return Model(BASES[self.law], effects, takes_time=timed, slides=slides)
+        return Model(BASES[self.law], effects, timed, (TABLE,) * slides)
 
     @property
     def values(self) -> dict[str, float]:

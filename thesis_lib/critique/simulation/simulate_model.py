@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise, Surface
-from thesis_lib.critique.contacts.sliding import require_falling
+from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference

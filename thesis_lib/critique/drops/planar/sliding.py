@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.effects.effect import Effect, Parameter
 from thesis_lib.foundation.errors import UserError
 
@@ -41,6 +42,11 @@ class _Table(Effect):
 
 
 TABLE = _Table()
+
+
+def of_motion(o: Observations) -> tuple[Effect, ...]:
+    """What acts in every model of these observations: the table, where nothing falls."""
+    return (TABLE,) if o.arcs and o.rig.gravity == 0.0 else ()
 
 
 def require_falling(gravity: float, has_angle: bool, walls: Sequence, what: str) -> None:
