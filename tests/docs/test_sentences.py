@@ -57,7 +57,7 @@ def test_what_is_wrong_is_said(read, old, new, said):
 
 
 def test_every_mistake_of_the_file_is_told_with_its_line(read):
-    with pytest.raises(UserError, match=r"1 mistake:\n- line \d+: .*size is not a known key"):
+    with pytest.raises(UserError, match=r"1 mistake:\n- line \d+: .*size: unknown key"):
         read("as: .0f", "as: .0f, size: 3")
 
 
