@@ -8,7 +8,7 @@ import pytest
 from bouncing import ellipse_header, fly
 from rolling import Rig, Rolled, roll
 
-from thesis_lib.bodies.walls import turns, wall_of
+from thesis_lib.bodies.walls import turns
 from thesis_lib.datasets.format.samples import ArcSettings, make_samples, noise_from_differences
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_in_arrays
 from thesis_lib.datasets.samples.pieces import HITS
@@ -50,7 +50,7 @@ def test_most_hits_of_a_cushion_are_used_and_few_others(name: str) -> None:
 def test_velocities_are_right_within_their_covariance(name: str) -> None:
     rolled, found, event = searched(name)
     hits = found.impacts
-    R = turns(rolled.header.surfaces, wall_of(hits.q[:, 0]))[:, :2, :2]
+    R = turns(rolled.header.surfaces, hits.surface)[:, :2, :2]
     assert hits.cov is not None
     for measured, true, of in ((hits.v_pre, rolled.v_pre, slice(3, 5)), (hits.v_post, rolled.v_post, slice(6, 8))):
         off = measured[:, :2] - np.einsum("nij,nj->ni", R, true[event])

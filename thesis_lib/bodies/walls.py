@@ -5,9 +5,8 @@ A wall is the line through `point` across `normal`; the body moves on the side t
 
     t = (n_y, −n_x),    q ← ((p − point)·t, (p − point)·n, θ − α),    v ← (v·t, v·n, ω)
 
-Whatever is known of a floor then holds for the wall, but for gravity, which pulls along −g (sin α, cos α).  To tell the
-walls apart, wall i has a stretch of x of its own: `LANE` (i + 1) is added to x, so that wall and place along it are x
-alone.  On the first stretch, about 0, the plane is as it was filmed.
+Whatever is known of a floor then holds for the wall, but for gravity, which pulls along −g (sin α, cos α).  x is then
+the place along the wall from its `point`; which wall it is stands beside the pose, as the number of the surface.
 
 | on paper | in code | unit | shape  |                                                        |
 |----------|---------|------|--------|--------------------------------------------------------|
@@ -24,7 +23,8 @@ from pydantic import Field, model_validator
 from thesis_lib.bodies.shapes import Coordinate, Shape
 from thesis_lib.foundation.settings import Section
 
-LANE = 100.0  # m of x for each wall; no rig is longer
+FARTHEST = 40.0  # m from the origin to a wall's point; no rig is larger
+OUT_OF_REACH = 1e3  # m, beyond every gap: a wall that cannot have pushed the body
 MOST = 50
 
 
@@ -41,8 +41,8 @@ class Wall(Section):
     def _has_a_direction(self) -> "Wall":
         if not 1e-9 < math.hypot(*self.normal) < 1e9:
             raise ValueError("the normal has no direction")
-        if math.hypot(*self.point) > 0.4 * LANE:
-            raise ValueError(f"the wall is more than {0.4 * LANE:g} m from the origin: millimetres?")
+        if math.hypot(*self.point) > FARTHEST:
+            raise ValueError(f"the wall is more than {FARTHEST:g} m from the origin: millimetres?")
         return self
 
     @property
@@ -78,7 +78,7 @@ def struck_wall(walls: Sequence[Wall], shape: Shape, q: np.ndarray, dv: np.ndarr
     """
     apart = np.abs(gaps(walls, shape, q))
     pushes = dv[:, :2] @ np.stack([wall.n for wall in walls], axis=1) > 0.0
-    return np.where(pushes, apart, apart + LANE).argmin(axis=1)
+    return np.where(pushes, apart, apart + OUT_OF_REACH).argmin(axis=1)
 
 
 def wall_ahead(walls: Sequence[Wall], shape: Shape, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -96,27 +96,14 @@ def turns(walls: Sequence[Wall], wall: np.ndarray) -> np.ndarray:
 
 
 def in_wall_frame(walls: Sequence[Wall], wall: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Poses q (n, 3) in the frame of wall `wall` (n,), on its stretch of x."""
+    """Poses q (n, 3) in the frame of wall `wall` (n,)."""
     point, angle = np.array([one.point for one in walls])[wall], np.array([one.angle for one in walls])[wall]
     origin = np.column_stack([point, angle])
-    level = (turns(walls, wall) @ (q - origin)[:, :, None])[:, :, 0]
-    level[:, 0] += LANE * (wall + 1)
-    return level
+    return (turns(walls, wall) @ (q - origin)[:, :, None])[:, :, 0]
 
 
-def as_filmed(walls: Sequence[Wall], q: np.ndarray) -> np.ndarray:
-    """Positions (n, 2) in the plane of the recording from poses q (n, 3) in the frames of the walls."""
-    wall = wall_of(q[:, 0])
-    along, normal = along_wall(q[:, 0]), np.stack([one.n for one in walls])[wall]
+def as_filmed(walls: Sequence[Wall], wall: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Positions (n, 2) in the plane of the recording from poses q (n, 3) in the frames of the walls `wall` (n,)."""
+    normal = np.stack([one.n for one in walls])[wall]
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]])
-    return np.array([one.point for one in walls])[wall] + along[:, None] * tangent + q[:, 1:2] * normal
-
-
-def wall_of(x: np.ndarray) -> np.ndarray:
-    """Number (n,) of the wall from x (n,) in its frame; -1 in the plane as it was filmed."""
-    return np.rint(x / LANE).astype(int) - 1
-
-
-def along_wall(x: np.ndarray) -> np.ndarray:
-    """Place (n,) in m along its wall, from the wall's `point`, from x (n,) in its frame."""
-    return x - LANE * np.rint(x / LANE)
+    return np.array([one.point for one in walls])[wall] + q[:, :1] * tangent + q[:, 1:2] * normal

@@ -8,7 +8,7 @@ only, a law's parameter that is another there,
 
 and a restitution that depends on speed there may be another at 1 m/s, too.
 
-The wall is told by x (`thesis_lib/bodies/walls.py`).
+A state has the number of its wall (`State.surface`).
 
 | on paper | in code | unit | shape |                                      |
 |----------|---------|------|-------|--------------------------------------|
@@ -19,7 +19,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from thesis_lib.bodies.walls import Wall, wall_of
+from thesis_lib.bodies.walls import Wall
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig
 from thesis_lib.effects.surface_height import SurfaceHeight
 from thesis_lib.effects.velocity_dependent_friction import VelocityDependentFriction
@@ -124,7 +124,7 @@ class AtWall(Effect):
         return np.where(self._here(state, rig), self.of.gap(gap, state, p, rig), gap)
 
     def _here(self, state, rig):
-        return wall_of(state.x) == [wall.name for wall in rig.walls].index(self.wall)
+        return state.surface == [wall.name for wall in rig.walls].index(self.wall)
 
 
 def effects_at(walls: Iterable[Wall]) -> Iterator[AtWall]:

@@ -42,11 +42,11 @@ from typing import Any, Literal
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.bodies.walls import Wall, wall_of
+from thesis_lib.bodies.walls import Wall
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import PLANE, SPACE, Space, cross
-from thesis_lib.mechanics.state import State
+from thesis_lib.mechanics.state import AS_FILMED, State
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
 FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface", "flight", "measurement")
@@ -99,8 +99,9 @@ class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
     In space `tensor` (3, 3) is the inertia per mass in m² along the axes of the body, and k_g the root of its mean
-    principal moment.  Between `walls` x tells the wall (`bodies.walls`), and the height is 0.  Without `has_angle`
-    neither the angle nor the spin is measured.  `reference` is where the effects count places, times and releases from.
+    principal moment.  Between `walls` states have the number of theirs (`bodies.walls`), and the height is 0.  Without
+    `has_angle` neither the angle nor the spin is measured.  `reference` is where the effects count places, times and
+    releases from.
     """
 
     shape: Shape | Any
@@ -147,7 +148,8 @@ class Rig:
             a[3:] = np.linalg.solve(np.moveaxis(G, -1, 0), turning.T[..., None])[..., 0].T
         if self.walls and self.gravity:
             # the last one is for the plane as it was filmed
-            angle = np.array([*(wall.angle for wall in self.walls), 0.0])[wall_of(state.x)]
+            surface = np.full(len(state), AS_FILMED) if state.surface is None else state.surface
+            angle = np.array([*(wall.angle for wall in self.walls), 0.0])[surface]
             a[0], a[1] = -self.gravity * np.sin(angle), -self.gravity * np.cos(angle)
         return a
 

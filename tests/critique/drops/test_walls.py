@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from thesis_lib.bodies.walls import wall_of
 from thesis_lib.contact import mirtich
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.model import Model
@@ -99,7 +98,7 @@ def test_an_effect_at_one_wall_acts_there_alone(observations, name: str) -> None
     changed = np.abs(at_size - plain).max(axis=1) > 1e-9
 
     assert changed.any()
-    assert (wall_of(observations.value[changed, 0, 0]) == west).all()
+    assert (observations.surface[changed] == west).all()
 
 
 @pytest.mark.parametrize("effect", AT_ONE_WALL.values(), ids=AT_ONE_WALL)

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.bodies.walls import Wall, wall_of
+from thesis_lib.bodies.walls import Wall
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.results.saved_model import load_model, saved
@@ -72,8 +72,8 @@ def trough(trials: int, seed: int, **epsilon: float) -> Dataset:
 
 def test_gravity_pulls_along_and_across_a_wall() -> None:
     rig = observe(trough(3, 0)).rig
-    at = 100.0 * np.arange(4)  # as it was filmed, floor, left, right
-    fall = rig.fall(State.planar(at, *[0.0 * at] * 7)).T
+    surface = np.array([-1, 0, 1, 2])  # as it was filmed, floor, left, right
+    fall = rig.fall(State.planar(*[np.zeros(4)] * 8, surface)).T
     np.testing.assert_allclose(fall[:2], [[0.0, -G, 0.0]] * 2, atol=1e-12)
     for row, wall in zip(fall[1:], TROUGH):
         np.testing.assert_allclose(row, [G * wall.n[0], -G * wall.n[1], 0.0], atol=1e-12)
@@ -83,7 +83,7 @@ def test_gravity_pulls_along_and_across_a_wall() -> None:
 def test_a_trough_of_like_walls_is_adequate(tmp_path) -> None:
     found = criticise_drops(trough(60, 1), rng=np.random.default_rng(0))
     fitted = found.ladder[-1][1]
-    assert set(wall_of(found.observations.value[:, 0, 0])) == {0, 1, 2}
+    assert set(found.observations.surface) == {0, 1, 2}
     assert found.verdict == "adequate"
     for name, true in (("mu", MU), ("epsilon", EPSILON)):
         assert abs(fitted.values[name] - true) < 4.0 * fitted.std[name] < 0.05 * true

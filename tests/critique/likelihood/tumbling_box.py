@@ -58,6 +58,7 @@ def corner_hits(
     return Observations(
         rig=RIG,
         trial=np.arange(n),
+        surface=np.zeros(n, int),
         impact=np.zeros(n, int),
         hits=np.ones(n, int),
         t=np.zeros(n),

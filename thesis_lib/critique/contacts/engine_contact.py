@@ -109,11 +109,11 @@ def press_in_engine(
         after_q[rows] = q[rows] + out.q - _set_down(engine, q[rows])
         after_v[rows], elapsed[rows] = out.v, np.minimum(out.t, LATE)
     shift = after_q - q
-    after = State.of(seen.q + shift, after_v, true.trial, true.t + elapsed)
+    after = State.of(seen.q + shift, after_v, true.trial, true.t + elapsed, true.surface)
     for effect, p in reversed(frame):
         after = effect.from_contact(after, p, rig)
         shift = shift + elapsed[:, None] * (after.v - after_v)
-    return State.of(true.q + shift, after.v, true.trial, after.t), elapsed
+    return State.of(true.q + shift, after.v, true.trial, after.t, true.surface), elapsed
 
 
 def _coefficients(

@@ -92,7 +92,7 @@ def contact(kind: Presses, model: Model, values: Mapping[str, float], rig: Rig, 
         end, span = end.flown(a, rise), span + left + rise
     comes = model.approaches(down, model.active(values), rig) & (played.hits > 0)
     q, v = (np.where(comes[:, None], now, then) for now, then in ((end.q, touch.q), (end.v, touch.v)))
-    return State.of(q, v, touch.trial, np.where(comes, end.t, touch.t))
+    return State.of(q, v, touch.trial, np.where(comes, end.t, touch.t), touch.surface)
 
 
 class _Play:
@@ -158,7 +158,10 @@ class _Play:
 
     def _state(self, rows: np.ndarray) -> State:
         q, v = self.motion[rows, :3], self.motion[rows, 3:]
-        return State.of(q, v, self.start.trial[rows], self.start.t[rows] + self.t[rows])
+        return State.of(q, v, self.start.trial[rows], self.start.t[rows] + self.t[rows], self._surface(rows))
+
+    def _surface(self, rows: np.ndarray) -> np.ndarray | None:
+        return None if self.start.surface is None else self.start.surface[rows]
 
     def _set(self, rows: np.ndarray, state: State) -> None:
         self.motion[rows, :3], self.motion[rows, 3:] = state.q, state.v
@@ -292,7 +295,7 @@ class _Play:
         """Integrate the contacts of the bodies `rows` from the touch of their last hit."""
         self.pressed[rows] = True
         q, v, t = self.touch[rows, :3], self.touch[rows, 3:], self.touch_t[rows]
-        touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t)
+        touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t, self._surface(rows))
         # where a contact ends after the next arc has begun, that arc is followed back to its end
         left = 0.0 if self.most == 1 else self.span[rows] - t
         after, elapsed = self.kind.press(self.model, self._values(rows), self.rig, touch, left)

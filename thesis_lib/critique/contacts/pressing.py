@@ -134,7 +134,7 @@ def press(
         )
     )
     v, shift = pressed.v + _added(others, rig, pressed, seen, at.with_coefficients(mu, epsilon)), pressed.shift
-    after = State.of(frame.q + shift, v, frame.trial, frame.t + pressed.elapsed)
+    after = State.of(frame.q + shift, v, frame.trial, frame.t + pressed.elapsed, frame.surface)
     if model.has_varying_flight:
         # the contact turns the velocity, and with it what slows the flight: the mean of before and after
         behind = after
@@ -142,13 +142,13 @@ def press(
             behind = effect.from_contact(behind, p, rig)
         changed = 0.5 * pressed.elapsed[:, None] * (_acceleration(model, model.active(values), behind, rig) - falling)
         v, shift = v + changed, shift + 0.5 * pressed.elapsed[:, None] * changed
-        after = State.of(frame.q + shift, v, frame.trial, after.t)
+        after = State.of(frame.q + shift, v, frame.trial, after.t, frame.surface)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
     origin = after
     for effect, p in reversed(model.active(values)):
         frame, origin = effect.from_contact(frame, p, rig), effect.from_contact(origin, p, rig)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
-    return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed), pressed.elapsed
+    return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed, true.surface), pressed.elapsed
 
 
 def _acceleration(model: Model, active: Sequence[tuple[Effect, Mapping]], true: State, rig: Rig) -> np.ndarray:

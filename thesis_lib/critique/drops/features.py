@@ -13,7 +13,6 @@ import warnings
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.walls import along_wall, wall_of
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.likelihood.fit import Fit
@@ -53,14 +52,14 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
             "omega": true.omega,
             "r_x": r[:, 0],
             "theta": within_half_a_turn(true.theta),
-            "x": along_wall(true.x) if observations.rig.walls else true.x,
+            "x": true.x,
             "trial": observations.trial.astype(float),
         }
     )
     if not observations.rig.has_angle:
         table = table.drop(columns=["omega", "theta"])
     if observations.rig.walls:
-        table["wall"] = wall_of(true.x).astype(float)
+        table["wall"] = observations.surface.astype(float)
         table.attrs["walls"] = [wall.name for wall in observations.rig.walls]
     if observations.arcs:
         table["t"] = observations.t

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.bodies.walls import Wall, in_wall_frame, turns, wall_of
+from thesis_lib.bodies.walls import Wall, in_wall_frame, turns
 from thesis_lib.critique.likelihood.beside import Beside
 from thesis_lib.critique.likelihood.flights import Flights, flights_of, no_flights
 from thesis_lib.critique.likelihood.lines import NODES, edges_of, later, side_lines
@@ -29,8 +29,23 @@ UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says
 OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
 LATE = 8e-3  # s by which noise may make the last hit of an episode late
-FOR_MODELS, OF_SAMPLES = ("trial", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
-ROWS = ("trial", "impact", "hits", "t", "span", "value", "slope", "bow", "cov", "nodes", "weights", "t_std", "offset")
+FOR_MODELS, OF_SAMPLES = ("trial", "surface", "t", "span", "value", "slope", "bow", "offset"), ("nodes", "weights")
+ROWS = (
+    "trial",
+    "surface",
+    "impact",
+    "hits",
+    "t",
+    "span",
+    "value",
+    "slope",
+    "bow",
+    "cov",
+    "nodes",
+    "weights",
+    "t_std",
+    "offset",
+)
 
 
 @dataclass(frozen=True)
@@ -40,6 +55,7 @@ class Observations:
     Attributes:
         rig: believed body and rig.
         trial, t: (n,), t in s; of an episode the instant of the first touch.
+        surface: (n,) number of the wall that was hit, in whose frame the states are; 0 on one surface.
         impact, hits: (n,) number of the (first) hit in its trial, and number of hits detected in it.
         span: (n,) s from `t` to the instant of the state after, within the flight after the last hit; 0 for a single
             hit, which both states belong to.
@@ -59,6 +75,7 @@ class Observations:
 
     rig: Rig
     trial: np.ndarray
+    surface: np.ndarray
     impact: np.ndarray
     hits: np.ndarray
     t: np.ndarray
@@ -95,7 +112,8 @@ class Observations:
     def lines(self, side: int) -> State:
         """The states by value and slope of the lines before (0) or after (1) the impacts."""
         t = self.t if side == 0 else self.t + self.span
-        return State.of(self.value[:, side], self.slope[:, side], self.trial, t, space=self.space)
+        surface = self.surface if self.rig.walls else None
+        return State.of(self.value[:, side], self.slope[:, side], self.trial, t, surface, self.space)
 
     @property
     def blocks(self) -> list[tuple[list[int], np.ndarray]]:
@@ -123,7 +141,7 @@ class Observations:
     def middle(self) -> Reference:
         """Mean place, time and number of the impacts, to a millimetre, a millisecond and a release.
 
-        Between walls x tells the wall, and has no middle.
+        Between walls x is the place along one of them, and has no middle.
         """
         if not len(self):
             return ORIGIN
@@ -187,6 +205,7 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
     return Observations(
         rig=rig,
         trial=impacts.trial,
+        surface=impacts.surface,
         impact=impacts.impact,
         hits=np.ones(n, int),
         t=np.where(np.isfinite(impacts.t), impacts.t, _mean_of_known(impacts.t)),
@@ -227,6 +246,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
     return Observations(
         rig=rig,
         trial=impacts.trial[rows],
+        surface=impacts.surface[rows],
         impact=impacts.impact[rows],
         hits=np.ones(len(rows), int),
         t=impacts.t[rows],
@@ -245,7 +265,7 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
 
 def _on_floors(o: Observations, walls: Sequence[Wall]) -> Observations:
     """The impacts in the frames of the walls that were hit; flights stay as they were filmed."""
-    wall = wall_of(o.found.impacts.q[:, 0])
+    wall = o.surface
     value = np.stack([in_wall_frame(walls, wall, o.value[:, side]) for side in (0, 1)], axis=1)
     slope = np.einsum("nij,nsj->nsi", turns(walls, wall), o.slope)
     return replace(o, value=value, slope=slope)
@@ -292,6 +312,7 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     n = len(table)
     episodes = {
         "trial": trial,
+        "surface": np.zeros(n, int),
         "impact": table["impact"].to_numpy(),
         "hits": (table["last"] - table["impact"] + 1).to_numpy(),
         "t": t,

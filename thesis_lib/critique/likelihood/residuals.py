@@ -91,7 +91,7 @@ def _line(model: Model, values: Mapping[str, float], o: Observations, side: int,
     """
     line = o.weights[:, side] @ model.path(o.nodes[:, side], state, values, o.rig)
     if o.space.is_plane:
-        return State.of(line[:, 0], line[:, 1], state.trial, state.t)
+        return State.of(line[:, 0], line[:, 1], state.trial, state.t, state.surface)
     d = o.space.dimension
     return state.changed(position=line[:, 0, :d].T, velocity=line[:, 1, :d].T)
 
@@ -224,7 +224,7 @@ def synthesise(
     q, v = after.q, after.v
     for rows, ends in kind_of(model).played(model, values, rig, struck, o.span) if o.arcs else ():
         q[rows], v[rows], played[rows] = ends.q, ends.v, True
-    after = State.of(q, v, o.trial, o.t + o.span)
+    after = State.of(q, v, o.trial, o.t + o.span, before.surface)
     jitter = scatter * rng.standard_normal((len(o), 3)) / [1.0, 1.0, rig.k_g]
     after = after.with_velocity(after.v + jitter)
     value, slope = np.empty_like(o.value), np.empty_like(o.slope)
@@ -236,7 +236,7 @@ def synthesise(
                 pose = before.q + model.jump(before, after, values)
                 pose[played] = after.q[played]
             if model.camera_bends:
-                line = _line(model, values, o, side, State.of(pose, speed, o.trial, state.t))
+                line = _line(model, values, o, side, State.of(pose, speed, o.trial, state.t, state.surface))
                 value[:, side], slope[:, side] = line.q, line.v
                 continue
             a = model.acceleration(state, values, rig)

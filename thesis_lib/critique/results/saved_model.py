@@ -290,7 +290,7 @@ def _after(model: SavedModel, state: State) -> tuple[np.ndarray, np.ndarray]:
         wall = wall_ahead(walls, model.rig.shape, state.q, state.v)
         R = turns(walls, wall)
         v = np.einsum("nij,nj->ni", R, state.v)
-        level = State.of(in_wall_frame(walls, wall, state.q), v, state.trial, state.t)
+        level = State.of(in_wall_frame(walls, wall, state.q), v, state.trial, state.t, wall)
     fitted, values, rig = model.model, model.values, model.believed
     active = fitted.active(values)
     true = fitted.to_true(level, active, rig)

@@ -99,6 +99,7 @@ class ArcFits:
     at_wall: np.ndarray  # (n,) whether both arcs come near a wall; True on one surface
     converged: np.ndarray  # (n,) whether the iteration came to rest within a few samples of the detected instant
     lag1: np.ndarray  # (n, 3) lag-one product sum of the residuals over `ss_free`, both sides together
+    surface: np.ndarray  # (n,) number of the wall in whose frame the fit is; 0 as it was filmed, or on one surface
 
     def __len__(self) -> int:
         return len(self.t)
@@ -206,6 +207,7 @@ def fit_arcs(
         gap=gap / share,
         gap_std=np.sqrt(gap_variance / share),
         at_wall=at_wall,
+        surface=np.zeros(len(at), int),
         converged=(np.abs(step * scale) < 1e-2).all(1) & (t > windows.low) & (t < windows.high),
         **misfits(side, tau, q, white, weight, metric, g, stray, samples.air is not None),
     )

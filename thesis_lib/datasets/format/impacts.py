@@ -37,10 +37,14 @@ class Impacts:
     cov: np.ndarray | None = None  # (n, 9, 9) covariance of (q, v_pre, v_post), or None if unknown
     # (n,) text, ';'-joined names of failed quality tests ('' = none); flagged impacts are kept
     flags: np.ndarray = field(default=None)  # type: ignore[assignment]
+    # (n,) number of the wall that was hit, in whose frame pose and velocities are; 0 on one surface
+    surface: np.ndarray = field(default=None)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if self.t is None:
             object.__setattr__(self, "t", np.full(len(self), np.nan))
+        if self.surface is None:
+            object.__setattr__(self, "surface", np.zeros(len(self), int))
         if self.flags is None:
             object.__setattr__(self, "flags", np.full(len(self), "", dtype=object))
 
@@ -55,7 +59,7 @@ class Impacts:
     def select(self, rows: np.ndarray | Sequence[int]) -> "Impacts":
         """The impacts at `rows` (indices or a mask), in that order."""
         rows = np.asarray(rows)
-        names = ("trial", "impact", "q", "v_pre", "v_post", "r", "t", "flags")
+        names = ("trial", "impact", "q", "v_pre", "v_post", "r", "t", "flags", "surface")
         arrays = {name: getattr(self, name)[rows] for name in names}
         return replace(self, **arrays, cov=None if self.cov is None else self.cov[rows])
 

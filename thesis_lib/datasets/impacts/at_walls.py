@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.bodies.walls import as_filmed, gaps, in_wall_frame, struck_wall, turns, wall_of
+from thesis_lib.bodies.walls import as_filmed, gaps, in_wall_frame, struck_wall, turns
 from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings
@@ -32,7 +32,7 @@ def on_floors(fits: ArcFits, header: Header) -> ArcFits:
         blocks[:, i : i + 3, i : i + 3] = R
     cov = blocks @ fits.cov @ np.swapaxes(blocks, 1, 2)
     q = in_wall_frame(walls, wall, fits.q)
-    return replace(fits, q=q, v_pre=turned(fits.v_pre), v_post=turned(fits.v_post), cov=cov)
+    return replace(fits, q=q, v_pre=turned(fits.v_pre), v_post=turned(fits.v_post), cov=cov, surface=wall)
 
 
 def walls_hit(fits: ArcFits, header: Header) -> np.ndarray:
@@ -52,7 +52,7 @@ def off_wall(fits: ArcFits, header: Header, settings: ArcSettings) -> np.ndarray
         return np.zeros(n, bool)
     seen = (fits.n_side >= 2).all(axis=1)
     near = seen & fits.at_wall
-    wall, level = wall_of(fits.q[:, 0]), np.zeros(len(header.surfaces))
+    wall, level = fits.surface, np.zeros(len(header.surfaces))
     for number in np.unique(wall[near]):
         level[number] = np.median(fits.gap[near & (wall == number)])
     far = np.maximum(settings.touch_limit, TOUCH_SIGMA * fits.gap_std)
@@ -63,7 +63,7 @@ def gravity_towards(fits: ArcFits, header: Header) -> np.ndarray:
     """Gravity (n,) in m/s² across the walls of n impacts in the frames of these, positive towards the wall."""
     if header.surfaces is None:
         return np.full(len(fits), header.gravity)
-    return header.gravity * np.cos([wall.angle for wall in header.surfaces])[wall_of(fits.q[:, 0])]
+    return header.gravity * np.cos([wall.angle for wall in header.surfaces])[fits.surface]
 
 
 def time_to_another_wall(fits: ArcFits, header: Header) -> np.ndarray:
@@ -74,9 +74,11 @@ def time_to_another_wall(fits: ArcFits, header: Header) -> np.ndarray:
     walls, n = header.surfaces or (), len(fits)
     if len(walls) < 2 or not n:
         return np.full(n, np.inf)
-    wall = wall_of(fits.q[:, 0])
+    wall = fits.surface
     angle = np.array([one.angle for one in walls])[wall]
-    apart = np.abs(gaps(walls, header.body.shape, np.column_stack([as_filmed(walls, fits.q), fits.q[:, 2] + angle])))
+    apart = np.abs(
+        gaps(walls, header.body.shape, np.column_stack([as_filmed(walls, wall, fits.q), fits.q[:, 2] + angle]))
+    )
     normals = np.stack([one.n for one in walls])
     speeds = [
         np.abs(np.einsum("nij,ni->nj", turns(walls, wall), v)[:, :2] @ normals.T) for v in (fits.v_pre, fits.v_post)

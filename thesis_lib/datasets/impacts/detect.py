@@ -183,6 +183,7 @@ def find_in_arrays(
     impacts = Impacts(
         trial=trial_of[used],
         impact=ordinal[used],
+        surface=fits.surface[used],
         q=fits.q[used],
         v_pre=fits.v_pre[used],
         v_post=fits.v_post[used],

@@ -130,9 +130,10 @@ def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
             q = o.value[i, side] + tau[:, None] * o.slope[i, side]
             # the fit stores a line; gravity's parabola relative to it is added
             bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
-            q += o.rig.fall(State.of(q, np.zeros_like(q), tau, tau)).T * bow[:, None]
-            height = as_filmed(walls, q)[:, 1] if walls else q[:, 1]
-            q = as_filmed(walls, q) if walls else q
+            wall = np.full(len(tau), o.surface[i])
+            q += o.rig.fall(State.of(q, np.zeros_like(q), tau, tau, wall)).T * bow[:, None]
+            q = as_filmed(walls, wall, q) if walls else q
+            height = q[:, 1]
             ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
             rows += [("path", "arc", a, b, np.nan, trial) for a, b in zip(q[:, 0], height)]
     margin = o.rig.shape.extent
