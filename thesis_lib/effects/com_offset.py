@@ -20,7 +20,7 @@ displaced with the mass, the tracked point is off the centre (marker_offset).
 import numpy as np
 
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes
-from thesis_lib.mechanics.free_motion import TURN, attitudes
+from thesis_lib.mechanics.free_motion import attitudes
 from thesis_lib.mechanics.space import cross, rotated
 
 
@@ -79,7 +79,7 @@ def _turned(state, p):
 def _arc_in_space(tau, state, p, rig):
     """As `arc`, for torque-free turns."""
     C, omega, alpha = (part[:, :, None] for part in (_turned(state, p), state.spin, rig.fall(state)[3:]))
-    later, _ = attitudes(state.attitude, state.spin, rig.tensor, tau.T, TURN)
+    later, _ = attitudes(state.attitude, state.spin, rig.tensor, tau.T)
     turned = rotated(later.swapaxes(1, 2), along_axes(p, "c", state.space)[:, :, None])
     first = cross(omega, C)
     second = cross(alpha, C) + cross(omega, first)

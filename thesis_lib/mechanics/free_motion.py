@@ -32,7 +32,6 @@ from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import PLANE, SPACE, cross
 
 STEP = 0.06  # rad a step: some 1e-10 rad each, 1e-6 of a column a turn
-TURN = 1.0  # rad a step where 1e-5 rad do: for what is within millimetres of the centre of mass
 MOST_STEPS = 100_000  # a flight that turns further is an error in its data
 
 

@@ -35,7 +35,7 @@ from thesis_lib.critique.contacts.contact_time import (
 )
 from thesis_lib.effects.effect import Effect, Impulse, Parameter, Rig, in_order, parameters_in
 from thesis_lib.mechanics.contact import Contact, contact, velocity_change
-from thesis_lib.mechanics.free_motion import TURN, attitudes
+from thesis_lib.mechanics.free_motion import attitudes
 from thesis_lib.mechanics.inertia import mobility
 from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
@@ -57,7 +57,7 @@ def _along(true: State, a: np.ndarray, tau: np.ndarray, rig: Rig) -> State:
     if true.space.is_plane:
         return start.flown(a[rows], t)
     d = true.space.dimension
-    turns, spins = attitudes(true.attitude, true.spin, rig.tensor, tau.T, TURN)
+    turns, spins = attitudes(true.attitude, true.spin, rig.tensor, tau.T)
     extra = (a.T - rig.fall(true))[d:, rows]
     free = start.flown(np.concatenate([a.T[:d, rows], 0.0 * extra]).T, t)
     attitude, spin = (part.swapaxes(1, 2).reshape(len(part), -1) for part in (turns, spins))
