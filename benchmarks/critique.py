@@ -1,17 +1,22 @@
 """CPU time of one critique on one core: 300 drops, from trajectories to report.
 
     python -m benchmarks.critique [--drops 300] [--hidden com_offset_x] [--sizes 100 200 400] [--quick] [-o FILE.csv]
+    python -m benchmarks.critique --against CHECKOUT [--pairs 3] [--drops 300]
 
 - `--hidden`: the example of the command line with a hidden cause, by `python -m thesis_lib critique`;
 - an ellipse with single hits only, and a square with all episodes, nothing hidden and contacts of 1 ms: what is asked
   for 300 drops is at most `ASKED` CPU seconds;
 - how the cost of both grows over `--sizes` drops: cost = a nᵖ by least squares to the logarithms, asked p < 1.
+- `--against`: only the ratio to the CPU time of an earlier checkout of this repository, pair by pair in turn, for the
+  ellipse and for the square, both with a displaced centre of mass, by `python -m thesis_lib critique`.
 
 Counts user and system time of a process as a whole, start-up and pictures included.
 """
 
 import json
+import os
 import resource
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -48,26 +53,52 @@ def measure(hidden: str, drops: int) -> dict[str, float | str]:
 
 def measure_nothing_hidden(hits: str, drops: int) -> dict[str, float | str]:
     """The same with nothing hidden, for `hits` "single" or "episodes"."""
+    with tempfile.TemporaryDirectory() as folder:
+        data, out = _written(f"{folder}/drops", hits, drops), f"{folder}/critique"
+        return _critique(out, "-c", CRITIQUE, data, out, hits)
+
+
+def ratios(earlier: Path, hits: str, drops: int, pairs: int) -> list[float]:
+    """CPU time here over that of the checkout `earlier`, pair by pair; a first pair compiles and is left out."""
+    with tempfile.TemporaryDirectory() as folder:
+        data, out, found = _written(f"{folder}/drops", hits, drops, com_offset_x=2e-3), f"{folder}/critique", []
+        command = ("-m", "thesis_lib", "critique", data, "-o", out, "-q")
+        for pair in range(pairs + 1):
+            then, now = (float(_critique(out, *command, root=root)["cpu_s"]) for root in (earlier, ROOT))
+            said = "compiles" if pair == 0 else f"ratio {now / then:.3f}"
+            print(f"{SHAPES[hits]}, {hits}: {then:.1f} s then, {now:.1f} s now, {said}", flush=True)
+            found.append(now / then)
+        return found[1:]
+
+
+def _written(folder: str, hits: str, drops: int, **hidden: float) -> str:
+    """The folder, with drops of a body whose hits are "single" or "episodes"."""
     import numpy as np
 
     from thesis_lib.datasets.format.dataset import Dataset
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-    from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
+    from thesis_lib.simulate.rig.hidden_causes import (
+        ELLIPSE_BODY,
+        PROOF_RELEASE,
+        RIG_NOISE,
+        SQUARE,
+        CompliantContact,
+        HiddenCauses,
+    )
 
     body = SQUARE if SHAPES[hits] == "square" else ELLIPSE_BODY
-    contact, rng = CompliantContact(contact_time=CONTACT_TIME), np.random.default_rng(SEED)
-    made = simulate_compliant_drops(body, PROOF_RELEASE, drops, contact=contact, noise=RIG_NOISE, rng=rng)
-    with tempfile.TemporaryDirectory() as folder:
-        data, out = f"{folder}/drops", f"{folder}/critique"
-        write_dataset(Dataset(SHAPES[hits], made.header, made.trajectories), data)
-        return _critique(out, "-c", CRITIQUE, data, out, hits)
+    setup = {"contact": CompliantContact(contact_time=CONTACT_TIME), "hidden": HiddenCauses(**hidden)}
+    rng = np.random.default_rng(SEED)
+    made = simulate_compliant_drops(body, PROOF_RELEASE, drops, **setup, noise=RIG_NOISE, rng=rng)
+    write_dataset(Dataset(SHAPES[hits], made.header, made.trajectories), folder)
+    return folder
 
 
-def _critique(out: str, *command: str) -> dict[str, float | str]:
-    """CPU seconds of a command of Python that writes a critique to `out`, and what that says."""
+def _critique(out: str, *command: str, root: Path = ROOT) -> dict[str, float | str]:
+    """CPU seconds of a command of Python, run in `root`, that writes a critique to `out`, and what that says."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    _run(*command)
+    _run(*command, root=root)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     diagnosis = json.loads(Path(out, "diagnosis.json").read_text(encoding="utf-8"))
     return {
@@ -78,9 +109,9 @@ def _critique(out: str, *command: str) -> dict[str, float | str]:
     }
 
 
-def _run(*arguments: str) -> None:
+def _run(*arguments: str, root: Path = ROOT) -> None:
     command = [sys.executable, *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=root, env=os.environ | {"PYTHONPATH": str(root)}, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr[-3000:]}")
 
@@ -90,11 +121,21 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--drops", type=int, default=300)
     parser.add_argument("--hidden", nargs="+", default=["com_offset_x"], metavar="CAUSE")
     parser.add_argument("--sizes", type=int, nargs="+", default=[100, 200, 400], metavar="DROPS")
+    parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="only compare with an earlier checkout")
+    parser.add_argument("--pairs", type=int, default=3, help="with --against; default: %(default)s")
     options = parser.parse_args(arguments)
     shapes = tuple(ASKED)
     if options.quick:
         options.hidden, options.drops, options.sizes, shapes = ["nothing"], 20, [], shapes[-1:]
     results = Results("critique")
+    if options.against:
+        for hits in shapes:
+            found = ratios(options.against.resolve(), hits, options.drops, options.pairs)
+            note = f"median of {len(found)} pairs, {min(found):.3f} to {max(found):.3f}"
+            results.add(
+                f"{SHAPES[hits]}, {hits}: CPU time over that of the earlier", statistics.median(found), "1", note
+            )
+        return results.write(options.out)
     print(f"{'drops of':24s}{'drops':>6s}{'impacts':>9s}{'CPU s':>8s}  verdict")
 
     def tell(name: str, drops: int, found: dict) -> str:
