@@ -100,10 +100,10 @@ def _differs(made: Made, expected: Made, text: str) -> str:
     """How hooks differ from what they should give; `text` says of which, with {} for the hook."""
     for hook, value in made.items():
         other = expected[hook]
-        if isinstance(value, State):
+        if isinstance(value, State) and isinstance(other, State):
             apart = np.concatenate([value.space.difference(value.pose, other.pose), value.motion - other.motion])
         else:
-            apart = value - other
+            apart = np.asarray(value) - np.asarray(other)
         if not np.abs(apart).max(initial=0.0) < ROUNDING:
             return f"{text.format(hook)} is off by up to {np.nanmax(np.abs(apart)):.3g}"
     return ""

@@ -17,7 +17,7 @@ against n impacts is one call.
 """
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from thesis_lib.mechanics.space import Space, cross
 if TYPE_CHECKING:
     from thesis_lib.mechanics.state import State
 
-Components = tuple[np.ndarray, ...] | np.ndarray
+Components = Any  # d arrays (n,): a tuple in the plane, an array in space
 
 
 class Contact:
@@ -40,14 +40,13 @@ class Contact:
         mu, epsilon: coefficients of each impact, where they are known (`with_coefficients`).
     """
 
+    r: np.ndarray
+    mobility: Any
+    mu: np.ndarray
+    epsilon: np.ndarray
+
     def __init__(
-        self,
-        v: Components,
-        K: tuple | np.ndarray,
-        r: np.ndarray | None = None,
-        mobility: np.ndarray | float | None = None,
-        mu: np.ndarray | None = None,
-        epsilon: np.ndarray | None = None,
+        self, v: Components, K: Components, r: Any = None, mobility: Any = None, mu: Any = None, epsilon: Any = None
     ) -> None:
         self.v, self.K, self.r, self.mobility, self.mu, self.epsilon = v, K, r, mobility, mu, epsilon
         self.v_n, self.K_nn = v[-1], K[-1][-1]

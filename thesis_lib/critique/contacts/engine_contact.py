@@ -153,7 +153,7 @@ def _engine(
     law: Law, rig: Rig, mu: np.ndarray, epsilon: np.ndarray, settings: tuple[float, float, float, dict]
 ) -> Press:
     T, impratio, impedance, sizes = settings
-    body = Body(shape=rig.shape, mass=MASS, radius_of_gyration=rig.k_g)  # pyright: ignore[reportArgumentType]
+    body = Body(shape=rig.shape, mass=MASS, radius_of_gyration=rig.k_g)
     causes, n, least = HiddenCauses(**sizes), len(mu), 1e-3
     if law.engine.startswith("mujoco"):
         from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine

@@ -57,7 +57,7 @@ def _along(true: State, a: np.ndarray, tau: np.ndarray, rig: Rig) -> State:
     if true.space.is_plane:
         return start.flown(a[rows], t)
     d = true.space.dimension
-    turns, spins = attitudes(true.attitude, true.spin, rig.tensor, tau.T)
+    turns, spins = attitudes(true.attitude, true.spin, np.asarray(rig.tensor), tau.T)
     extra = (a.T - rig.fall(true))[d:, rows]
     free = start.flown(np.concatenate([a.T[:d, rows], 0.0 * extra]).T, t)
     attitude, spin = (part.swapaxes(1, 2).reshape(len(part), -1) for part in (turns, spins))

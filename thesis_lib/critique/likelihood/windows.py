@@ -84,7 +84,7 @@ def _flight(
         believed, _ = attitudes(q, spin, G, times)
         left = SPACE.turn_between(believed, measured)  # (3, W, n)
         found = columns(np.concatenate([np.zeros((3, n)), q]), np.concatenate([np.zeros((3, n)), spin]), G, times)
-        J = np.concatenate([found.by_attitude, found.by_spin], axis=1)  # (3, 6, W, n)
+        J = found.matrix()[3:, [3, 4, 5, 9, 10, 11]]  # (3, 6, W, n)
         normal = np.einsum("kiwn,kjwn,wn->nij", J, J, weight)
         step = np.linalg.solve(normal, np.einsum("kiwn,kwn,wn->ni", J, left, weight)[..., None])[..., 0].T
         q, spin = SPACE.attitude_after(q, step[:3]), spin + step[3:]
