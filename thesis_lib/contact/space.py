@@ -23,6 +23,8 @@ from thesis_lib.mechanics.contact import Contact, contact_at
 from thesis_lib.mechanics.contact import velocity_change as change_of_motion
 from thesis_lib.mechanics.space import PLANE
 
+ContactSpace = Contact  # the thesis's name, by which laws of one's own import it
+
 
 def contact_space(v_pre: np.ndarray, r: np.ndarray, *, mass: float, k_g: float) -> Contact:
     """Contacts of impacts with velocity `v_pre` (..., 3) and contact point `r` (..., 2) in m (eq. 3.4).

@@ -97,7 +97,7 @@ class Rows:
             return []
         except (FileProblem, UnicodeDecodeError) as error:
             raise CorruptFileError(
-                f"{self.path} cannot be read ({error}); delete it and run {self.command}."
+                f"{self.path} cannot be read ({error}); delete it and run again: {self.command}."
             ) from error
         try:
             header = next(lines, [])
