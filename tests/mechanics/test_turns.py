@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.mechanics.inertia import in_world, mobility, require_inertia
+from thesis_lib.mechanics.inertia import in_world, mobility
 from thesis_lib.mechanics.space import (
     PLANE,
     SPACE,
@@ -71,33 +71,9 @@ def test_shift_undoes_difference(space, rng):
     assert np.abs(space.difference(again, second)).max() < 1e-12
 
 
-@pytest.mark.parametrize("space", [PLANE, SPACE], ids=["plane", "space"])
-def test_a_mirror_mirrors_velocities_of_points(space, rng):
-    pose, motion = poses(space, rng), rng.standard_normal((space.motions, N))
-    d, signs = space.dimension, np.array([-1.0, 1.0, 1.0][: space.dimension])[:, None]
-    point = rng.standard_normal((d, N))
-    r = space.turned(pose[d:], point)
-    other_pose, other_motion = space.mirrored(pose, motion)
-    # the mirrored body is another one: its point is mirrored, too
-    other_r = space.turned(other_pose[d:], signs * point)
-    np.testing.assert_allclose(other_r, signs * r, atol=EXACT)
-    seen = space.velocity_at(motion[:d], motion[d:], r)
-    other = space.velocity_at(other_motion[:d], other_motion[d:], other_r)
-    np.testing.assert_allclose(other, signs * seen, atol=1e-12)
-
-
 def test_mobility_is_the_inverse_inertia_in_the_world(rng):
     attitude = poses(SPACE, rng)[3:]
     product = np.einsum("ijn,jkn->nik", mobility(SPACE, G, attitude), in_world(G, attitude))
     np.testing.assert_allclose(product, np.tile(np.eye(3), (N, 1, 1)), atol=EXACT)
     each = np.repeat(G[:, :, None], N, axis=2)
     np.testing.assert_allclose(mobility(SPACE, each, attitude), mobility(SPACE, G, attitude), atol=EXACT)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [(np.diag([1.0, 2.0, -1.0]), "positive"), (np.diag([1.0, 1.0, 3.0]), "above the sum"), (np.ones((2, 2)), "3 × 3")],
-)
-def test_an_inertia_that_no_body_has_is_refused(wrong, says):
-    with pytest.raises(ValueError, match=says):
-        require_inertia(SPACE, wrong)

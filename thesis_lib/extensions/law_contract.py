@@ -228,7 +228,7 @@ def marks_invalid_states(law: Law, dimension: int = 2) -> str:
 
 
 def _three_alike(dimension: int) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Three times the same impact: velocities without spin, contact points, and what a law is told of the body."""
+    """Three times the same impact: velocities without spin, contact points, and what a law is given of the body."""
     if dimension == 2:
         return np.tile([0.6, -2.5, 0.0], (3, 1)), np.tile([0.1, -0.2], (3, 1)), {"mass": 1.0, "k_g": 0.3}
     v, r = np.tile([0.6, 0.3, -2.5, 0.0, 0.0, 0.0], (3, 1)), np.tile([0.1, -0.15, -0.2], (3, 1))

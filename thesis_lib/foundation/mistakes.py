@@ -1,6 +1,6 @@
 """Mistakes that pydantic finds in a file, in words: where they stand, what a value must be, and which keys there are.
 
-All files that users write (header of a dataset, recording, configuration, claims) are told of in these words.
+All files that users write (header of a dataset, recording, configuration, claims) are described in these words.
 """
 
 import re

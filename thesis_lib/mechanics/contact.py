@@ -80,11 +80,6 @@ class Contact:
         """In the plane: coupling of tangent and normal, 1/kg."""
         return self.K[0][-1]
 
-    @property
-    def slip(self) -> np.ndarray:
-        """Tangential velocity (d − 1, n) of the contact point in m/s."""
-        return np.array(self.v[:-1])
-
     @cached_property
     def det(self) -> np.ndarray:
         """det K > 0; in the plane 1/kg²."""

@@ -10,9 +10,7 @@ Impacts and flights depend on the inertia per mass only.
 
 import numpy as np
 
-from thesis_lib.mechanics.space import SPACE, Space, rotation_matrix
-
-TOLERANCE = 1e-9  # relative, of what makes a tensor symmetric, positive and that of a body
+from thesis_lib.mechanics.space import Space, rotation_matrix
 
 
 def mobility(space: Space, G: np.ndarray | float, attitude: np.ndarray) -> np.ndarray:
@@ -29,27 +27,3 @@ def in_world(G: np.ndarray, attitude: np.ndarray) -> np.ndarray:
     if each.shape[2] == 1:
         return np.einsum("ijn,jk,lkn->iln", R, each[:, :, 0], R)
     return np.einsum("ijn,jkn,lkn->iln", R, each, R)
-
-
-def require_inertia(space: Space, G: np.ndarray | float) -> np.ndarray:
-    """G as an array, if a body can have it: positive, and no principal moment above the sum of the others.
-
-    Raises:
-        ValueError: it cannot; with what is wrong.
-    """
-    G = np.asarray(G, dtype=float)
-    if space.is_plane:
-        if not np.all(G > 0.0) or not np.all(np.isfinite(G)):
-            raise ValueError(f"the inertia per mass must be positive, got {G}")
-        return G
-    if G.shape != (SPACE.turns, SPACE.turns) or not np.isfinite(G).all():
-        raise ValueError(f"the inertia per mass must be a 3 × 3 matrix of finite numbers, got shape {G.shape}")
-    size = np.abs(G).max()
-    if not np.allclose(G, G.T, rtol=0.0, atol=TOLERANCE * size):
-        raise ValueError("the inertia per mass is not symmetric")
-    low, middle, high = np.linalg.eigvalsh(G)
-    if low <= 0.0:
-        raise ValueError(f"a principal moment of inertia is not positive: {low:g} m²")
-    if high > (low + middle) * (1.0 + TOLERANCE):
-        raise ValueError(f"the principal moment {high:g} m² is above the sum of the others, {low + middle:g} m²")
-    return G

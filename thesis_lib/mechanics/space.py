@@ -25,21 +25,17 @@ SMALL = 1e-4  # rad: half angles below it are by their series, exact to rounding
 
 @dataclass(frozen=True)
 class Space:
-    """The plane or space: number of components, their names and units, and what can be done with them.
+    """The plane or space: numbers of components, and what can be done with them.
 
     Attributes:
         dimension: d, components of a position.
         attitude: numbers that give an attitude.
         turns: components of a spin and of a small turn.
-        pose_names: columns of a pose.
-        motion_names: columns of a motion.
     """
 
     dimension: int
     attitude: int
     turns: int
-    pose_names: tuple[str, ...]
-    motion_names: tuple[str, ...]
 
     @property
     def poses(self) -> int:
@@ -105,19 +101,9 @@ class Space:
         d = self.dimension
         return np.concatenate([second[:d] - first[:d], self.turn_between(first[d:], second[d:])])
 
-    # mirrors ----------------------------------------------------------------------------------------------------
-    def mirrored(self, pose: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses and motions in a mirror across the first axis: x and all turns but those about x change sign."""
-        if self.is_plane:
-            signs = np.array([[-1.0], [1.0], [-1.0]])
-            return signs * pose, signs * motion
-        of_pose = np.array([-1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
-        of_motion = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])[:, None]
-        return of_pose * pose, of_motion * motion
 
-
-PLANE = Space(2, 1, 1, ("x", "y", "theta"), ("vx", "vy", "omega"))
-SPACE = Space(3, 4, 3, ("x", "y", "z", "qw", "qx", "qy", "qz"), ("vx", "vy", "vz", "wx", "wy", "wz"))
+PLANE = Space(2, 1, 1)
+SPACE = Space(3, 4, 3)
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

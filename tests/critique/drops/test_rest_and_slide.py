@@ -1,4 +1,4 @@
-"""Bodies that lie still or slide on the surface: what they tell that impacts do not, and only where it is asked for."""
+"""Bodies that lie still or slide on the surface: what they show that impacts do not, and only where it is asked for."""
 
 from functools import cache
 

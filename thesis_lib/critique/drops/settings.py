@@ -63,7 +63,7 @@ class CritiqueSettings(SearchSettings):
         0.25,
         gt=0,
         description="spread that noise before an episode gives the state after it, over its change of velocity, beyond "
-        "which the episode is left out: it tells nothing about a model",
+        "which the episode is left out: it says nothing about a model",
     )
     contradicts: float = Field(
         4.0,

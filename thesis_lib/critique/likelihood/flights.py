@@ -104,7 +104,7 @@ class Flights:
 
     @property
     def are_bent(self) -> bool:
-        """Whether so many are not parabolas that hits which were not detected are no excuse."""
+        """Whether so many are not parabolas that undetected hits cannot explain them."""
         return len(self.bent) >= SOME and len(self.bent) > MANY * (len(self.bent) + len(self))
 
 

@@ -3,8 +3,8 @@
     rest    (φ_n at the angle at which the body lies, θ − that angle),          of the true pose behind the measured one
     slide   a − â,   â = a_t − μ a_n sgn(v_t),    a_t, a_n: acceleration in flight along and into the surface
 
-They are found by `thesis_lib/datasets/impacts/supports.py`.  Rests tell an angle offset from all that acts at impacts,
-and a surface at another height from rounded corners, which a body does not lie on; slides tell friction.
+They are found by `thesis_lib/datasets/impacts/supports.py`.  Rests separate an angle offset from all that acts at
+impacts, and a surface at another height from rounded corners, which a body does not lie on; slides show friction.
 
 | on paper  | in code                 | unit    | shape  |                                               |
 |-----------|-------------------------|---------|--------|-----------------------------------------------|

@@ -49,7 +49,7 @@ def rejected(effect: Mapping) -> str:
 
 
 def stands_in(effect: Mapping) -> str:
-    """Why an effect is no cause, as a sentence."""
+    """The reason why an effect is not a cause, as a sentence."""
     why, title = effect["stand_in"], EFFECTS[effect["name"]].title
     said = f"“{title}” stands in for something else: it contradicts the stated {why['denies']} by "
     said += f"{why['standard_errors']:.2g} standard errors"

@@ -198,7 +198,7 @@ def _unexplained(content: Mapping) -> list[str]:
 
 
 def restitution_differs(differs: Mapping) -> str:
-    """What is known of restitution that is no number."""
+    """What is known of restitution beside numbers."""
     low, high, by = f"{differs['low']:.2f}", f"{differs['high']:.2f}", differs["differs_by"]
     return f"Restitution ({low} to {high}) differs from {by} to {by} and with nothing that is recorded."
 
