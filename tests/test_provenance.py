@@ -97,7 +97,9 @@ def test_docstrings_of_functions_and_classes_do_not_count(root):
         ("thesis_lib/figures/print.mplstyle", "lines.linewidth: 2\n", {"figures"}),
         ("thesis_lib/contact/new_law.py", "LAW = 1\n", {"laws", "laws_late"}),
         ("thesis_lib/contact/kind/__init__.py", "LAW = 1\n", {"laws", "laws_late"}),
+        ("thesis_lib/contact/said.yaml", "title: law\n", {"laws", "laws_late"}),
         ("thesis_lib/deep/new.py", "V = 1\n", set()),  # no registry
+        ("thesis_lib/deep/new.yaml", "v: 1\n", set()),
         ("plain.py", "import thesis_lib.plain\nprint(2 * thesis_lib.plain.X)\n", {"plain"}),
     ],
 )

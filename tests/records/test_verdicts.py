@@ -10,8 +10,9 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.summary import headline
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
+from thesis_lib.records import verdicts
+from thesis_lib.records.catalogue import records
 from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET, claims, proof
-from thesis_lib.records.verdicts import verdict as record
 
 
 def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: float | None = 0.1) -> dict:
@@ -36,7 +37,7 @@ def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: flo
 
 def verdict(content: dict) -> str:
     """What the record says of a diagnosis."""
-    return record({**content, "headline": headline(content)})
+    return verdicts.verdict({**content, "headline": headline(content)})
 
 
 def effect(name: str, family: str = "contact", clears: bool = True, others: tuple[str, ...] = ()) -> dict:
@@ -138,7 +139,7 @@ def test_claims_are_counted_and_compared_by_chapter() -> None:
 
 def test_a_finding_reads_json_and_names_the_file_that_lacks_something(tmp_path: Path) -> None:
     write_json({"verdict": "adequate"}, tmp_path / "diagnosis.json")
-    plain = replace(record, finding=lambda read: read["verdict"])
+    plain = replace(records()["verdict"], finding=lambda read: read["verdict"])
     assert plain.found(tmp_path) == "adequate"
     with pytest.raises(UserError, match=r"diagnosis\.json lack 'error'"):
-        record.found(tmp_path)
+        records()["verdict"].found(tmp_path)

@@ -1,11 +1,12 @@
 """Code, versions and data that made a result.
 
 `lib_hash` is the part that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses, directly or
-through other modules.  Rules carry it as a parameter, so that an edit reruns exactly the rules that use the edited
-module; comments, layout, docstrings and the place of a module do not count.  Imports are followed statically, also
-inside functions.  A module that looks through its folder (`pkgutil.iter_modules`), as registries do, uses all modules
-of it.  Of a package that an import only passes on the way to a module, the `__init__` counts, and not what it imports.
-What was read of a module is kept beside the byte code, under the SHA-256 of its text: most have not changed since.
+through other modules. Rules carry it as a parameter, so that an edit reruns exactly the rules that use the edited
+module; comments, layout, docstrings and the place of a module do not count. Imports are followed statically, also
+inside functions. A module that looks through its folder (`pkgutil.iter_modules`), as registries do, uses all modules
+and YAML files of it. Of a package that an import only passes on the way to a module, the `__init__` counts, and not
+what it imports. What was read of a module is kept beside the byte code, under the SHA-256 of its text: most have not
+changed since.
 """
 
 import ast
@@ -84,7 +85,7 @@ class Sources:
         names = {*module.modules, *(f"{path}.{name}" for path, name in module.imports)}
         files = {file for name in names if (file := self._module_file(name) or self._module_file(_packages(name)[-1]))}
         if module.looks_around:
-            files.update(file for pattern in ("*.py", "*/__init__.py") for file in path.parent.glob(pattern))
+            files.update(file for pattern in ("*.py", "*/__init__.py", "*.yaml") for file in path.parent.glob(pattern))
         on_the_way = {self._module_file(package) for name in names for package in _packages(name)}
         passed = {self._read(package).digest for package in on_the_way if package and package not in files}
         beside = (file for file in path.parent.iterdir() if file.suffix in DATA_SUFFIXES)

@@ -1,13 +1,17 @@
-"""All records, found in the modules of this folder; no other list exists."""
+"""All records, found in this folder: chapter2.yaml says what is shown, the functions of chapter2.py what was found."""
 
 import functools
 import os
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
-from thesis_lib.records.record import Figure, Record
+from thesis_lib.foundation.yaml_file import read_yaml
+from thesis_lib.records.record import Figure, Job, Record, Tolerance
+
+FOLDER = Path(__file__).parent
 
 
 @functools.cache
@@ -17,13 +21,32 @@ def records() -> dict[str, Record]:
     Raises:
         ValueError: two records have the same name.
     """
-    names = [module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])]
-    modules = [import_module(f"thesis_lib.records.{name}") for name in names if name != "catalogue"]
-    listed = {id(value): value for module in modules for value in vars(module).values() if isinstance(value, Record)}
-    by_name = {record.name: record for record in sorted(listed.values(), key=lambda record: record.order)}
+    stems = {path.stem for path in FOLDER.glob("*.yaml")} & {one.name for one in pkgutil.iter_modules([str(FOLDER)])}
+    modules = {stem: import_module(f"thesis_lib.records.{stem}") for stem in stems}
+    listed = [one for stem, module in modules.items() for one in _read(FOLDER / f"{stem}.yaml", module)]
+    by_name = {record.name: record for record in sorted(listed, key=lambda record: record.order)}
     if len(by_name) < len(listed):
         raise ValueError("two records have the same name")
     return by_name
+
+
+def _read(path: Path, findings: ModuleType) -> Iterator[Record]:
+    """The records of a file, each with the finding of its name, or of the name that it gives."""
+    document = read_yaml(path)
+    document.refuse_repeated(path)
+    content = document.content
+    jobs = {rule: Job(rule, **job) for rule, job in content["jobs"].items()}
+    shared = {name: Tolerance(**fields) for name, fields in content.get("tolerances", {}).items()}
+    for name, fields in content["records"].items():
+        finding = getattr(findings, fields.pop("finding", name), None)
+        reads = fields.pop("reads", [f"{name}.csv"] if finding else [])
+        of_all = {"name": name, "job": jobs[fields.pop("job")], "finding": finding, "reads": tuple(reads)}
+        if name.startswith("figure_"):
+            limits = fields.pop("tolerances", {}).items()
+            of_all["tolerances"] = {at: shared[to] if isinstance(to, str) else Tolerance(**to) for at, to in limits}
+            yield Figure(**of_all, **fields)
+        else:
+            yield Record(**of_all, **fields)
 
 
 def figures() -> list[Figure]:

@@ -14,15 +14,10 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file, read_bytes
 
-MEASURED = ("planar_impact", "planar_dice")  # published sets, fetched by whoever wants them
-DROPPED = (*MEASURED, "drops")  # datasets that come with the project
-TRACKED = ("planar_dice", "drops")  # of these, those with trajectories
-THROWN = ("planar_dice",)
 FOUND_HERE = "Found in this run: "
 LONGEST = 10_000  # bytes of a finding
 
@@ -53,9 +48,6 @@ class Tolerance:
     rel: float = 0.0
 
 
-GEOMETRY = Tolerance("closed-form geometry; only rounding", abs=1e-08)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Record:
     """A figure, table or page of a run, with its text.
@@ -65,8 +57,9 @@ class Record:
         job: the rule that makes it.
         title: what it shows, in one line; the caption continues it.
         caption: what is drawn and what to look for.
-        finding: function from the tables in `reads`, in their order, to sentences.
+        finding: function from the tables in `reads`, in their order, to sentences; None if nothing is found.
         reads: files in the same folder; those that end in .json are read as dictionaries.
+        suffix: of its file.
     """
 
     name: str
@@ -75,23 +68,7 @@ class Record:
     caption: str = ""
     finding: Callable[..., str] | None = None
     reads: tuple[str, ...] = ()
-
-    suffix = ".html"
-
-    @classmethod
-    def found_by(cls, **fields: Any) -> "Callable[[Callable[..., str]], Self]":
-        """Decorator: a finding's function becomes its record, with its name; by default it reads the table so named."""
-
-        def record(finding: Callable[..., str]) -> Self:
-            name = finding.__name__
-            return cls(**{"name": name, "finding": finding, "reads": (f"{name}.csv",)} | fields)
-
-        return record
-
-    def __call__(self, *tables: Any) -> str:
-        """The finding from tables."""
-        assert self.finding is not None, f"{self.name} has no finding"
-        return self.finding(*tables)
+    suffix: str = ".csv"
 
     @property
     def chapter(self) -> int:
@@ -136,9 +113,10 @@ class Record:
         """
         from thesis_lib.foundation.files import read_json, read_table  # late: loads pandas
 
+        assert self.finding is not None, f"{self.name} has no finding"
         tables = [(read_json if name.endswith(".json") else read_table)(folder / name) for name in self.reads]
         try:
-            return self(*tables)
+            return self.finding(*tables)
         except (KeyError, IndexError) as error:
             names = ", ".join(str(folder / name) for name in self.reads)
             raise UserError(f"{names} lack {error}, from which the finding is read; run the pipeline again.") from error
@@ -173,13 +151,6 @@ class Record:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table(Record):
-    """A table; its columns are in foundation/columns.yaml, as those of all tables."""
-
-    suffix = ".csv"
-
-
-@dataclass(frozen=True, kw_only=True)
 class Figure(Record):
     """A picture with a PDF and a CSV of the numbers drawn; a small copy of the CSV is stored.
 
@@ -196,8 +167,7 @@ class Figure(Record):
     most_rows: int = 40
     not_compared: str = ""
     columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-
-    suffix = ".png"
+    suffix: str = ".png"
 
     @property
     def text_columns(self) -> list[str]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-from thesis_lib.records.record import Job, Record
 from thesis_lib.records.rows import DataFrame, Row, counted, share
 from thesis_lib.statistics.wording import interval, listed, side, times
 
@@ -17,15 +16,6 @@ REPRODUCED, DEVIATES = "reproduced", "deviates"
 OTHERS = {"data not present": "without the data", "not decided": "not decided at this scale"}
 
 
-@Record.found_by(
-    job=Job("critique_dataset", "critique/{dataset}"),
-    title="How far contact models are from measurements, and which effect is missing",
-    caption="""The page shows where the models fail, and how far the error falls when the missing effect is added.
-
-What to look for: the verdict in the first lines of the page; then how near the error comes to the noise floor when the
-named effects are added (step 4).""",
-    reads=("diagnosis.json",),
-)
 def verdict(diagnosis: Mapping) -> str:
     """The verdict in the words of every other place, and how the error stands to the noise."""
     if diagnosis["verdict"] is None:
@@ -39,17 +29,6 @@ def verdict(diagnosis: Mapping) -> str:
     return " ".join([*diagnosis["headline"], f"The held-out error is {interval(now, low, high, 'm/s')}, {beside}."])
 
 
-@Record.found_by(
-    job=Job("critique_proof", "critique/proof"),
-    title="How often the critique is right on data in which an effect was hidden",
-    caption="""It was hidden by injecting its own law, by integrating contact with its cause in continuous time, and
-by Drake. Truths that were named in a group count as right; a frame marks the effect that describes the truth best.
-Intervals are 95 %, of Wilson for shares.
-
-What to look for: entries off the diagonal of the matrices, which are wrong names, and sizes at which an effect begins
-to be found.""",
-    reads=("summary.csv",),
-)
 def proof(summary: DataFrame) -> str:
     """Shares of hidden effects named right, of clean data found adequate, and of unknown causes left unexplained."""
     rows = {(row["figure"], row["source"]): row for _, row in summary.iterrows() if row["n"] > 0}
@@ -70,12 +49,6 @@ def _right(row: Row) -> str:
     return f"{share(row, 'measured')} of {counted(row['n'], 'dataset')}"
 
 
-@Record.found_by(
-    job=Job("claims", ""),
-    title="What the thesis states against what this run finds",
-    caption="Number by number and sentence by sentence: reproduced, deviates (by how much, and why if that is "
-    "known), data not present, or not decided at this scale.",
-)
 def claims(table: DataFrame) -> str:
     """Claims by status, and how many of those compared each chapter reproduces."""
     number = {status: int((table["status"] == status).sum()) for status in (REPRODUCED, DEVIATES, *OTHERS)}

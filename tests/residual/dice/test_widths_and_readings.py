@@ -7,7 +7,7 @@ import pytest
 from throws_for_tests import HALF, RIG, throws
 
 from thesis_lib.foundation.columns import explain
-from thesis_lib.records.chapter4_dice import PUBLISHED as SHOWN
+from thesis_lib.records.chapter4 import PUBLISHED as SHOWN
 from thesis_lib.residual.dice.data import ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.models import Thrower

@@ -1,42 +1,75 @@
-"""Figures 3-7, 3-10 and 3-11 and Table 3.1: friction and restitution, from many impacts and from single ones."""
+"""Findings of chapter 3: what laws can predict, their held-out errors, and friction and restitution."""
 
-from thesis_lib.records.record import DROPPED, Figure, Job, Table, Tolerance
-from thesis_lib.records.rows import ABOUT, DataFrame, difference, ends_of, row_of, studied, title_of
+from thesis_lib.records.rows import (
+    ABOUT,
+    FROM_ZERO,
+    PUBLISHED,
+    DataFrame,
+    difference,
+    ends_of,
+    row_of,
+    studied,
+    title_of,
+)
 from thesis_lib.statistics.wording import count, ends, estimate, number, percent, side, times
 
+THESIS_RANGE = (0.355, 0.458)  # Table 3.2, smallest and largest fraction
 CONVERGED = 100  # section 3.4: the parameters have converged from "about" this number of impacts
 NEAR = 1.5  # more than this many times CONVERGED is no longer "about" it
 INCLINED_PLANE = 0.3  # μ of PLA on aluminium, section 3.4
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
 MU_ZERO = 1e-3  # below it an individual μ counts as zero, as in statements.csv
 VISCOUS = "mirtich"  # its published μ, in s/m, is not a coefficient of friction
-FIGURES = Job("ch3_figures", "chapter3/{dataset}", datasets=DROPPED)
-EVALUATE = Job("ch3_evaluate", "chapter3/{dataset}", datasets=DROPPED)
+MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
 
 
-@Figure.found_by(
-    job=FIGURES,
-    title="Cost over (μ, ε), and convergence of the parameters",
-    caption="""(a) Mean cost of the Whittaker law as published; lighter is better, the star is the least cost on the
-grid. One valley, as the thesis says, but not convex: the cost levels off towards large μ, where the contact sticks and
-μ no longer matters; *convexity_violations* in statements.csv counts it.
+def figure_3_3(coverage: DataFrame) -> str:
+    """Shares of the admissible set covered by the laws."""
+    share = coverage.set_index("law")["share"]
+    is_published = share.index.str.endswith(PUBLISHED)
+    as_defined, differing = (share[~is_published], share[is_published].rename(lambda law: law.removesuffix(PUBLISHED)))
+    # a law whose published code matches its definition has one row, used for both
+    as_published = differing.combine_first(as_defined)
+    return (
+        f"Over the simulated drops the laws cover on average {ends_of(as_published, percent)} of the admissible set "
+        f"as published, and {ends_of(as_defined, percent)} as defined: every law leaves out "
+        f"{percent(1.0 - share.max(), 3)} of it or more."
+    )
 
-(b) Parameters and cost against the number of impacts k, for nested random subsets (line styles) and some laws. The
-vertical line is the thesis's "about 100". What to compare there is how far the subsets still lie apart; at the right
-end they share most of their impacts, so that their agreement there is no evidence.
-{% if dataset == "planar_dice" %}
-Most contacts of the die stick, where μ is hardly observable.
-{% elif dataset == "drops" %}
-AP Newton made these data; a wrong law converges to a cost above zero.
-{% endif %}
-The thesis shows three subsets of one law and does not say which.""",
-    reads=("convergence.csv", "statements.csv"),
-    keys="panel law subset k",
-    tolerances={
-        "mu epsilon": Tolerance("ten times the width at which the search on the grid stops", abs=1e-05),
-        "cost": Tolerance("a minimum is flat, its value is better known than its place", rel=1e-05),
-    },
-)
+
+def figure_3_6(statements: DataFrame) -> str:
+    """Energy over the impacts of all trials and between them."""
+    loss, taken = (row_of(statements, statement=name) for name in ("energy_loss", "energy_taken"))
+    text = (
+        f"Over all trials {percent(loss['value'])} of the impacts lower the total energy, and an impact takes "
+        f"{estimate(100 * taken['value'], 100 * taken['std'], '%')} of it on average."
+    )
+    if not (statements["statement"] == "energy_between").any():
+        return text
+    between = row_of(statements, statement="energy_between")
+    word = side(*ends(between["value"], between["std"]), 0.0, FROM_ZERO)
+    return (
+        f"{text} Over a flight between two impacts it changes by "
+        f"{estimate(100 * between['value'], 100 * between['std'], '%')}, {word}."
+    )
+
+
+def table_3_2(table: DataFrame) -> str:
+    """Shares of impulses within the laws' ranges, in both weightings."""
+    least = table["tolerance"].min()
+    table = table[table["tolerance"] == least]
+    unweighted, kinetic, defined = (
+        ends_of(studied(table, *which)["fraction"], percent)
+        for which in (("as_published", "unweighted"), ("as_published", "kinetic"), ("as_defined", "kinetic"))
+    )
+    low, high = (percent(share) for share in THESIS_RANGE)
+    return (
+        f"As the authors compute it the laws reproduce {unweighted} of the impulses within "
+        f"{number(1000 * least, unit='mm/s')} (thesis, for its ellipse: {low} to {high}). In the kinetic weighting "
+        f"they reproduce {kinetic} as published and {defined} as defined."
+    )
+
+
 def figure_3_7(convergence: DataFrame, statements: DataFrame) -> str:
     """The valley of the cost, and the number of impacts from which the parameters have converged."""
     minima = int(row_of(statements, statement="local_minima")["value"])
@@ -68,32 +101,6 @@ def figure_3_7(convergence: DataFrame, statements: DataFrame) -> str:
     )
 
 
-@Figure.found_by(
-    job=FIGURES,
-    title="The (μ, ε) that explain each impact best under AP Newton",
-    caption="""(a) The pair of each impact, coloured by the misfit that remains; the star is the ensemble's pair.
-(b) Densities of both, reflected at their bounds, with the ensemble's value and the mean of the individual ones.
-
-{% if dataset != "drops" %}
-To see, as in the thesis: a pile-up at μ = 0 with large misfits, and values of μ spread from zero to a multiple of the
-ensemble's.
-{% endif %}
-{% if dataset == "drops" %}
-In the simulated drops, where one μ made all impacts, the flat part below it is no variation of friction: those contacts
-stick, every μ above the sticking bound gives the same impulse, and the lowest is reported. Part of the measured spread
-must be of this kind.
-{% else %}
-The thesis has ε "centered around 1". At its bound of 1 are impacts whose contact point leaves faster along the normal
-than it came.
-{% endif %}""",
-    reads=("figure_3_10.csv", "statements.csv"),
-    keys="panel series trial impact parameter",
-    tolerances={
-        "mu epsilon": Tolerance("where two pairs fit equally well rounding decides; elsewhere 1e-8", abs=0.001),
-        "misfit": Tolerance("the least misfit is known to the width of the final pattern", abs=1e-06, rel=0.0001),
-        "density": Tolerance("its bandwidth follows the parameters; 1 % of it cannot be seen", abs=0.01, rel=0.01),
-    },
-)
 def figure_3_10(figure: DataFrame, statements: DataFrame) -> str:
     """Impacts that are explained best without friction, and the spread of individual parameters."""
     mean = row_of(statements, statement="individual_minus_ensemble_mu", law=STUDIED)
@@ -115,31 +122,6 @@ def figure_3_10(figure: DataFrame, statements: DataFrame) -> str:
     )
 
 
-@Figure.found_by(
-    job=FIGURES,
-    title="Two single impacts in their energy ellipses",
-    caption="""Drawn are the region of AP Newton, the measured impulse, the law's best (μ, ε) for this impact, and
-the ensemble's prediction.
-
-(a) μ = 0: of the impacts with an individual μ below 0.001, the quarter whose contact lies nearest to below the centre
-of mass, and of these the one with the largest misfit. The region is a narrow band on one side, the measured impulse
-lies on the other. (b) Spin reversal: of the impacts whose measured impulse lies beyond the line of sticking as seen
-from the frictionless impulse, the one at the median distance.
-
-The thesis says that no law reaches beyond that line. AP Newton, shown here, and Whittaker never do; others do in some
-impacts, most often Drumwright-Shell in both variants and AP Poisson and Mirtich as published.
-
-{% if dataset == "drops" %}
-In the simulated drops, where the law is right, that distance is measurement noise about a sticking contact: being
-beyond the line is no evidence against a law by itself.
-{% endif %}
-The thesis does not say how it chose its examples.""",
-    reads=("statements.csv",),
-    keys="panel trial impact series",
-    tolerances={
-        "c_t c_n": Tolerance("closed form of one impact, which the arc fits give to 1e-6", abs=1e-06, rel=0.0001)
-    },
-)
 def figure_3_11(statements: DataFrame) -> str:
     """How often impulses lie beyond the line of sticking and slip reverses, as measured and as predicted."""
     beyond, back = row_of(statements, statement="beyond_sticking"), row_of(statements, statement="back_spin")
@@ -160,18 +142,6 @@ def figure_3_11(statements: DataFrame) -> str:
     )
 
 
-@Table.found_by(
-    job=EVALUATE,
-    title="Ensemble parameters of the six laws, and how often each predicts best and worst",
-    caption="""Standard errors are bootstraps over trials; *best* and *worst* are the share of held-out impacts, in
-per cent, in which a law predicts the impulse best and worst.
-
-Rows with variant *as published* and weighting *unweighted* are what the authors computed (ω in rad/s counts like a
-velocity in m/s); weighting *kinetic* (k ω counts like a velocity) does not depend on units, and is used in all figures.
-Friction far below the inclined plane's 0.3 is the thesis's main finding here. The thesis gives no standard errors and
-does not say how many impacts it identified from. *at_bound* names a parameter that ended at the edge of its range:
-there the data say next to nothing about it.""",
-)
 def table_3_1(table: DataFrame) -> str:
     """Friction compared with the inclined plane's, and which law is nearest and farthest."""
     authors, kinetic = studied(table, "as_published", "unweighted"), studied(table, "as_defined", "kinetic")
@@ -186,3 +156,43 @@ def table_3_1(table: DataFrame) -> str:
         f"{title_of(nearest)} is nearest most often ({number(best.max(), 2, '%')}), {title_of(farthest)} farthest most "
         f"often ({number(worst.max(), 2, '%')}); {title_of(STUDIED)} is farthest in {number(worst[STUDIED], 2, '%')}."
     )
+
+
+def figure_3_8(summary: DataFrame, statements: DataFrame) -> str:
+    """Errors of laws and bounds, and how the sense of rotation changes the bound."""
+    error = summary.set_index("model")["mean"]
+    bounds = error.index.str.startswith("best_post_hoc") | (error.index == "irb_bound")
+    laws, post_hoc = error[~bounds], error[error.index.str.startswith("best_post_hoc")].min()
+    bound, mirrored = (row_of(statements, statement=name) for name in ("irb_bound", "irb_bound_mirrored"))
+    least, most = str(laws.idxmin()), str(laws.idxmax())
+    word = difference(mirrored, bound, ("falls to", "is not told apart, with", "rises to"))
+    return (
+        f"The IRB Bound is {estimate(bound['value'], bound['std'], 'm/s')}, {times(bound['value'] / laws[least])} the "
+        f"least mean error of a law ({number(laws[least], unit='m/s')}, {title_of(least)}); the largest is "
+        f"{number(laws[most], unit='m/s')} ({title_of(most)}), and Best Post Hoc has {number(post_hoc, unit='m/s')}. "
+        f"With the rotation read clockwise the bound {word} {estimate(mirrored['value'], mirrored['std'], 'm/s')}."
+    )
+
+
+def figure_3_9(figure: DataFrame, statements: DataFrame) -> str:
+    """Errors near zero tangential momentum, and on its two sides."""
+    rows = statements[(statements["statement"] == "small_momentum") & (statements["law"] == MAPPED)]
+    sentences = [
+        f"Where the tangential momentum is least (a fourth of the impacts) the error is "
+        f"{_ratio(value, std, 'of the others')}; the thesis finds it largest there."
+        for value, std in rows[["value", "std"]].to_numpy()
+    ]
+    impacts = figure[figure["series"] == "impact"]
+    sides = [impacts.loc[impacts["momentum_t"] * sign > 0, "error"] for sign in (-1, 1)]
+    if min(map(len, sides)) > 1:
+        (left, left_std), (right, right_std) = (
+            (float(errors.mean()), float(errors.std() / len(errors) ** 0.5)) for errors in sides
+        )
+        std = ((left_std / right) ** 2 + (left * right_std / right**2) ** 2) ** 0.5
+        sentences.append(f"Left of the dashed line it is {_ratio(left / right, std, 'on the right')}.")
+    return " ".join(sentences) or "All impacts lie on one side of the dashed line."
+
+
+def _ratio(value: float, std: float, other: str) -> str:
+    doubt = side(*ends(value, std), 1.0, ("", ", not told apart", ""))
+    return f"{estimate(value, std)} times that {other}{doubt}"

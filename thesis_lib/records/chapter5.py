@@ -1,10 +1,10 @@
-"""Figures 5-5, 5-6 and 5-9: the tower, and how well each policy plays."""
+"""Findings of chapter 5: how well each policy plays, and the hierarchical model and its abstractions."""
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 
-from thesis_lib.records.record import Figure, Job, Tolerance
-from thesis_lib.records.rows import DataFrame, Row, counted, difference, lies, row_of, share, value
+from thesis_lib.records.rows import DataFrame, Row, compared, counted, difference, lies, row_of, share, value
 from thesis_lib.statistics.wording import listed, number, percent
 
 POLICIES = {  # as in the legend of figure 5-5 B
@@ -24,55 +24,12 @@ POLICIES = {  # as in the legend of figure 5-5 B
 GOAL = 21  # extractions that the thesis expects on an untouched tower
 MOVABLE = 0.47  # thesis, section 5.4.4
 THRESHOLD = 1.0  # mm, fixed on development towers
-TOWERS = Job("ch5_towers", "chapter5")
-STUDY = Job("ch5_study", "chapter5")
-SHOWCASE = Job("ch5_showcase", "chapter5")
-INTERVAL = {"low": ("1", "lower end of its 95 % interval"), "high": ("1", "upper end of it")}
-POSE = {
-    "block": ("1", "number of the block, 3 layer + place, from the bottom"),
-    **{name: ("m", "centre of the block") for name in "xyz"},
-    "qw": ("1", "orientation, real part of the unit quaternion"),
-    **{name: ("1", "orientation") for name in ("qx", "qy", "qz")},
-}
-AT_REST = "a tower at rest, to a tenth of its height tolerance: contacts settle with rounding"
-STICK_SLIP = (
-    "played in a simulation of stick and slip: rounding decides where a block slips, and with it every push that "
-    "follows; config/reference has the study's numbers, tests/jenga holds what makes them"
-)
-
-FIGURE_5_5A = Figure(
-    name="figure_5_5a",
-    job=TOWERS,
-    title="The simulated tower",
-    caption="""54 blocks that differ in height only (drawn from the simulator's poses).""",
-    keys="block",
-    tolerances={"x y z": Tolerance(AT_REST, abs=2e-05), "qw qx qy qz": Tolerance(AT_REST, abs=0.002)},
-    most_rows=60,
-    columns=POSE,
-)
+EFFECTS = {"glued": "glue between blocks", "slippery": "a slippery layer", "heavy_tool": "a heavier pusher"}
+ABSTRACTIONS = 4  # thesis, figure 5-8
+SURE = 0.95  # belief above which an abstraction counts as settled
+CHANCE = 0.5  # balanced accuracy of a guess
 
 
-@Figure.found_by(
-    job=TOWERS,
-    title="Share of reachable blocks that a straight trial push can move",
-    caption="""Of the 45 reachable blocks, those that move without moving others, on development and on test towers,
-and how their share depends on the threshold.
-
-What to look for: how little the share changes about the threshold that is used; if it changed much, the choice would
-make the result.""",
-    reads=("movable_summary.csv",),
-    keys="set tower threshold_mm",
-    tolerances={
-        "share": Tolerance("two blocks of 45 that move by just the threshold; none of a quick run's few", abs=0.05)
-    },
-    most_rows=80,
-    columns={
-        "set": ("", "development: towers that the threshold was fixed on; test: others"),
-        "tower": ("1", "seed of the tower"),
-        "threshold_mm": ("mm", "displacement of others up to which a block counts as movable"),
-        "share": ("1", "share of the 45 reachable blocks that are movable"),
-    },
-)
 def figure_movable(summary: DataFrame) -> str:
     """The share of movable blocks on test towers, and how it depends on the threshold."""
     test = summary[summary["set"] == "test"].sort_values("threshold_mm")
@@ -87,23 +44,6 @@ def figure_movable(summary: DataFrame) -> str:
     )
 
 
-@Figure.found_by(
-    job=STUDY,
-    title="Consecutive extractions of each policy against its number of samples",
-    caption="""Mean over test towers with 95 % intervals; policies without training are level lines. study_curve.csv
-has the numbers, study_games.csv each game.
-
-What to look for: policies whose intervals do not overlap, and the number of samples from which on they do not.""",
-    reads=("study_curve.csv", "study_needed.csv"),
-    not_compared=STICK_SLIP,
-    columns={
-        "policy": ("", "who plays; thesis: the 21 extractions that the thesis expects"),
-        "size": ("1", "samples (pushes of 1 mm) learned from; 0: does not learn"),
-        "mean": ("1", "consecutive extractions, mean over towers"),
-        **INTERVAL,
-        "n": ("1", "towers; 0: a published number"),
-    },
-)
 def figure_5_5b(curve: DataFrame, needed: DataFrame) -> str:
     """Extractions of the hierarchical model, of the models with as many samples, and of the best other policy."""
     size = row_of(needed, of="hma")["size"]
@@ -122,26 +62,6 @@ def figure_5_5b(curve: DataFrame, needed: DataFrame) -> str:
     )
 
 
-@Figure.found_by(
-    job=STUDY,
-    title="Successes of push, extract and place, in exploration and with the learned model",
-    caption="""Exploration with supervisor against the learned model, side and middle blocks, with 95 % intervals;
-marks are the thesis's real robot.
-
-What to look for: marks of the real robot that lie outside our intervals.""",
-    reads=("study_success.csv",),
-    not_compared=STICK_SLIP,
-    columns={
-        "phase": ("", "exploration (with the supervisor, before learning) or learned"),
-        "position": ("", "all blocks, side or middle blocks"),
-        "action": ("", "push, extract or place"),
-        "attempts": ("1", "how often it was tried"),
-        "successes": ("1", "of these, successes by the thesis's criterion"),
-        "share": ("1", "successes over attempts"),
-        **INTERVAL,
-        "published": ("1", "share in the thesis, real robot"),
-    },
-)
 def figure_5_6(success: DataFrame) -> str:
     """Successful extractions before and after learning, and the thesis's shares outside our intervals."""
     before, after = (
@@ -167,24 +87,6 @@ def figure_5_6(success: DataFrame) -> str:
     )
 
 
-@Figure.found_by(
-    job=STUDY,
-    title="Extractions of the hierarchical model minus those of every other policy",
-    caption="""On the same towers, block orders and noise, with 95 % intervals.
-
-What to look for: intervals that leave out zero; the others are no differences that these games can show.""",
-    reads=("study_paired.csv", "study_needed.csv"),
-    not_compared=STICK_SLIP,
-    columns={
-        "policy": ("", "who plays"),
-        "rival": ("", "whom it is compared with on the same towers, blocks in the same order"),
-        "size": ("1", "samples that the policy learned from; 0: does not learn"),
-        "rival_size": ("1", "samples that the rival learned from; 0: does not learn"),
-        "difference": ("1", "consecutive extractions of the policy minus those of the rival, mean over towers"),
-        **INTERVAL,
-        "n": ("1", "towers that count"),
-    },
-)
 def figure_paired(pairs: DataFrame, needed: DataFrame) -> str:
     """On the same towers: policies that the hierarchical model beats, that beat it, or that are not told apart."""
     size = row_of(needed, of="hma")["size"]
@@ -215,27 +117,6 @@ def figure_paired(pairs: DataFrame, needed: DataFrame) -> str:
     return f"On the same {towers} HMA with {size:,.0f} samples extracts {'; '.join(parts)}."
 
 
-@Figure.found_by(
-    job=SHOWCASE,
-    title="A block that was pushed off its centre on purpose and then steered",
-    caption="""Contact locations and headings chosen by model predictive control on the learned model, from above;
-below, the same push gone on straight. Shown is the pair whose straight push strayed most; `showcase_steering.csv` has
-them all.""",
-    reads=("showcase_steering.csv",),
-    not_compared=STICK_SLIP,
-    columns={
-        "steered": ("1", "1: model predictive control after the disturbance, 0: straight on at the centre"),
-        "controlled": ("1", "1: after the disturbance, 0: pushed off the centre on purpose"),
-        "step": ("1", "step of 1 mm within the push"),
-        "advance": ("mm", "advance of the arm since first contact"),
-        "x": ("mm", "block's displacement along the push"),
-        "y": ("mm", "the same, across the push"),
-        "yaw": ("mm", "its rotation times the radius of gyration (23 mm)"),
-        "offset": ("mm", "contact location chosen for the next step, from the centre of the end face"),
-        "heading": ("rad", "heading chosen for the next step, 0 along the block"),
-        "shown": ("1", "1: drawn from above"),
-    },
-)
 def figure_5_9(pairs: DataFrame) -> str:
     """Distances of the blocks' ends from the goal, steered and straight: the pair shown, and all pairs."""
     wide = pairs.pivot(index=["block", "edge"], columns="steered", values=["stray", "out"])
@@ -256,15 +137,6 @@ def _mm(value: float) -> str:
     return number(value, 2, "mm")
 
 
-FIGURE_GAME = Figure(
-    name="figure_game",
-    job=SHOWCASE,
-    title="Frames of a recorded game of the hierarchical model on a development tower",
-    not_compared=STICK_SLIP,
-    columns=POSE | {"frame": ("1", "number of the picture, from 0")},
-)
-
-
 def _known(row: Row, of: float) -> str:
     """Where a row's interval lies relative to a value; a single tower has no interval."""
     return "too few to compare with" if math.isnan(row["low"]) else lies(row, of)
@@ -275,3 +147,82 @@ def _policy(name: str, sizes: Sequence[float]) -> str:
     title = POLICIES.get(name, name.replace("_", " "))
     learned = [f"{size:,.0f}" for size in sorted(sizes) if size]
     return f"{title} with {' to '.join(dict.fromkeys([learned[0], learned[-1]]))} samples" if learned else title
+
+
+def figure_5_7(summary: DataFrame) -> str:
+    """How many predicted forces lie inside the friction cone, and whether resistance falls with height."""
+    inside, force, predicted = (
+        row_of(summary, quantity=name) for name in ("inside_cone", "height_correlation", "height_correlation_predicted")
+    )
+    words = ("falls", "neither falls nor rises for sure", "rises")
+    return (
+        f"{share(inside)} of the forces predicted for {counted(inside['n'], 'held-out push', 'es')} lie inside the "
+        f"friction cone. With the height of the block the measured force "
+        f"{lies(force, 0.0, words)}, rank correlation {value(force)}; the predicted one "
+        f"{lies(predicted, 0.0, words)}, {value(predicted)}."
+    )
+
+
+def figure_5_8(beliefs: DataFrame, runs: DataFrame) -> str:
+    """The abstraction on which the belief settles along each push, and the distance of sampler and filter."""
+    cases = [_settled(beliefs[beliefs["case"] == case], case) for case in ("stuck", "easy")]
+    return (
+        f"Belief above {percent(SURE)}: {'; '.join(cases)}. The sampler's probabilities differ from the filter's by at "
+        f"most {number(runs['belief_apart'].max(), digits=1)} (R-hat of its chains up to {runs['r_hat'].max():.2f})."
+    )
+
+
+def _settled(beliefs: DataFrame, case: str) -> str:
+    leads = beliefs.loc[beliefs.groupby("step")["belief"].idxmax()].sort_values("step")
+    leads = leads[leads["belief"] > SURE]
+    last = beliefs["step"].max()
+    parts = []
+    for name, rows in groupby(leads.itertuples(), key=lambda row: row.abstraction):
+        steps = [row.step for row in rows]
+        parts.append(f"“{name}” from step {steps[0]}" + (" on" if steps[-1] == last else f" to {steps[-1]}"))
+    return f"the {case} block is {listed(parts)}" if parts else f"the {case} block is never one abstraction"
+
+
+def figure_abstractions(looks: DataFrame, agreement: DataFrame) -> str:
+    """Which abstractions mean stuck, and how well they separate stuck from free pushes."""
+    first = looks.iloc[0]
+    shares = [
+        f"“{row['abstraction']}”{' (counts as stuck)' if row['stuck'] == 1 else ''} {percent(row['stuck_share'])}"
+        for _, row in looks[looks["stuck_share"].notna()].iterrows()
+    ]
+    row = row_of(agreement, size=first["size"], set=first["set"])
+    return (
+        f"From {first['size']:,.0f} samples the model forms {counted(len(looks), 'abstraction')} (thesis: "
+        f"{ABSTRACTIONS}). Of the held-out pushes in each, so many are stuck in truth: {', '.join(shares)}; of all, "
+        f"{percent(row['n_stuck'] / (row['n_stuck'] + row['n_free']))}. That count tells stuck from free with a "
+        f"balanced accuracy of {value(row, 'balanced_accuracy')}, {lies(row, CHANCE)} that of a guess."
+    )
+
+
+def figure_unseen(summary: DataFrame, errors: DataFrame) -> str:
+    """Which effects the predictive check notices, and how relearning changes the error there."""
+    effects = summary.assign(
+        text=[f"{_effect(row)} (p = {number(row['p_value'], digits=2)})" for _, row in summary.iterrows()]
+    )
+    noticed, missed = (list(effects.loc[effects["new_abstraction"] == flag, "text"]) for flag in (1, 0))
+    verdict = "The predictive check "
+    verdict += f"notices {listed(noticed)}" if noticed else f"does not notice {listed(missed)}"
+    verdict += f", but not {listed(missed)}" if noticed and missed else ""
+    changes = [_relearned(row, errors) for _, row in summary[summary["new_abstraction"] == 1].iterrows()]
+    return " ".join([f"{verdict}.", *changes])
+
+
+def _effect(row: Row) -> str:
+    return EFFECTS.get(row["effect"]) or row["effect"].replace("_", " ")
+
+
+def _relearned(row: Row, errors: DataFrame) -> str:
+    affected = errors[(errors["effect"] == row["effect"]) & (errors["group"] == "affected")]
+    if not row["relearned_samples"] > 0:
+        return f"Too little failed to relearn {_effect(row)}."
+    before, after = (row_of(affected, stage=stage) for stage in ("before", "relearned"))
+    return (
+        f"Where there is {_effect(row)}, the error is {value(after, 'error')} spreads of a change once "
+        f"{counted(row['relearned_samples'], 'sample')} were relearned, {compared(after, before)} the "
+        f"{value(before, 'error')} before."
+    )
