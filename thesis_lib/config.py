@@ -22,7 +22,7 @@ from thesis_lib.foundation import SEED
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.mistakes import LONGEST, Place, dotted, mistakes_in
 from thesis_lib.foundation.regular_file import MissingFile
-from thesis_lib.foundation.settings import Section
+from thesis_lib.foundation.settings import Section, merged
 from thesis_lib.foundation.yaml_file import Document, read_yaml
 from thesis_lib.identify.arm.settings import ArmStudy
 from thesis_lib.identify.impacts.settings import ImpactForces, MeasuredRatio
@@ -129,7 +129,7 @@ def read_config(*paths: str | Path) -> Config:
 
     UserError if a file is missing or not plain YAML, or if the merged configuration is wrong.
     """
-    merged: dict = {}
+    content: dict = {}
     for path in paths:
         try:
             document = read_yaml(path)
@@ -139,16 +139,8 @@ def read_config(*paths: str | Path) -> Config:
         values = {} if document.content is None else document.content
         if not isinstance(values, dict):
             raise UserError(f"{path} must hold keys and values, found a {type(values).__name__}.")
-        _overlay(merged, values)
-    return parse_config(merged, paths)
-
-
-def _overlay(base: dict, values: dict) -> None:
-    for key, value in values.items():
-        if isinstance(value, dict) and isinstance(base.get(key), dict):
-            _overlay(base[key], value)
-        else:
-            base[key] = value
+        content = merged(content, values)
+    return parse_config(content, paths)
 
 
 def schema_text() -> str:

@@ -69,6 +69,12 @@ def student_mean(values: np.ndarray) -> tuple[float, float, float]:
     return mean, mean - half, mean + half
 
 
+def mean_row(values: np.ndarray) -> tuple[float, float, float, float, int]:
+    """Mean of independent normal values (n,) as in a table: mean, standard error, 95 % interval by Student's t, n."""
+    mean, low, high = student_mean(values)
+    return mean, standard_error(values), low, high, len(values)
+
+
 def clustered_mean(values: np.ndarray, trial: np.ndarray) -> tuple[float, float, float]:
     """Mean of `values` (n,) and its 95 % interval, in their unit, if only different trials (n,) are independent.
 

@@ -6,25 +6,15 @@ from tower_for_tests import FREE_BLOCK, STUCK_BLOCK, Settled
 
 from thesis_lib.jenga.play.controller_settings import OracleSettings, RuleSettings, SupervisorSettings
 from thesis_lib.jenga.play.oracle import Oracle, would_succeed
-from thesis_lib.jenga.play.policies import (
-    FORCE,
-    SEEN,
-    SIDEWAYS,
-    STRAIGHT,
-    YAW,
-    AlwaysPush,
-    Exploration,
-    Push,
-    Retract,
-    RulePolicy,
-)
+from thesis_lib.jenga.play.policies import STRAIGHT, AlwaysPush, Exploration, Push, Retract, RulePolicy
+from thesis_lib.jenga.robot.samples import F_N, TOWER, YAW, Y
 from thesis_lib.jenga.tower.settings import CollectSettings
 
 CONTEXT = np.array([8.0, 1.0])
 
 
 def state(**values: float) -> np.ndarray:
-    names = {"y": SIDEWAYS, "yaw": YAW, "force": FORCE, "tower": SEEN}
+    names = {"y": Y, "yaw": YAW, "force": F_N, "tower": TOWER}
     made = np.zeros(7)
     for name, value in values.items():
         made[names[name]] = value

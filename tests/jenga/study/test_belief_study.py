@@ -8,8 +8,8 @@ from pushes_for_tests import make_samples
 
 from thesis_lib.jenga.learners.abstractions import stuck_group
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import F_N, X, log_likelihood, push_groups
-from thesis_lib.jenga.robot.samples import FREE, STUCK, UNKNOWN
+from thesis_lib.jenga.learners.learner import log_likelihood, push_groups
+from thesis_lib.jenga.robot.samples import F_N, FREE, STUCK, UNKNOWN, X
 from thesis_lib.jenga.study.belief_study import FORCES, POSES, QUANTITIES, belief_table, evidence
 from thesis_lib.jenga.study.model_study import filtered
 

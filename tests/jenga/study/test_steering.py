@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.learner import YAW, PushPrediction, X, Y
+from thesis_lib.jenga.learners.learner import PushPrediction
 from thesis_lib.jenga.play.settings import ShowcaseChoice
+from thesis_lib.jenga.robot.samples import YAW, X, Y
 from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, strayed_most
 from thesis_lib.jenga.tower.settings import RobotSettings, Setup
 

@@ -80,7 +80,7 @@ def test_a_study_goes_on_where_it_was(study):
     study.path(tasks[5]).unlink()
     study.run(tasks)
     assert len(study.played) == 9 and not study.missing(tasks)
-    found = study.tables(tasks)["effects"].set_index(["switch", "policy"])
+    found = effects(study.games_of(tasks)).set_index(["switch", "policy"])
     assert found.loc[("exact_states", "rule"), "difference"] == 1.0
     assert np.isnan(found.loc[(NONE, "rule"), "difference"])
 

@@ -36,7 +36,7 @@ import torch
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, push_groups, windows
+from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, along_pushes, push_groups, windows
 from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples
 
@@ -58,10 +58,7 @@ def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = 5) ->
     rows = np.array([rows[:steps] for rows in push_groups(samples) if len(rows) >= steps])
     if not len(rows):
         raise UserError(f"no push has {steps} samples; give fewer steps or longer pushes.")
-    belief = learner.initial_belief(samples.context[rows[:, 0]])
-    for now in rows.T:
-        step = (samples.state[now], samples.action[now], samples.context[now])
-        belief = learner.update(belief, *step, samples.next_state[now])
+    *_, (*_, belief) = along_pushes(learner, samples.select(rows.ravel()))
     return rows[:, 0], belief
 
 
@@ -103,20 +100,14 @@ def abstraction_table(learner: Hma) -> pd.DataFrame:
 
 def residuals(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.ndarray]:
     """r (n, 6) of the module, and the index (n,) of the abstraction nearest to each sample."""
-    groups = push_groups(samples)
     residual = np.empty((len(samples), len(SEEN)))
     nearest = np.empty(len(samples), dtype=int)
-    belief = learner.initial_belief(samples.context[[rows[0] for rows in groups]])
-    for t in range(max(map(len, groups), default=0)):
-        alive = np.array([len(rows) > t for rows in groups])
-        now = np.array([rows[t] for rows in groups if len(rows) > t])
-        step = (samples.state[now], samples.action[now], samples.context[now])
-        out = learner.predict(*step, belief[alive])
+    for now, step, belief, _ in along_pushes(learner, samples):
+        out = learner.predict(*step, belief)
         each = ((samples.next_state[now][:, None] - out.mean) / np.sqrt(out.var))[..., list(SEEN)]
         square = np.where(out.weight > PLAUSIBLE, (each**2).mean(axis=2), np.inf)
         nearest[now] = square.argmin(axis=1)
         residual[now] = each[np.arange(len(now)), nearest[now]]
-        belief[alive] = learner.update(belief[alive], *step, samples.next_state[now])
     return residual, nearest
 
 

@@ -46,15 +46,12 @@ def _affine(x: torch.Tensor, w: torch.Tensor) -> torch.Tensor:
 
 def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor]:
     """Mean and log variance (…, n, 7) for weights (…, in + 1, out)."""
-    h = x
-    for w in layers[:-2]:
-        h = torch.tanh(_affine(h, w))
-    out = _affine(h, layers[-2]) + _affine(x, layers[-1])
+    out = outputs_of(x, layers)
     return out[..., :N_OUT], soft_clamp(out[..., N_OUT:])
 
 
 def outputs_of(x: torch.Tensor, layers: Layers) -> torch.Tensor:
-    """What `forward` parts and clamps, (…, n, 14), to the last bit; without gradients and fewer copies."""
+    """What `forward` parts and clamps, (…, n, 14)."""
     h = x
     for w in layers[:-2]:
         h = torch.matmul(h, w[..., :-1, :]).add_(w[..., -1:, :]).tanh_()

@@ -26,7 +26,6 @@ import numpy as np
 
 from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
 from thesis_lib.jenga.learners.learner import (
-    ADVANCE,
     LEVELS,
     MIN_SAMPLES,
     SMALLEST,
@@ -39,7 +38,7 @@ from thesis_lib.jenga.learners.learner import (
     windows,
 )
 from thesis_lib.jenga.learners.mixture import WindowMixture, describe, fit_mixture, names_of, push_posterior
-from thesis_lib.jenga.robot.samples import PushSamples
+from thesis_lib.jenga.robot.samples import ADVANCE, PushSamples
 
 FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell blocks apart
 PRIOR_PUSHES = 2.0  # weight of π in the initial belief, in pushes

@@ -27,7 +27,7 @@ Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/s
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -35,9 +35,8 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, PushWindowSettings
-from thesis_lib.jenga.robot.samples import PushSamples
+from thesis_lib.jenga.robot.samples import ADVANCE, F_N, F_T, TOWER, YAW, PushSamples, X, Y
 
-X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
 SEEN = (X, Y, YAW, F_N, F_T, TOWER)  # dimensions whose prediction counts in the belief
 FEATURES = ("force", "rise", "move", "lag", "drag")
 # features averaged over a window's steps; the others are changes per step
@@ -195,6 +194,21 @@ def windows(samples: PushSamples, settings: PushWindowSettings) -> np.ndarray:
 def push_groups(samples: PushSamples) -> list[np.ndarray]:
     """Rows of each push, in order of collection."""
     return np.split(np.arange(len(samples)), np.flatnonzero(np.diff(samples.push)) + 1) if len(samples) else []
+
+
+def along_pushes(
+    learner: Learner, samples: PushSamples
+) -> Iterator[tuple[np.ndarray, tuple[np.ndarray, ...], np.ndarray, np.ndarray]]:
+    """Step by step of all pushes at once: rows (m,) of their samples, state, action and context there, belief (m, K)
+    before the sample and after it."""
+    groups = push_groups(samples)
+    belief = learner.initial_belief(samples.context[[rows[0] for rows in groups]])
+    for t in range(max(map(len, groups), default=0)):
+        alive = np.array([len(rows) > t for rows in groups])
+        now = np.array([rows[t] for rows in groups if len(rows) > t])
+        step, before = (samples.state[now], samples.action[now], samples.context[now]), belief[alive]
+        belief[alive] = learner.update(before, *step, samples.next_state[now])
+        yield now, step, before, belief[alive]
 
 
 def log_likelihood(

@@ -16,6 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import log_softmax
 
 from thesis_lib.jenga.learners.learner import Learner, PushPrediction, bayes, mix, windows
 from thesis_lib.jenga.learners.mixture import describe
@@ -36,7 +37,7 @@ class Experts:
 
     def log_gate(self, x: np.ndarray) -> np.ndarray:
         """log P(l | x) (n, K) of x̃ (n, d + 1)."""
-        return _log_softmax(x @ self.gate.T)
+        return log_softmax(x @ self.gate.T, axis=1)
 
     def log_joint(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """log P(l | x) p(Δ | x, l) (n, K)."""
@@ -47,11 +48,6 @@ class Experts:
     def log_density(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """log p(Δ | x) (n,)."""
         return np.logaddexp.reduce(self.log_joint(x, y), axis=1)
-
-
-def _log_softmax(logits: np.ndarray) -> np.ndarray:
-    shifted = logits - logits.max(axis=1, keepdims=True)
-    return shifted - np.log(np.exp(shifted).sum(axis=1, keepdims=True))
 
 
 def with_one(inputs: np.ndarray) -> np.ndarray:
@@ -122,7 +118,7 @@ def _maximise(x: np.ndarray, y: np.ndarray, resp: np.ndarray, gate: np.ndarray, 
     # gate: Böhning's bound on the Hessian, ½ (I − 11ᵀ/K) ⊗ XᵀX, here its diagonal part in the experts
     curvature = np.linalg.inv(0.5 * x.T @ x + ridge * np.eye(d))
     for _ in range(GATE_STEPS):
-        slope = (resp - np.exp(_log_softmax(x @ gate.T))).T @ x - ridge * gate
+        slope = (resp - np.exp(log_softmax(x @ gate.T, axis=1))).T @ x - ridge * gate
         gate = gate + slope @ curvature
     return Experts(w, np.maximum(var, SMALLEST_VAR), gate - gate.mean(axis=0))
 
@@ -152,7 +148,7 @@ class Mor(Learner):
         best = max(self.scores, key=self.scores.get)
         self.experts = em(x, y, best, config, rng)
         self.shares = np.exp(self.experts.log_gate(x)).mean(axis=0)
-        resp = np.exp(_log_softmax(self.experts.log_joint(x, y)))
+        resp = np.exp(log_softmax(self.experts.log_joint(x, y), axis=1))
         self.look = describe(windows(samples, self.settings.window), resp, self.settings.window.force_scale)
         return self
 

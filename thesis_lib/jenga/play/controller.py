@@ -27,9 +27,8 @@ from thesis_lib.jenga.learners.learner import Learner
 from thesis_lib.jenga.play.controller_settings import ControllerSettings
 from thesis_lib.jenga.play.no_move import no_move
 from thesis_lib.jenga.play.policies import Action, Policy, Push, Retract
-from thesis_lib.jenga.robot.samples import STATE
+from thesis_lib.jenga.robot.samples import STATE, TOWER, YAW, X, Y
 
-X, Y, YAW, TOWER = (STATE.index(name) for name in ("x", "y", "yaw", "tower"))
 OFFSETS, HEADINGS = 5, 5  # values of each in the held pairs, from one extreme to the other
 
 

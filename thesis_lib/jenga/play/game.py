@@ -22,11 +22,11 @@ import pandas as pd
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json, write_json
-from thesis_lib.jenga.play.policies import FORCE, SEEN, Policy, Retract
+from thesis_lib.jenga.play.policies import Policy, Retract
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import FELL_FROM_TOP, Gripper
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import MM, UNKNOWN
+from thesis_lib.jenga.robot.samples import F_N, MM, TOWER, UNKNOWN
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, settled_tower
 
@@ -149,8 +149,8 @@ class _Play:
             before, reading = robot.push_step(action.offset / MM, action.heading)
             policy.observe(before, action, reading)
             attempt.steps += 1
-            attempt.peak_force = max(attempt.peak_force, round(float(reading[FORCE]), 4))
-            attempt.perturbation = max(attempt.perturbation, round(float(reading[SEEN]), 4))
+            attempt.peak_force = max(attempt.peak_force, round(float(reading[F_N]), 4))
+            attempt.perturbation = max(attempt.perturbation, round(float(reading[TOWER]), 4))
             if ended := self._fallen(attempt.block):
                 return ended
             if robot.reached_goal():

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from thesis_lib.jenga.learners.abstractions import stuck_group
-from thesis_lib.jenga.learners.learner import F_N, TOWER, Learner, X
+from thesis_lib.jenga.learners.learner import Learner
 from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE
+from thesis_lib.jenga.robot.samples import F_N, TOWER, X
 
 
 def no_move(

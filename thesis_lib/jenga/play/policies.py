@@ -13,10 +13,8 @@ from typing import ClassVar
 import numpy as np
 
 from thesis_lib.jenga.play.controller_settings import RuleSettings, SupervisorSettings
-from thesis_lib.jenga.robot.samples import MM, STATE
+from thesis_lib.jenga.robot.samples import F_N, MM, TOWER, YAW, Y
 from thesis_lib.jenga.tower.settings import CollectSettings
-
-SIDEWAYS, YAW, FORCE, SEEN = (STATE.index(name) for name in ("y", "yaw", "f_n", "tower"))
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,9 @@ class Policy:
 
 def beyond(state: np.ndarray, settings: RuleSettings | SupervisorSettings) -> Retract | None:
     """A retreat where force or tower perturbation of a reading (7,) exceeds its threshold."""
-    if state[FORCE] > settings.force:
+    if state[F_N] > settings.force:
         return Retract("force")
-    return Retract("tower moves") if state[SEEN] > settings.tower else None
+    return Retract("tower moves") if state[TOWER] > settings.tower else None
 
 
 class AlwaysPush(Policy):
@@ -104,7 +102,7 @@ class Exploration(Policy):
     def act(self, state: np.ndarray, context: np.ndarray) -> Action:
         if retreat := beyond(state, self.settings):
             return retreat
-        if max(abs(state[SIDEWAYS]), abs(state[YAW])) > self.settings.stray:
+        if max(abs(state[Y]), abs(state[YAW])) > self.settings.stray:
             return Retract("left its way")
         if self.rng.random() < self.random.change:
             self.last = self._draw()

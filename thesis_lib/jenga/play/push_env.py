@@ -26,11 +26,10 @@ import numpy as np
 from thesis_lib.jenga.play.policies import Action, Push, Retract
 from thesis_lib.jenga.play.ppo_settings import EpisodeSettings, RewardSettings
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, MM, STATE
+from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, MM, STATE, X
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import LAYERS, REACHABLE, Snapshot, Tower, TowerError, reduce, settled_tower
 
-X = STATE.index("x")
 # mm, N: scales each reading to about 1 (goal, half a block's width, force limit, longest push, damage); layers, side
 TYPICAL = np.array([33.0, 12.0, 12.0, 4.0, 2.0, 45.0, 10.0, LAYERS, 1.0])
 SEEN_LIMIT = 5.0  # bound of a scaled reading

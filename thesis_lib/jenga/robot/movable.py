@@ -13,11 +13,9 @@ import pandas as pd
 
 from thesis_lib.jenga.robot.primitives import Gripper
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK
+from thesis_lib.jenga.robot.samples import F_N, FREE, STUCK, TOWER, X
 from thesis_lib.jenga.tower.settings import MovableSettings, SensingSettings
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower
-
-X, F_N, TOWER = (STATE.index(name) for name in ("x", "f_n", "tower"))
 
 
 def silent_robot(tower: Tower) -> Robot:

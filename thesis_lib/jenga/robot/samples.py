@@ -20,6 +20,7 @@ from thesis_lib.foundation.files import read_table, write_table
 MM = 1e3  # in a metre
 RADIUS_OF_GYRATION = 23.0  # mm; thesis, figure 5-9
 STATE = ("x", "y", "yaw", "f_n", "f_t", "advance", "tower")
+X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(len(STATE))
 ACTION = ("offset", "heading")
 CONTEXT = ("layer", "side")
 FREE, STUCK, UNKNOWN = 0, 1, -1
@@ -97,7 +98,7 @@ class PushSamples:
 
     def check_resistance(self) -> None:
         """UserError if none of at least `ENOUGH` samples reaches `RESISTANCE`: an exploded tower gives forces of 0."""
-        if len(self) >= ENOUGH and self.next_state[:, STATE.index("f_n")].max() < RESISTANCE:
+        if len(self) >= ENOUGH and self.next_state[:, F_N].max() < RESISTANCE:
             raise UserError(
                 f"samples: none of {len(self)} pushes of 1 mm met {RESISTANCE} N. Blocks of a standing tower do: "
                 "it was empty or had exploded. Check the tower's health and collect again."

@@ -21,12 +21,13 @@ import pandas as pd
 
 from thesis_lib.jenga.learners.abstractions import stuck_group
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import F_N, F_T, TOWER, YAW, X, Y, log_likelihood, push_groups
-from thesis_lib.jenga.robot.samples import FREE, STUCK, PushSamples
+from thesis_lib.jenga.learners.learner import log_likelihood, push_groups
+from thesis_lib.jenga.robot.samples import F_N, F_T, FREE, STUCK, TOWER, YAW, PushSamples, X, Y
 from thesis_lib.jenga.study.model_study import filtered
-from thesis_lib.statistics.intervals import Z95
+from thesis_lib.statistics.wording import ends
 
 FORCES, POSES = (F_N, F_T), (X, Y, YAW, TOWER)
+KINDS = {STUCK: "stuck", FREE: "easy"}
 EARLY = 3  # samples of the initial phase
 LATE = 5  # samples after which configurations count as informative; pushes without a later one tell nothing of it
 QUANTITIES = (
@@ -64,12 +65,12 @@ def belief_table(learners: Sequence[Hma], samples: PushSamples) -> pd.DataFrame:
         variance = pushes.var(ddof=1) / n if n > 1 else np.nan
         variance += values.mean(axis=1).var(ddof=1) / len(values) if len(values) > 1 else 0.0
         mean, std = float(pushes.mean()), float(np.sqrt(variance))
-        rows.append((name, mean, std, mean - Z95 * std, mean + Z95 * std, n))
+        rows.append((name, mean, std, *ends(mean, std), n))
     return pd.DataFrame(rows, columns=["quantity", "value", "std", "low", "high", "n"])
 
 
-def _of_one(learner: Hma, samples: PushSamples) -> dict[str, np.ndarray]:
-    """Each quantity for each push, NaN where the push does not tell it."""
+def _of_one(learner: Hma, samples: PushSamples) -> pd.DataFrame:
+    """Each quantity for each push, NaN where the push does not show it."""
     belief = filtered(learner, samples)
     named = {
         name: belief[:, [each.startswith(name) for each in learner.names]].sum(axis=1)
@@ -77,23 +78,20 @@ def _of_one(learner: Hma, samples: PushSamples) -> dict[str, np.ndarray]:
     }
     resists = 1.0 - named["no block"] - named["easy move"]
     forces, poses = (evidence(learner, samples, belief, seen) for seen in (FORCES, POSES))
-    found: dict[str, list[float]] = {name: [] for name in QUANTITIES}
+    found = []
     for rows in push_groups(samples):
-        first, last, truth = rows[0], rows[-1], samples.truth[rows[0]]
-        stuck, free, long = truth == STUCK, truth == FREE, len(rows) > EARLY
-        second = named["no block"][rows[1]] if len(rows) > 1 else np.nan
-        found["stuck_no_block_first"].append(second if stuck else np.nan)
-        found["easy_no_block_first"].append(second if free else np.nan)
-        found["stuck_resists"].append(resists[last] - resists[first] if stuck and long else np.nan)
-        falls = named["hard move"][last] - named["hard move"][rows[EARLY]] if stuck and long else np.nan
-        found["stuck_hard_move_falls"].append(falls)
-        found["easy_settles"].append(named["easy move"][last] if free and long else np.nan)
-        early, late = rows[:EARLY], rows[LATE:]
-        known = (stuck or free) and long
-        found["force_leads_early"].append((forces - poses)[early].sum() if known else np.nan)
-        later = poses[late].mean() - poses[early].mean() if known and len(late) else np.nan
-        found["poses_gain_later"].append(later)
-    return {name: np.array(values) for name, values in found.items()}
+        first, last, kind = rows[0], rows[-1], KINDS.get(int(samples.truth[rows[0]]))
+        early, late, of = rows[:EARLY], rows[LATE:], {}
+        if kind and len(rows) > 1:
+            of[f"{kind}_no_block_first"] = named["no block"][rows[1]]
+        if kind and len(rows) > EARLY:
+            of["force_leads_early"] = (forces - poses)[early].sum()
+            of["stuck_resists"] = resists[last] - resists[first]
+            of["stuck_hard_move_falls"] = named["hard move"][last] - named["hard move"][rows[EARLY]]
+            of["easy_settles"] = named["easy move"][last]
+            of["poses_gain_later"] = poses[late].mean() - poses[early].mean() if len(late) else np.nan
+        found.append({name: value for name, value in of.items() if name.split("_")[0] in (kind, "force", "poses")})
+    return pd.DataFrame(found, columns=list(QUANTITIES))
 
 
 def evidence(learner: Hma, samples: PushSamples, belief: np.ndarray, seen: Sequence[int]) -> np.ndarray:

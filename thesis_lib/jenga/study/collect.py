@@ -18,11 +18,10 @@ from thesis_lib.jenga.play.settings import SampleChoice, TowerChoice
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.primitives import Gripper
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import MM, RANGE, STATE, UNKNOWN, PushSamples, join
+from thesis_lib.jenga.robot.samples import F_N, MM, RANGE, STATE, TOWER, UNKNOWN, YAW, PushSamples, Y, join
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, check_standing, reduce, settled_tower
 
-SIDEWAYS, YAW, FORCE, SEEN = (STATE.index(name) for name in ("y", "yaw", "f_n", "tower"))
 APART = 1000  # seeds from one training set to the next
 REFUSED = 3  # unusable towers in a row that point to the settings, not the tower
 ATTEMPT = ("tower", "block", "layer", "side", "truth", "steps", "pushed", "extracted", "placed", "reason")
@@ -95,11 +94,11 @@ class _Run:
                 return "goal"
             if robot.at_end():
                 return "longest push"
-            if after[SEEN] > MM * settings.tower_limit:
+            if after[TOWER] > MM * settings.tower_limit:
                 return "tower moves"
-            if settings.force_limit is not None and after[FORCE] > settings.force_limit:
+            if settings.force_limit is not None and after[F_N] > settings.force_limit:
                 return "force"
-            if max(abs(after[SIDEWAYS]), abs(after[YAW])) > MM * settings.stray_limit:
+            if max(abs(after[Y]), abs(after[YAW])) > MM * settings.stray_limit:
                 return "left its way"
             if self.rng.random() < settings.retract:
                 return "gave up"

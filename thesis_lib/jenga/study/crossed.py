@@ -16,20 +16,17 @@ Each game is a file of its own, so an interrupted run goes on where it was.
 Source: Searle, Casella and McCulloch, Variance Components (1992), chapter 4, doi:10.1002/9780470316856.
 """
 
-import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib.foundation.command_line import Parser, command
-from thesis_lib.foundation.files import write_result
+from thesis_lib.foundation.command_line import command
 from thesis_lib.jenga.play.game import Game
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.study.study import games_table
-from thesis_lib.jenga.study.switches import CONFIG, NONE, Study, configured, overlaid
+from thesis_lib.jenga.study.switches import NONE, Study, configured, overlaid, study_parser
 
 FOLDER = Path("results/chapter5/crossed")
 POLICIES = ("hma", "mor", "network")  # the first is compared with the others
@@ -96,32 +93,14 @@ def _name(shift: int) -> str:
 @command
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit code."""
-    options = _options(argv)
+    options = study_parser(__doc__, "crossed", 11, FOLDER).parse_args(argv)
     base, seed = configured(options.config)
     study = Study(options.folder, shifted(base), seed, options.blocks)
     tasks = study.tasks(POLICIES, options.size, options.towers)
-    if not study.catch_up(tasks, "crossed", options.plan):
-        return 0
-    games = crossed_games(study.games_of(tasks), study.settings)
-    leads = crossed_leads(games)
-    for name, table in (("games", games), ("leads", leads)):
-        write_result(table, options.folder / f"crossed_{name}.csv")
-    print(leads.to_string(index=False, float_format="{:.1f}".format))
-    print(f"tables: {options.folder}/crossed_leads.csv, crossed_games.csv", file=sys.stderr)
+    if study.catch_up(tasks, "crossed", options.plan):
+        games = crossed_games(study.games_of(tasks), study.settings)
+        study.report({"crossed_leads": crossed_leads(games), "crossed_games": games})
     return 0
-
-
-def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = Parser(prog="python -m thesis_lib.jenga.study.crossed", description=__doc__)
-    parser.add_argument("--plan", action="store_true", help="only say how many games are missing and what they take")
-    parser.add_argument(
-        "--towers", type=int, default=11, help="test towers (11, as in the study; the third is refused)"
-    )
-    parser.add_argument("--size", type=int, default=100, help="samples that learners learn from (100)")
-    parser.add_argument("--blocks", type=int, default=45, help="blocks tried in a game (45)")
-    parser.add_argument("--config", type=Path, default=CONFIG, help=f"seed and settings ({CONFIG})")
-    parser.add_argument("--folder", type=Path, default=FOLDER, help=f"of games and tables ({FOLDER})")
-    return parser.parse_args(argv)
 
 
 if __name__ == "__main__":

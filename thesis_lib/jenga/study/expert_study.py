@@ -23,7 +23,7 @@ from thesis_lib.jenga.learners.mor import Mor, cross_validated, em, with_one
 from thesis_lib.jenga.learners.settings import LearnerSettings
 from thesis_lib.jenga.play.settings import ExpertChoice
 from thesis_lib.jenga.robot.samples import PushSamples
-from thesis_lib.statistics.intervals import Z95
+from thesis_lib.statistics.wording import ends
 
 FEW, MANY = 2, 11  # thesis
 
@@ -102,4 +102,4 @@ def _over_sets(gains: np.ndarray, held_out: PushSamples) -> tuple[float, float, 
     mean, between_pushes = clustered(gains.mean(axis=0), held_out)
     between_sets = gains.mean(axis=1).var(ddof=1) / len(gains) if len(gains) > 1 else 0.0
     std = float(np.hypot(between_pushes, np.sqrt(between_sets)))
-    return mean, std, mean - Z95 * std, mean + Z95 * std
+    return mean, std, *ends(mean, std)

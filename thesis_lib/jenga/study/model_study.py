@@ -16,8 +16,8 @@ import pandas as pd
 
 from thesis_lib.jenga.learners.abstractions import abstraction_table, agreement, stuck_group
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import F_N, F_T, Learner, push_groups
-from thesis_lib.jenga.robot.samples import MM, STUCK, PushSamples
+from thesis_lib.jenga.learners.learner import Learner, along_pushes, push_groups
+from thesis_lib.jenga.robot.samples import F_N, F_T, MM, STUCK, PushSamples
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower_model import PER_LAYER
 from thesis_lib.statistics.bootstrap import resampled
@@ -29,13 +29,8 @@ BOOTSTRAP = 500
 def filtered(learner: Learner, samples: PushSamples) -> np.ndarray:
     """Belief (n, K) before each sample, filtered along its push."""
     belief = np.empty((len(samples), learner.n_abstractions))
-    for rows in push_groups(samples):
-        now = learner.initial_belief(samples.context[rows[:1]])
-        for row in rows:
-            belief[row] = now[0]
-            at = slice(row, row + 1)
-            step = (samples.state[at], samples.action[at], samples.context[at])
-            now = learner.update(now, *step, samples.next_state[at])
+    for now, _, before, _ in along_pushes(learner, samples):
+        belief[now] = before
     return belief
 
 

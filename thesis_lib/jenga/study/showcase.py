@@ -15,12 +15,11 @@ import pandas as pd
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import KalmanBank
-from thesis_lib.jenga.learners.learner import F_N, TOWER, X
 from thesis_lib.jenga.learners.settings import NutsSettings
 from thesis_lib.jenga.play.game import Game
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import FREE, STUCK
+from thesis_lib.jenga.robot.samples import F_N, FREE, STUCK, TOWER, X
 from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower

@@ -15,16 +15,16 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.learner import ADVANCE, YAW, Learner, X, Y
+from thesis_lib.jenga.learners.learner import Learner
 from thesis_lib.jenga.play.controller import Learned
 from thesis_lib.jenga.play.policies import STRAIGHT, Action, Push, Retract
 from thesis_lib.jenga.play.settings import ShowcaseChoice
 from thesis_lib.jenga.robot.movable import hidden_label
 from thesis_lib.jenga.robot.robot import Robot, Sensor
-from thesis_lib.jenga.robot.samples import FREE, MM
+from thesis_lib.jenga.robot.samples import ADVANCE, FREE, MM, YAW, X, Y
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import REACHABLE, settled_tower
-from thesis_lib.statistics.intervals import standard_error, student_mean, wilson, wilson_std
+from thesis_lib.statistics.intervals import mean_row, wilson, wilson_std
 
 MOST = 60  # steps after which an unfinished push ends
 FIRST = 5  # steps of the controller that show what it does about the disturbance: its horizon
@@ -107,16 +107,11 @@ def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
     back, edge = (offset * yaw > 0.0).to_numpy(), (offset.abs() / HALF_WIDTH).to_numpy()
     n = len(back)
     rows = [
-        ("stray_saved", *_with_interval(saved), len(saved)),
+        ("stray_saved", *mean_row(saved)),
         ("turned_back", float(back.mean()), wilson_std(float(back.mean()), n), *wilson(float(back.sum()), n), n),
-        ("edge", *_with_interval(edge), n),
+        ("edge", *mean_row(edge)),
     ]
     return pd.DataFrame(rows, columns=["quantity", "value", "std", "low", "high", "n"])
-
-
-def _with_interval(values: np.ndarray) -> tuple[float, float, float, float]:
-    mean, low, high = student_mean(values)
-    return mean, standard_error(values), low, high
 
 
 def strayed_most(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:

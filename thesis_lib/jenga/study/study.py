@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.jenga.play.game import Game
-from thesis_lib.statistics.intervals import standard_error, student_mean, wilson
+from thesis_lib.statistics.intervals import mean_row, student_mean, wilson
 
 # (attempts, successes) of push, extract and place in figure 5-6
 PUBLISHED = {
@@ -67,9 +67,7 @@ def learning_curve(games: pd.DataFrame) -> pd.DataFrame:
     for (policy, size), part in games.groupby(["policy", "size"], sort=True):
         counts = part["extractions"].dropna().to_numpy()
         if len(counts):
-            mean, low, high = student_mean(counts)
-            refused = int(part["refused"].sum())
-            rows.append((policy, size, mean, standard_error(counts), low, high, len(counts), refused))
+            rows.append((policy, size, *mean_row(counts), int(part["refused"].sum())))
     return pd.DataFrame(rows, columns=["policy", "size", "mean", "std", "low", "high", "n", "refused"])
 
 
@@ -99,8 +97,7 @@ def paired(games: pd.DataFrame, policy: str = "hma") -> pd.DataFrame:
                 continue
             apart = _differences(counts, (policy, size), (rival, rival_size))
             if len(apart):
-                mean, low, high = student_mean(apart)
-                rows.append((policy, size, rival, rival_size, mean, standard_error(apart), low, high, len(apart)))
+                rows.append((policy, size, rival, rival_size, *mean_row(apart)))
     names = ["policy", "size", "rival", "rival_size", "difference", "std", "low", "high", "n"]
     return pd.DataFrame(rows, columns=names)
 

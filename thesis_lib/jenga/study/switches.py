@@ -18,13 +18,13 @@ Overlays to choose from are tried on development towers in the same way (switch_
     python -m thesis_lib.jenga.study.switches --first 0 --towers 5 --policies exploration --overlays FILE --folder DIR
 """
 
-import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.command_line import Parser, command
@@ -32,6 +32,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_json, write_json, write_result
 from thesis_lib.foundation.progress import Progress, duration
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.settings import merged
 from thesis_lib.foundation.yaml_file import read_yaml
 from thesis_lib.jenga.play.game import Game, play, read_game, write_game
 from thesis_lib.jenga.play.players import LEARNS_AS, policy_of
@@ -40,7 +41,7 @@ from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import PushSamples, read_samples, write_samples
 from thesis_lib.jenga.study.collect import collect_named
 from thesis_lib.jenga.study.study import games_table, success_table
-from thesis_lib.statistics.intervals import standard_error, student_mean
+from thesis_lib.statistics.intervals import mean_row
 
 NONE = "none"
 SWITCHES = Path("config/chapter5_switches.yaml")
@@ -169,10 +170,13 @@ class Study:
         """(switch, size, game) of the games that have been played."""
         return [(task.switch, task.size, read_game(self.path(task))) for task in tasks if self.path(task).is_file()]
 
-    def tables(self, tasks: Sequence[GameTask]) -> dict[str, pd.DataFrame]:
-        """`effects` and `success` of the games that have been played."""
-        games = self.games_of(tasks)
-        return {"effects": effects(games), "success": successes(games)}
+    def report(self, tables: Mapping[str, pd.DataFrame]) -> None:
+        """Write tables of the games by their names, and print the first."""
+        for name, table in tables.items():
+            write_result(table, self.folder / f"{name}.csv")
+        shown = next(iter(tables.values()))
+        print(shown.to_string(index=False, na_rep="", float_format="{:.1f}".format))
+        print(f"tables: {self.folder}/{'.csv, '.join(tables)}.csv", file=sys.stderr)
 
     def _set(self, task: GameTask) -> int:
         return self.settings[task.switch].samples.of_game(task.tower)
@@ -201,14 +205,9 @@ def read_switches(path: str | Path, base: Chapter5) -> dict[str, Chapter5]:
 def overlaid(base: Chapter5, values: Mapping[str, Any], where: str) -> Chapter5:
     """Settings with some values replaced; UserError that begins with `where` if they are none of chapter 5's."""
     try:
-        return Chapter5.model_validate(_merged(base.model_dump(), values))
+        return Chapter5.model_validate(merged(base.model_dump(), values))
     except ValueError as error:
         raise UserError(f"{where}: {error}") from error
-
-
-def _merged(base: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    both = {key: _merged(base[key], value) for key, value in values.items() if isinstance(value, Mapping)}
-    return {**base, **values, **both}
 
 
 def effects(games: Sequence[tuple[str, int, Game]]) -> pd.DataFrame:
@@ -224,15 +223,10 @@ def effects(games: Sequence[tuple[str, int, Game]]) -> pd.DataFrame:
         counts = part.set_index("tower")["extractions"].dropna()
         if counts.empty:
             continue
-        mean, low, high = student_mean(counts.to_numpy())
-        row = dict(zip(keys, (switch, policy, size))) | {"mean": mean, "std": standard_error(counts.to_numpy())}
-        row |= {"low": low, "high": high, "n": len(counts), "refused": int(part["refused"].sum())}
         plain = table[(table["switch"] == NONE) & (table["policy"] == policy) & (table["size"] == size)]
         apart = (counts - plain.set_index("tower")["extractions"]).dropna().to_numpy()
-        if switch != NONE and len(apart):
-            found = dict(zip(("difference", "difference_low", "difference_high"), student_mean(apart)))
-            row |= found | {"difference_std": standard_error(apart), "n_paired": len(apart)}
-        rows.append(row)
+        paired = mean_row(apart) if switch != NONE and len(apart) else [np.nan] * 5
+        rows.append((switch, policy, size, *mean_row(counts.to_numpy()), part["refused"].sum(), *paired))
     names = [*keys, "mean", "std", "low", "high", "n", "refused"]
     names += ["difference", "difference_std", "difference_low", "difference_high", "n_paired"]
     return pd.DataFrame(rows, columns=names)
@@ -256,7 +250,12 @@ def successes(games: Sequence[tuple[str, int, Game]]) -> pd.DataFrame:
 @command
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; the exit code."""
-    options = _options(argv)
+    parser = study_parser(__doc__, "switches", 6, FOLDER)
+    parser.add_argument("--first", type=int, help="seed of the first tower (the first test tower)")
+    parser.add_argument("--policies", nargs="+", default=POLICIES, help=f"who plays ({' '.join(POLICIES)})")
+    parser.add_argument("--switches", nargs="+", help=f"switches to play, {NONE} among them (all)")
+    parser.add_argument("--overlays", type=Path, default=SWITCHES, help="file of the switches (%(default)s)")
+    options = parser.parse_args(argv)
     base, seed = configured(options.config)
     known = read_switches(options.overlays, base)
     if unknown := [name for name in options.switches or () if name not in known]:
@@ -264,29 +263,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     study = Study(options.folder, known, seed, options.blocks)
     tasks = study.tasks(options.policies, options.size, options.towers, options.first)
     mine = [task for task in tasks if task.switch in (options.switches or known)]
-    if not study.catch_up(mine, "switches", options.plan):
-        return 0
-    tables = study.tables(tasks)
-    for name, table in tables.items():
-        write_result(table, options.folder / f"switch_{name}.csv")
-    print(tables["effects"].to_string(index=False, na_rep="", float_format="{:.1f}".format))
-    print(f"tables: {options.folder}/switch_effects.csv, switch_success.csv", file=sys.stderr)
+    if study.catch_up(mine, "switches", options.plan):
+        games = study.games_of(tasks)
+        study.report({"switch_effects": effects(games), "switch_success": successes(games)})
     return 0
 
 
-def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = Parser(prog="python -m thesis_lib.jenga.study.switches", description=__doc__)
+def study_parser(about: str | None, name: str, towers: int, folder: Path) -> Parser:
+    """The parser of a command that plays the games of a study, by default on so many test towers."""
+    parser = Parser(prog=f"python -m thesis_lib.jenga.study.{name}", description=about)
     parser.add_argument("--plan", action="store_true", help="only say how many games are missing and what they take")
-    parser.add_argument("--towers", type=int, default=6, help="test towers, the same with every switch (6)")
-    parser.add_argument("--first", type=int, help="seed of the first tower (the first test tower)")
-    parser.add_argument("--size", type=int, default=100, help="samples that learners learn from (100)")
-    parser.add_argument("--blocks", type=int, default=45, help="blocks tried in a game (45)")
-    parser.add_argument("--policies", nargs="+", default=POLICIES, help=f"who plays ({' '.join(POLICIES)})")
-    parser.add_argument("--switches", nargs="+", help=f"switches to play, {NONE} among them (all)")
-    parser.add_argument("--overlays", type=Path, default=SWITCHES, help=f"file of the switches ({SWITCHES})")
-    parser.add_argument("--config", type=Path, default=CONFIG, help=f"seed and settings without a switch ({CONFIG})")
-    parser.add_argument("--folder", type=Path, default=FOLDER, help=f"of games and tables ({FOLDER})")
-    return parser.parse_args(argv)
+    parser.add_argument("--towers", type=int, default=towers, help="test towers, the same for all (%(default)s)")
+    parser.add_argument("--size", type=int, default=100, help="samples that learners learn from (%(default)s)")
+    parser.add_argument("--blocks", type=int, default=45, help="blocks tried in a game (%(default)s)")
+    parser.add_argument("--config", type=Path, default=CONFIG, help="seed and settings (%(default)s)")
+    parser.add_argument("--folder", type=Path, default=folder, help="of games and tables (%(default)s)")
+    return parser
 
 
 if __name__ == "__main__":
