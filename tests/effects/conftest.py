@@ -5,7 +5,7 @@ import pytest
 from hand_cases import N
 
 from thesis_lib.effects.effect import Rig
-from thesis_lib.extensions.stage_predictor import RIGS, random_states
+from thesis_lib.extensions.effect_probe import RIGS, random_states
 from thesis_lib.mechanics.state import State
 
 

@@ -8,7 +8,7 @@ from thesis_lib.contact.space import contact_space
 from thesis_lib.effects.driven_path import driven
 from thesis_lib.effects.effect import Impulse, Rig
 from thesis_lib.effects.velocity_dependent_friction import EFFECT as STRIBECK
-from thesis_lib.extensions.stage_predictor import RIGS, random_states
+from thesis_lib.extensions.effect_probe import RIGS, random_states
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.state import State
 

@@ -43,7 +43,7 @@ class OtherInSpace(LengthScale):
     [(AlongX(), "horizontal"), (OneWay(), "undoes"), (AlwaysThere(), "null"), (OtherInSpace(), "plane as a case")],
 )
 def test_a_mistake_in_space_is_found(wrong, check) -> None:
-    failed = [outcome.check for outcome in outcomes(SPACE_EFFECT_CHECKS, wrong) if outcome.verdict == "FAIL"]
+    failed = [outcome.check for outcome in outcomes(checks_of(wrong), wrong) if outcome.verdict == "FAIL"]
     assert any(check in name for name in failed)
 
 

@@ -5,6 +5,7 @@ from textwrap import dedent
 
 import numpy as np
 import pytest
+from stage_predictor import predict
 
 import thesis_lib.effects as package
 from thesis_lib.contact import LAWS
@@ -12,7 +13,7 @@ from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.effect import FAMILIES, Rig
 from thesis_lib.extensions.contract import Check, outcomes
 from thesis_lib.extensions.effect_contract import CHANNELS, DISK, EFFECT_CHECKS, N, hook_calls
-from thesis_lib.extensions.stage_predictor import RIGS, at_scale, null, predict, random_states
+from thesis_lib.extensions.effect_probe import RIGS, at_scale, null, random_states
 from thesis_lib.mechanics.state import State
 
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one

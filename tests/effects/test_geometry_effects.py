@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, HALF, RADIUS, SQUARE, N, on, one_state
+from stage_predictor import predict
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import residual_couple
 from thesis_lib.effects.effect import Rig
-from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, predict
+from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.state import State
 

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, N, on, one_state
+from stage_predictor import predict
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import contact_space, residual_couple
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Impulse
 from thesis_lib.effects.impulse_path import STEPS, walk
-from thesis_lib.extensions.stage_predictor import at_scale, predict
+from thesis_lib.extensions.effect_probe import at_scale
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.state import State
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, RADIUS, on, one_state
+from stage_predictor import arrays, predict
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import residual_couple
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Reference, Rig
-from thesis_lib.extensions.stage_predictor import arrays, predict
 from thesis_lib.mechanics.state import State
 
 FLOWN = 2e-8  # m; the acceleration is a difference quotient, good to 1e-6 of ω² |d|

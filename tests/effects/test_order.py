@@ -7,7 +7,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.effect import Parameter, in_order
-from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, TAU, at_scale, random_states
+from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS, TAU, at_scale, random_states
 from thesis_lib.mechanics.state import State
 
 N = 12

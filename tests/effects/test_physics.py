@@ -6,10 +6,11 @@ Paths of the impulse, geometry and measurement have files of their own.
 import numpy as np
 import pytest
 from hand_cases import DISK, EXACT, RADIUS, N, coefficients, on, one_state
+from stage_predictor import predict
 
 from thesis_lib.contact.space import contact_space
 from thesis_lib.effects import EFFECTS
-from thesis_lib.extensions.stage_predictor import EPSILON, MU, at_scale, predict
+from thesis_lib.extensions.effect_probe import EPSILON, MU, at_scale
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.state import State
 

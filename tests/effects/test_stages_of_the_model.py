@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from stage_predictor import predict
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects import EFFECTS, Effect
-from thesis_lib.extensions.stage_predictor import EPSILON, MU, RIGS, TAU, at_scale, predict, random_states
+from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS, TAU, at_scale, random_states
 
 LAW = "anitescu_potra_newton"
 ROUNDING = 1e-9  # the two order their sums differently

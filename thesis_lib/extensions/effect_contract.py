@@ -1,35 +1,34 @@
 """What every effect must do, whoever wrote it: the library's are tested by the same checks as a user's.
 
-Each check looks at the hooks of the effect, or at what `stage_predictor` makes of them, for random states of two bodies
-without symmetry.
+Each check looks at the hooks of the effect, or at what the critique's model makes of them, for the bodies and states of
+`effect_probe`.
 """
 
 import inspect
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Impulse, Parameter, Reference, Rig
+from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Parameter, Reference, Rig
 from thesis_lib.extensions.contract import Check, NothingYet
 from thesis_lib.extensions.effect_in_space import SPACE_EFFECT_CHECKS
-from thesis_lib.extensions.old_hooks import rewritten
-from thesis_lib.extensions.stage_predictor import (
-    EPSILON,
-    MU,
+from thesis_lib.extensions.effect_probe import (
+    BOX,
     RIGS,
     TAU,
-    StagePrediction,
-    arrays,
     at_scale,
+    differs,
+    flat,
+    hook_calls,
     null,
     predict,
     random_states,
+    tumbling_boxes,
 )
+from thesis_lib.extensions.old_hooks import rewritten
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
@@ -38,6 +37,7 @@ FEW = 40  # where a single one would do
 CHANNELS = ("impact", "meet", "touch", "flight")
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
 IDENTITY = 1e-15  # a null effect may cost one rounding
+IN_SPACE = 1e-11  # of numbers of order 1 to 10 that a few turns have passed
 # velocities (m/s, with ω k_g), poses (m or rad) and accelerations (m/s²) that the rig of 0.3 mm and 3 mrad resolves in
 # about 100 impacts: what an effect changes at its scale must not lie far below
 RESOLVED = {"impact": 3e-3, "meet": 1e-3, "touch": 1e-4, "flight": 1e-2}
@@ -51,57 +51,6 @@ STRAIGHT = 1e-9  # m and rad
 NOTHING = "it changes nothing yet: write what it does into one of the hooks"
 
 
-def hook_calls(
-    effect: Effect, p: Mapping[str, Any], rig: Rig, states: State
-) -> dict[str, tuple[tuple[object, ...], object]]:
-    """Each hook of an effect: its leading arguments and what it makes of them."""
-    before, n = predict([], states, rig), len(states)
-    contact, r = before.contact, rig.shape.contact_point(states.theta).T
-    mu, epsilon, tau = np.full(n, MU), np.full(n, EPSILON), np.full(n, TAU)
-    jump, gap, G = np.full((3, n), 0.3), np.full(n, 0.2), rig.k_g**2
-    a = np.random.default_rng(3).standard_normal((3, n))
-    return {
-        "to_true": ((states,), effect.to_true(states, p, rig)),
-        "to_measured": ((states,), effect.to_measured(states, p, rig)),
-        "meet": ((jump,), effect.meet(jump, states, before.after, p)),
-        "to_contact": ((states,), effect.to_contact(states, p, rig)),
-        "from_contact": ((states,), effect.from_contact(states, p, rig)),
-        "contact_point": ((r,), effect.contact_point(r, states, p, rig)),
-        "gap": ((gap,), effect.gap(gap, states, p, rig)),
-        "inertia": ((G,), effect.inertia(G, p)),
-        "contact_time": ((tau,), effect.contact_time(tau, contact, states, p, rig)),
-        "coefficients": ((mu, epsilon), effect.coefficients(mu, epsilon, contact, states, p, rig)),
-        "impulse": ((before.impulse,), effect.impulse(before.impulse, contact, states, p, rig)),
-        "acceleration": ((a,), effect.acceleration(a, states, p, rig)),
-    }
-
-
-def flat(value: object) -> list[np.ndarray]:
-    """All arrays in a hook's argument or result."""
-    if isinstance(value, State):
-        return list(arrays(value).values())
-    if isinstance(value, Impulse):
-        return [*value.c, value.couple]
-    if isinstance(value, tuple):
-        return [array for part in value for array in flat(part)]
-    return [np.asarray(value)]
-
-
-def _differs(made: object, expected: object, rtol: float, atol: float = 0.0) -> str:
-    """How what a hook returned differs from what it should be; "" if it does not."""
-    ours, theirs = flat(made), flat(expected)
-    if len(ours) != len(theirs):
-        return f"returns {len(ours)} array(s) instead of {len(theirs)}"
-    for one, other in zip(ours, theirs):
-        if one.dtype.kind not in "fiu":
-            return f"returns {one.dtype} instead of numbers"
-        if one.shape != other.shape:
-            return f"returns an array of shape {one.shape} instead of {other.shape}"
-        if not np.allclose(one, other, rtol=rtol, atol=atol):
-            return f"is off by up to {np.nanmax(np.abs(one - other)):.3g}"
-    return ""
-
-
 def _for_each(value: object) -> tuple[np.ndarray, ...]:
     """The arrays in a hook's result; a number (inertia) as an array with one for each body."""
     return tuple(np.full(N, array) if array.ndim == 0 else array for array in flat(value))
@@ -109,6 +58,13 @@ def _for_each(value: object) -> tuple[np.ndarray, ...]:
 
 def _states(rig: Rig, seed: int = 5) -> State:
     return random_states(rig, N, np.random.default_rng(seed))
+
+
+def _scenes(effect: Effect) -> list[tuple[str, Rig, State]]:
+    """Bodies by their kind, with states, in each space in which the effect lives."""
+    scenes = [(kind, rig, _states(rig)) for kind, rig in RIGS.items()]
+    in_space = SPACE.dimension in effect.dimensions
+    return scenes + [("box", BOX, tumbling_boxes(FEW, np.random.default_rng(8)))] * in_space
 
 
 def hooks_of_today(effect: Effect) -> str:
@@ -178,23 +134,23 @@ def described(effect: Effect) -> str:
 
 def absent_at_null(effect: Effect) -> str:
     """Every hook is the identity at the null parameters."""
-    for kind, rig in RIGS.items():
-        for hook, (given, made) in hook_calls(effect, null(effect), rig, _states(rig)).items():
-            if why := _differs(made, given, IDENTITY):
+    for kind, rig, states in _scenes(effect):
+        rounding = (IDENTITY,) if states.space.is_plane else (IN_SPACE, IN_SPACE)
+        for hook, (given, made) in hook_calls(effect, null(effect, states.space), rig, states).items():
+            if why := differs(made, given, *rounding):
                 return f"{hook} with all parameters at null must return what it was given; for a {kind} it {why}"
     return ""
 
 
 def has_inverses(effect: Effect) -> str:
     """to_true undoes to_measured, from_contact undoes to_contact, and the other way round."""
-    p = at_scale(effect)
-    for rig in RIGS.values():
-        states = _states(rig)
+    for kind, rig, states in _scenes(effect):
+        p, rounding = at_scale(effect, states.space), ROUNDING if states.space.is_plane else IN_SPACE
         for there, back in (("to_true", "to_measured"), ("to_contact", "from_contact")):
             for one, other in ((there, back), (back, there)):
                 returned = getattr(effect, other)(getattr(effect, one)(states, p, rig), p, rig)
-                if why := _differs(returned, states, ROUNDING, ROUNDING):
-                    return f"{other} must undo {one}, but the state {why}"
+                if why := differs(returned, states, rounding, rounding):
+                    return f"{other} must undo {one}, but the state of a {kind} {why}"
     return ""
 
 
@@ -217,13 +173,11 @@ def keeps_arguments(effect: Effect) -> str:
     for rig in RIGS.values():
         states, p = _states(rig), at_scale(effect)
         kept = dict(p)
-        for array in flat(states):
-            array.flags.writeable = False
         copies = [array.copy() for array in flat(states)]
         calls = hook_calls(effect, p, rig, states)
         fresh = hook_calls(Effect(), {}, rig, states)
         for hook, (given, _) in calls.items():
-            if _differs(given, fresh[hook][0], 0.0):
+            if differs(given, fresh[hook][0], 0.0):
                 return f"{hook} changes its arguments; return new arrays"
         if p != kept or not all(np.array_equal(a, b) for a, b in zip(copies, flat(states))):
             return "a hook changes the parameters or the state; return new ones"
@@ -238,7 +192,7 @@ def takes_arrays(effect: Effect) -> str:
         many = {name: value if name in switches else np.full(N, value) for name, value in p.items()}
         one, each = hook_calls(effect, p, rig, states), hook_calls(effect, many, rig, states)
         for hook, (_, made) in one.items():
-            if why := _differs(_for_each(each[hook][1]), _for_each(made), ROUNDING, ROUNDING):
+            if why := differs(_for_each(each[hook][1]), _for_each(made), ROUNDING, ROUNDING):
                 return f"{hook} with an array of parameters, one for each body, {why}; use NumPy, no if and no float()"
     return ""
 
@@ -254,9 +208,9 @@ def finite_in_bounds(effect: Effect) -> str:
             at = ", ".join(f"{name} = {value:.3g}" for name, value in p.items())
             made = predict([(effect, p)], states, rig)
             for channel in CHANNELS:
-                if not np.isfinite(getattr(made, channel)).all():
+                if not np.isfinite(made[channel]).all():
                     return f"the {channel} is not finite at {at}, which is within the bounds"
-            mu, epsilon = effect.coefficients(np.full(N, MU), np.full(N, EPSILON), made.contact, states, p, rig)
+            mu, epsilon = hook_calls(effect, p, rig, states)["coefficients"][1]  # pyright: ignore[reportGeneralTypeIssues]
             if not ((mu >= 0).all() and (epsilon >= 0).all() and (epsilon <= 1).all()):
                 return f"coefficients gives μ < 0 or ε outside 0 to 1 at {at}; clip them"
     return ""
@@ -274,7 +228,7 @@ def _sizes(effect: Effect) -> tuple[dict[str, float], bool]:
     made, base = (predict(on, states, rig, contact_time=tau) for on in ([(effect, at_scale(effect))], []))
     sizes = {}
     for channel in CHANNELS:
-        change = np.abs(getattr(made, channel) - getattr(base, channel)).reshape(N, -1)
+        change = np.abs(made[channel] - base[channel]).reshape(N, -1)
         if channel in ("impact", "flight"):
             change = change * [1.0, 1.0, rig.k_g]
         each = np.sum(change**2, axis=1)
@@ -310,7 +264,7 @@ def nothing_where_it_does_not_apply(effect: Effect) -> str:
         states = _states(rig, 12)
         made, base = predict([(effect, at_scale(effect))], states, rig), predict([], states, rig)
         for channel in CHANNELS:
-            if not np.array_equal(getattr(made, channel), getattr(base, channel)):
+            if not np.allclose(made[channel], base[channel], rtol=0.0, atol=UNCHANGED):
                 return f"applies_to refuses a {rig.shape.kind}, but there it changes the {channel}"
     return ""
 
@@ -327,7 +281,7 @@ def mirror_difference(effect: Effect) -> float:
     one, other = (predict(active, at, where, contact_time=TAU) for at, where in there)
     odd = {"impact": [-1, 1, -1], "meet": [-1, 1, -1], "touch": 1, "flight": [-1, 1, -1]}
     return max(
-        float(np.max(np.abs(getattr(other, channel) * odd[channel] - getattr(one, channel)))) / RESOLVED[channel]
+        float(np.max(np.abs(other[channel] * odd[channel] - one[channel]))) / RESOLVED[channel]
         for channel in effect.channels
     )
 
@@ -352,14 +306,14 @@ def counts_from_reference(effect: Effect) -> str:
     here = _made(effect, states, rig)
     there = _made(effect, _moved(states, ELSEWHERE), replace(rig, reference=ELSEWHERE), ELSEWHERE)
     for hook, made in here.items():
-        if why := _differs(there[hook], made, SHIFTED, SHIFTED):
+        if why := differs(there[hook], made, SHIFTED, SHIFTED):
             return (
                 f"{hook} must not depend on where x, t and trial begin: count them from rig.reference, as in "
                 f"state.x - rig.reference.x; where all begin elsewhere, it {why}"
             )
     for name in ("x", "t", "trial"):
         other = _made(effect, states, replace(rig, reference=Reference(**{name: 0.1})))
-        counted = any(_differs(other[hook], made, 0.0) for hook, made in here.items())
+        counted = any(differs(other[hook], made, 0.0) for hook, made in here.items())
         if counted and name not in effect.along:
             return f'it counts {name} from rig.reference: say so with along = ("{name}",)'
         if name in effect.along and not counted:
@@ -387,7 +341,7 @@ def composes(effect: Effect) -> str:
     rig = RIGS["quadrilateral"]
     states = _states(rig, 13)
 
-    def made(*on: Effect) -> StagePrediction:
+    def made(*on: Effect) -> dict[str, np.ndarray]:
         return predict([(one, at_scale(one)) for one in on], states, rig, contact_time=TAU)
 
     alone, idle = made(effect), not any(_sizes(effect)[0].values())
@@ -396,12 +350,12 @@ def composes(effect: Effect) -> str:
             continue
         together, of_other = made(effect, other), made(other)
         for channel in CHANNELS:
-            both = getattr(together, channel)
+            both = together[channel]
             if not np.isfinite(both).all():
                 return f"together with {name} the {channel} is not finite"
-            if channel in effect.channels and not idle and np.array_equal(both, getattr(of_other, channel)):
+            if channel in effect.channels and not idle and np.array_equal(both, of_other[channel]):
                 return f"together with {name} it has no influence on the {channel}"
-            if channel in other.channels and np.array_equal(both, getattr(alone, channel)):
+            if channel in other.channels and np.array_equal(both, alone[channel]):
                 return f"it takes the influence of {name} on the {channel} away: change what its hook is given"
     return ""
 
@@ -414,7 +368,7 @@ def in_any_order(effect: Effect) -> str:
     own = [(effect, at_scale(effect))]
     first, last = (predict(active, states, rig, contact_time=TAU) for active in (own + others, others[::-1] + own))
     for channel in CHANNELS:
-        if not np.array_equal(getattr(first, channel), getattr(last, channel), equal_nan=True):
+        if not np.array_equal(first[channel], last[channel], equal_nan=True):
             return f"added first and last it makes another {channel}: hooks must keep nothing, and rank is a number"
     return ""
 

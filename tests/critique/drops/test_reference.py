@@ -21,7 +21,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import position
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig
-from thesis_lib.extensions.stage_predictor import RIGS, at_scale, random_states
+from thesis_lib.extensions.effect_probe import RIGS, at_scale, random_states
 from thesis_lib.mechanics.state import State
 
 LAW = "anitescu_potra_newton"

@@ -11,9 +11,9 @@ from thesis_lib.critique.proposal.terms import FACTORS, Factor, Term, all_terms
 from thesis_lib.effects import EFFECTS
 from thesis_lib.extensions.contract import outcomes
 from thesis_lib.extensions.effect_contract import EFFECT_CHECKS
+from thesis_lib.extensions.effect_probe import RIGS, predict, random_states
 from thesis_lib.extensions.loading import read_file, require_contracts
 from thesis_lib.extensions.registry import NAME
-from thesis_lib.extensions.stage_predictor import RIGS, predict, random_states
 
 TERMS = all_terms()
 COMPOSES, DESCRIBED = "works together with every effect of the library", "explains its symbols and names a source"
@@ -71,7 +71,7 @@ def test_the_file_is_the_effect(term: Term, tmp_path: Path) -> None:
     states = random_states(rig, 50, np.random.default_rng(1))
     (p,) = effect.parameters
     ours, theirs = (predict([(one, {"a": 2.0 * p.scale})], states, rig) for one in (effect_of(term), effect))
-    np.testing.assert_array_equal(ours.impact, theirs.impact)
+    np.testing.assert_array_equal(ours["impact"], theirs["impact"])
 
 
 def test_two_terms_share_a_file(tmp_path: Path) -> None:

@@ -1,63 +1,25 @@
-"""A small predictor for the tests: the stages of effects/effect.py one after the other, and random states to feed it.
+"""A small predictor to compare with: the stages of effects/effect.py one after the other.
 
 It is written from the description of the stages and shares no code with the critique's model.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
-from thesis_lib.effects import Effect
 from thesis_lib.effects.effect import Impulse, Rig, in_order
+from thesis_lib.extensions.effect_probe import EPSILON, MU, Active
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.state import State
 
-MU, EPSILON = 0.25, 0.55
-TAU = 5e-4  # s, of a contact of a millisecond
 STEP = 1e-3  # s, of the flight; the camera's map is linear in the velocity, so that it does not matter
-
-# no symmetry: a mirrored or turned body stands on other corners
-QUADRILATERAL = Polygon(vertices=((0.035, 0.03), (-0.03, 0.028), (-0.036, -0.03), (0.025, -0.033)))
-RIGS = {
-    "quadrilateral": Rig(QUADRILATERAL, QUADRILATERAL.radius_of_gyration, 9.81, 0.2),
-    "ellipse": Rig(Ellipse(semi_axes=(0.035, 0.025)), 0.0215, 9.81, 0.0),
-}
-Active = Sequence[tuple[Effect, Mapping[str, float]]]
-
-
-def null(effect: Effect) -> dict[str, float]:
-    """Parameters at which the effect is absent."""
-    return {p.name: p.null for p in effect.parameters}
-
-
-def at_scale(effect: Effect) -> dict[str, float]:
-    """Parameters at a size that matters."""
-    return {p.name: p.null + p.scale for p in effect.parameters}
 
 
 def arrays(state: State) -> dict[str, np.ndarray]:
     """The arrays of a state by name."""
     names = ("x", "y", "theta", "vx", "vy", "omega", "trial", "t")
     return {name: getattr(state, name) for name in names}
-
-
-def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
-    """States of bodies that touch the surface and approach it with 0.8 to 3.3 m/s, sliding either way."""
-    theta, omega = rng.uniform(-np.pi, np.pi, n), rng.uniform(-15.0, 15.0, n)
-    r = rig.shape.contact_point(theta)
-    return State.planar(
-        x=rng.uniform(-0.3, 0.3, n),
-        y=rig.height - r[:, 1],
-        theta=theta,
-        vx=rng.uniform(-1.5, 1.5, n),
-        vy=-rng.uniform(0.8, 3.3, n) - r[:, 0] * omega,
-        omega=omega,
-        trial=np.arange(n),
-        t=rng.uniform(0.1, 1.0, n),
-    )
 
 
 @dataclass(frozen=True)
