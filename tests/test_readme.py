@@ -18,7 +18,7 @@ from thesis_lib.critique.results.saved_model import load_model
 from thesis_lib.docs.games import lead
 from thesis_lib.effects import EFFECTS
 from thesis_lib.ledger.format import read_ledger
-from thesis_lib.resources import MEASURED, TOTAL, read_machines
+from thesis_lib.resources import MACHINE, MEASURED, TOTAL, read_measured
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -38,7 +38,7 @@ def test_as_many_effects_are_looked_for_as_it_says():
 
 @pytest.mark.parametrize("scale", ["quick", "default"])
 def test_cpu_times_of_the_scales_are_those_measured(scale):
-    minutes = round(read_machines(ROOT / MEASURED)[scale][TOTAL] / 60.0)
+    minutes = round(read_measured(ROOT / MEASURED)[MACHINE][scale][TOTAL] / 60.0)
     assert re.search(rf"^\| {scale} \|.*\| {minutes} min \|$", README, re.M)
 
 

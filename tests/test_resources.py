@@ -7,10 +7,10 @@ import pytest
 from thesis_lib import pipeline
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.resources import (
+    MACHINE,
     MEASURED,
     Use,
     main,
-    read_machines,
     read_measured,
     read_uses,
     recorded,
@@ -97,9 +97,9 @@ def test_recording_replaces_one_scale_of_the_rules_that_ran(results, tmp_path):
     assert found["large"] == {"quick": quick, "default": LARGE["default"]}
     assert found["small"]["quick"] == {"peak_mb": 0.0, "cpu_s": 1.0}
     path = tmp_path / "resources.yaml"
-    machines = {"quick": {"pace_s": 0.25, "total_cpu_s": 38.0}}
-    write_measured(found, machines, path)
-    assert read_measured(path) == found and read_machines(path) == machines
+    found[MACHINE] = {"quick": {"pace_s": 0.25, "total_cpu_s": 38.0}}
+    write_measured(found, path)
+    assert read_measured(path) == found
 
 
 class TestCommand:
@@ -113,15 +113,15 @@ class TestCommand:
         path = tmp_path / "resources.yaml"
         assert main(["record", "--scale", "full", "--results", str(results), "--measured", str(path)]) == 0
         assert set(read_measured(path)["large"]) == {"full"}
-        machines = read_machines(path)
-        assert set(machines) == {"full"} and machines["full"]["total_cpu_s"] == 38.0
+        measured = read_measured(path)
+        assert set(measured[MACHINE]) == {"full"} and measured[MACHINE]["full"]["total_cpu_s"] == 38.0
         # measured on this very machine, busy or not
-        assert 0.2 < slower(machines)["full"] < 5.0
+        assert 0.2 < slower(measured)["full"] < 5.0
 
     def test_the_cpu_time_of_a_run_in_one_piece_takes_the_place_of_the_sum(self, results, tmp_path, capsys):
         path = tmp_path / "resources.yaml"
         record = ["record", "--scale", "full", "--results", str(results), "--measured", str(path), "--cpu-min"]
-        assert main([*record, "2"]) == 0 and read_machines(path)["full"]["total_cpu_s"] == 120.0
+        assert main([*record, "2"]) == 0 and read_measured(path)[MACHINE]["full"]["total_cpu_s"] == 120.0
         with pytest.raises(SystemExit):
             main([*record, "0"])
         assert "--cpu-min must be a number of minutes above 0, not 0" in capsys.readouterr().err
@@ -137,7 +137,7 @@ def test_a_run_in_a_terminal_says_how_long_its_scale_takes_here(tmp_path, monkey
     pipeline._say_whole("quick", 2)
     assert capsys.readouterr().out == ""
     MEASURED.parent.mkdir()
-    write_measured(PLAN, {"quick": {"pace_s": 0.02, "total_cpu_s": 600.0}}, MEASURED)
+    write_measured({**PLAN, MACHINE: {"quick": {"pace_s": 0.02, "total_cpu_s": 600.0}}}, MEASURED)
     pipeline._say_whole("quick", 2)
     assert "about 30 min of CPU on this machine, about 15 min on 2 cores" in capsys.readouterr().out
     # of a scale without a machine the measured times are taken as they are
@@ -147,6 +147,6 @@ def test_a_run_in_a_terminal_says_how_long_its_scale_takes_here(tmp_path, monkey
 
 def test_every_rule_of_the_stored_plan_was_measured():
     plan = read_measured(Path(__file__).resolve().parents[1] / MEASURED)
-    assert plan
+    assert plan.pop(MACHINE)
     for rule, scales in plan.items():
         assert {"peak_mb", "cpu_s"} <= set(scales["quick"]), rule

@@ -229,12 +229,11 @@ def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int
 def _cpu_of_jobs(scale: str) -> dict[str, float]:
     """CPU time of a job of each rule on this machine, s; at the default scale if only that was measured."""
     # late: outside the environment there is no PyYAML
-    from thesis_lib.resources import MEAN, MEASURED, read_machines, read_measured, slower
+    from thesis_lib.resources import MEAN, MEASURED, read_measured, slower
 
-    if not MEASURED.is_file():
-        return {}
-    factors, times = slower(read_machines()), {}
-    for rule, scales in read_measured().items():
+    measured = read_measured() if MEASURED.is_file() else {}
+    factors, times = slower(measured), {}
+    for rule, scales in measured.items():
         known = scale if scales.get(scale) else "default"
         use = scales.get(known, {})
         if "cpu_s" in use:
@@ -244,11 +243,11 @@ def _cpu_of_jobs(scale: str) -> dict[str, float]:
 
 def _say_whole(scale: str, cores: int) -> None:
     """Say how long all jobs of a scale take on this machine, if it was ever measured."""
-    from thesis_lib.resources import MEASURED, TOTAL, read_machines, slower
+    from thesis_lib.resources import MACHINE, MEASURED, TOTAL, read_measured, slower
 
-    machines = read_machines() if MEASURED.is_file() else {}
-    if scale in machines:
-        cpu_s = machines[scale][TOTAL] * slower(machines)[scale]
+    measured = read_measured() if MEASURED.is_file() else {}
+    if scale in measured.get(MACHINE, {}):
+        cpu_s = measured[MACHINE][scale][TOTAL] * slower(measured)[scale]
         noun = f"{cores} core{'s' * (cores > 1)}"
         print(
             f"All jobs of the {scale} scale take about {duration(cpu_s)} of CPU on this machine, about "

@@ -15,9 +15,10 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import yaml
+from pydantic import TypeAdapter
 
 from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.errors import CorruptFileError, UserError
@@ -30,6 +31,10 @@ KEYS = ("peak_mb", "cpu_s")  # of the largest job of a rule at a scale
 MEAN = "mean_cpu_s"  # of the jobs of a rule at a scale, where these are several
 MACHINE = "machine"  # what was measured of each scale as a whole: `PACE` of the machine and CPU time of all jobs
 PACE, TOTAL = "pace_s", "total_cpu_s"
+Measured = Mapping[str, Mapping[str, Mapping[str, float]]]  # rule, or `MACHINE` -> scale -> number by name
+FORM = TypeAdapter(
+    dict[str, dict[str, dict[Literal["peak_mb", "cpu_s", "mean_cpu_s", "pace_s", "total_cpu_s"], float]]]
+)
 
 MEMORY_MARGIN = 1.5  # peaks are sampled, and other data and library builds need other amounts
 NESTED_MB = 400  # on a cluster each job is two more Snakemake processes of about 190 MB
@@ -62,7 +67,7 @@ class Request(NamedTuple):
     runtime: int
 
 
-def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: int = 1) -> Request:
+def request(measured: Measured, rule: str, attempt: int = 1) -> Request:
     """Request of a job of `rule`, proportional to the number of the attempt.
 
     For a rule without measurements the most demanding rule counts.
@@ -73,53 +78,30 @@ def request(measured: Mapping[str, Mapping[str, Mapping]], rule: str, attempt: i
     return Request(attempt * steps * MEMORY_STEP_MB, attempt * math.ceil(START_MINUTES + TIME_MARGIN * cpu_s / 60.0))
 
 
-def slower(machines: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def slower(measured: Measured) -> dict[str, float]:
     """How many times as long work takes here as where each scale was measured."""
     here = pace_s()
-    return {scale: here / of[PACE] for scale, of in machines.items()}
+    return {scale: here / of[PACE] for scale, of in measured.get(MACHINE, {}).items()}
 
 
-def _largest(measured: Mapping[str, Mapping[str, Mapping]], rule: str, key: str) -> float:
+def _largest(measured: Measured, rule: str, key: str) -> float:
     """The largest number of a rule over the scales; of all rules if it has none."""
     of_rule = [use[key] for use in measured.get(rule, {}).values() if key in use]
     of_all = (use[key] for scales in measured.values() for use in scales.values() if key in use)
     return max(of_rule or of_all, default=0.0)
 
 
-def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict]]:
-    """Rule -> scale -> {peak_mb, cpu_s, mean_cpu_s}, each may be missing.
+def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict[str, float]]]:
+    """Rule -> scale -> {peak_mb, cpu_s, mean_cpu_s}, each may be missing; `MACHINE` -> scale -> {pace_s, total_cpu_s}.
 
     UserError if the file is missing or of another form.
     """
-    return _read(path)[0]
-
-
-def read_machines(path: str | Path = MEASURED) -> dict[str, dict[str, float]]:
-    """Scale -> {pace_s, total_cpu_s}: CPU time of the work of `thesis_lib.pace` where it was measured, and of all jobs.
-
-    UserError as in `read_measured`.
-    """
-    return _read(path)[1]
-
-
-def _read(path: str | Path) -> tuple[dict[str, dict[str, dict]], dict[str, dict[str, float]]]:
     path = Path(path)
     if not path.is_file():
         raise UserError(f"{path} does not exist; get it back with git checkout {path}.")
     try:
-        measured = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-        machines = {
-            scale: {PACE: float(of[PACE]), TOTAL: float(of[TOTAL])} for scale, of in measured.pop(MACHINE, {}).items()
-        }
-        numbers = {
-            rule: {scale: {key: float(value) for key, value in use.items()} for scale, use in scales.items()}
-            for rule, scales in measured.items()
-        }
-        keys = {key for scales in numbers.values() for use in scales.values() for key in use}
-        if unknown := keys - {*KEYS, MEAN}:
-            raise ValueError(f"unknown: {', '.join(sorted(unknown))}")
-        return numbers, machines
-    except (yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
+        return {**FORM.validate_python(yaml.safe_load(path.read_text(encoding="utf-8")) or {})}
+    except (yaml.YAMLError, ValueError) as error:
         raise UserError(
             f"{path} must hold `rule: {{scale: {{peak_mb: …, cpu_s: …, mean_cpu_s: …}}}}` ({error}); "
             "mend it or run python -m thesis_lib.resources record."
@@ -155,7 +137,7 @@ def _read_benchmark(path: Path) -> tuple[float, float]:
         raise CorruptFileError(f"{path} is no benchmark of one job ({error}); delete it.") from error
 
 
-def table(uses: Mapping[str, Use], measured: Mapping) -> str:
+def table(uses: Mapping[str, Use], measured: Measured) -> str:
     """For a terminal: rule, jobs, CPU seconds, peak memory and request; largest peaks first."""
     lines = [f"{'rule':22s}{'jobs':>6s}{'CPU s':>10s}{'largest':>10s}{'peak MB':>10s}{'asks MB':>10s}{'asks min':>10s}"]
     for rule, use in sorted(uses.items(), key=lambda item: (-item[1].peak_mb, item[0])):
@@ -171,31 +153,26 @@ def table(uses: Mapping[str, Use], measured: Mapping) -> str:
     return "\n".join(lines)
 
 
-def recorded(measured: Mapping, uses: Mapping[str, Use], scale: str) -> dict[str, dict[str, dict]]:
+def recorded(measured: Measured, uses: Mapping[str, Use], scale: str) -> dict[str, dict]:
     """`measured` with the numbers of a scale replaced, for the rules that ran."""
     updated = {rule: dict(scales) for rule, scales in measured.items()}
     for rule, use in uses.items():
-        largest = float(math.ceil(use.peak_mb)), float(math.ceil(use.largest_cpu_s))
-        mean = {MEAN: float(math.ceil(use.cpu_s / use.jobs))} if use.jobs > 1 else {}
-        updated.setdefault(rule, {})[scale] = dict(zip(KEYS, largest)) | mean
+        largest = dict(zip(KEYS, (math.ceil(use.peak_mb), math.ceil(use.largest_cpu_s))))
+        mean = {MEAN: math.ceil(use.cpu_s / use.jobs)} if use.jobs > 1 else {}
+        updated.setdefault(rule, {})[scale] = largest | mean
     return updated
 
 
-def write_measured(
-    measured: Mapping[str, Mapping[str, Mapping]],
-    machines: Mapping[str, Mapping[str, float]],
-    path: str | Path = MEASURED,
-) -> None:
-    """Write the measured numbers, a line per rule, and of each scale what `read_machines` reads."""
-    whole = [f"{scale}: {{{PACE}: {of[PACE]:.4f}, {TOTAL}: {of[TOTAL]:.0f}}}" for scale, of in sorted(machines.items())]
-    text = f"{HEADER}{MACHINE}: {{{', '.join(whole)}}}\n"
-    for rule in sorted(measured):
-        scales = []
-        for scale, use in sorted(measured[rule].items()):
-            numbers = ", ".join(f"{key}: {use[key]:.0f}" for key in (*KEYS, MEAN) if key in use)
-            scales.append(f"{scale}: {{{numbers}}}")
-        text += f"{rule}: {{{', '.join(scales)}}}\n"
-    write_text(text, path)
+def write_measured(measured: Measured, path: str | Path = MEASURED) -> None:
+    """Write the measured numbers, the machine in the first line and then a line per rule."""
+    lines = []
+    for rule in sorted(measured, key=lambda rule: (rule != MACHINE, rule)):
+        scales = [
+            f"{scale}: {{{', '.join(f'{key}: {value:.12g}' for key, value in use.items())}}}"
+            for scale, use in sorted(measured[rule].items())
+        ]
+        lines.append(f"{rule}: {{{', '.join(scales)}}}\n")
+    write_text(HEADER + "".join(lines), path)
 
 
 @command
@@ -217,11 +194,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     uses = read_uses(options.results)
     measured = read_measured(options.measured) if options.measured.exists() else {}
     if options.command == "record":
-        machines = read_machines(options.measured) if options.measured.exists() else {}
-        jobs_s = sum(use.cpu_s for use in uses.values())
-        machines[options.scale] = {PACE: pace_s(), TOTAL: 60.0 * options.cpu_min if options.cpu_min else jobs_s}
+        total_s = 60.0 * options.cpu_min if options.cpu_min else sum(use.cpu_s for use in uses.values())
         measured = recorded(measured, uses, options.scale)
-        write_measured(measured, machines, options.measured)
+        measured.setdefault(MACHINE, {})[options.scale] = {PACE: round(pace_s(), 4), TOTAL: round(total_s)}
+        write_measured(measured, options.measured)
     print(table(uses, measured))
     return 0
 
