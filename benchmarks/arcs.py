@@ -4,7 +4,7 @@
 
 Drops of block and ellipse as in Table 2.1, with noise on every position and velocity.
 
-- ours: `estimate_ratio`; finds the impacts and vertices by itself, and the noise; impulses free, without the gap, so
+- ours: `DropEstimates`; finds the impacts and vertices by itself, and the noise; impulses free, without the gap, so
   that the bound holds for it; it also tries other hypotheses and takes the second-order bias out;
 - scipy: `optimize.least_squares` on the same likelihood, the whole trajectory from start, impulses and m/I; it is told
   steps, vertices and noise, and starts from means over samples and the answer of the third;
@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound
-from thesis_lib.identify.mass_ratio.estimate import EstimateStatus, estimate_ratio
+from thesis_lib.identify.mass_ratio.estimate import DropEstimates, EstimateStatus
 from thesis_lib.identify.mass_ratio.table_2_1 import make_drops
 from thesis_lib.simulate.chapter2.motions import DEFAULT
 from thesis_lib.simulate.chapter2.noise_snr import NoisyStates, add_noise
@@ -106,7 +106,7 @@ def measure(shape: str, n: int, snr: float, results: Results) -> None:
         noisy, h = add_noise(record, snr, rng), record.h
         bound[i] = ratio_bound(h, record.q, record.v, noisy.sigma, impacts, body.shape, g)
         clock = [time.process_time()]
-        estimate = estimate_ratio(h, noisy.q, noisy.v, body.shape, g, use_gap=False)
+        estimate = DropEstimates(h, noisy.q, noisy.v, body.shape, g).estimate(use_gap=False)
         clock.append(time.process_time())
         slope = regression(body, h, noisy, impacts)
         clock.append(time.process_time())

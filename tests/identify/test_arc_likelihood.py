@@ -8,7 +8,7 @@ import pytest
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.identify.mass_ratio.arc_fit import fit_arcs
 from thesis_lib.identify.mass_ratio.cramer_rao import ratio_bound, true_impacts
-from thesis_lib.identify.mass_ratio.estimate import DropEstimates, EstimateStatus, estimate_ratio
+from thesis_lib.identify.mass_ratio.estimate import DropEstimates, Estimate, EstimateStatus
 from thesis_lib.identify.mass_ratio.likelihood import ArcModel, contact_offset
 from thesis_lib.identify.mass_ratio.plain_program import impact_least_squares, plain_ratio
 from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
@@ -26,6 +26,10 @@ KINDS = pytest.mark.parametrize("kind", ["block", "ellipse"])
 
 def truth(body):
     return body.mass / body.inertia
+
+
+def estimate_ratio(h, q, v, shape, gravity=G, **assumed) -> Estimate:
+    return DropEstimates(h, q, v, shape, gravity).estimate(**assumed)
 
 
 def statistics_of(record, steps, sigma):

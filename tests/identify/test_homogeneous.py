@@ -121,8 +121,8 @@ def noisy_errors(snr: float) -> tuple[np.ndarray, np.ndarray]:
         states = States.of(body, record.h, noisy.q, noisy.v, np.zeros((record.steps, 3)))
         gap, slip = contact_tolerances(body, noisy.sigma)
         window = free_body_window(states, DEFAULT.mu, gap_tolerance=gap, v_tolerance=slip)
-        free = solve_homogeneous(window, tolerance=1.0, dynamics_tolerance=1.0).theta[1]
-        known = solve_mode_qp(window.fix({"m": body.mass}), tolerance=1.0, dynamics_tolerance=1.0).theta[0]
+        free = solve_homogeneous(window).theta[1]
+        known = solve_mode_qp(window.fix({"m": body.mass})).theta[0]
         errors.append((free / (body.inertia / body.mass) - 1.0, known / body.inertia - 1.0))
     return tuple(np.array(errors).T)
 

@@ -163,37 +163,29 @@ def window_of(
     mu: float,
     names: Sequence[str],
     *,
-    start: int = 0,
-    stop: int | None = None,
     theta_min: np.ndarray | None = None,
     closed: np.ndarray | None = None,
     gap_tolerance: float = GAP_TOLERANCE,
     v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
-    """Steps start..stop of a record as a window.
+    """A record as a window; its slices are windows of some steps.
 
     `Y` (N, nv, n_Θ) includes gravity, Y Θ = f_ext + J' c; `a_free` (N, nv) is the acceleration without contact forces,
     for the expected gap; `names` and lower bounds `theta_min` are (n_Θ,).  The gap of contacts `closed` (N, p) is taken
     as zero; the tolerances are in m and m/s.
 
     Raises:
-        UserError: the window is empty or beyond the record, or its data are not finite.
+        UserError: the data are not finite.
     """
-    steps = len(record.f_ext)
-    stop = steps if stop is None else stop
-    if not 0 <= start < stop <= steps:
-        raise UserError(f"the window {start}..{stop} does not lie within the record's {steps} steps")
-    part = slice(start, stop)
-    J_n, J_t = record.J_n[part], record.J_t[part]
-    v_t = np.einsum("kpv,kv->kp", J_t, record.v[start + 1 : stop + 1])
-    gap = expected_gap(record.phi[part], J_n, record.v[part], a_free[part], record.h, gap_tolerance)
+    v_t = np.einsum("kpv,kv->kp", record.J_t, record.v[1:])
+    gap = expected_gap(record.phi, record.J_n, record.v[:-1], a_free, record.h, gap_tolerance)
     return ContactWindow(
         h=record.h,
-        Y=Y[part],
-        f=np.asarray(record.f_ext[part], dtype=float),
-        gap=gap if closed is None else np.where(closed[part], 0.0, gap),
-        J_n=J_n,
-        J_t=J_t,
+        Y=Y,
+        f=np.asarray(record.f_ext, dtype=float),
+        gap=gap if closed is None else np.where(closed, 0.0, gap),
+        J_n=record.J_n,
+        J_t=record.J_t,
         v_t=np.where(np.abs(v_t) <= v_tolerance, 0.0, v_t),
         mu=float(mu),
         names=tuple(names),
@@ -207,8 +199,6 @@ def free_body_window(
     *,
     gravity: tuple[float, float] = (0.0, -9.81),
     known: dict[str, float] | None = None,
-    start: int = 0,
-    stop: int | None = None,
     closed: np.ndarray | None = None,
     gap_tolerance: float = GAP_TOLERANCE,
     v_tolerance: float = V_TOLERANCE,
@@ -231,8 +221,6 @@ def free_body_window(
         a_free,
         mu,
         ("m", "I"),
-        start=start,
-        stop=stop,
         theta_min=np.zeros(2),
         closed=closed,
         gap_tolerance=gap_tolerance,

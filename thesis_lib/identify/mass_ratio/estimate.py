@@ -73,32 +73,13 @@ class Estimate:
     hypotheses: int = 0  # number of hypotheses fitted
 
 
-def estimate_ratio(
-    h: float,
-    q: np.ndarray,
-    v: np.ndarray,
-    shape: BodyShape,
-    gravity: float = 9.81,
-    *,
-    law: bool = False,
-    use_gap: bool = True,
-) -> Estimate:
-    """Estimate m/I from one drop on the level surface y = 0.
+class DropEstimates:
+    """Estimates of m/I from one drop on the level surface y = 0 under several assumptions; shared parts are kept.
 
-    `h` in s, `gravity` in m/s²; `q`, `v` (m+1, 3) are noisy positions (m, m, rad; θ continuous) and velocities.  `law`
-    assumes Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop; `use_gap` that an
-    impulse acts in the first step that would end in the surface.
+    `h` in s, `gravity` in m/s²; `q`, `v` (m+1, 3) are noisy positions (m, m, rad; θ continuous) and velocities.
 
     Raises:
         UserError: states of wrong shape, with NaN or infinity, or too few.
-    """
-    return DropEstimates(h, q, v, shape, gravity).estimate(law=law, use_gap=use_gap)
-
-
-class DropEstimates:
-    """Estimates of m/I from one drop under several assumptions; what they share is computed once.
-
-    Arguments and errors as of `estimate_ratio`.
     """
 
     def __init__(self, h: float, q: np.ndarray, v: np.ndarray, shape: BodyShape, gravity: float = 9.81) -> None:
@@ -110,7 +91,11 @@ class DropEstimates:
         self._found: dict[bool, tuple[DropHypotheses, FittedHypotheses]] = {}  # by `use_gap`
 
     def estimate(self, *, law: bool = False, use_gap: bool = True) -> Estimate:
-        """The estimate with or without contact law and gap, as `estimate_ratio`."""
+        """The estimate with or without contact law and gap.
+
+        `law` assumes Newton's restitution and Coulomb's friction, with unknown coefficients shared by the drop;
+        `use_gap` that an impulse acts in the first step that would end in the surface.
+        """
         steps, noise, n = self._steps, self._noise, len(self._q)
         if not 0 < len(steps) <= MAX_IMPACTS:
             status = EstimateStatus.TOO_MANY_IMPACTS if len(steps) else EstimateStatus.NO_IMPACT

@@ -30,7 +30,7 @@ from thesis_lib.identify.base_parameters.excitation_table import excitation_case
 from thesis_lib.identify.base_parameters.identifiability import FLOOR, identifiability
 from thesis_lib.identify.base_parameters.window import ContactWindow
 from thesis_lib.identify.programs.mode_qp import admissible, amplitudes, edges_of, forces_of, without_forces
-from thesis_lib.identify.programs.result import RESIDUAL_TOLERANCE, ProgramResult, judged
+from thesis_lib.identify.programs.result import ProgramResult, judged
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, block, disk
 
 if TYPE_CHECKING:
@@ -53,14 +53,8 @@ class Ratios:
         return self.result.theta
 
 
-def solve_homogeneous(
-    window: ContactWindow,
-    unit: str = "m",
-    *,
-    tolerance: float = RESIDUAL_TOLERANCE,
-    dynamics_tolerance: float | None = None,
-) -> Ratios:
-    """Ratios to the parameter `unit` from a window without known force; the tolerances as in `result.judged`.
+def solve_homogeneous(window: ContactWindow, unit: str = "m") -> Ratios:
+    """Ratios to the parameter `unit` from a window without known force.
 
     Raises:
         UserError: a force or a parameter is known, there is no such parameter, or more than the scale is undetermined.
@@ -86,9 +80,7 @@ def solve_homogeneous(
     c_n, c_t = forces_of(window, edges, amplitude)
     cost = float(np.sum(window.residual(theta, c_n, c_t) ** 2))
     answer = (PROGRAM, "singular value", admissible(window, theta, amplitude), theta, c_n, c_t, cost)
-    result = judged(
-        window, *answer, time.process_time() - begin, tolerance=tolerance, dynamics_tolerance=dynamics_tolerance
-    )
+    result = judged(window, *answer, time.process_time() - begin)
     one = theta[window.names.index(unit)] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
     result = replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one)
     return Ratios(unit, result, values)

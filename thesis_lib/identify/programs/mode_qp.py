@@ -64,12 +64,9 @@ class Edges:
         )
 
 
-def edges_of(window: ContactWindow, program: Program, *, reach: float = REACH) -> Edges:
-    """Edges that a program admits on a window, with their prices; gap and slip are priced per scale of the window.
-
-    `reach` in m is the largest gap of a contact with edges.
-    """
-    step, pair = np.nonzero(window.gap <= reach)
+def edges_of(window: ContactWindow, program: Program) -> Edges:
+    """Edges that a program admits on a window, with their prices; gap and slip are priced per scale of the window."""
+    step, pair = np.nonzero(window.gap <= REACH)
     step, pair, sign = np.repeat(step, 2), np.repeat(pair, 2), np.tile([1.0, -1.0], len(step))
     gap, v = window.gap[step, pair], window.v_t[step, pair]
     direction = window.J_n[step, pair] + sign[:, None] * window.mu * window.J_t[step, pair]
@@ -84,13 +81,9 @@ def edges_of(window: ContactWindow, program: Program, *, reach: float = REACH) -
 
 
 def solve_mode_qp(
-    window: ContactWindow,
-    program: Program = "2.12",
-    *,
-    tolerance: float = RESIDUAL_TOLERANCE,
-    dynamics_tolerance: float | None = None,
+    window: ContactWindow, program: Program = "2.12", *, dynamics_tolerance: float = RESIDUAL_TOLERANCE
 ) -> ProgramResult:
-    """Global minimum of a program on a window; the tolerances as in `result.judged`."""
+    """Global minimum of a program on a window; `dynamics_tolerance` as in `result.judged`."""
     begin = time.process_time()
     edges = edges_of(window, program)
     free = edges[edges.price == 0.0]
@@ -109,7 +102,7 @@ def solve_mode_qp(
     if program != "2.14":
         cost += float(np.sum((window.residual(theta, c_n, c_t) / F) ** 2))
     answer = (program, solver, claimed, theta, c_n, c_t, cost, time.process_time() - begin)
-    return judged(window, *answer, tolerance=tolerance, dynamics_tolerance=dynamics_tolerance)
+    return judged(window, *answer, dynamics_tolerance=dynamics_tolerance)
 
 
 def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

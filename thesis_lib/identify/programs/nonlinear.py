@@ -23,7 +23,6 @@ M. Saunders, SIAM Review 47 (2005), doi 10.1137/S0036144504446096 (SNOPT); A. W�
 """
 
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -48,25 +47,10 @@ MAX_ITERATIONS = 500  # of a solver; starts that succeed need fewer than a hundr
 SOLVER_TOLERANCE = 1e-10  # of feasibility and optimality, on variables of about 1
 
 
-@dataclass(frozen=True)
-class ProgramPoint:
-    """Unknowns in units of T, F and V, about 1: theta (n_Θ,), and c_n, c_plus, c_minus, lam (K,) of the K contacts."""
-
-    theta: np.ndarray
-    c_n: np.ndarray
-    c_plus: np.ndarray
-    c_minus: np.ndarray
-    lam: np.ndarray
-
-    @property
-    def stacked(self) -> np.ndarray:
-        """All values in the order of the program's variables."""
-        return np.concatenate([self.theta, self.c_n, self.c_plus, self.c_minus, self.lam])
-
-
 class ContactProgram:
     """One program on one window, in scaled variables.
 
+    A point (n_Θ + 4 K,) holds Θ, and c_n, c_+, c_- and λ of the K contacts, in units of T, F and V, about 1.
     `reach` is as in `mode_qp.edges_of`; `products` says how 2.12 and 2.13 hold the products at zero.
     """
 
@@ -79,40 +63,41 @@ class ContactProgram:
         self.gap = window.gap[self.step, self.pair] / window.gap_scale
         self.v = window.v_t[self.step, self.pair] / window.speed_scale
 
-    def random_point(self, rng: np.random.Generator) -> ProgramPoint:
+    def random_point(self, rng: np.random.Generator) -> np.ndarray:
         """Parameters scattered by a factor of ten either way, forces of about the largest known one, λ = |v_rel|.
 
         λ is known and not scattered.  At a contact without force nothing would move a random λ while c_n = 0, and force
         there would seem to cost λ μ c_n: a false minimum of eq. 2.14.
         """
         theta = np.exp(rng.uniform(-START_RANGE, START_RANGE, len(self.T)))
-        return ProgramPoint(theta, *rng.exponential(1.0, (3, len(self.step))), np.abs(self.v))
+        return np.concatenate([theta, rng.exponential(1.0, 3 * len(self.step)), np.abs(self.v)])
 
-    def unscaled(self, point: ProgramPoint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def unscaled(self, point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Θ (n_Θ,), c_n and c_t (m, p) in N of a point."""
         c_n, c_t = np.zeros(self.window.gap.shape), np.zeros(self.window.gap.shape)
-        c_n[self.step, self.pair] = self.F * point.c_n
-        c_t[self.step, self.pair] = self.F * (point.c_plus - point.c_minus)
-        return self.T * point.theta, c_n, c_t
+        theta, (normal, plus, minus, _) = point[: len(self.T)], point[len(self.T) :].reshape(4, -1)
+        c_n[self.step, self.pair] = self.F * normal
+        c_t[self.step, self.pair] = self.F * (plus - minus)
+        return self.T * theta, c_n, c_t
 
-    def solve(self, point: ProgramPoint, solver: str) -> tuple[bool, float, ProgramPoint]:
+    def solve(self, point: np.ndarray, solver: str) -> tuple[bool, float, np.ndarray]:
         """Solve from a point: whether the solver claims success, the cost, and the solution."""
         constrained = self.program in ("2.12", "2.13")
         bounds = RELAXATION if constrained and self.products == "relaxed" else (0.0,)
         for bound in bounds:
             claimed, cost, point = self._solve_once(point, solver, bound)
-            if not np.isfinite(point.stacked).all():
+            if not np.isfinite(point).all():
                 break
         return claimed, cost, point
 
-    def answer(self, point: ProgramPoint, solver: str) -> ProgramResult:
+    def answer(self, point: np.ndarray, solver: str) -> ProgramResult:
         """The program solved from a point by "snopt" or "ipopt", with a judged status."""
         begin = time.process_time()
         claimed, cost, point = self.solve(point, solver)
         cpu_s = time.process_time() - begin
         return judged(self.window, self.program, solver, claimed, *self.unscaled(point), cost, cpu_s)
 
-    def _solve_once(self, point: ProgramPoint, solver: str, bound: float) -> tuple[bool, float, ProgramPoint]:
+    def _solve_once(self, point: np.ndarray, solver: str, bound: float) -> tuple[bool, float, np.ndarray]:
         from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver
 
         prog = MathematicalProgram()
@@ -127,15 +112,14 @@ class ContactProgram:
         n_equations = sum(c.evaluator().num_constraints() for c in prog.linear_equality_constraints())
         if solver == "ipopt" and n_equations >= prog.num_vars():
             # IPOPT needs more unknowns than equations; otherwise it may end the process
-            nothing = [np.full(len(group), np.nan) for group in (theta, *groups)]
-            return False, np.nan, ProgramPoint(*nothing)
+            return False, np.nan, np.full(len(point), np.nan)
         engine = SnoptSolver() if solver == "snopt" else IpoptSolver()
         for scale in SCALINGS[self.program == "2.14"] if solver == "snopt" else (0,):
-            result = engine.Solve(prog, point.stacked, solver_options(solver, scale))
+            result = engine.Solve(prog, point, solver_options(solver, scale))
             if result.is_success():
                 break
         values = [result.GetSolution(group) if len(group) else group for group in (theta, *groups)]
-        return result.is_success(), float(result.get_optimal_cost()), ProgramPoint(*values)
+        return result.is_success(), float(result.get_optimal_cost()), np.concatenate(values)
 
     def _add_dynamics(self, prog: "MathematicalProgram", theta, c_n, c_plus, c_minus) -> None:
         """Y Θ − J' c − f in units of F, as a cost for each step, or as a constraint."""
@@ -210,19 +194,15 @@ def solver_options(solver: str, scale: int = 0) -> "SolverOptions":
     """Options with tolerance `SOLVER_TOLERANCE`, bounded effort and no output."""
     from pydrake.solvers import IpoptSolver, SnoptSolver, SolverOptions
 
-    options = SolverOptions()
     if solver == "snopt":
-        for name in ("Major feasibility tolerance", "Major optimality tolerance", "Minor feasibility tolerance"):
-            options.SetOption(SnoptSolver.id(), name, SOLVER_TOLERANCE)
-        options.SetOption(SnoptSolver.id(), "Scale option", scale)
-        options.SetOption(SnoptSolver.id(), "Major iterations limit", MAX_ITERATIONS)
-        options.SetOption(SnoptSolver.id(), "Iterations limit", 10 * MAX_ITERATIONS)
+        names = ("Major feasibility tolerance", "Major optimality tolerance", "Minor feasibility tolerance")
+        values = {"Scale option": scale, "Major iterations limit": MAX_ITERATIONS}
+        values["Iterations limit"] = 10 * MAX_ITERATIONS
     else:
-        options.SetOption(IpoptSolver.id(), "tol", SOLVER_TOLERANCE)
-        options.SetOption(IpoptSolver.id(), "constr_viol_tol", SOLVER_TOLERANCE)
-        options.SetOption(IpoptSolver.id(), "compl_inf_tol", SOLVER_TOLERANCE)
+        names = ("tol", "constr_viol_tol", "compl_inf_tol")
         # IPOPT widens bounds by 1e-8 otherwise, which lets forces be negative
-        options.SetOption(IpoptSolver.id(), "bound_relax_factor", 0.0)
-        options.SetOption(IpoptSolver.id(), "max_iter", MAX_ITERATIONS)
-        options.SetOption(IpoptSolver.id(), "print_level", 0)
+        values = {"bound_relax_factor": 0.0, "max_iter": MAX_ITERATIONS, "print_level": 0}
+    options = SolverOptions()
+    for name, value in {**dict.fromkeys(names, SOLVER_TOLERANCE), **values}.items():
+        options.SetOption((SnoptSolver if solver == "snopt" else IpoptSolver).id(), name, value)
     return options

@@ -86,25 +86,22 @@ def judged(
     cost: float,
     cpu_s: float,
     *,
-    tolerance: float = RESIDUAL_TOLERANCE,
-    dynamics_tolerance: float | None = None,
+    dynamics_tolerance: float = RESIDUAL_TOLERANCE,
 ) -> ProgramResult:
     """A solver's numbers with the status that their residuals imply.
 
-    `tolerance` bounds the complementarity residual, and the dynamics residual unless `dynamics_tolerance` is set: with
-    noisy data the dynamics cannot hold better than the noise, so pass its size there.
+    With noisy data the dynamics cannot hold better than the noise: `dynamics_tolerance` is then its size.
     """
-    dynamics_tolerance = tolerance if dynamics_tolerance is None else dynamics_tolerance
     if not all(np.isfinite(array).all() for array in (theta, c_n, c_t)):
         status, dynamics, complementarity = SolveStatus.SOLVER_FAILED, float("nan"), float("nan")
     else:
         dynamics = dynamics_residual(window, theta, c_n, c_t)
         complementarity = complementarity_residual(window, c_n, c_t)
-        if not complementarity <= tolerance:
+        if not complementarity <= RESIDUAL_TOLERANCE:
             status = SolveStatus.NOT_COMPLEMENTARY
         elif not dynamics <= dynamics_tolerance:
             status = SolveStatus.DYNAMICS_VIOLATED
-        elif not claimed and not dynamics <= tolerance:
+        elif not claimed and not dynamics <= RESIDUAL_TOLERANCE:
             # with exact dynamics and complementarity the cost is at its lower bound, whatever the solver reports
             status = SolveStatus.SOLVER_FAILED
         else:
