@@ -56,7 +56,7 @@ def measure(particles: int, trained_on: int = TRAINED, singly: int = ALONE) -> d
     _, after, _ = ScatteredLaw(body, law, relative=scatter)(q, v, r, np.zeros(trained_on, bool), rng)
     index = np.arange(trained_on)
     impacts = Impacts(trial=index, impact=index, q=q, v_pre=v, v_post=after, r=r, k_g=body.k_g)
-    trained = ImpulseLearner("X1", True, LawBase("mirtich"), True, FAST).fit(impacts, rng)
+    trained = ImpulseLearner("X1", True, LawBase("mirtich"), True, settings=FAST).fit(impacts, rng)
     features = contact_features(q, v, body.k_g)
     # smooth, with noise: hyperparameters as a real residual has them
     smooth = np.sin(features @ rng.normal(size=(features.shape[1], 6)))

@@ -7,7 +7,7 @@ from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.recordings.read import read_recording
 from thesis_lib.datasets.recordings.recording import Recording, write_recording
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2.recording import NOISE, simulate_recording
+from thesis_lib.simulate.engines.recording import NOISE, simulate_recording
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, planned
 from thesis_lib.simulate.engines.drake_motion import drake_motions
 from thesis_lib.simulate.engines.mujoco_motion import mujoco_motions
-from thesis_lib.simulate.engines.recording import record_engine
+from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors, low_passed
 from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion
 from thesis_lib.simulate.rig.release import Spread
@@ -124,18 +124,19 @@ def test_a_low_pass_reaches_a_step_after_its_time_constant():
 
 def test_a_recording_of_an_engine_reads_back_and_equal_seeds_are_equal(tmp_path):
     quiet = Sensors(velocity=1e-3)
-    made = [record_engine("w", "wheel", "payload", "mujoco", seed=3, trials=4, sensors=quiet) for _ in range(2)]
+    made = [simulate_recording("w", "wheel", "payload", "mujoco", seed=3, trials=4, sensors=quiet) for _ in range(2)]
     assert made[0].digest() == made[1].digest()
     back = read_recording(write_recording(made[0], tmp_path / "w"))
     assert back.header == made[0].header and back.header.sampling.velocities == "measured"
     assert np.abs(back.states.to_numpy() - made[0].states.to_numpy()).max() < 1e-6
-    assert record_engine("w", "wheel", "payload", "mujoco", seed=4, trials=4).header.sampling.velocities == "derived"
+    derived = simulate_recording("w", "wheel", "payload", "mujoco", seed=4, trials=4)
+    assert derived.header.sampling.velocities == "derived"
 
 
 def test_unknown_causes_and_engines_are_refused():
     with pytest.raises(UserError, match="hides one of"):
-        record_engine("w", "wheel", "cogging", "mujoco")
+        simulate_recording("w", "wheel", "cogging", "mujoco")
     with pytest.raises(UserError, match="engines are"):
-        record_engine("w", "wheel", "payload", "bullet")  # pyright: ignore[reportArgumentType]
+        simulate_recording("w", "wheel", "payload", "bullet")  # pyright: ignore[reportArgumentType]
     none = Sensors(delay=Spread(low=0.0, high=0.0))
     assert none.sampling().delay == 0.0

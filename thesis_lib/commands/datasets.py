@@ -129,8 +129,8 @@ class _ExampleHelp(argparse.Action):
     """Help that ends with the list of hidden causes; it needs the simulator, which other commands need not import."""
 
     def __call__(self, parser, namespace, values, option_string=None) -> None:
-        from thesis_lib.simulate.chapter2.recording import hidden_text
         from thesis_lib.simulate.compliant.example import causes_text
+        from thesis_lib.simulate.engines.recording import hidden_text
         from thesis_lib.simulate.table.puck import cushions_text
 
         parser.epilog = f"{EXAMPLE_EXAMPLES}{causes_text()}\n{hidden_text()}\n{cushions_text()}"
@@ -265,21 +265,14 @@ def _drops_in(engine: str, milliseconds: float | None) -> dict:
 def _example_recording(args: argparse.Namespace, out: Path) -> int:
     from thesis_lib.datasets.recordings.read import read_recording
     from thesis_lib.datasets.recordings.recording import recording_text, write_recording
-    from thesis_lib.simulate.chapter2.recording import TRIALS, simulate_recording
+    from thesis_lib.simulate.engines.recording import TRIALS, simulate_recording
 
     if args.filter or args.shape or args.cutoff is not None or args.contact_time is not None:
         given = "--shape, --contact-time, --filter and --cutoff"
         raise UserError(f"{given} are for drops; leave them out with --mechanism.")
     hidden, trials = args.hidden or "rolling_resistance", TRIALS if args.drops is None else args.drops
-    name = out.resolve().name
     given = {"size": args.size, "trials": trials, "seed": args.seed}
-    if args.engine == "own":
-        recording = simulate_recording(name, args.mechanism, hidden, **given)
-    else:
-        from thesis_lib.simulate.engines.recording import record_engine
-
-        recording = record_engine(name, args.mechanism, hidden, args.engine, **given)
-    write_recording(recording, out)
+    write_recording(simulate_recording(out.resolve().name, args.mechanism, hidden, args.engine, **given), out)
     print(recording_text(read_recording(out)))
     print(f"written to {out}. Next: python -m thesis_lib critique {out}")
     return 0

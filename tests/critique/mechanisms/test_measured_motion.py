@@ -9,7 +9,7 @@ from thesis_lib.critique.mechanisms.critique import believed_model, trials_of
 from thesis_lib.critique.mechanisms.effects import SMOOTH_JOINT
 from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
 from thesis_lib.critique.mechanisms.windows import WeakForm
-from thesis_lib.simulate.engines.recording import record_engine
+from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.sensors import Sensors
 from thesis_lib.simulate.rig.release import Spread
 
@@ -20,7 +20,7 @@ EXACT_CLOCKS = Sensors(velocity=2e-3, jitter=0.0, delay=NONE, ripple=NONE, offse
 @pytest.fixture(scope="module")
 def recordings():
     return {
-        truth: record_engine("arm", "arm", truth, "mujoco", seed=21, trials=8, sensors=EXACT_CLOCKS)
+        truth: simulate_recording("arm", "arm", truth, "mujoco", seed=21, trials=8, sensors=EXACT_CLOCKS)
         for truth in ("nothing", "coulomb_joint_friction")
     }
 

@@ -11,7 +11,7 @@ from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, fit_effects, predict, sensor_excess
 from thesis_lib.datasets.recordings.header import Sampling
-from thesis_lib.simulate.engines.recording import record_engine
+from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.sensors import Sensors
 from thesis_lib.simulate.rig.release import Spread
 
@@ -19,7 +19,7 @@ ALONE = {"ripple": Spread(low=0.0, high=0.0), "offset": 0.0, "jitter": 0.0}
 
 
 def arm(**sensors):
-    recording = record_engine("arm", "arm", "nothing", "mujoco", seed=20, trials=6, sensors=Sensors(**sensors))
+    recording = simulate_recording("arm", "arm", "nothing", "mujoco", seed=20, trials=6, sensors=Sensors(**sensors))
     return trials_of(recording), believed_model(recording.header), recording.header.sampling
 
 

@@ -77,9 +77,8 @@ def test_without_double_hits_fewer_learned_impulses_are_infeasible():
     rate = {}
     new = impacts(500, np.pi / 4, seed=2)
     for name, some in (("all", given), ("alone", alone)):
-        learner = ImpulseLearner(
-            "X1", True, LawBase("mirtich", 0.15, 0.45), True, GaussianProcessSettings(device="cpu")
-        )
+        settings = GaussianProcessSettings(device="cpu")
+        learner = ImpulseLearner("X1", True, LawBase("mirtich", 0.15, 0.45), True, settings=settings)
         contact = LearnedImpact(BODY, LAW, trained=learner.fit(some, np.random.default_rng(0)), slowest=0.12)
         contact(new.q, new.v_pre, new.r, np.zeros(len(new), bool), np.random.default_rng(0))
         rate[name] = contact.tally.columns()["rejection_rate"]

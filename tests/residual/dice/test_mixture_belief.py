@@ -156,7 +156,9 @@ def test_throws_outside_the_range_of_training_are_flagged():
     index = np.arange(len(q))
     known = Impacts(trial=index, impact=index, q=at, v_pre=u, v_post=u, r=r, k_g=RIG.k_g)
     known = replace(known, v_post=LAW(at, u, r, np.zeros(len(q), bool), np.random.default_rng(0))[1])
-    learner = ImpulseLearner("X1", True, LawBase("mirtich"), True, GaussianProcessSettings(restarts=1, device="cpu"))
+    learner = ImpulseLearner(
+        "X1", True, LawBase("mirtich"), True, settings=GaussianProcessSettings(restarts=1, device="cpu")
+    )
     trained = learner.fit(known, np.random.default_rng(0))
     rng = np.random.default_rng(0)
     flagged = {}

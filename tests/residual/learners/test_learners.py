@@ -113,7 +113,7 @@ def test_samples_of_the_feasible_learner_need_no_projection(trained, noisy):
     _, test = noisy
     for name in ("feasible_rigid", "feasible_wrench"):
         model = trained[name]
-        mean, variance = model.process.predict(features(test, model.learner.feature_set), noise=True)
+        mean, variance = model.process.predict(features(test, model.feature_set), noise=True)
         drawn = mean + 5.0 * np.sqrt(variance) * np.random.default_rng(0).normal(size=mean.shape)
         assert feasible(test.v_pre, from_latent(test.v_pre, drawn, test.r, K_G), test.r, K_G).all()
 
@@ -164,16 +164,16 @@ def test_data_of_an_effect_are_explained_by_the_law_with_it_and_learned_on_it(ef
     train, test = with_effect(60, 0), with_effect(100, 1)
     rng = np.random.default_rng(0)
     assert _error(LawLearner(base).fit(train, rng).predict(test), test) < 1e-9
-    residual = ImpulseLearner("X1", True, base, True, FAST).fit(train, rng).predict(test)
+    residual = ImpulseLearner("X1", True, base, True, settings=FAST).fit(train, rng).predict(test)
     assert _error(residual, test) < 1e-6
     # and the seen frame is the one in which no couple is left
-    plain = ImpulseLearner("X1", False, base, False, FAST).fit(train, rng)
+    plain = ImpulseLearner("X1", False, base, False, settings=FAST).fit(train, rng)
     assert np.median(velocity_error(test.v_post - plain.predict(test).v_post, K_G)) < 0.15
 
 
 def test_the_jacobian_maps_impulses_to_measured_velocities():
     base, impacts = AugmentedBase(_saved(EFFECTS[2])), made_impacts(60, noise=0.1)
-    model = ImpulseLearner("X1", True, base, True, FAST).fit(impacts, np.random.default_rng(0))
+    model = ImpulseLearner("X1", True, base, True, settings=FAST).fit(impacts, np.random.default_rng(0))
     out = model.predict(impacts)
     step = 1e-3 * MASS * np.array([1.0, -0.5, 0.01])
     seen = base.seen(impacts)
@@ -194,7 +194,7 @@ class Unsolvable(LawBase):
 
 def test_a_law_without_a_solution_is_nan_and_not_zero():
     train = made_impacts(40, noise=0.05)
-    model = ImpulseLearner("X1", False, Unsolvable(LAW), True, FAST).fit(train, np.random.default_rng(0))
+    model = ImpulseLearner("X1", False, Unsolvable(LAW), True, settings=FAST).fit(train, np.random.default_rng(0))
     assert len(model.process.x) == 39
     out = model.predict(train)
     np.testing.assert_array_equal(np.isnan(out.v_post).any(axis=1), train.trial == 3)
@@ -203,4 +203,4 @@ def test_a_law_without_a_solution_is_nan_and_not_zero():
 
 def test_too_few_impacts_are_refused():
     with pytest.raises(ValueError, match="two"):
-        FeasibleLearner("X1", False, FAST).fit(made_impacts(1), np.random.default_rng(0))
+        FeasibleLearner("X1", False, settings=FAST).fit(made_impacts(1), np.random.default_rng(0))

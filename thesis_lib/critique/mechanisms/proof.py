@@ -30,7 +30,7 @@ from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, Rows, stamp
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind
-from thesis_lib.simulate.engines.recording import record_engine
+from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.settings import EngineName
 from thesis_lib.statistics.intervals import wilson
 
@@ -74,7 +74,7 @@ def cases(nothing: int = NOTHING, causes: int = CAUSES, first: int = SEEDS) -> l
 def compute(case: MechanismCase) -> dict[str, object]:
     """Record and criticise; a row of the table."""
     sizes = HiddenSizes()
-    recording = record_engine(case.truth, case.mechanism, case.truth, case.engine, seed=case.seed)
+    recording = simulate_recording(case.truth, case.mechanism, case.truth, case.engine, seed=case.seed)
     # not from the recording's digest: its last digits depend on the processor
     rng = generator(case.seed, "mechanism proof", case.mechanism, case.engine, case.truth)
     critique = criticise_recording(recording, rng)

@@ -125,7 +125,7 @@ def law_models(
     single = single_hits(model, impacts, settings)
     some = single.sample(settings.training_contacts, rng)
     for label, wrench in (("residual", False), ("residual_wrench", True)):
-        trained = ImpulseLearner("X1", wrench, LawBase(name), True, settings.process).fit(some, rng)
+        trained = ImpulseLearner("X1", wrench, LawBase(name), True, settings=settings.process).fit(some, rng)
         parts = {"body": model.body, "law": model.impact, "trained": trained, "slowest": settings.slowest}
         certain = LearnedImpact(**parts, draws=1, deterministic=True)
         throwers.append(Thrower(label, model, LearnedImpact(**parts), certain))

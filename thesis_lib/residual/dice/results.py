@@ -51,52 +51,33 @@ def dice_tables(
     studies: Sequence[DiceStudy], settings: DiceStudySettings, rng: np.random.Generator
 ) -> dict[str, pd.DataFrame]:
     """Tables of all parts by file name; `dice` is the summary.  `rng` is for the bootstraps."""
-    throws, limit = stacked(studies, lambda s: s.throws), stacked(studies, lambda s: s.limit)
-    pits, first_throws = stacked(studies, lambda s: s.contact_pits), stacked(studies, lambda s: s.first)
     stream = streams(rng)
+    whole = {name: stacked([study.tables[name] for study in studies]) for name in studies[0].tables}
     coverages = [
         coverage_table(
             part["pit"].to_numpy(), central=central, groups=part["trial"].to_numpy(), rng=stream(kind, model)
         ).assign(model=model, kind=kind)
-        for kind, table, central in (("roll", throws, True), ("contact", pits, False))
+        for kind, table, central in (("roll", whole["throws"], True), ("contact", whole.pop("contact_pits"), False))
         for model, part in table.groupby("model", sort=False)
     ]
-    first = ["model", "kind"]
     coverage = pd.concat(coverages, ignore_index=True)
-    counts = [pd.DataFrame({"counted": list(s.counts), "count": list(s.counts.values())}) for s in studies]
+    whole["calibration"] = coverage[["model", "kind", *coverage.columns.drop(["model", "kind"])]]
+    whole["budget"] = _budget(whole["budget"])
 
-    def in_parts(summarise: Callable, *tables: pd.DataFrame) -> list[pd.DataFrame]:
-        return [
-            summarise(
-                *(table[table["split"] == i] for table in tables),
-                settings.bootstrap,
-                stream("part", summarise.__name__, i),
-            )
-            for i in range(len(studies))
-        ]
+    def summarised(summarise: Callable, *names: str) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
+        """The summary of tables of all throws, with the spread over the summaries of parts; and these."""
 
-    def in_all(parts: Sequence[pd.DataFrame], summarise: Callable, *tables: pd.DataFrame) -> pd.DataFrame:
-        whole = summarise(*tables, settings.bootstrap, stream("all", summarise.__name__))
-        return over_parts(whole, parts)
+        def of(tables: dict[str, pd.DataFrame], *key: object) -> pd.DataFrame:
+            return summarise(*(tables[name] for name in names), settings.bootstrap, stream(*key))
 
-    parts = in_parts(summary, throws, limit)
-    return {
-        "dice": in_all(parts, summary, throws, limit),
-        "dice_parts": stacked(parts, lambda part: part),
-        "dice_throws": throws,
-        "dice_limit": limit,
-        "dice_difficulty": in_all(in_parts(difficulty, throws), difficulty, throws),
-        "dice_rates": stacked(studies, lambda s: s.rates),
-        "dice_parameters": stacked(studies, lambda s: s.parameters),
-        "dice_laws": stacked(studies, lambda s: s.laws),
-        "dice_calibration": coverage[first + [name for name in coverage.columns if name not in first]],
-        "dice_first_contact": in_all(
-            in_parts(first_contact_summary, first_throws), first_contact_summary, first_throws
-        ),
-        "dice_first_contact_throws": first_throws,
-        "dice_budget": _budget(stacked(studies, lambda s: s.budget)),
-        "dice_counts": stacked(counts, lambda table: table),
-    }
+        parts = [of(study.tables, "part", summarise.__name__, i) for i, study in enumerate(studies)]
+        return over_parts(of(whole, "all", summarise.__name__), parts), parts
+
+    dice, parts = summarised(summary, "throws", "limit")
+    whole["parts"] = stacked(parts)
+    whole["difficulty"], _ = summarised(difficulty, "throws")
+    whole["first_contact"], _ = summarised(first_contact_summary, "first_contact_throws")
+    return {"dice": dice} | {f"dice_{name}": table for name, table in whole.items()}
 
 
 def tables_of_part(
@@ -116,10 +97,9 @@ def _budget(table: pd.DataFrame) -> pd.DataFrame:
     return table.drop(columns="split").groupby(["model", "contact"], sort=False).mean().reset_index()
 
 
-def stacked(studies: Sequence, table: Callable[..., pd.DataFrame]) -> pd.DataFrame:
-    """A table of all parts, with `split`, the number of the part, as first column."""
-    parts = [table(study).assign(split=i) for i, study in enumerate(studies)]
-    return pd.concat([part[["split", *part.columns[:-1]]] for part in parts], ignore_index=True)
+def stacked(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The tables of all parts, with `split`, the number of the part, as first column."""
+    return pd.concat(parts, keys=range(len(parts)), names=["split"]).reset_index("split").reset_index(drop=True)
 
 
 def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -173,7 +153,7 @@ def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np
     """Throws that the figures show, and the beliefs of model `BELIEVED` about them; `side` in m."""
     believed, plain = study.outcomes[BELIEVED], study.outcomes[PLAIN]
     held = study.releases.select(~np.isin(study.releases.trial, study.train))
-    easy, hard = easy_and_hard(study.throws, BELIEVED)
+    easy, hard = easy_and_hard(study.tables["throws"], BELIEVED)
     beliefs, marks, rest = [], [], {}
     for case, trial in (("hard", hard), ("easy", easy)):
         row = int(np.flatnonzero(held.trial == trial)[0])

@@ -25,7 +25,7 @@ the other parts alone, and part 0 was opened after that.  docs/findings.md says 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -61,22 +61,26 @@ from thesis_lib.residual.throwing.propagation import LearnedImpact
 
 @dataclass(frozen=True)
 class DiceStudy:
-    """Results of one held-out part."""
+    """Results of one held-out part.
+
+    Its `tables` by name:
+
+    | table                | holds                                                                                 |
+    |----------------------|---------------------------------------------------------------------------------------|
+    | throws, limit        | a row per model and held-out throw; the same for the limit of noise                   |
+    | rates, parameters    | samples drawn and rejected, a row per model; parameters of all models                 |
+    | laws                 | training errors of the six laws on isolated impacts; the study uses the best          |
+    | contact_pits         | PIT and misfit of each held-out contact (of learned impacts: isolated impact)         |
+    | first_contact_throws | scores of the beliefs over the state after the first contact                          |
+    | budget               | where the error is made (`budget`)                                                    |
+    | counts               | throws, contacts and impacts used and left out                                        |
+    """
 
     releases: ThrowReleases  # releases, contacts: all measured ones, training and held out
     contacts: MeasuredContacts
     train: np.ndarray  # trials of the training throws, ascending
     outcomes: dict[str, HeldOutThrows]  # held-out throws of each model, by its name
-    throws: pd.DataFrame  # a row per model and held-out throw
-    limit: pd.DataFrame  # the same for the limit of noise
-    rates: pd.DataFrame  # samples drawn and rejected, a row per model
-    parameters: pd.DataFrame  # of all models
-    laws: pd.DataFrame  # training errors of the six laws on isolated impacts; the study uses the best
-    # a row per held-out contact (isolated impacts for the learned impacts) with its PIT and misfit
-    contact_pits: pd.DataFrame
-    first: pd.DataFrame  # scores of the beliefs over the state after the first contact
-    budget: pd.DataFrame  # where the error is made (`budget`)
-    counts: dict[str, int] = field(default_factory=dict)  # throws, contacts and impacts used and left out
+    tables: dict[str, pd.DataFrame]
 
 
 def dice_study(
@@ -103,7 +107,7 @@ def dice_study(
     studies = []
     for i, (part, part_rng) in enumerate(zip(parts, rng.spawn(len(parts)))):
         studies.append(_one_part(dataset, measured, part, critique, side, settings, part_rng))
-        say(f"part {i}: {studies[-1].counts}")
+        say(f"part {i}: {dict(studies[-1].tables['counts'].to_numpy().tolist())}")
     return studies
 
 
@@ -148,41 +152,37 @@ def _one_part(
     law_model = throwers[0].model
 
     outcomes = {t.name: throw_held_out(t, held.releases, settings, stream("throw", t.name)) for t in throwers}
-    throws = pd.concat(
-        [throw_rows(o, held.releases, side, stream("rows", name)) for name, o in outcomes.items()], ignore_index=True
-    )
     isolated = single_hits(law_model, held.impacts, settings)
     pits, limits = [], []
     for t in throwers:
         learned_impact = isinstance(t.contact, LearnedImpact)
         pits.append(impact_pits(t, isolated) if learned_impact else contact_pits(t, held.contacts, settings))
         limits.append(noise_limit(t, held.releases, side, settings, stream("limit", t.name)).assign(model=t.name))
-    return DiceStudy(
-        releases=measured.releases,
-        contacts=measured.contacts,
-        train=train,
-        outcomes=outcomes,
-        throws=throws,
-        limit=pd.concat(limits, ignore_index=True),
-        rates=pd.DataFrame([{"model": t.name, **t.contact.tally.columns()} for t in throwers]),
-        parameters=pd.concat([_parameters(t) for t in throwers], ignore_index=True),
-        laws=law_errors,
-        contact_pits=pd.concat(pits, ignore_index=True),
-        first=first_contact_scores(throwers, held.releases, held.contacts, settings, first_rng),
-        budget=budget(throwers, training.releases, held.releases, held.contacts, side, settings, stream("budget")),
-        counts={
-            "throws": int(dataset.trials.size),
-            "used": len(measured.releases.trial),
-            **measured.releases.left_out,
-            "train": len(train),
-            "held_out": len(held.releases.trial),
-            "contacts": len(measured.contacts),
-            "contacts_of_a_throw": int(np.median(np.unique(measured.contacts.trial, return_counts=True)[1])),
-            "contact_outliers": outliers,
-            "training_impacts": len(training.impacts),
-            "training_single_hits": len(single_hits(law_model, training.impacts, settings)),
-        },
-    )
+    counts = {
+        "throws": int(dataset.trials.size),
+        "used": len(measured.releases.trial),
+        **measured.releases.left_out,
+        "train": len(train),
+        "held_out": len(held.releases.trial),
+        "contacts": len(measured.contacts),
+        "contacts_of_a_throw": int(np.median(np.unique(measured.contacts.trial, return_counts=True)[1])),
+        "contact_outliers": outliers,
+        "training_impacts": len(training.impacts),
+        "training_single_hits": len(single_hits(law_model, training.impacts, settings)),
+    }
+    rows = [throw_rows(outcome, held.releases, side, stream("rows", name)) for name, outcome in outcomes.items()]
+    tables = {
+        "throws": pd.concat(rows, ignore_index=True),
+        "limit": pd.concat(limits, ignore_index=True),
+        "rates": pd.DataFrame([{"model": t.name, **t.contact.tally.columns()} for t in throwers]),
+        "parameters": pd.concat([_parameters(t) for t in throwers], ignore_index=True),
+        "laws": law_errors,
+        "contact_pits": pd.concat(pits, ignore_index=True),
+        "first_contact_throws": first_contact_scores(throwers, held.releases, held.contacts, settings, first_rng),
+        "budget": budget(throwers, training.releases, held.releases, held.contacts, side, settings, stream("budget")),
+        "counts": pd.DataFrame(counts.items(), columns=["counted", "count"]),
+    }
+    return DiceStudy(measured.releases, measured.contacts, train, outcomes, tables)
 
 
 def _train(

@@ -16,7 +16,7 @@ within `RANGE` (from all, if fewer than `FEWEST`), and clipped to 0 ≤ μ ≤ 2
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Self
 
 import numpy as np
 
@@ -49,7 +49,34 @@ class ImpactPrediction:
 
 
 @dataclass(frozen=True)
-class ImpulseLearner:
+class ImpactLearner:
+    """A contact model to be learned; `fit` gives the trained one, which has a `process` and a `range`.
+
+    `fit` raises ValueError for fewer than two impacts; `start`, trained on others, is where its search starts.
+    `predict` uses quantities before impact only, not the `v_post` of the impacts.
+    """
+
+    settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings, kw_only=True)
+    process: GaussianProcess = field(default=None, kw_only=True)  # type: ignore[assignment]
+    range: TrainingRange = field(default=None, kw_only=True)  # type: ignore[assignment]
+
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: "ImpactLearner | None" = None) -> Self:
+        """Train on impacts (n ≥ 2)."""
+        raise NotImplementedError
+
+    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
+        """Prediction; see `ImpactPrediction`."""
+        raise NotImplementedError
+
+    def _trained(self, seen: Impacts, x: np.ndarray, y: np.ndarray, rng, start, *, centred=True, **known) -> Self:
+        """The learner with a process for outputs y (n, p) at features x (n, d) of some of the impacts `seen`."""
+        first = None if start is None else start.process
+        process = fit_gaussian_process(x, y, rng, self.settings, centred=centred, start=first)
+        return replace(self, process=process, range=TrainingRange.of(seen), **known)
+
+
+@dataclass(frozen=True)
+class ImpulseLearner(ImpactLearner):
     """Impulse or wrench by a Gaussian process: data-driven, or a residual on `base` (its prior mean).
 
     Without `residual`, a base gives only its frame.
@@ -57,13 +84,11 @@ class ImpulseLearner:
 
     feature_set: FeatureSet
     wrench: bool
-    base: Base | None = None
+    base: Base = IDENTITY
     residual: bool = False
-    settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
 
-    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedImpulse":
-        """Train on impacts (n ≥ 2)."""
-        base = (self.base or IDENTITY).fit(impacts) if self.residual else self.base or IDENTITY
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: ImpactLearner | None = None) -> Self:
+        base = self.base.fit(impacts) if self.residual else self.base
         seen = base.seen(impacts)
         target = seen.dv
         if self.residual:
@@ -71,27 +96,13 @@ class ImpulseLearner:
         y = impulse_of(target, seen, wrench=self.wrench)
         x = features(seen, self.feature_set)
         known = np.isfinite(y).all(axis=1)
-        centred, first = not self.residual, None if start is None else start.process
-        process = fit_gaussian_process(x[known], y[known], rng, self.settings, centred=centred, start=first)
-        return TrainedImpulse(self, base, process, TrainingRange.of(seen))
-
-
-@dataclass(frozen=True)
-class TrainedImpulse:
-    """A trained `ImpulseLearner`."""
-
-    learner: ImpulseLearner
-    base: Base
-    process: GaussianProcess
-    range: TrainingRange
+        return self._trained(seen, x[known], y[known], rng, start, centred=not self.residual, base=base)
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
-        """Prediction; see `ImpactPrediction`."""
-        wrench = self.learner.wrench
-        seen = self.base.seen(impacts)
-        x = features(seen, self.learner.feature_set)
+        wrench, seen = self.wrench, self.base.seen(impacts)
+        x = features(seen, self.feature_set)
         impulse, variance = self.process.predict(x, noise=noise, variance=covariance)
-        if self.learner.residual:
+        if self.residual:
             prior = _seen_prediction(self.base, impacts)
             # keep the part of the law's v⁺ that no impulse through the contact point gives
             v_seen = prior + velocity_after(impulse, seen) - seen.v_pre
@@ -102,14 +113,13 @@ class TrainedImpulse:
 
 
 @dataclass(frozen=True)
-class ParameterLearner:
+class ParameterLearner(ImpactLearner):
     """A law whose μ and ε are learned functions of the state (the thesis's "rigid par" model)."""
 
     law: str
     feature_set: FeatureSet = "X1"
-    settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
 
-    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedParameters":
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: ImpactLearner | None = None) -> Self:
         """Train on the individual parameters of impacts (n ≥ 2)."""
         target = target_of(impacts)
         individual = fit_individual(LAWS[self.law], target, "velocity")
@@ -118,21 +128,11 @@ class ParameterLearner:
         known = solved & (misfit <= RANGE)
         known = known if known.sum() >= FEWEST else solved
         x, y = features(impacts, self.feature_set)[known], np.stack([individual.mu, individual.epsilon], axis=1)[known]
-        process = fit_gaussian_process(x, y, rng, self.settings, start=None if start is None else start.process)
-        return TrainedParameters(self, process, TrainingRange.of(impacts))
-
-
-@dataclass(frozen=True)
-class TrainedParameters:
-    """A trained `ParameterLearner`."""
-
-    learner: ParameterLearner
-    process: GaussianProcess
-    range: TrainingRange
+        return self._trained(impacts, x, y, rng, start)
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
         """Prediction; the covariance is that of (μ, ε) through the law, by secants over one standard deviation."""
-        x = features(impacts, self.learner.feature_set)
+        x = features(impacts, self.feature_set)
         mean, variance = self.process.predict(x, noise=noise, variance=covariance)
         impulse, v_post = self._law(impacts, mean)
         S = _diagonal(np.full_like(mean, np.nan))
@@ -149,42 +149,29 @@ class TrainedParameters:
     def _law(self, impacts: Impacts, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mu, epsilon = np.clip(parameters, 0.0, [MU_MAX, 1.0]).T
         body = {"mass": impacts.mass, "k_g": impacts.k_g}
-        out = LAWS[self.learner.law](impacts.v_pre, impacts.r, **body, mu=mu, epsilon=epsilon)
+        out = LAWS[self.law](impacts.v_pre, impacts.r, **body, mu=mu, epsilon=epsilon)
         return out.impulse, out.v_post
 
 
 @dataclass(frozen=True)
-class FeasibleLearner:
+class FeasibleLearner(ImpactLearner):
     """Coordinates of the feasible set by a Gaussian process: the mean and every sample are feasible."""
 
     feature_set: FeatureSet
     wrench: bool
-    settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings)
 
-    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedFeasible":
-        """Train on impacts (n ≥ 2)."""
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: ImpactLearner | None = None) -> Self:
         # replace an outcome that no point impulse reaches by the nearest one that it reaches
         v = velocity_after(impulse_of(impacts.dv, impacts, wrench=self.wrench), impacts)
         s = feasibility.to_latent(impacts.v_pre, v, impacts.r, impacts.k_g, wrench=self.wrench)
-        x, first = features(impacts, self.feature_set), None if start is None else start.process
-        process = fit_gaussian_process(x, s, rng, self.settings, start=first)
-        return TrainedFeasible(self, process, TrainingRange.of(impacts))
-
-
-@dataclass(frozen=True)
-class TrainedFeasible:
-    """A trained `FeasibleLearner`."""
-
-    learner: FeasibleLearner
-    process: GaussianProcess
-    range: TrainingRange
+        return self._trained(impacts, features(impacts, self.feature_set), s, rng, start)
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
         """Prediction at the mean coordinates; covariance by linearisation."""
-        x = features(impacts, self.learner.feature_set)
+        x = features(impacts, self.feature_set)
         s, variance = self.process.predict(x, noise=noise, variance=covariance)
         v_post = feasibility.from_latent(impacts.v_pre, s, impacts.r, impacts.k_g)
-        wrench = self.learner.wrench
+        wrench = self.wrench
         impulse = impulse_of(v_post - impacts.v_pre, impacts, wrench=wrench)
         S = _diagonal(variance)
         if covariance:
@@ -195,23 +182,15 @@ class TrainedFeasible:
 
 
 @dataclass(frozen=True)
-class LawLearner:
-    """A base alone, as a learner, for comparison."""
+class LawLearner(ImpactLearner):
+    """A base alone, without uncertainty, for comparison; it has no process."""
 
     base: Base
 
-    def fit(self, impacts: Impacts, rng: np.random.Generator, start: Any = None) -> "TrainedLaw":
+    def fit(self, impacts: Impacts, rng: np.random.Generator, start: ImpactLearner | None = None) -> Self:
         """Fit the base's parameters; `rng` and `start` are not used."""
         base = self.base.fit(impacts)
-        return TrainedLaw(base, TrainingRange.of(base.seen(impacts)))
-
-
-@dataclass(frozen=True)
-class TrainedLaw:
-    """A fitted base, without uncertainty."""
-
-    base: Base
-    range: TrainingRange
+        return replace(self, base=base, range=TrainingRange.of(base.seen(impacts)))
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
         """Prediction with zero covariance; as a wrench, since effects may add a couple."""
@@ -220,12 +199,6 @@ class TrainedLaw:
         impulse = impulse_of(v_seen - seen.v_pre, seen, wrench=True)
         S = np.zeros((len(impacts), 3, 3))
         return _prediction(self.base, impacts, seen, v_seen, impulse, S, self.range, wrench=True)
-
-
-# `fit` raises ValueError for fewer than two impacts; `start`, trained on others, is where its search starts
-Learner = ImpulseLearner | ParameterLearner | FeasibleLearner | LawLearner
-# `predict` uses quantities before impact only, not the `v_post` of the impacts
-Trained = TrainedImpulse | TrainedParameters | TrainedFeasible | TrainedLaw
 
 
 def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
@@ -258,7 +231,7 @@ def _prediction(
     return ImpactPrediction(v_post, impulse, covariance, jacobian, inside, projected, trained.contains(seen))
 
 
-def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[str, Learner]:
+def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[str, ImpactLearner]:
     """All learned contact models of chapter 4 by name; `law` is the base of class 2."""
     gp = settings or GaussianProcessSettings()
     base = LawBase(law)
@@ -268,10 +241,10 @@ def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[
         "rigid_x2_polar": ImpulseLearner("X2_polar", False, settings=gp),
         "wrench_x1": ImpulseLearner("X1", True, settings=gp),
         "wrench_x1_omega": ImpulseLearner("X1_omega", True, settings=gp),
-        "residual_rigid": ImpulseLearner("X1", False, base, True, gp),
-        "residual_wrench": ImpulseLearner("X1", True, base, True, gp),
+        "residual_rigid": ImpulseLearner("X1", False, base, True, settings=gp),
+        "residual_wrench": ImpulseLearner("X1", True, base, True, settings=gp),
         "law_parameters": ParameterLearner(law, settings=gp),
-        "feasible_rigid": FeasibleLearner("X1", False, gp),
-        "feasible_wrench": FeasibleLearner("X1_omega", True, gp),
+        "feasible_rigid": FeasibleLearner("X1", False, settings=gp),
+        "feasible_wrench": FeasibleLearner("X1_omega", True, settings=gp),
         "rigid_full": ImpulseLearner("full", False, settings=gp),
     }

@@ -29,7 +29,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.impact_study.study import split_trials
 from thesis_lib.residual.learners.bases import AugmentedBase, LawBase
-from thesis_lib.residual.learners.learners import ImpactPrediction, ImpulseLearner, LawLearner, Learner, learners
+from thesis_lib.residual.learners.learners import ImpactPrediction, ImpulseLearner, LawLearner, ImpactLearner, learners
 from thesis_lib.residual.learners.settings import LearningStudySettings
 from thesis_lib.statistics.bootstrap import CENTRAL_95, bootstrap_mean
 from thesis_lib.statistics.intervals import student_mean
@@ -50,7 +50,7 @@ def learning_curves(
     Returns curves, a row per model, n and split; and errors, a row per model and held-out impact of the first split, at
     the size nearest to that of figure 4-5.  Raises ValueError if the smallest size exceeds a split's training impacts.
     """
-    models: dict[str, Learner] = {name: LawLearner(LawBase(name)) for name in settings.laws}
+    models: dict[str, ImpactLearner] = {name: LawLearner(LawBase(name)) for name in settings.laws}
     models |= learners(settings.base_law, settings.gaussian_process)
     seed = int(rng.integers(2**63))
     curves, errors = [], []
@@ -69,14 +69,14 @@ def learning_curves(
     return pd.DataFrame(curves), pd.concat(errors, ignore_index=True).assign(n=shown)
 
 
-def named_physics_models(law: str, model: SavedModel, settings: LearningStudySettings) -> dict[str, Learner]:
+def named_physics_models(law: str, model: SavedModel, settings: LearningStudySettings) -> dict[str, ImpactLearner]:
     """The models of `NAMED`: a plain law and the critique's law with effects, each alone and with residuals."""
     gp, plain, augmented = settings.gaussian_process, LawBase(law), AugmentedBase(model)
-    models: dict[str, Learner] = {}
+    models: dict[str, ImpactLearner] = {}
     for name, base in (("law", plain), ("effects", augmented)):
         models[name] = LawLearner(base)
-        models[f"{name}_rigid"] = ImpulseLearner("X1", False, base, True, gp)
-        models[f"{name}_wrench"] = ImpulseLearner("X1", True, base, True, gp)
+        models[f"{name}_rigid"] = ImpulseLearner("X1", False, base, True, settings=gp)
+        models[f"{name}_wrench"] = ImpulseLearner("X1", True, base, True, settings=gp)
     return models
 
 
@@ -238,7 +238,7 @@ def _sizes(sizes: Sequence[int], available: int) -> list[int]:
 
 
 def _trained(
-    models: Mapping[str, Learner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
+    models: Mapping[str, ImpactLearner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
 ) -> Iterator[tuple[int, dict[str, ImpactPrediction]]]:
     """Predictions of all models for each size; each search starts from the model of the previous size."""
     previous = dict.fromkeys(models)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.learners.learners import Trained
+from thesis_lib.residual.learners.learners import ImpactLearner
 from thesis_lib.residual.throwing.belief import covariance_root, through_dynamics
 from thesis_lib.residual.throwing.flight import ThrownBody
 from thesis_lib.residual.throwing.throw import LawImpact, push
@@ -171,7 +171,7 @@ class ScatteredLaw(Sampled):
 class LearnedImpact(Sampled):
     """A trained contact model of `learners`, for contacts faster than `slowest` (m/s)."""
 
-    trained: Trained | None = None
+    trained: ImpactLearner | None = None
     slowest: float = 0.3
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:

@@ -1,26 +1,52 @@
-"""A recording of an engine's arm or wheel with one hidden cause."""
+"""A simulated recording of an arm or a wheel with one hidden cause, stepped in time or in a physics engine.
+
+The trials are planned with the believed mechanism and run with the hidden cause (`hidden_forces`).  Our own time
+stepping has states with white noise, for trying the critique; an engine has its own contact, and sensors as rigs have
+them.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Literal
 
 import numpy as np
 import pandas as pd
+from pydantic import ValidationError
 
+from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Sampling, StateNoise, Wheel
 from thesis_lib.datasets.recordings.recording import Recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, MechanismKind, planned
+from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies
-from thesis_lib.simulate.chapter2.recording import MIN_TRIALS, TRIALS, hidden_sizes, recording_header
 from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors
 from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion, EngineName
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
-DESCRIPTION = "{kind} in {engine}, with its own contact, that may not be what recording.yaml says"
+# m, rad, m/s, rad/s; a motion tracker at about 60 dB, as good as the encoders of a laboratory
+NOISE = StateNoise(position=3e-4, angle=5e-4, velocity=1e-3, angular_velocity=2e-3)
+STEPPED = "example: simulated {kind} that may not be what recording.yaml says"
+IN_ENGINE = "{kind} in {engine}, with its own contact, that may not be what recording.yaml says"
+TRIALS = 16
+MIN_TRIALS = 4
+SIZE_OF: dict[tuple[MechanismKind, str], str] = {  # the key of `HiddenSizes` that a size sets
+    ("arm", "viscous_joint_friction"): "viscous",
+    ("arm", "coulomb_joint_friction"): "coulomb",
+    ("arm", "cogging"): "cogging",
+    ("arm", "payload"): "payload",
+    ("wheel", "payload"): "wheel_payload",
+    **{(kind, "gravity_direction"): "tilt" for kind in TRUTHS},
+    **{(kind, "rolling_resistance"): "rolling" for kind in TRUTHS},
+}
+# t (n,), q and v (n, nv) and torques (n, joints) of a trial as they are written
+Written = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-def record_engine(
+def simulate_recording(
     name: str,
     kind: MechanismKind,
     hidden: str,
-    engine: EngineName,
+    engine: EngineName | Literal["own"] = "own",
     *,
     size: float | None = None,
     trials: int = TRIALS,
@@ -29,17 +55,18 @@ def record_engine(
     contact: EngineContact | None = None,
     sensors: Sensors | None = None,
 ) -> Recording:
-    """Recording of the mechanism `bodies` in an engine, with the cause `hidden`, one of `TRUTHS[kind]`.
+    """Simulate a recording of the mechanism `bodies` with the cause `hidden`, one of `TRUTHS[kind]`.
 
-    Starts and torques are planned with the believed mechanism.  Trials in which the arm flies off or goes through the
-    ground are left out.
+    Trials that cannot be solved, or in which the arm of an engine flies off or goes through the ground, are left out.
 
     Args:
+        engine: "own" is time stepping, which uses neither `contact` nor `sensors`.
         size: of the cause, in its unit, the same at both joints; default: that of `HiddenSizes`.
-        seed: equal seeds give equal data on one machine.
+        seed: equal seeds give equal data, of an engine on one machine.
 
     Raises:
-        UserError: the cause or the engine is unknown, or too few trials remain.
+        UserError: the cause or the engine is unknown, its size is out of range, or too few trials are asked for or
+            remain.
     """
     if trials < MIN_TRIALS or seed < 0:
         raise UserError(
@@ -47,38 +74,110 @@ def record_engine(
         )
     if hidden not in TRUTHS[kind]:
         raise UserError(f"The {kind} hides one of {', '.join(TRUTHS[kind])}; got {hidden!r}.")
-    sizes, contact, sensors = hidden_sizes(kind, hidden, size), contact or EngineContact(), sensors or Sensors()
+    sizes, sensors = hidden_sizes(kind, hidden, size), sensors or Sensors()
     plans = planned(kind, trials, generator(seed, "recording", kind), bodies, sizes)
-    if engine == "mujoco":
-        from thesis_lib.simulate.engines.mujoco_motion import mujoco_motions as run
-    elif engine == "drake":
-        from thesis_lib.simulate.engines.drake_motion import drake_motions as run
+    if engine == "own":
+        header = recording_header(kind, bodies, STEPPED, NOISE, Sampling(velocities="time_stepping"))
+        rng = generator(seed, "recording", kind, "noise")
+        written = _with_noise(header, run_with(kind, hidden, plans, bodies, sizes), rng)
     else:
-        raise UserError(f"The engines are mujoco and drake; got {engine!r}.")
-    drawn = contact.draw(generator(seed, "recording", kind, engine, hidden, "contact"))
-    motions = run(kind, hidden, plans, bodies, sizes, drawn)
-    usable = [(plan, motion) for plan, motion in zip(plans, motions) if _is_usable(kind, motion, bodies)]
+        description = IN_ENGINE.replace("{engine}", engine)
+        header = recording_header(kind, bodies, description, sensors.noise(bodies.h), sensors.sampling())
+        drawn = (contact or EngineContact()).draw(generator(seed, "recording", kind, engine, hidden, "contact"))
+        usable = _usable(kind, plans, _runner(engine)(kind, hidden, plans, bodies, sizes, drawn), bodies)
+        joints, rng = len(header.mechanism.torques), generator(seed, "recording", kind, engine, hidden, "sensors")
+        rig = DrawnSensors.draw(sensors, joints, rng)
+        written = (rig.record(motion, plan.f_ext[:, :joints], bodies.h, rng) for plan, motion in usable)
+    rows = np.vstack([np.column_stack([np.full(len(one[0]), i), *one]) for i, one in enumerate(written)])
+    return Recording(name, header, pd.DataFrame(rows, columns=list(header.columns)).astype({"trial": int}))
+
+
+def _with_noise(
+    header: RecordingHeader, records: Sequence[SimulatedMotion], rng: np.random.Generator
+) -> Iterator[Written]:
+    """The stepped trials with the noise of the header."""
+    sigma_q, sigma_v = np.array(header.sigmas)
+    joints = len(header.mechanism.torques)
+    for record in records:
+        q = record.q + sigma_q * rng.standard_normal(record.q.shape)
+        v = record.v + sigma_v * rng.standard_normal(record.v.shape)
+        # a step's torque is in the row of the state before it; the last state has none
+        yield record.t, q, v, np.vstack([record.f_ext[:, :joints], np.zeros((1, joints))])
+
+
+def _runner(engine: str):
+    if engine == "mujoco":
+        from thesis_lib.simulate.engines.mujoco_motion import mujoco_motions
+
+        return mujoco_motions
+    if engine == "drake":
+        from thesis_lib.simulate.engines.drake_motion import drake_motions
+
+        return drake_motions
+    raise UserError(f"The engines are mujoco and drake; got {engine!r}.")
+
+
+def _usable(
+    kind: MechanismKind, plans: Sequence[SimulatedMotion], motions: list[EngineMotion], bodies: Chapter2Bodies
+) -> list[tuple[SimulatedMotion, EngineMotion]]:
+    """Trials in which the arm neither flies off nor goes through the ground; UserError for too few."""
+    arm, usable = chapter2.arm_disk(bodies), []
+    for plan, motion in zip(plans, motions):
+        if not np.isfinite(motion.q).all() or np.abs(motion.v).max() > bodies.arm.max_speed:
+            continue
+        if kind == "wheel" or min(points[:, 1].min() for points in arm.joints(motion.q)) >= 0.0:
+            usable.append((plan, motion))
     if len(usable) < MIN_TRIALS:
-        raise UserError(f"Only {len(usable)} of {trials} trials of the {kind} are usable; {MIN_TRIALS} are needed.")
-    header = recording_header(kind, bodies).model_copy(
-        update={
-            "description": DESCRIPTION.format(kind=kind, engine=engine),
-            "noise": sensors.noise(bodies.h),
-            "sampling": sensors.sampling(),
+        raise UserError(f"Only {len(usable)} of {len(plans)} trials of the {kind} are usable; {MIN_TRIALS} are needed.")
+    return usable
+
+
+def recording_header(
+    kind: MechanismKind, bodies: Chapter2Bodies, description: str, noise: StateNoise, sampling: Sampling
+) -> RecordingHeader:
+    """The header of a simulation of `bodies`."""
+    section, believed = (Arm, bodies.arm) if kind == "arm" else (Wheel, bodies.wheel)
+    mechanism = {name: getattr(believed, name) for name in section.model_fields if hasattr(believed, name)}
+    if kind == "wheel":
+        mechanism["payload_radius"] = HiddenSizes().payload_radius
+    return RecordingHeader.model_validate(
+        {
+            "schema": 1,
+            "description": description.format(kind=kind),
+            "mechanism": {"kind": kind, **mechanism},
+            "gravity": bodies.gravity,
+            "rate": 1.0 / bodies.h,
+            "noise": noise,
+            "sampling": sampling,
         }
     )
-    driven = len(header.mechanism.torques)
-    rng = generator(seed, "recording", kind, engine, hidden, "sensors")
-    rig = DrawnSensors.draw(sensors, driven, rng)
-    tables = []
-    for i, (plan, motion) in enumerate(usable):
-        t, q, v, u = rig.record(motion, plan.f_ext[:, :driven], bodies.h, rng)
-        numbers = np.column_stack([np.full(len(t), i), t, q, v, u])
-        tables.append(pd.DataFrame(numbers, columns=list(header.columns)).astype({"trial": int}))
-    return Recording(name, header, pd.concat(tables, ignore_index=True))
 
 
-def _is_usable(kind: MechanismKind, motion: EngineMotion, bodies: Chapter2Bodies) -> bool:
-    if not np.isfinite(motion.q).all() or np.abs(motion.v).max() > bodies.arm.max_speed:
-        return False
-    return kind == "wheel" or min(p[:, 1].min() for p in chapter2.arm_disk(bodies).joints(motion.q)) >= 0.0
+def hidden_sizes(kind: MechanismKind, hidden: str, size: float | None) -> HiddenSizes:
+    """Default sizes, with `size` for the cause; UserError if it is not possible."""
+    if size is None:
+        return HiddenSizes()
+    key = SIZE_OF.get((kind, hidden))
+    if key is None:
+        raise UserError("--size has no meaning with --hidden nothing; leave it out.")
+    try:
+        return HiddenSizes.model_validate({key: (size, size) if key in ("viscous", "coulomb") else size})
+    except ValidationError as error:
+        meaning = HiddenSizes.model_fields[key].description
+        raise UserError(
+            f"A size of {size:g} is not possible for {hidden} ({meaning}): {error.errors()[0]['msg']}."
+        ) from error
+
+
+def hidden_text() -> str:
+    """A line per cause that can be hidden in each mechanism, with its default size and meaning."""
+    lines = []
+    for kind, truths in TRUTHS.items():
+        lines.append(f"\n  --mechanism {kind}:")
+        for truth in truths:
+            key = SIZE_OF.get((kind, truth))
+            field = HiddenSizes.model_fields[key] if key else None
+            size = "" if field is None else f"{field.default}".strip("()").replace(", ", "; ")
+            meaning = "a mechanism that is what recording.yaml says" if field is None else field.description
+            lines.append(f"  {truth:<22}  {size:<10} {meaning}")
+    return "\n".join(lines)
