@@ -10,8 +10,8 @@ from folders import bouncing_disk, trajectories
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.sources.conversion import Conversion
-from thesis_lib.datasets.sources.logs import Reading, convert
-from thesis_lib.datasets.sources.tables.options import parse_columns, unit_in, unit_of
+from thesis_lib.datasets.sources.logs import convert
+from thesis_lib.datasets.sources.tables.options import Reading, parse_columns, unit_in, unit_of
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape, parse_wall
 from thesis_lib.foundation.errors import UserError
 

@@ -80,8 +80,8 @@ def bag_samples() -> list[Sample]:
 def read_motion(folder: Path, out: Path) -> None:
     """`datasets init` on the one file of the folder, with the options that its form needs."""
     from thesis_lib.datasets.format.write import write_dataset
-    from thesis_lib.datasets.sources.logs import Reading, convert
-    from thesis_lib.datasets.sources.tables.options import parse_columns
+    from thesis_lib.datasets.sources.logs import convert
+    from thesis_lib.datasets.sources.tables.options import Reading, parse_columns
     from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
     from thesis_lib.figures.cuts import draw_cuts
 

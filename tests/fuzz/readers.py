@@ -123,14 +123,14 @@ LOG_OPTIONS = {  # columns, units, scale of the samples above
 def _read_log(folder: Path, out: Path) -> None:
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.rig_log import convert_logs
-    from thesis_lib.datasets.sources.tables.options import TableOptions, parse_columns, parse_units
+    from thesis_lib.datasets.sources.tables.options import Reading, parse_columns
     from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
 
     # the file may be gone, or a trap: its name says how it is read
     (name,) = [path.name for path in folder.iterdir()] or ["log.csv"]
     plain = ("trial=run,t=time,x=x,y=-y,theta=angle", "mm,deg", None)
     columns, units, scale = LOG_OPTIONS.get(name, plain)
-    options = TableOptions(parse_units(units, scale), parse_columns(columns), origin=(300.0, 800.0), rate=250.0)
+    options = Reading(units, parse_columns(columns), scale=scale, origin="300,800", rate=250.0)
     done = convert_logs([folder / name], "made", options, RigOptions(parse_shape("disk:0.03")))
     write_dataset(done.dataset, out / "made")
 

@@ -1,6 +1,7 @@
 """`python -m thesis_lib datasets init`: a rig's logs become a dataset."""
 
 import argparse
+from dataclasses import fields
 from pathlib import Path
 
 from thesis_lib.foundation.errors import UserError
@@ -118,8 +119,8 @@ def add_init(commands: argparse._SubParsersAction) -> None:
 def convert_logs(args: argparse.Namespace) -> int:
     """Convert, write, check, and say what came of it; UserError where the logs cannot be read or used."""
     from thesis_lib.datasets.format.write import write_dataset
-    from thesis_lib.datasets.sources.logs import Reading, convert
-    from thesis_lib.datasets.sources.tables.options import parse_columns, parse_delimiter
+    from thesis_lib.datasets.sources.logs import convert
+    from thesis_lib.datasets.sources.tables.options import Reading, parse_columns, parse_delimiter
     from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape, parse_wall
     from thesis_lib.datasets.summary import check_dataset, summary_text
 
@@ -127,9 +128,9 @@ def convert_logs(args: argparse.Namespace) -> int:
     same = ("mass", "k_g", "size_uncertainty", "rate", "gravity", "surface_height")
     walls = tuple(map(parse_wall, args.wall))
     rig = RigOptions(parse_shape(args.shape), **{name: getattr(args, name) for name in same}, walls=walls)
-    same = ("units", "per_trial_files", "quaternion", "left_handed", "rotation", "up", "plane", "body", "frame", "cut")
-    given: dict = {name: getattr(args, name) for name in (*same, "decimal", "scale", "origin")}
-    reading = Reading(columns=parse_columns(args.columns), delimiter=parse_delimiter(args.delimiter), **given)
+    given: dict = {item.name: getattr(args, item.name) for item in fields(Reading)}
+    given |= {"columns": parse_columns(args.columns), "delimiter": parse_delimiter(args.delimiter)}
+    reading = Reading(**given)
     conversion = convert(args.files, out.resolve().name, rig, reading)
     write_dataset(conversion.dataset, out, float_format=None)
     if conversion.cuts:

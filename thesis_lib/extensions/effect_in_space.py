@@ -119,7 +119,7 @@ def _carried(made: Made, twist: Twist, attitude: Attitude) -> Made:
         if isinstance(value, State):
             value = _of_state(value, twist, attitude)
         elif isinstance(value, Impulse):
-            both = twist(np.concatenate([np.stack(value.c), np.atleast_2d(value.couple)]))
+            both = twist(np.concatenate([np.array(value.c), np.atleast_2d(value.couple)]))
             value = Impulse(both[:3], both[3:])
         elif hook == "contact_point":
             value = _vector(np.asarray(value), twist)

@@ -1,7 +1,7 @@
 """Any log of a rig as a dataset: which form its files have, which reader takes them, how the motion is looked at."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
 from thesis_lib.datasets.sources.tables.log_table import read_log
-from thesis_lib.datasets.sources.tables.options import TableOptions, parse_origin, parse_units
+from thesis_lib.datasets.sources.tables.options import Reading, parse_numbers
 from thesis_lib.datasets.sources.tables.quaternions import ORDERS, read_quaternion_tables
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 from thesis_lib.datasets.space.plane import parse_direction
@@ -34,27 +34,6 @@ ONLY_SPACE = ("left_handed", "rotation", "up", "plane")
 ONLY_PLANE = ("scale", "origin", "wall")
 
 
-@dataclass(frozen=True)
-class Reading:
-    """How logs are to be read, as the options of `datasets init` say it; None or "" where an option is not given."""
-
-    units: str = ""
-    columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
-    delimiter: str | None = None
-    decimal: str | None = None
-    scale: str | None = None  # pixels a metre
-    origin: str | None = None  # U,V
-    per_trial_files: bool = False
-    quaternion: str | None = None  # xyzw or wxyz
-    left_handed: bool = False
-    rotation: str | None = None  # one of `SEQUENCES`
-    up: str | None = None
-    plane: str | None = None
-    body: str | None = None
-    frame: str | None = None  # X,Y,ANGLE
-    cut: bool | None = None
-
-
 def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Reading) -> Conversion:
     """The dataset in logs of one form; UserError where they cannot be read, or an option does not fit their form."""
     paths = [Path(file) for file in files]
@@ -62,28 +41,20 @@ def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Re
     form = forms[paths[0]]
     if other := next((path for path in paths if forms[path] != form), None):
         raise UserError(f"{paths[0]} is {form}, but {other} is {forms[other]}; convert them one after the other.")
-    options = TableOptions(
-        parse_units(reading.units, reading.scale),
-        reading.columns,
-        reading.delimiter,
-        reading.decimal,
-        parse_origin(reading.origin) if reading.origin else None,
-        reading.body,
-        rig.rate,
-    )
-    in_space = form != TABLE or reading.quaternion is not None or _holds_points(paths[0], options)
+    reading = replace(reading, rate=rig.rate)
+    in_space = form != TABLE or reading.quaternion is not None or _holds_points(paths[0], reading)
     _check_options(paths[0], form, in_space, rig, reading)
     frame = _parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0)
     notes: list[str] = []
     warnings: list[str] = []
     if not in_space and not reading.cut:
-        return convert_logs(paths, name, options, rig, frame, per_trial_files=reading.per_trial_files)
+        return convert_logs(paths, name, reading, rig, frame)
     if not in_space:
-        motions = read_planar_motions(paths, options, rig, notes, warnings)
+        motions = read_planar_motions(paths, reading, rig, notes, warnings)
         view = View(FLAT.y, FLAT.normal, frame)
     else:
         if form == TABLE:
-            motions = read_quaternion_tables(paths, options, reading.quaternion, notes, warnings)
+            motions = read_quaternion_tables(paths, reading, notes, warnings)
         elif form == BAG:
             motions = [bags.read_bag(path, reading.body, warnings) for path in paths]
         elif form == C3D:
@@ -116,7 +87,7 @@ def form_of(path: Path) -> str:
     return next((form for form, (is_form, _, _) in EXPORTS.items() if is_form(first)), TABLE)
 
 
-def _holds_points(path: Path, options: TableOptions) -> bool:
+def _holds_points(path: Path, options: Reading) -> bool:
     """Whether a table has positions x, y, z, and neither an angle nor a quaternion: a ball that was tracked.
 
     UserError if it has columns of a quaternion, which has to be asked for.
@@ -137,8 +108,8 @@ def _holds_points(path: Path, options: TableOptions) -> bool:
 
 def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, reading: Reading) -> None:
     """UserError for an option that has no meaning for this form of a log."""
-    given = {name for name in (*ONLY_TABLES, *ONLY_SPACE) if name != "rate" and getattr(reading, name)}
-    given |= ({"rate"} if rig.rate is not None else set()) | ({"wall"} if rig.walls else set())
+    given = {"wall"} if rig.walls else set()
+    given |= {name for name in (*ONLY_TABLES, *ONLY_SPACE) if getattr(reading, name)}
     if form != TABLE and (useless := [name for name in ONLY_TABLES if name in given]):
         raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
     if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
@@ -170,10 +141,8 @@ def _view(form: str, reading: Reading, frame: tuple[float, float, float], named:
 
 def _parse_frame(text: str) -> tuple[float, float, float]:
     """'X,Y,ANGLE' in m, m and degrees -> m, m, rad."""
-    try:
-        x, y, turn = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = turn = np.nan
-    if not np.isfinite([x, y, turn]).all() or max(abs(x), abs(y)) > FARTHEST:
-        raise UserError(f"--frame: '{text}' is not X,Y,ANGLE in m, m and degrees (for example 0.004,-0.001,45).")
+    mistake = f"--frame: '{text}' is not X,Y,ANGLE in m, m and degrees (for example 0.004,-0.001,45)."
+    x, y, turn = parse_numbers(text, 3, mistake)
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise UserError(mistake)
     return x, y, float(np.radians(turn))

@@ -14,7 +14,7 @@ from thesis_lib.datasets.checks.trajectories import check_trajectories
 from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
 from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
 from thesis_lib.datasets.sources.tables.log_table import Log
-from thesis_lib.datasets.sources.tables.options import TableOptions
+from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.datasets.sources.tables.pose import read_poses
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions
 from thesis_lib.datasets.space.motion import Motion, quaternions
@@ -27,24 +27,18 @@ Frame = tuple[float, float, float]
 
 
 def convert_logs(
-    files: Sequence[str | Path],
-    name: str,
-    options: TableOptions,
-    rig: RigOptions,
-    frame: Frame = (0.0, 0.0, 0.0),
-    *,
-    per_trial_files: bool = False,
+    files: Sequence[str | Path], name: str, options: Reading, rig: RigOptions, frame: Frame = (0.0, 0.0, 0.0)
 ) -> Conversion:
     """A dataset of trajectories from tables with the same columns.
 
     `frame`: x, y (m) of the centre of mass in the frame of the body that the tables follow, and by how much (rad) the
-    shape is turned against it.  A log without times needs `options.rate`.  With `per_trial_files` each file is one
-    trial, whatever its trial column.  Of a disk the angle may be missing.  UserError as in `read_poses`, or if angles
-    are in degrees that are read as radians, or a value of the experiment is impossible.
+    shape is turned against it.  A log without times needs `options.rate`.  Of a disk the angle may be missing.
+    UserError as in `read_poses`, or if angles are in degrees that are read as radians, or a value of the experiment is
+    impossible.
     """
     notes: list[str] = []
     warnings: list[str] = []
-    logs, tables = read_poses(files, options, rig, per_trial_files, notes, warnings)
+    logs, tables = read_poses(files, options, rig, options.per_trial_files, notes, warnings)
     poses = pd.concat(tables, ignore_index=True)
     lost = poses.drop(columns="trial").isna().any(axis=1)
     if lost.any():
@@ -72,7 +66,7 @@ def _of_the_body(poses: pd.DataFrame, frame: Frame) -> pd.DataFrame:
 
 
 def read_planar_motions(
-    files: Sequence[str | Path], options: TableOptions, rig: RigOptions, notes: list[str], warnings: list[str]
+    files: Sequence[str | Path], options: Reading, rig: RigOptions, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
     """Each log as one long recording in a plane of space: x along `FLAT.x`, y up; arguments as in `convert_logs`."""
     from scipy.spatial.transform import Rotation
@@ -91,7 +85,7 @@ def read_planar_motions(
     return motions
 
 
-def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: TableOptions, rig: RigOptions) -> None:
+def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: Reading, rig: RigOptions) -> None:
     """UserError if whole poses in SI have an angle in degrees: before whole turns are taken off, which hides it."""
     if "theta" not in poses:
         return
@@ -99,7 +93,7 @@ def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: TableOptions
     table = UsableRows(Path(file).name, poses.assign(trial=pd.factorize(poses["trial"])[0]), 2, True, report)
     check_trajectories(table, KnownBody(rig.shape, rig.radius, rig.surface_height, rig.g, rig.walls))
     if found := next((problem.what for problem in report.errors if problem.where == "column theta"), None):
-        others = [unit for quantity, unit in options.units.given.items() if quantity != "angle"]
+        others = [unit for quantity, unit in options.si.given.items() if quantity != "angle"]
         units = ",".join([*others, "deg"])
         raise UserError(f"{file}: the angle {found}, but is read as radians. Give --units {units}.")
 

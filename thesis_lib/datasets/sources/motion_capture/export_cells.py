@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_markers, motion_of_markers
 from thesis_lib.datasets.sources.tables.log_table import MAX_COLUMNS, MAX_LOG
-from thesis_lib.datasets.space.motion import from_angles, unit
+from thesis_lib.datasets.space.motion import Motion, from_angles, unit
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
@@ -83,6 +84,37 @@ def length_unit(path: Path, text: str, where: str) -> float:
     if text.lower() not in LENGTHS:
         raise UserError(f"{path}, {where}: '{text[:40]}' is no known unit of length ({', '.join(LENGTHS)}).")
     return LENGTHS[text.lower()]
+
+
+def rate_in_hertz(text: str, mistake: str) -> float:
+    """A rate in Hz; UserError with the text `mistake` if it is none."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e6:
+        raise UserError(mistake)
+    return value
+
+
+def motion_in_markers(
+    path: Path,
+    data: Sequence[Row],
+    t: np.ndarray,
+    places: Mapping[str, Mapping[str, int]],
+    body: str | None,
+    scale: float,
+    notes: list[str],
+) -> Motion:
+    """The motion of a body of which an export has only the markers; `places`: name -> axis -> column.
+
+    Markers that are lost have empty cells, or zeros.
+    """
+    chosen, names = choose_markers(path, [name for name, at in places.items() if set(at) >= set("xyz")], body)
+    wanted = [places[name][axis] for name in names for axis in "xyz"]
+    markers = columns_of(path, data, wanted).reshape(len(data), -1, 3)
+    markers[~np.any(markers != 0.0, axis=2)] = np.nan
+    return motion_of_markers(path, chosen, names, scale * markers, t, notes)
 
 
 def rotations(

@@ -19,8 +19,16 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.motion_capture.export_cells import Row, columns_of, length_unit, read_rows, rotations
-from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body, choose_markers, motion_of_markers
+from thesis_lib.datasets.sources.motion_capture.export_cells import (
+    Row,
+    columns_of,
+    length_unit,
+    motion_in_markers,
+    rate_in_hertz,
+    read_rows,
+    rotations,
+)
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
@@ -64,12 +72,14 @@ def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[
             groups[place].setdefault(cell[1], {}).setdefault((cell[2].lower(), cell[3].lower()), column)
     t = columns_of(path, data, [time if time is not None else 0])[:, 0]
     if time is None:
-        t = t / _number(path, facts, "export frame rate")
+        mistake = "'export frame rate' is missing or no rate in Hz; export it again with header information."
+        t = t / rate_in_hertz(facts.get("export frame rate", ""), f"{path}, row 1: {mistake}")
     scale = length_unit(path, facts.get("length units", "meters"), "row 1, Length Units")
     if groups["body"]:
         chosen = choose_body(path, list(groups["body"]), body)
         return _rigid_body(path, data, t, groups["body"][chosen], chosen, scale, rotation or _sequence(path, facts))
-    return body_from_markers(path, data, t, groups["marker"], body, scale, notes)
+    places = {name: {axis: column for (_, axis), column in of.items()} for name, of in groups["marker"].items()}
+    return motion_in_markers(path, data, t, places, body, scale, notes)
 
 
 def _facts(path: Path, rows: list[Row]) -> dict[str, str]:
@@ -79,18 +89,6 @@ def _facts(path: Path, rows: list[Row]) -> dict[str, str]:
     if (space := facts.get("coordinate space", "global").lower()) != "global":
         raise UserError(f"{path} is exported in '{space[:40]}' coordinates; export it in the Global coordinate space.")
     return facts
-
-
-def _number(path: Path, facts: Mapping[str, str], name: str) -> float:
-    try:
-        value = float(facts.get(name, ""))
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < 1e6:
-        raise UserError(
-            f"{path}, row 1: '{name}' is missing or no rate in Hz; export it again with header information."
-        )
-    return value
 
 
 def _sequence(path: Path, facts: Mapping[str, str]) -> str:
@@ -117,14 +115,3 @@ def _rigid_body(
     rotated = {axis: cells[:, i] for i, axis in enumerate(turn)}
     quaternion, readings = rotations(path, rotated, sequence, True, name)
     return Motion(name, str(path), t, scale * cells[:, len(turn) :], quaternion, None, readings)
-
-
-def body_from_markers(
-    path: Path, data: list[Row], t: np.ndarray, markers: dict, body: str | None, scale: float, notes: list[str]
-) -> Motion:
-    """The motion of a body of which an export has only the markers; `markers`: name -> {(kind, axis): column}."""
-    places = {name: {axis: column for (_, axis), column in columns.items()} for name, columns in markers.items()}
-    chosen, names = choose_markers(path, [name for name, at in places.items() if set(at) >= set("xyz")], body)
-    wanted = [places[name][axis] for name in names for axis in "xyz"]
-    cells = scale * columns_of(path, data, wanted).reshape(len(data), -1, 3)
-    return motion_of_markers(path, chosen, names, cells, t, notes)

@@ -16,8 +16,16 @@ from pathlib import Path
 
 import numpy as np
 
-from thesis_lib.datasets.sources.motion_capture.export_cells import Row, columns_of, lost_zeros, read_rows, rotations
-from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body, choose_markers, motion_of_markers
+from thesis_lib.datasets.sources.motion_capture.export_cells import (
+    Row,
+    columns_of,
+    lost_zeros,
+    motion_in_markers,
+    rate_in_hertz,
+    read_rows,
+    rotations,
+)
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 
@@ -65,11 +73,7 @@ def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: lis
     t = _times(path, data, tokens, facts)
     places = dict(zip(names, columns))
     if kind == "3d":
-        chosen, markers = choose_markers(path, names, body)
-        wanted = [places[name][axis] for name in markers for axis in "xyz"]
-        cells = columns_of(path, data, wanted).reshape(len(data), -1, 3)
-        cells[~np.any(cells != 0.0, axis=2)] = np.nan
-        return motion_of_markers(path, chosen, markers, MM * cells, t, notes)
+        return motion_in_markers(path, data, t, places, body, MM, notes)
     chosen = choose_body(path, names, body)
     at = places[chosen]
     turn = [name for name in MATRIX if name in at] or ["roll", "pitch", "yaw"]
@@ -104,12 +108,8 @@ def _tokens(head: list[Row], data: list[Row], layout: list[str], bodies: int) ->
 def _times(path: Path, data: list[Row], tokens: list[str], facts: dict[str, list[str]]) -> np.ndarray:
     if "time" in tokens:
         return columns_of(path, data, [tokens.index("time")])[:, 0]
-    try:
-        rate = float(facts.get("frequency", [""])[0])
-    except (ValueError, IndexError):
-        rate = 0.0
-    if not 0.0 < rate < 1e6:
-        raise UserError(f"{path}: FREQUENCY is missing or no rate in Hz; export it again with a column Time.")
+    mistake = f"{path}: FREQUENCY is missing or no rate in Hz; export it again with a column Time."
+    rate = rate_in_hertz(next(iter(facts.get("frequency", [])), ""), mistake)
     frame = columns_of(path, data, [tokens.index("frame")])[:, 0] if "frame" in tokens else np.arange(len(data))
     return frame / rate
 

@@ -31,10 +31,11 @@ from thesis_lib.datasets.sources.motion_capture.export_cells import (
     columns_of,
     length_unit,
     lost_zeros,
+    motion_in_markers,
+    rate_in_hertz,
     read_rows,
     rotations,
 )
-from thesis_lib.datasets.sources.motion_capture.motive import body_from_markers
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
@@ -82,10 +83,10 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
         if column > 1 and name:
             columns.setdefault(name, {}).setdefault((axis[:1] if len(axis) == 2 else "", axis[-1:]), column)
     if found.name in MARKERS:
-        markers = {name: {key: n for key, n in of.items() if key[0] == ""} for name, of in columns.items()}
-        units = {found.units[n] for of in markers.values() for (_, axis), n in of.items() if axis in "xyz"}
+        places = {name: {axis: n for (kind, axis), n in of.items() if not kind} for name, of in columns.items()}
+        units = {found.units[n] for of in places.values() for axis, n in of.items() if axis in "xyz"}
         scale = length_unit(path, units.pop() if len(units) == 1 else "mm", "line of units")
-        return body_from_markers(path, found.rows, t, markers, body, scale, notes)
+        return motion_in_markers(path, found.rows, t, places, body, scale, notes)
     bodies = {
         name: of for name, of in columns.items() if {("r", a) for a in "xyz"} | {("t", a) for a in "xyz"} <= set(of)
     }
@@ -123,12 +124,8 @@ def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:
         if len(head) < 4:
             raise UserError(f"{path}, row {rows[i][0]}: the block '{name}' breaks off in its header; export it again.")
         (row, rate), names, axes, units = head[0], *(cells for _, cells in head[1:])
-        try:
-            hertz = float(_alone(rate))
-        except ValueError:
-            hertz = 0.0
-        if not 0.0 < hertz < 1e6:
-            raise UserError(f"{path}, row {row}: expected the rate of the block '{name}' in Hz; export it again.")
+        mistake = f"{path}, row {row}: expected the rate of the block '{name}' in Hz; export it again."
+        hertz = rate_in_hertz(_alone(rate), mistake)
         if not axes or axes[0].lower() != "frame":
             raise UserError(f"{path}, row {head[2][0]}: expected the columns of '{name}', Frame, Sub Frame, …")
         width = len(axes)

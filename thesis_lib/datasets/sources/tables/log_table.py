@@ -15,7 +15,7 @@ import pandas as pd
 
 from thesis_lib.datasets.format.validate import row_text
 from thesis_lib.datasets.sources.tables.layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
-from thesis_lib.datasets.sources.tables.options import TableOptions, unit_in, unit_of
+from thesis_lib.datasets.sources.tables.options import Reading, unit_in, unit_of
 from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, points_of, sureness
 from thesis_lib.foundation.errors import UserError, suggest
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
@@ -117,7 +117,7 @@ class Log:
         return times
 
 
-def read_log(path: Path, options: TableOptions, wanted: Collection[str], doubts: list[str]) -> Log:
+def read_log(path: Path, options: Reading, wanted: Collection[str], doubts: list[str]) -> Log:
     """The cells of a log as text; a last row that was cut off is left out, and `doubts` say so.
 
     `wanted` are columns that it should have.

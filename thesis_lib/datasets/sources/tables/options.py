@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -85,21 +86,40 @@ class Units:
 
 
 @dataclass(frozen=True)
-class TableOptions:
-    """How a table is to be read: None or empty where the table itself decides.
+class Reading:
+    """How logs are to be read, as the options of `datasets init` say it; None or "" where the log itself decides."""
 
-    `columns`: our column -> (column of the table, sign).  `origin`: x and y, as the table writes them, of the point
-    that becomes (0, 0),
-    its own 0, 0 if None.  `body`: the points of a video tracker that are on the body.
-    """
-
-    units: Units = field(default_factory=Units)
-    columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    units: str = ""
+    columns: Mapping[str, tuple[str, float]] = field(default_factory=dict)  # ours -> that of the table, and sign
     delimiter: str | None = None
     decimal: str | None = None
-    origin: tuple[float, float] | None = None
-    body: str | None = None
+    scale: str | None = None  # pixels a metre
+    origin: str | None = None  # U,V: x and y, as the table writes them, of the point that becomes (0, 0)
     rate: float | None = None  # Hz
+    per_trial_files: bool = False
+    quaternion: str | None = None  # xyzw or wxyz
+    left_handed: bool = False
+    rotation: str | None = None  # one of `export_cells.SEQUENCES`
+    up: str | None = None
+    plane: str | None = None
+    body: str | None = None  # of a video tracker: the points on it
+    frame: str | None = None  # X,Y,ANGLE
+    cut: bool | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.si, self.zero  # what is wrong is refused at once
+
+    @cached_property
+    def si(self) -> Units:
+        """The units by quantity; UserError for wrong ones."""
+        return parse_units(self.units, self.scale)
+
+    @cached_property
+    def zero(self) -> tuple[float, float]:
+        """What is taken off x and y of a table, in its own units; UserError if it is not two numbers."""
+        what = "is not U,V, two numbers as the table writes them (for example 320,410)."
+        u, v = parse_numbers(self.origin or "0,0", 2, f"--origin: '{self.origin}' {what}")
+        return u, v
 
     def source(self, *ours: str) -> dict[str, tuple[str, float]]:
         """For each of our columns that of the table, by default of the same name, and its sign."""
@@ -134,15 +154,15 @@ def _parse_scale(text: str) -> float:
     return value
 
 
-def parse_origin(text: str) -> tuple[float, float]:
-    """'U,V' -> the two numbers."""
+def parse_numbers(text: str, many: int, mistake: str) -> list[float]:
+    """'1,2.5' -> so `many` finite numbers; UserError with the text `mistake` for anything else."""
     try:
-        u, v = (float(part) for part in text.split(","))
+        values = [float(part) for part in text.split(",")]
     except ValueError:
-        u = v = np.nan
-    if not np.isfinite([u, v]).all():
-        raise UserError(f"--origin: '{text}' is not U,V, two numbers as the table writes them (for example 320,410).")
-    return u, v
+        values = []
+    if len(values) != many or not np.isfinite(values).all():
+        raise UserError(mistake)
+    return values
 
 
 def parse_delimiter(text: str | None) -> str | None:

@@ -9,7 +9,7 @@ import pandas as pd
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS
 from thesis_lib.datasets.sources.tables.log_table import Log, read_log, say_of_logs
-from thesis_lib.datasets.sources.tables.options import QUANTITY, SPATIAL, TableOptions
+from thesis_lib.datasets.sources.tables.options import QUANTITY, SPATIAL, Reading
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, pose_of_points
 from thesis_lib.foundation.errors import UserError
@@ -20,7 +20,7 @@ STRAY = 0.1  # of a body's size, by which tracked points may stray from a rigid 
 
 def read_poses(
     files: Sequence[str | Path],
-    options: TableOptions,
+    options: Reading,
     rig: RigOptions,
     one_trial: bool,
     notes: list[str],
@@ -68,7 +68,7 @@ def read_poses(
     return logs, tables
 
 
-def _pose_columns(log: Log, options: TableOptions, rig: RigOptions) -> tuple[str, ...]:
+def _pose_columns(log: Log, options: Reading, rig: RigOptions) -> tuple[str, ...]:
     """x, y and theta, which may lack of a disk; UserError if it lacks of another shape."""
     names = {ours: name for ours, (name, _) in options.source("x", "y", "theta").items()}
     if "theta" in options.columns or log.has("theta"):
@@ -78,21 +78,19 @@ def _pose_columns(log: Log, options: TableOptions, rig: RigOptions) -> tuple[str
     return ("x", "y") if isinstance(rig.shape, Disk) else ("x", "y", "theta")
 
 
-def _columns(
-    log: Log, options: TableOptions, pose_columns: Sequence[str], warnings: list[str]
-) -> dict[str, np.ndarray]:
+def _columns(log: Log, options: Reading, pose_columns: Sequence[str], warnings: list[str]) -> dict[str, np.ndarray]:
     """x, y and, if it is among the columns, theta."""
     source = options.source(*pose_columns)
     pose, units = {}, {}
     for ours, (name, sign) in source.items():
-        units[ours] = options.units.unit(ours, log.unit(name), log.where(name))
-        if (cell := log.strange.get(log.find(name) or "")) and QUANTITY[ours] not in options.units.given:
+        units[ours] = options.si.unit(ours, log.unit(name), log.where(name))
+        if (cell := log.strange.get(log.find(name) or "")) and QUANTITY[ours] not in options.si.given:
             warnings.append(
                 f"{log.path.name}, column {name}: '{cell[:20]}' below the header is not a unit that is known; read as "
                 f"{units[ours]}. If that is wrong, convert the column, or give --units"
             )
-        zero = dict(zip("xy", options.origin or ())).get(ours, 0.0)
-        pose[ours] = sign * options.units.factor(units[ours], log.where(name)) * (log.numbers(name) - zero)
+        zero = dict(zip("xy", options.zero)).get(ours, 0.0)
+        pose[ours] = sign * options.si.factor(units[ours], log.where(name)) * (log.numbers(name) - zero)
     if units["y"] == "px" and "theta" in source and source["x"][1] * source["y"][1] < 0.0 < source["theta"][1]:
         warnings.append(
             f"theta is read as counter-clockwise while an axis of the picture is flipped; an angle measured in the "
@@ -102,7 +100,7 @@ def _columns(
 
 
 def _tracked(
-    log: Log, options: TableOptions, lost: list[int], notes: list[str], warnings: list[str]
+    log: Log, options: Reading, lost: list[int], notes: list[str], warnings: list[str]
 ) -> dict[str, np.ndarray]:
     """x, y and, of several points, theta from the points of a video tracker, in a picture with y down.
 
@@ -118,9 +116,9 @@ def _tracked(
         place, theta, stray = pose_of_points(z)
     except ValueError as error:
         raise UserError(f"{log.path}: {error} of {', '.join(points)}; leave some out with --body.") from error
-    unit = options.units.given.get("length", "px")
-    factor = options.units.factor(unit, f"{log.path}, point {points[0]}")
-    x, y = factor * (place - np.array(options.origin or (0.0, 0.0))).T
+    unit = options.si.given.get("length", "px")
+    factor = options.si.factor(unit, f"{log.path}, point {points[0]}")
+    x, y = factor * (place - np.array(options.zero)).T
     lost.append(int(np.sum(~np.isfinite(z))))
     notes.append(f"points of a video tracker: {', '.join(points)}; y of the picture points down, and is flipped")
     if len(points) == 1:
@@ -134,7 +132,7 @@ def _tracked(
     return {"x": x, "y": -y, "theta": -theta}
 
 
-def times(log: Log, options: TableOptions, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:
+def times(log: Log, options: Reading, trial: pd.Series, name: str, notes: list[str]) -> np.ndarray:
     """t (n,) in s: of column `name` in a unit or counting frames, or without it of evenly spaced rows; adds to `notes`.
 
     UserError if neither the log nor `options` says what the times are.
@@ -146,16 +144,16 @@ def times(log: Log, options: TableOptions, trial: pd.Series, name: str, notes: l
             )
         return trial.groupby(trial, sort=False).cumcount().to_numpy() / options.rate
     t, stated = log.times(name), log.unit(name)
-    if "time" not in options.units.given and stated is None and _counts(t, trial):
+    if "time" not in options.si.given and stated is None and _counts(t, trial):
         if options.rate is None:
             raise UserError(f"{log.where(name)} counts rows: give the frames a second, --rate HZ, or the unit of time.")
         notes.append(f"{name} counts frames; times follow from --rate {options.rate:g}")
         return t / options.rate
-    if "time" not in options.units.given and stated is None:
+    if "time" not in options.si.given and stated is None:
         first = np.nanmax(log.numbers(name), initial=0.0)
         if unit := next((unit for unit, least in SINCE_1970.items() if first > least), None):
             raise UserError(f"{log.where(name)} counts {unit} since 1970 ({first:.4g}): give --units {unit}.")
-    return options.units.to_si("t", stated, log.where(name)) * t
+    return options.si.to_si("t", stated, log.where(name)) * t
 
 
 def _counts(t: np.ndarray, trial: pd.Series) -> bool:
@@ -165,9 +163,9 @@ def _counts(t: np.ndarray, trial: pd.Series) -> bool:
     return len(step) > 0 and bool(np.all(whole == np.rint(whole))) and float(np.median(step)) == 1.0
 
 
-def _need_origin(log: Log, options: TableOptions, rig: RigOptions, poses: pd.DataFrame) -> None:
+def _need_origin(log: Log, options: Reading, rig: RigOptions, poses: pd.DataFrame) -> None:
     """UserError if pixels that count downwards from the upper corner have no origin."""
-    pixels = options.units.scale is not None and options.origin is None
+    pixels = options.si.scale is not None and options.origin is None
     if pixels and rig.surface_height == 0.0 and not rig.walls and np.nanmedian(poses["y"]) < 0.0:
         raise UserError(
             f"{log.path}: y is below 0, as pixels count from the upper corner. Say with --origin U,V which pixel is "

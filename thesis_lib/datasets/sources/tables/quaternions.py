@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.sources.tables.log_table import Log, read_log, say_of_logs
-from thesis_lib.datasets.sources.tables.options import TableOptions
+from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.datasets.sources.tables.pose import times
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
@@ -22,26 +22,24 @@ AXES = ("x", "y", "z")
 
 
 def read_quaternion_tables(
-    files: Sequence[str | Path], options: TableOptions, order: str | None, notes: list[str], warnings: list[str]
+    files: Sequence[str | Path], options: Reading, notes: list[str], warnings: list[str]
 ) -> list[Motion]:
-    """The motion in each log, that of a point without an `order`; adds to `notes` and `warnings`.
+    """The motion in each log, that of a point without a quaternion; adds to `notes` and `warnings`.
 
     UserError if a column is missing, a cell is not a number, or the four columns are not a unit quaternion.
     """
     if "theta" in options.columns:
         raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
     source = options.source("trial", "t", *AXES)
-    for i, letter in enumerate(order or ""):
+    for i, letter in enumerate(options.quaternion or ""):
         source[f"q{i + 1}"] = options.columns.get(f"q{i + 1}", (f"q{letter}", 1.0))
     logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
     say_of_logs(logs, notes)
-    return [_read(log, source, options, order, notes if log is logs[0] else []) for log in logs]
+    return [_read(log, source, options, notes if log is logs[0] else []) for log in logs]
 
 
-def _read(
-    log: Log, source: Mapping[str, tuple[str, float]], options: TableOptions, order: str | None, notes: list[str]
-) -> Motion:
-    path = log.path
+def _read(log: Log, source: Mapping[str, tuple[str, float]], options: Reading, notes: list[str]) -> Motion:
+    path, order = log.path, options.quaternion
     four = [name for name in source if name.startswith("q")]
     log.require([source[name][0] for name in (*AXES, *four, *(set(options.columns) & {"t", "trial"}))])
 
@@ -53,7 +51,7 @@ def _read(
     trial = None if labels is None else labels.to_numpy(dtype=str)
     one = pd.Series("0", index=range(len(log))) if trial is None else pd.Series(trial)
     t = times(log, options, one, source["t"][0], notes)
-    scales = [options.units.to_si(axis, log.unit(source[axis][0]), log.where(source[axis][0])) for axis in AXES]
+    scales = [options.si.to_si(axis, log.unit(source[axis][0]), log.where(source[axis][0])) for axis in AXES]
     position = np.array(scales) * np.stack([cells(axis) for axis in AXES], axis=1)
     if order is None:
         return Motion.of_point("", str(path), t, position, trial)
