@@ -11,7 +11,7 @@ examples:
   python -m thesis_lib.docs               after a change of a setting, an effect, a law or a column
   python -m thesis_lib.docs --check       exit code 1, and the names, if a page is out of step; writes nothing
   python -m thesis_lib.docs --results results
-                                          after a run at the default scale: takes the tables that sentences read
+                                          after a run at the default scale: takes the tables that templates read
   python -m thesis_lib.docs --pictures    draws the pictures of effects and laws again, too (half a minute)
 """
 
@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from thesis_lib.docs.pages import stale_pages
 
     if args.results:
-        from thesis_lib.docs.sentences import keep_results
+        from thesis_lib.docs.templates import keep_results
 
         for path in keep_results(args.results):
             print(f"kept {path}")

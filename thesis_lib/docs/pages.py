@@ -5,7 +5,8 @@ A page is Markdown written by hand, except that `BLOCKS[NAME]` writes the text b
     <!-- written by python -m thesis_lib.docs: NAME -->
     <!-- end of NAME -->
 
-and that the numbers of some sentences come from stored tables (`sentences`).
+and that a page with a template (docs/templates/README.md, docs/templates/docs/findings.md) is filled from it, with
+numbers of stored tables (`templates`).
 """
 
 import re
@@ -18,7 +19,7 @@ from thesis_lib.critique.proof import by_contact, direct_fits, headline, measure
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proposal import proof as proposals
 from thesis_lib.docs import configuration, dataset_keys, effects, games, laws
-from thesis_lib.docs.sentences import read_sentences, with_numbers
+from thesis_lib.docs.templates import filled
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.markdown import code, table
@@ -82,16 +83,17 @@ def rendered(page: str, where: str) -> str:
 def stale_pages(folder: Path) -> dict[Path, str]:
     """Outdated pages of `folder`, and the README beside it, with the text that they should have.
 
-    UserError without pages, for a broken block, or for a sentence that is not on its page.
+    UserError without pages, for a broken block, or for a template whose numbers are not to be had.
     """
     pages = sorted(folder.glob("*.md"))
     if not pages:
         raise UserError(f"There are no pages in {folder}; run this in the root of the repository.")
-    stale, sentences, root = {}, read_sentences(), folder.resolve().parent
+    stale, root = {}, folder.resolve().parent
     for path in [*pages, *root.glob("README.md")]:
         page = path.read_text(encoding="utf-8")
-        name = path.resolve().relative_to(root).as_posix()
-        wanted = with_numbers(rendered(page, str(path)), name, sentences)
+        template = folder / "templates" / path.resolve().relative_to(root)
+        text = filled(template.read_text(encoding="utf-8"), str(template)) if template.is_file() else page
+        wanted = rendered(text, str(path))
         if wanted != page:
             stale[path] = wanted
     return stale
