@@ -148,79 +148,90 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _fetch(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.sources.fetch import fetch
-    from thesis_lib.datasets.summary import check_dataset, summary_text
 
     with Progress(args.name) as say:
         folder = fetch(args.name, args.to, args.source, say=say)
-    print(summary_text(*check_dataset(folder)))
-    print(f"written to {folder}")
+    print(f"{_described(folder)}\nwritten to {folder}")
     return 0
 
 
-def _check(args: argparse.Namespace) -> int:
-    from thesis_lib.datasets.format.validate import DatasetError
+def _described(folder: str | Path, as_json: bool = False) -> str:
+    """What a folder with a dataset or a recording holds; DatasetError lists everything that is wrong in it."""
     from thesis_lib.datasets.recordings.read import read_recording
     from thesis_lib.datasets.recordings.recording import is_recording, recording_facts, recording_text
     from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
 
-    moves = is_recording(args.folder)
-    as_text, as_facts = (recording_text, recording_facts) if moves else (summary_text, summarise)
+    moves = is_recording(folder)
+    read: tuple = (read_recording(folder),) if moves else check_dataset(folder)
+    if not as_json:
+        return (recording_text if moves else summary_text)(*read)
+    facts = (recording_facts if moves else summarise)(*read)
+    return json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False)
+
+
+def _check(args: argparse.Namespace) -> int:
+    from thesis_lib.datasets.format.validate import DatasetError
+
     try:
-        read: tuple = (read_recording(args.folder),) if moves else check_dataset(args.folder)
+        print(_described(args.folder, args.json))
     except DatasetError as error:
         if not args.json:
             raise
         problems = [vars(problem) for problem in error.problems]
         print(json.dumps({"valid": False, "dataset": error.name, "problems": problems}, ensure_ascii=False))
         return WRONG
-    if args.json:
-        print(json.dumps({"valid": True, "problems": [], **as_facts(*read)}, ensure_ascii=False, allow_nan=False))
-    else:
-        print(as_text(*read))
     return 0
 
 
 def _example(args: argparse.Namespace) -> int:
-    from thesis_lib.datasets.summary import check_dataset, summary_text
-    from thesis_lib.simulate.compliant.example import NEW_IMPACTS, simulate_example, write_example
+    out, other = Path(args.out), "--mechanism" if args.mechanism else "a puck"
+    given: dict = {"size": args.size, "seed": args.seed}
+    write = _recording if args.mechanism else _puck if args.shape == "puck" else _drops
+    of_drops = (*(["shape"] if args.mechanism else []), "contact_time", "filter", "cutoff")
+    if write is not _drops and any(getattr(args, name) is not None for name in of_drops):
+        from thesis_lib.statistics.wording import listed
 
-    out = Path(args.out)
-    if args.mechanism:
-        return _example_recording(args, out)
-    if args.shape == "puck":
-        return _example_puck(args, out)
-    name, hidden, drops = out.resolve().name, args.hidden or "com_offset_x", 150 if args.drops is None else args.drops
-    chosen: dict = {"size": args.size, "drops": drops, "seed": args.seed, "tracker": _tracker(args)}
-    chosen["shape"] = args.shape or ""
-    example = simulate_example(name, hidden, **chosen, **_drops_in(args.engine, args.contact_time))
-    write_example(example, out)
-    print(summary_text(*check_dataset(out)))
-    print(
-        f"written to {out}, with {len(example.new_impacts)} further impacts in {out / NEW_IMPACTS}. "
-        f"Next: python -m thesis_lib critique {out}"
-    )
+        options = [f"--{name.replace('_', '-')}" for name in of_drops]
+        raise UserError(f"{listed(options)} are for drops; leave them out with {other}.")
+    if args.drops is not None:
+        given["drops" if write is _drops else "trials"] = args.drops
+    further = write(args, out, given)
+    print(f"{_described(out)}\nwritten to {out}{further}. Next: python -m thesis_lib critique {out}")
     return 0
 
 
-def _example_puck(args: argparse.Namespace, out: Path) -> int:
-    from thesis_lib.datasets.format.write import write_dataset
-    from thesis_lib.datasets.summary import check_dataset, summary_text
-    from thesis_lib.simulate.table.puck import FLOAT_FORMAT, TRIALS, simulate_puck
+def _drops(args: argparse.Namespace, out: Path, given: dict) -> str:
+    """Write an example of drops; where the impacts are that its owner does not have."""
+    from thesis_lib.simulate.compliant.example import NEW_IMPACTS, simulate_example, write_example
 
-    if args.filter or args.cutoff is not None or args.contact_time is not None:
-        raise UserError("--contact-time, --filter and --cutoff are for drops; leave them out with a puck.")
+    given |= {"tracker": _tracker(args), "shape": args.shape or ""} | _drops_in(args.engine, args.contact_time)
+    example = simulate_example(out.resolve().name, args.hidden or "com_offset_x", **given)
+    write_example(example, out)
+    return f", with {len(example.new_impacts)} further impacts in {out / NEW_IMPACTS}"
+
+
+def _puck(args: argparse.Namespace, out: Path, given: dict) -> str:
+    from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.simulate.table.puck import FLOAT_FORMAT, simulate_puck
+
     if args.engine == "drake":
         raise UserError("A puck slides in our own simulator or in MuJoCo, not in Drake.")
-    given: dict = {"size": args.size, "trials": TRIALS if args.drops is None else args.drops, "seed": args.seed}
-    hidden = args.hidden or "quick_cushion"
+    hidden = "quick_cushion"
     if args.engine == "mujoco":
         from thesis_lib.simulate.table.mujoco_puck import slide_in_mujoco
 
-        given["move"], hidden = slide_in_mujoco, args.hidden or "dead_cushion"
-    write_dataset(simulate_puck(out.resolve().name, hidden, **given), out, FLOAT_FORMAT)
-    print(summary_text(*check_dataset(out)))
-    print(f"written to {out}. Next: python -m thesis_lib critique {out}")
-    return 0
+        given["move"], hidden = slide_in_mujoco, "dead_cushion"
+    write_dataset(simulate_puck(out.resolve().name, args.hidden or hidden, **given), out, FLOAT_FORMAT)
+    return ""
+
+
+def _recording(args: argparse.Namespace, out: Path, given: dict) -> str:
+    from thesis_lib.datasets.recordings.recording import write_recording
+    from thesis_lib.simulate.engines.recording import simulate_recording
+
+    hidden = args.hidden or "rolling_resistance"
+    write_recording(simulate_recording(out.resolve().name, args.mechanism, hidden, args.engine, **given), out)
+    return ""
 
 
 def _tracker(args: argparse.Namespace):
@@ -260,22 +271,6 @@ def _drops_in(engine: str, milliseconds: float | None) -> dict:
     from thesis_lib.simulate.drake.drops import DropsInDrake
 
     return contact | {"engine": DropsInDrake("point")}
-
-
-def _example_recording(args: argparse.Namespace, out: Path) -> int:
-    from thesis_lib.datasets.recordings.read import read_recording
-    from thesis_lib.datasets.recordings.recording import recording_text, write_recording
-    from thesis_lib.simulate.engines.recording import TRIALS, simulate_recording
-
-    if args.filter or args.shape or args.cutoff is not None or args.contact_time is not None:
-        given = "--shape, --contact-time, --filter and --cutoff"
-        raise UserError(f"{given} are for drops; leave them out with --mechanism.")
-    hidden, trials = args.hidden or "rolling_resistance", TRIALS if args.drops is None else args.drops
-    given = {"size": args.size, "trials": trials, "seed": args.seed}
-    write_recording(simulate_recording(out.resolve().name, args.mechanism, hidden, args.engine, **given), out)
-    print(recording_text(read_recording(out)))
-    print(f"written to {out}. Next: python -m thesis_lib critique {out}")
-    return 0
 
 
 def _refuse_existing(out: Path, force: bool) -> None:

@@ -29,7 +29,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.impact_study.study import split_trials
 from thesis_lib.residual.learners.bases import AugmentedBase, LawBase
-from thesis_lib.residual.learners.learners import ImpactPrediction, ImpulseLearner, LawLearner, ImpactLearner, learners
+from thesis_lib.residual.learners.learners import ImpactLearner, ImpactPrediction, ImpulseLearner, LawLearner, learners
 from thesis_lib.residual.learners.settings import LearningStudySettings
 from thesis_lib.statistics.bootstrap import CENTRAL_95, bootstrap_mean
 from thesis_lib.statistics.intervals import student_mean
