@@ -88,6 +88,45 @@ def _dataset_samples() -> list[Sample]:
         {"dataset.yaml": headers[1], "impacts.csv": csv_of(hits)},
         {"dataset.yaml": headers[2], "trajectories.csv": csv_of(sliding)},
         {"dataset.yaml": headers[0], "trajectories.parquet": parquet_of(poses)},
+        *_samples_in_space(poses),
+    ]
+
+
+def _samples_in_space(poses: pd.DataFrame) -> list[Sample]:
+    """A box, a ball without orientation, and a body as a mesh."""
+    turn = 0.5 * poses["theta"]
+    flights = poses.drop(columns=["y", "theta"]).assign(
+        y=0.1, z=poses["y"], qw=np.cos(turn), qx=0.0, qy=0.0, qz=np.sin(turn)
+    )
+    hits = flights.iloc[::9].rename(columns={"t": "impact"}).assign(trial=np.arange(len(flights[::9])), impact=0)
+    for i, when in enumerate(("pre", "post")):
+        hits = hits.assign(**{f"v{axis}_{when}": 0.1 for axis in "xy"}, **{f"vz_{when}": 3.0 * i - 2.0})
+        hits = hits.assign(**{f"w{axis}_{when}": np.arange(len(hits)) - i for axis in "xyz"})
+    told = {"schema": 2, "rate": 250.0, "noise": {"position": [1e-4, 1e-4, 3e-4], "rotation": 3e-3}}
+    inertia = {"xx": 2.1e-4, "yy": 2.8e-4, "zz": 3.4e-4, "xy": 1e-6}
+    box = {"kind": "box", "half_extents": [0.05, 0.04, 0.03], "edge_radius": 0.001}
+    box_body = {"shape": box, "mass": 0.25, "inertia": inertia, "uncertainty": {"center_of_mass": 5e-4}}
+    place = {"tracked": {"position": [0, 0, 0.03]}, "surface": {"point": [0, 0, 0.01]}, "gravity": [0, 0, -9.81]}
+    ball = {"shape": {"kind": "sphere", "radius": 0.03}, "radii_of_gyration": [0.02, 0.02, 0.02]}
+    floor = {"name": "floor", "point": [0, 0, 0], "normal": [0, 0, 1], "extent": [[1, 1, 0], [-1, 1, 0], [0, -1, 0]]}
+    mesh = {"shape": {"kind": "mesh", "file": "body.obj", "scale": 0.001}, "homogeneous": True}
+    corners = "".join(f"v {x} {y} {z}\n" for x, y, z in ((40, 0, 0), (-20, 30, 0), (-20, -30, 0), (0, 0, 40)))
+    heads = [
+        yaml.safe_dump(told | more, sort_keys=False).encode()
+        for more in (
+            {"body": box_body} | place,
+            {"body": ball, "surfaces": [floor], "spin": 20.0},
+            {"body": mesh, "tracked": "unknown"},
+        )
+    ]
+    return [
+        {"dataset.yaml": heads[0], "trajectories.csv": csv_of(flights), "impacts.parquet": parquet_of(hits)},
+        {"dataset.yaml": heads[1], "trajectories.csv": csv_of(flights.drop(columns=["qw", "qx", "qy", "qz"]))},
+        {
+            "dataset.yaml": heads[2],
+            "impacts.csv": csv_of(hits),
+            "body.obj": f"{corners}f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n".encode(),
+        },
     ]
 
 
@@ -98,7 +137,9 @@ def _read_dataset(folder: Path, out: Path) -> None:
     dataset.digest()
     assert (len(dataset.trials) > 0 and dataset.rate is None) or dataset.rate > 0
     for table in filter(lambda table: table is not None, (dataset.trajectories, dataset.impacts)):
-        assert np.isfinite(table.drop(columns=["t", "flags"], errors="ignore").to_numpy(float)).all()
+        may_lack = ["t", "flags", "qw", "qx", "qy", "qz"]
+        assert np.isfinite(table.drop(columns=may_lack, errors="ignore").to_numpy(float)).all()
+    assert np.isfinite(dataset.shape.extent) and dataset.k_g > 0.0 and dataset.gravity >= 0.0
 
 
 def _log_samples() -> list[Sample]:

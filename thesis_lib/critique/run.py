@@ -103,6 +103,7 @@ def fit(
     dataset = read(data) if isinstance(data, (str, Path)) else data
     if isinstance(dataset, Recording):
         raise UserError(f"{dataset.name} is the recording of a mechanism; fit fits laws of impact to drops.")
+    dataset.require_plane("the fit of a law")
     fitted = fit_model(dataset, law, effects, settings, arcs)
     return saved(fitted, fitted.whitening.observations.rig, dataset.name)
 
@@ -117,6 +118,7 @@ def _of_drops(
     seed: int,
     say: Callable[[str], None],
 ) -> Critique:
+    dataset.require_plane("a critique")
     if models:
         require_falling(dataset.gravity, dataset.has_angle, dataset.header.surfaces or (), "--models")
     rng, settings = generator(seed, "critique", dataset.digest()), settings or CritiqueSettings()

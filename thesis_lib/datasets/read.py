@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.shapes import Disk
+from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.checks import impacts as plausible_impacts
 from thesis_lib.datasets.checks import trajectories as plausible
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.header_file import header_of, load_header, salvage_shape
-from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, IMPACT_COLUMNS
+from thesis_lib.datasets.format.header_file import header_of, is_round, load_header, salvage_shape, schema_of
+from thesis_lib.datasets.format.poses import whole_poses
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, TableForm, impact_form, trajectory_form
 from thesis_lib.datasets.format.tables import load_table, table_of
 from thesis_lib.datasets.format.validate import (
     DatasetError,
@@ -27,13 +29,12 @@ from thesis_lib.datasets.format.validate import (
     read_checked,
 )
 
-OPTIONAL_IMPACT_COLUMNS = ("t", "r_x", "r_y", "flags", *COVARIANCE_COLUMNS)
 Columns = Mapping[str, Sequence[float] | np.ndarray] | pd.DataFrame
-Load = Callable[[str, Sequence[str], Sequence[str]], UsableRows | None]
+Load = Callable[[str, TableForm], UsableRows | None]
 
 
 def read_dataset(path: str | Path) -> Dataset:
-    """The dataset in the folder `path`; θ of trajectories is made continuous within each trial.
+    """The dataset in the folder `path`; θ of trajectories is made continuous within each trial, quaternions are unit.
 
     DatasetError: something is wrong; its `problems` list everything.  Doubts are in `Dataset.warnings`.
     """
@@ -46,14 +47,16 @@ def dataset_of(
     trajectories: Columns | None = None,
     impacts: Columns | None = None,
     name: str = "drops",
+    folder: str | Path | None = None,
 ) -> Dataset:
     """The dataset of arrays, checked as one that is read from a folder.
 
     Args:
-        header: keys of dataset.yaml, in SI units; `schema` may be left out.
-        trajectories: columns trial, t, x, y, theta (n,) in s, m and rad.
+        header: keys of dataset.yaml, in SI units; `schema` may be left out if it is 1.
+        trajectories: columns trial, t, x, y, theta (n,) in s, m and rad; in space those of schema 2.
         impacts: columns of impacts.csv (n,): trial, impact, x, y, theta and the velocities before and after.
         name: of the dataset, in results.
+        folder: where the mesh of a body in space lies.
 
     Raises:
         DatasetError: something is wrong; its `problems` list everything, with rows counted from 1.
@@ -63,14 +66,14 @@ def dataset_of(
         stem: pd.DataFrame(of) for stem, of in (("trajectories", trajectories), ("impacts", impacts)) if of is not None
     }
 
-    def load(stem: str, needed: Sequence[str], optional: Sequence[str]) -> UsableRows | None:
+    def load(stem: str, form: TableForm) -> UsableRows | None:
         if stem not in tables:
             return None
-        return table_of(stem, tables[stem], np.zeros(len(tables[stem]), bool), needed, optional, report)
+        return table_of(stem, tables[stem], np.zeros(len(tables[stem]), bool), form, report)
 
     if not tables:
         report.error("trajectories, impacts", "", "neither is given", "give at least one of them")
-    made = _checked(name, header_of(raw, report), raw, load, report)
+    made = _checked(name, header_of(raw, report, None if folder is None else Path(folder)), raw, load, report)
     if report.errors or made is None:
         raise DatasetError(name, report.errors)
     return made
@@ -86,17 +89,38 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Dataset | None:
     return made and replace(made, path=folder)
 
 
-def _checked(name: str, header: Header | None, raw: Mapping, load: Load, report: ValidationReport) -> Dataset | None:
-    """The dataset of a header and of the tables that `load` gives by name, needed and optional columns."""
-    turns_unseen = isinstance(salvage_shape(raw), Disk)  # theta moves no contact point
-    optional = ("theta",) if turns_unseen else ()
-    needed = tuple(column for column in TRAJECTORY_COLUMNS if column not in optional)
-    trajectories = load("trajectories", needed, optional)
+def _checked(
+    name: str, header: Header | SpaceHeader | None, raw: Mapping, load: Load, report: ValidationReport
+) -> Dataset | None:
+    """The dataset of a header and of the tables that `load` gives by name and form."""
+    schema, turns_unseen = schema_of(raw), is_round(raw)
+    trajectories = load("trajectories", trajectory_form(schema, turns_unseen))
+    impacts = load("impacts", impact_form(schema, turns_unseen))
+    if schema == 2:
+        in_space = header if isinstance(header, SpaceHeader) else None
+        made = _checked_in_space(name, in_space, trajectories, impacts, report)
+    else:
+        in_plane = header if isinstance(header, Header) else None
+        made = _checked_in_plane(name, in_plane, salvage_shape(raw), trajectories, impacts, report)
+    if made is not None and trajectories is not None and impacts is not None:
+        what = f"these trials are not in {trajectories.file}"
+        unknown = ~impacts.data["trial"].isin(trajectories.data["trial"]).to_numpy()
+        impacts.warn("column trial", what, "use the same trial numbers in both files", unknown)
+    return made and replace(made, warnings=tuple(report.warnings))
+
+
+def _checked_in_plane(
+    name: str,
+    header: Header | None,
+    shape: Shape | None,
+    trajectories: UsableRows | None,
+    impacts: UsableRows | None,
+    report: ValidationReport,
+) -> Dataset | None:
     has_angle = trajectories is None or "theta" in trajectories.data
-    impacts = load("impacts", IMPACT_COLUMNS, OPTIONAL_IMPACT_COLUMNS)
     if header is not None:
         plausible.check_header(header, report)
-    body = KnownBody.of(header, salvage_shape(raw))
+    body = KnownBody.of(header, shape)
     if trajectories is not None:
         check_trajectories(trajectories, None if header is None else header.rate)
         if not has_angle:
@@ -116,8 +140,28 @@ def _checked(name: str, header: Header | None, raw: Mapping, load: Load, report:
         poses = trajectories.data.reset_index(drop=True)[list(TRAJECTORY_COLUMNS)]
         poses["theta"] = unwrap(poses["theta"].to_numpy(), poses["trial"].to_numpy())
     hits = None if impacts is None else impacts.data.reset_index(drop=True)
-    if trajectories is not None and impacts is not None:
-        what = f"these trials are not in {trajectories.file}"
-        unknown = ~impacts.data["trial"].isin(trajectories.data["trial"]).to_numpy()
-        impacts.warn("column trial", what, "use the same trial numbers in both files", unknown)
-    return Dataset(name, header, poses, hits, None, tuple(report.warnings), has_angle)
+    return Dataset(name, header, poses, hits, has_angle=has_angle)
+
+
+def _checked_in_space(
+    name: str,
+    header: SpaceHeader | None,
+    trajectories: UsableRows | None,
+    impacts: UsableRows | None,
+    report: ValidationReport,
+) -> Dataset | None:
+    has_angle, tables = trajectories is None or "qw" in trajectories.data, []
+    for table, check in (
+        (trajectories, partial(check_trajectories, rate=header and header.rate)),
+        (impacts, check_impacts),
+    ):
+        whole = None if table is None else whole_poses(table)
+        if whole is not None and len(whole.data):
+            check(whole)
+        tables.append(None if whole is None else whole.data.reset_index(drop=True))
+    if report.errors or header is None:
+        return None
+    poses, hits = tables
+    if poses is not None:
+        poses = poses[["trial", "t", *POSE_IN_SPACE]]
+    return Dataset(name, header, poses, hits, has_angle=has_angle)

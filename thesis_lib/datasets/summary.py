@@ -8,11 +8,14 @@ import numpy as np
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import STATE
 from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSITION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.read import read_dataset
 
-UNIT = {"t": "s", "x": "m", "y": "m", "theta": "rad", "vx": "m/s", "vy": "m/s", "omega": "rad/s"}
+UNIT = {"t": "s", "theta": "rad", "omega": "rad/s"}
+UNIT |= {axis: "m" for axis in "xyz"} | {f"v{axis}": "m/s" for axis in "xyz"} | {f"w{axis}": "rad/s" for axis in "xyz"}
 
 
 def check_dataset(path: str | Path, settings: ArcSettings | None = None) -> tuple[Dataset, FoundImpacts | None]:
@@ -22,21 +25,22 @@ def check_dataset(path: str | Path, settings: ArcSettings | None = None) -> tupl
     everything that is wrong.
     """
     dataset = read_dataset(path)
-    if dataset.trajectories is None:
+    if dataset.trajectories is None or not dataset.space.is_plane:
         return dataset, None
     return dataset, find_impacts(replace(dataset, impacts=None), settings)
 
 
 def summarise(dataset: Dataset, detection: FoundImpacts | None = None) -> dict:
     """Counts, ranges, body and warnings of a dataset, and the impacts detected in its trajectories, ready for JSON."""
-    header = dataset.header
+    header, in_plane = dataset.header, dataset.space.is_plane
     result: dict = {
         "dataset": dataset.name,
+        **({} if in_plane else {"dimensions": 3}),
         "description": header.description,
         "trials": len(dataset.trials),
         "body": header.body.model_dump(mode="json", exclude_none=True),
-        "surface_height": dataset.height,
-        "gravity": dataset.gravity,
+        **({"surface_height": dataset.height} if in_plane else _surroundings(dataset.in_space)),
+        "gravity": header.gravity,
         "noise": None if header.noise is None else header.noise.model_dump(exclude_none=True),
         "warnings": [vars(problem) for problem in dataset.warnings],
     }
@@ -48,19 +52,31 @@ def summarise(dataset: Dataset, detection: FoundImpacts | None = None) -> dict:
             "samples_per_trial": [int(count.min()), int(count.max())],
             "duration": [float(last.min()), float(last.max())],
             "rate": dataset.rate,
-            "range": _ranges(poses, ("x", "y", "theta") if dataset.has_angle else ("x", "y")),
+            "range": _ranges(
+                poses, ("x", "y", "theta" if in_plane else "z")[: 2 if not dataset.has_angle and in_plane else 3]
+            ),
         }
     if (impacts := dataset.impacts) is not None:
         result["impacts"] = {
             "rows": len(impacts),
-            "contact_points": "given" if "r_x" in impacts else "from shape and theta",
+            "contact_points": "given"
+            if "r_x" in impacts
+            else f"from shape and {'theta' if in_plane else 'orientation'}",
             "covariance": "cov_x_x" in impacts,
             "flagged": int((impacts["flags"] != "").sum()) if "flags" in impacts else 0,
-            "range": _ranges(impacts, STATE),
+            "range": _ranges(impacts, STATE if in_plane else (*POSITION, *V_PRE_IN_SPACE, *V_POST_IN_SPACE)),
         }
     if detection is not None:
         result["detection"] = detection.summary()
     return result
+
+
+def _surroundings(header: SpaceHeader) -> dict:
+    """Tracked frame and surfaces, as dataset.yaml says them, the normals as they are."""
+    content = header.model_dump(mode="json", include={"tracked"})
+    names = [surface.name for surface in header.surfaces or ()] or ["surface"]
+    planes = zip(names, header.planes)
+    return content | {"surfaces": {name: {"point": p.tolist(), "normal": n.tolist()} for name, (p, n) in planes}}
 
 
 def _ranges(table, names) -> dict[str, list[float]]:
@@ -69,20 +85,27 @@ def _ranges(table, names) -> dict[str, list[float]]:
 
 def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str:
     """The same as text."""
-    facts, body = summarise(dataset, detection), dataset.header.body
+    facts, body, in_plane = summarise(dataset, detection), dataset.header.body, dataset.space.is_plane
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
     mass = "mass not given" if body.mass is None else f"mass {body.mass:g} kg"
     lines.append(
-        f"body        {body.shape.kind}, reaches {body.shape.extent:.4g} m from its centre; {mass}; radius of gyration "
-        f"{body.radius_of_gyration:.4g} m (a uniform lamina has {body.shape.radius_of_gyration:.4g} m)"
+        f"body        {body.shape.kind}, reaches {dataset.shape.extent:.4g} m from its centre; {mass}; radius of "
+        f"gyration {body.radius_of_gyration:.4g} m "
+        + (f"(a uniform lamina has {body.shape.radius_of_gyration:.4g} m)" if in_plane else "(mean of three axes)")
     )
     names = ", ".join(wall.name for wall in dataset.header.surfaces or ())
-    where = f"walls {names}" if names else f"at y = {dataset.height:g} m"
+    where = f"{'walls' if in_plane else 'surfaces'} {names}" if names else f"at y = {dataset.height:g} m"
+    if not in_plane and not names:
+        where = "through ({:.4g}, {:.4g}, {:.4g}) m, normal ({:.3f}, {:.3f}, {:.3f})".format(
+            *np.ravel(dataset.in_space.planes) + 0.0
+        )
     lines.append(f"surface     {where}; gravity {dataset.gravity:g} m/s²")
     noise = facts["noise"]
-    units = {"position": "m", "angle": "rad", "velocity": "m/s", "angular_velocity": "rad/s"}
-    stated = ", ".join(f"{name} {value:g} {units[name]}" for name, value in noise.items()) if noise else ""
-    lines.append(f"noise       {stated or 'not stated'}")
+    units = {"position": "m", "angle": "rad", "rotation": "rad", "velocity": "m/s", "angular_velocity": "rad/s"}
+    stated = [
+        f"{name} {' '.join(f'{v:g}' for v in np.ravel(value))} {units[name]}" for name, value in (noise or {}).items()
+    ]
+    lines.append(f"noise       {', '.join(stated) or 'not stated'}")
     if (part := facts.get("trajectories")) is not None:
         low, high = part["samples_per_trial"]
         shortest, longest = part["duration"]
@@ -114,6 +137,8 @@ def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
 
 def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str]:
     """What a critique can say of so few impacts; nothing if they are enough for a verdict, or none."""
+    if not dataset.space.is_plane:
+        return ["critique    not yet: bodies in space can be read, written and checked"]
     if dataset.impacts is not None:
         trial, more = dataset.impacts["trial"].to_numpy(), []
     elif detection is not None:

@@ -1,7 +1,7 @@
 """The keys of dataset.yaml and recording.yaml as tables, from the models that check them."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from pydantic.fields import FieldInfo
 
@@ -9,12 +9,35 @@ from thesis_lib.docs.configuration import kind
 from thesis_lib.foundation.markdown import code, table
 from thesis_lib.foundation.settings import Section
 
+Nested = Mapping[str, type[Section]]
+
 
 def text() -> str:
-    """Every key with its default."""
+    """Every key of schema 1 with its default."""
+    from thesis_lib.bodies.body import Body, Noise, Surface, Uncertainty
+    from thesis_lib.bodies.walls import Wall
     from thesis_lib.datasets.format.header import Header
 
-    return table(("key", "needed", "kind", "meaning"), _rows("", Header))
+    nested = {"body": Body, "surface": Surface, "noise": Noise, "body.uncertainty": Uncertainty, "surfaces": Wall}
+    return table(("key", "needed", "kind", "meaning"), _rows("", Header, nested))
+
+
+def space_text() -> str:
+    """Every key of schema 2 with its default."""
+    from thesis_lib.bodies import solid_body
+    from thesis_lib.datasets.format.space_header import SpaceHeader
+
+    nested: Nested = {
+        "body": solid_body.SolidBody,
+        "body.inertia": solid_body.InertiaTensor,
+        "body.uncertainty": solid_body.SolidUncertainty,
+        "tracked": solid_body.Tracked,
+        "tracked.uncertainty": solid_body.TrackedUncertainty,
+        "surface": solid_body.FlatSurface,
+        "surfaces": solid_body.NamedSurface,
+        "noise": solid_body.NoiseInSpace,
+    }
+    return table(("key", "needed", "kind", "meaning"), _rows("", SpaceHeader, nested))
 
 
 def recording_text() -> str:
@@ -25,27 +48,22 @@ def recording_text() -> str:
     nested = {"mechanism": (Arm, Wheel), "noise": (StateNoise,), "sampling": (Sampling,)}
     for name, field in RecordingHeader.model_fields.items():
         for section in nested.get(name, ()):
-            rows += _rows(f"{name}.", section)
+            rows += _rows(f"{name}.", section, {})
         if name not in nested:
             rows.append(_row("", name, field))
     return table(("key", "needed", "kind", "meaning"), rows)
 
 
-def _rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, str]]:
-    from thesis_lib.bodies.body import Body, Noise, Surface, Uncertainty
-    from thesis_lib.bodies.walls import Wall
-
-    nested = {"body": Body, "surface": Surface, "noise": Noise, "body.uncertainty": Uncertainty}
+def _rows(path: str, section: type[Section], nested: Nested) -> Iterator[tuple[str, str, str, str]]:
     for name, field in section.model_fields.items():
         key = f"{path}{field.alias or name}"
         if key == "surfaces":
             yield code(key), "no", "list", field.description or ""
-            yield from _rows("surfaces[].", Wall)
+            yield from _rows("surfaces[].", nested[key], nested)
         elif key in nested:
-            yield from _rows(f"{key}.", nested[key])
+            yield from _rows(f"{key}.", nested[key], nested)
         elif name == "shape":
-            what = "see above: `ellipse`, `disk` or `polygon`"
-            yield (code(key), "yes", what, "m, in the frame of the body, whose origin is the believed centre of mass")
+            yield code(key), "yes", "see above", "m, in the frame of the body"
         else:
             yield _row(path, name, field)
 

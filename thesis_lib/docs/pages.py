@@ -45,6 +45,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "effects": effects.text,
     "laws": laws.text,
     "dataset keys": dataset_keys.text,
+    "dataset keys in space": dataset_keys.space_text,
     "recording keys": dataset_keys.recording_text,
     "columns": columns_text,
     "headline": headline.as_markdown,

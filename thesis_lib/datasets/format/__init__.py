@@ -1,1 +1,1 @@
-"""The dataset format, schema 1: header, tables, impacts as arrays; reading, writing and checking them."""
+"""The dataset format, schemas 1 (plane) and 2 (space): header, tables, impacts; reading, writing and checking them."""

@@ -1,24 +1,28 @@
-"""A dataset in memory: header, poses and impacts (dataset format, schema 1)."""
+"""A dataset in memory: header, poses and impacts (dataset format, schema 1 in the plane, 2 in space)."""
 
 import hashlib
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import PLANE, SPACE, Space
 
 if TYPE_CHECKING:
     from thesis_lib.datasets.format.validate import Problem
 
 # what is said about the data is none of them: it changes no split and no seed
 _NOT_DATA = {"description": True, "body": {"homogeneous", "uncertainty"}}
+_NOT_DATA_IN_SPACE = {"description": True, "body": {"uncertainty"}, "tracked": {"uncertainty"}}
 _ABSENT = ("surfaces", "spin")  # keys that most datasets lack: without them the digest is what it was before
 TRAJECTORY_COLUMNS = ("trial", "t", "x", "y", "theta")
 
@@ -28,21 +32,33 @@ class Dataset:
     """Measured or simulated drops of one body."""
 
     name: str  # of the folder, used in the names of results
-    header: Header
-    trajectories: pd.DataFrame | None = None  # `TRAJECTORY_COLUMNS` (s, m, m, rad); θ is continuous within a trial
+    header: Header | Any  # dataset.yaml; of schema 2 a `SpaceHeader`
+    # `TRAJECTORY_COLUMNS` (s, m, m, rad), θ continuous within a trial; in space trial, t, `POSE_IN_SPACE` (s, m, 1)
+    trajectories: pd.DataFrame | None = None
     impacts: pd.DataFrame | None = None  # at least `IMPACT_COLUMNS` (m, rad, m/s, rad/s)
     path: Path | None = None  # the folder it was read from
     warnings: tuple["Problem", ...] = ()  # what is suspicious but not wrong
-    has_angle: bool = True  # False: trajectories.csv has no theta, which is 0 in `trajectories`
+    has_angle: bool = True  # False: trajectories.csv has no theta, which is 0 in `trajectories`; NaN in space
 
     @property
-    def shape(self) -> Shape:
-        """The body's outline, m."""
-        return self.header.body.shape
+    def space(self) -> Space:
+        """Where the body moves."""
+        return SPACE if isinstance(self.header, SpaceHeader) else PLANE
+
+    @property
+    def in_space(self) -> SpaceHeader:
+        """dataset.yaml of a body in space."""
+        assert isinstance(self.header, SpaceHeader)
+        return self.header
+
+    @property
+    def shape(self) -> Shape | Any:
+        """The body's outline, m; in space the `Solid` that touches a surface."""
+        return self.header.body.shape if self.space.is_plane else self.in_space.body.solid
 
     @property
     def k_g(self) -> float:
-        """Radius of gyration, m."""
+        """Radius of gyration, m; in space the root of the mean principal moment per mass."""
         return self.header.body.radius_of_gyration
 
     @property
@@ -52,13 +68,13 @@ class Dataset:
 
     @property
     def height(self) -> float:
-        """Height of the surface, m."""
-        return self.header.surface.height
+        """Height of the surface, m; 0 in space, where heights count from the surface."""
+        return self.header.surface.height if self.space.is_plane else 0.0
 
     @property
     def gravity(self) -> float:
-        """m/s²."""
-        return self.header.gravity
+        """Size of gravity, m/s²."""
+        return self.header.gravity if self.space.is_plane else float(np.linalg.norm(self.in_space.gravity))
 
     @property
     def rate(self) -> float | None:
@@ -86,15 +102,28 @@ class Dataset:
 
     def stated_impacts(self) -> Impacts:
         """The impacts of impacts.csv as arrays, whatever the trajectories; UserError without impacts.csv."""
+        self.require_plane("stated_impacts")
         if self.impacts is None:
             raise UserError(f"The dataset {self.name} has no impacts.csv; use find_impacts on its trajectories.")
         return Impacts.from_table(self.impacts, self.shape, self.k_g, self.mass)
 
+    def require_plane(self, what: str) -> None:
+        """UserError if the body moves in space, where `what` is not available."""
+        if not self.space.is_plane:
+            raise UserError(
+                f"{self.name} is a dataset in space (schema 2). It can be read, written and checked; {what} is there "
+                "for motions in a plane only. If the body moves in a plane, project it: datasets init with a planar "
+                "--shape."
+            )
+
     def digest(self) -> str:
         """SHA-256 (hex) of the content, whatever its folder, file type or description; seeds derive from it."""
-        content = self.header.model_dump(mode="json", by_alias=True, exclude=_NOT_DATA)
+        without: Any = _NOT_DATA if self.space.is_plane else _NOT_DATA_IN_SPACE
+        content = self.header.model_dump(mode="json", by_alias=True, exclude=without)
         content = {key: value for key, value in content.items() if key not in _ABSENT or value is not None}
         sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
+        if isinstance(self.header.body.shape, Mesh):
+            sha.update(self.header.body.shape.content)
         for kind, table in (("trajectories", self.trajectories), ("impacts", self.impacts)):
             if table is None:
                 continue

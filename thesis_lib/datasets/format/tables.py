@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from thesis_lib.datasets.format.table_forms import TableForm
 from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
 from thesis_lib.foundation.errors import suggest
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
@@ -27,18 +28,13 @@ LARGEST = {"t": 1e12, None: 1e9}  # epoch times in microseconds pass; no SI valu
 INTEGERS = ("trial", "impact")
 LARGEST_INTEGER = 2**53  # CSV readers that go through floats confuse larger numbers
 TEXT = ("flags",)
-# columns of a motion in space that a planar motion lacks
-SPATIAL = ("z", "vz", "roll", "pitch", "yaw", "qx", "qy", "qz", "qw", "omega_x", "omega_y", "wx", "wy")
-MAY_BE_EMPTY = ("t",)  # impacts.csv: the instant may be unknown
 
 
 class _NoTable(Exception):
     """A file holds no table: where, what is wrong, and what to do about it."""
 
 
-def load_table(
-    folder: Path, stem: str, required: Sequence[str], optional: Sequence[str], report: ValidationReport
-) -> UsableRows | None:
+def load_table(folder: Path, stem: str, form: TableForm, report: ValidationReport) -> UsableRows | None:
     """The usable rows of `<stem>.csv` or `<stem>.parquet`, or None; problems go to `report`."""
     paths = [path for path in (folder / f"{stem}.csv", folder / f"{stem}.parquet") if os.path.lexists(path)]
     if not paths:
@@ -57,7 +53,7 @@ def load_table(
     except _NoTable as problem:
         report.error(path.name, *problem.args)
         return None
-    return table_of(path.name, frame, ragged, required, optional, report)
+    return table_of(path.name, frame, ragged, form, report)
 
 
 def _read_csv(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, np.ndarray]:
@@ -175,29 +171,21 @@ def _read_parquet(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, n
     return frame, np.zeros(len(frame), dtype=bool)
 
 
-def _check_columns(
-    file: str, names: Sequence[str], required: Sequence[str], optional: Sequence[str], report: ValidationReport
-) -> bool:
+def _check_columns(file: str, names: Sequence[str], form: TableForm, report: ValidationReport) -> bool:
     """Report missing and unknown columns; whether all required ones are present."""
-    missing = [name for name in required if name not in names]
-    unknown = [name for name in names if name not in required and name not in optional]
-    if spatial := [name for name in unknown if name.lower() in SPATIAL]:
-        report.error(
-            file,
-            _columns(spatial),
-            "the motion is one in space; only planar motions (x, y and one angle theta) can be analysed",
-            "if the body moves in a plane, project it (x along the surface, y up, theta about the normal of the "
-            "plane: README, 'Your own drops'); a body that leaves its plane cannot be analysed",
-        )
-    candidates = missing + [name for name in optional if name not in names]
+    missing = [name for name in form.required if name not in names]
+    unknown = [name for name in names if name not in form.required and name not in form.optional]
+    if foreign := [name for name in unknown if name.lower() in form.foreign]:
+        report.error(file, _columns(foreign), form.what, form.remedy)
+    candidates = missing + [name for name in form.optional if name not in names]
     for name in unknown:
-        if name in spatial:
+        if name in foreign:
             continue
         hint = suggest(name.lower() if name.lower() in candidates else name, candidates)
-        remedy = hint or f"remove it; columns are {', '.join(required)}"
+        remedy = hint or f"remove it; columns are {', '.join(form.required)}"
         report.error(file, f"column {name[:60] or '(no name)'}", "unknown column", remedy)
     if missing:
-        remedy = f"the first row must be {','.join(required)} (or use the init command to convert a log)"
+        remedy = f"the first row must be {','.join(form.required)} (or use the init command to convert a log)"
         report.error(file, _columns(missing), "missing", remedy)
     return not missing
 
@@ -207,31 +195,25 @@ def _columns(names: Sequence[str]) -> str:
 
 
 def table_of(
-    name: str,
-    frame: pd.DataFrame,
-    ragged: np.ndarray,
-    required: Sequence[str],
-    optional: Sequence[str],
-    report: ValidationReport,
+    name: str, frame: pd.DataFrame, ragged: np.ndarray, form: TableForm, report: ValidationReport
 ) -> UsableRows | None:
     """The rows of `frame` in which every known column has a usable cell; None if there are none, or columns are wrong.
 
     `ragged`: mask (n,) of rows with too few or too many cells; problems go to `report`, as those of the file `name`.
     """
-    if not _check_columns(name, list(frame.columns), required, optional, report):
+    if not _check_columns(name, list(frame.columns), form, report):
         return None
     first_row = 2 if name.endswith(".csv") else 1
     if len(frame) == 0:
         report.error(name, "", "has a header but no rows", "write the rows, or delete the file")
         return None
     usable, columns = ~ragged, {}
-    for column in [column for column in frame.columns if column in required or column in optional]:
+    for column in [column for column in frame.columns if column in form.required or column in form.optional]:
         cells = frame[column]
         if column in TEXT:
             columns[column] = cells.astype(object).where(cells.notna(), "").astype(str).astype(object)
             continue
-        may_be_empty = column in MAY_BE_EMPTY and column not in required
-        columns[column], faults = _numbers(cells, column, ragged, may_be_empty)
+        columns[column], faults = _numbers(cells, column, ragged, column in form.may_be_empty)
         for bad, what, remedy in faults:
             usable &= ~bad
             if bad.any():

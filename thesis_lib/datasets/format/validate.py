@@ -14,6 +14,13 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.impacts import COVARIANCE_COLUMNS, STATE, V_POST, V_PRE
+from thesis_lib.datasets.format.table_forms import (
+    CONTACT_POINT,
+    POSE_IN_SPACE,
+    QUATERNION,
+    V_POST_IN_SPACE,
+    V_PRE_IN_SPACE,
+)
 from thesis_lib.foundation.errors import UserError
 
 T = TypeVar("T")
@@ -153,7 +160,7 @@ def check_trajectories(table: UsableRows, rate: float | None) -> None:
                 "remove these trials, or log them at a higher rate: a fit on either side of an impact needs 5 samples"
             )
             table.error(where, what, remedy)
-    _check_copies(table, [name for name in ("x", "y", "theta") if name in table.data])
+    _check_copies(table, [name for name in ("x", "y", "theta", *POSE_IN_SPACE[2:]) if name in table.data])
     if np.any(forward := same & (step > 0.0)):
         usual = float(np.median(step[forward]))
         _check_step(table, usual, rate)
@@ -165,8 +172,10 @@ def check_trajectories(table: UsableRows, rate: float | None) -> None:
 def _check_copies(table: UsableRows, columns: list[str]) -> None:
     """Report trials equal to another to the last digit: a release cannot be measured twice."""
     values = table.data[columns].to_numpy(float)
-    if len(values) < 2 or (np.ptp(values, axis=0) == 0.0).any():
-        return  # a channel that never changes was not measured, which is reported elsewhere
+    still = np.ptp(values, axis=0) == 0.0
+    # a channel that never changes was not measured, which is reported elsewhere; a body may turn about one axis alone
+    if len(values) < 2 or any(still & [name not in QUATERNION for name in columns]):
+        return
     trial = table.data["trial"].to_numpy()
     first: dict[bytes, int] = {}
     pairs = []
@@ -213,16 +222,18 @@ def check_impacts(table: UsableRows) -> None:
         what = "within a trial, impact must count up from 0 (0, 1, 2, …) in order"
         remedy = "renumber it; with one impact a trial, trial counts up and impact is 0 throughout"
         table.error("column impact", what, remedy, bad)
-    _check_copies(table, [*V_PRE, *V_POST])
+    velocities = V_PRE_IN_SPACE + V_POST_IN_SPACE if "z" in data else V_PRE + V_POST
+    _check_copies(table, list(velocities))
     _check_optional(table)
 
 
 def _check_optional(table: UsableRows) -> None:
     data = table.data
-    if ("r_x" in data) != ("r_y" in data):
-        there, lacking = ("r_x", "r_y") if "r_x" in data else ("r_y", "r_x")
-        remedy = "give both coordinates of the contact point, or neither (then the shape and theta give it)"
-        table.error(f"column {lacking}", f"is missing although {there} is there", remedy)
+    point = CONTACT_POINT if "z" in data else CONTACT_POINT[:2]
+    there, lacking = ([name for name in point if (name in data) == given] for given in (True, False))
+    if there and lacking:
+        remedy = "give all coordinates of the contact point, or none (then the shape and the orientation give it)"
+        table.error(f"column {lacking[0]}", f"is missing although {there[0]} is there", remedy)
     lacking = [name for name in COVARIANCE_COLUMNS if name not in data]
     if 0 < len(lacking) < len(COVARIANCE_COLUMNS):
         more = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""

@@ -5,14 +5,16 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
+from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import FLOAT_FORMAT, atomic, write_text
 from thesis_lib.foundation.settings import Section
 
 
 def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None = FLOAT_FORMAT) -> Path:
-    """Write dataset.yaml, trajectories.csv and impacts.csv into `folder`, which is made if needed, and return it.
+    """Write dataset.yaml, trajectories.csv, impacts.csv and a mesh into `folder`, made if needed, and return it.
 
     dataset.yaml comes last, so that a killed run leaves no dataset with half its tables.  Tables of the same names are
     replaced; UserError if the folder holds one that the dataset lacks (it would be read as part of it).  Without
@@ -21,7 +23,7 @@ def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None
     folder = Path(folder)
     poses = dataset.trajectories
     if poses is not None and not dataset.has_angle:
-        poses = poses.drop(columns="theta")
+        poses = poses.drop(columns="theta" if dataset.space.is_plane else list(QUATERNION))
     tables = {"trajectories": poses, "impacts": dataset.impacts}
     for stem, table in tables.items():
         stale = [f"{stem}.parquet"] + ([f"{stem}.csv"] if table is None else [])
@@ -34,6 +36,9 @@ def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None
     for stem, table in tables.items():
         if table is not None:
             write_csv(table, folder / f"{stem}.csv", float_format)
+    if isinstance(mesh := dataset.header.body.shape, Mesh):
+        with atomic(folder / mesh.file) as tmp:
+            Path(tmp).write_bytes(mesh.content)
     write_text(header_text(dataset.header), folder / "dataset.yaml")
     return folder
 
@@ -48,5 +53,5 @@ def header_text(header: Section) -> str:
     """dataset.yaml or recording.yaml as text, with the keys in the documented order."""
     content = header.model_dump(mode="json", by_alias=True, exclude_none=True)
     if "surfaces" in content:
-        del content["surface"]  # there is none beside walls
+        del content["surface"]  # there is none beside walls and named surfaces
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None)

@@ -81,6 +81,7 @@ def find_impacts(dataset: "Dataset", settings: ArcSettings | None = None) -> Fou
     by better means.  Their covariance comes from the table, else from the header's noise, else it is None.
     UserError: the dataset has neither impacts nor trajectories, or its impacts contradict its header.
     """
+    dataset.require_plane("the search for impacts")
     settings = settings or ArcSettings()
     if dataset.impacts is not None and len(dataset.impacts):
         return _from_given(dataset.stated_impacts(), dataset.header, settings)

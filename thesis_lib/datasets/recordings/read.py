@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.datasets.format.dataset import unwrap
-from thesis_lib.datasets.format.header_file import parsed
+from thesis_lib.datasets.format.header_file import mapping_in, validated
+from thesis_lib.datasets.format.table_forms import TableForm
 from thesis_lib.datasets.format.tables import load_table
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport, check_trajectories, read_checked
 from thesis_lib.datasets.recordings.header import RecordingHeader
@@ -25,10 +26,11 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Recording | None
     if (folder / "dataset.yaml").exists():
         what = "stands beside dataset.yaml, so it is unclear what the folder holds"
         report.error(HEADER_FILE, "", what, "keep drops and recordings in folders of their own")
-    header, _ = parsed(folder, HEADER_FILE, RecordingHeader, report, _remedy)
+    raw, lines = mapping_in(folder, HEADER_FILE, report)
+    header = None if raw is None else validated(raw, lines, HEADER_FILE, RecordingHeader, report, _remedy)
     if header is None or report.errors:  # it defines the columns
         return None
-    table = load_table(folder, STATES, header.columns, (), report)
+    table = load_table(folder, STATES, TableForm(header.columns), report)
     if table is None:
         if not report.errors:
             report.error(f"{STATES}.csv", "", "the file is missing", f"write {','.join(header.columns)}")
@@ -48,7 +50,10 @@ def _read(folder: Path, name: str, report: ValidationReport) -> Recording | None
 
 def _remedy(mistake: Mistake) -> str:
     key = mistake.place[-1] if mistake.place else "it"
-    return f"give {key}{f' ({mistake.meaning})' if mistake.meaning else ''}, see docs/reference_dataset.md"
+    return (
+        mistake.remedy
+        or f"give {key}{f' ({mistake.meaning})' if mistake.meaning else ''}, see docs/reference_dataset.md"
+    )
 
 
 def _check_steps(table: UsableRows, rate: float) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from thesis_lib.bodies.mesh import SUFFIXES
 from thesis_lib.datasets.sources.published import SOURCES, checksums, find_source
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
@@ -50,7 +51,7 @@ def locate(name: str, search: Sequence[str | Path]) -> Located:
     for base in map(Path, search):
         folder = base / name
         if is_file(folder / "dataset.yaml"):
-            files = sorted(str(p) for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet"))
+            files = sorted(str(p) for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet", *SUFFIXES))
             stems = {Path(p).stem for p in files}
             return Located(name, "folder", str(folder), "", tuple(files), "impacts" not in stems)
         if name in SOURCES and (source := find_source(name, base)) is not None:

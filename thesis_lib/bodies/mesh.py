@@ -1,0 +1,122 @@
+"""A body as a file of triangles, .obj or .stl: what touches is its convex hull, what has mass is the mesh as drawn.
+
+The file lies in the folder of the dataset.  It is read, with its size bounded, while dataset.yaml is checked, so that a
+mesh in memory is a mesh that was read; its bytes belong to the content of the dataset.
+"""
+
+import io
+import logging
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+
+from thesis_lib.bodies.moments import Moments, moments_within
+from thesis_lib.bodies.shapes import Length
+from thesis_lib.bodies.solids import Hull
+from thesis_lib.foundation.regular_file import FileProblem, read_bytes
+from thesis_lib.foundation.settings import Section
+
+MAX_BYTES = 20_000_000
+PACKAGE = "trimesh"
+SUFFIXES = (".obj", ".stl")
+
+
+class Mesh(Section):
+    """A closed or open surface of triangles, in the axes of its file."""
+
+    kind: Literal["mesh"] = "mesh"
+    file: str = Field(description="name of a file .obj or .stl in the folder of the dataset, at most 20 MB")
+    scale: Length = Field(1.0, description="m for each unit of the file, 0.001 for millimetres")
+    edge_radius: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(0.0, description="m, of all edges")
+
+    _content: bytes = PrivateAttr(b"")
+
+    @model_validator(mode="after")
+    def _is_read(self, info: ValidationInfo) -> "Mesh":
+        folder = (info.context or {}).get("folder")
+        if folder is None:
+            raise ValueError("a mesh is a file in the folder of a dataset, and no folder is given")
+        self._content = _content_of(Path(folder), self.file)
+        _ = self.solid
+        return self
+
+    @property
+    def content(self) -> bytes:
+        """The bytes of the file."""
+        return self._content
+
+    @property
+    def solid(self) -> Hull:
+        """The convex hull of the mesh, which is what a surface touches."""
+        return _hull_of(self._content, Path(self.file).suffix.lower(), self.scale, self.edge_radius)
+
+    @property
+    def moments(self) -> Moments:
+        """Volume, centre of mass and inertia per mass of the homogeneous solid within the mesh.
+
+        Raises:
+            ValueError: the mesh is not closed.
+        """
+        return _moments_of(self._content, Path(self.file).suffix.lower(), self.scale)
+
+
+@lru_cache(maxsize=8)
+def _hull_of(content: bytes, suffix: str, scale: float, edge_radius: float) -> Hull:
+    from scipy.spatial import ConvexHull, QhullError
+
+    corners = np.unique(scale * _surface_in(content, suffix)[0], axis=0)
+    try:
+        corners = corners[ConvexHull(corners).vertices]
+    except (QhullError, ValueError):
+        raise ValueError("the triangles lie in a plane: the solid has no volume") from None
+    return Hull(vertices=tuple(map(tuple, corners.tolist())), edge_radius=edge_radius)
+
+
+@lru_cache(maxsize=8)
+def _moments_of(content: bytes, suffix: str, scale: float) -> Moments:
+    vertices, faces, closed = _surface_in(content, suffix)
+    if not closed:
+        raise ValueError("the mesh is not closed, so that it has neither volume nor inertia")
+    triangles = scale * vertices[faces]
+    try:
+        return moments_within(triangles)
+    except ValueError:  # all are seen clockwise from outside
+        return moments_within(triangles[:, ::-1])
+
+
+def _content_of(folder: Path, name: str) -> bytes:
+    if Path(name).name != name or Path(name).suffix.lower() not in SUFFIXES or not name.isprintable():
+        raise ValueError("must be the name of a file .obj or .stl in the folder of the dataset")
+    path = folder / name
+    try:
+        if path.is_symlink():
+            raise FileProblem(path, "is a link", "put the file itself there")
+        return read_bytes(path, MAX_BYTES, folder)
+    except FileProblem as problem:
+        raise ValueError(f"the file {name} {problem.what}") from problem
+
+
+@lru_cache(maxsize=8)
+def _surface_in(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Vertices (k, 3), triangles (f, 3) of their numbers, and whether they close a surface, with one outside."""
+    if find_spec(PACKAGE) is None:
+        raise ValueError(f"reading a mesh needs a package: pip install {PACKAGE}")
+    import trimesh
+
+    logging.getLogger(PACKAGE).setLevel(logging.CRITICAL)  # what is wrong with a file is said below
+    options = {"skip_materials": True} if suffix == ".obj" else {}  # materials are other files
+    try:
+        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix[1:], process=False, **options)
+        vertices, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
+        if not len(faces) or not np.isfinite(vertices).all():
+            raise ValueError("no triangles of finite numbers")
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+        closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
+        return np.asarray(mesh.vertices, float), np.asarray(mesh.faces), closed
+    except Exception as error:  # the library raises many kinds of errors for a broken file
+        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        raise ValueError(f"the file cannot be read as a mesh ({reason})") from error
