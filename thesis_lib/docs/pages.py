@@ -18,7 +18,7 @@ from thesis_lib.critique.engines import proof as engines
 from thesis_lib.critique.proof import by_contact, direct_fits, headline, measured, next_drops_table
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proposal import proof as proposals
-from thesis_lib.docs import configuration, dataset_keys, effects, games, laws
+from thesis_lib.docs import configuration, dataset_keys, effects, laws
 from thesis_lib.docs.templates import filled
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
@@ -58,11 +58,6 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "proposals": proposals.as_markdown,
     "next experiment": next_drops_table.as_markdown,
     "models of measured sets": measured_models.as_markdown,
-    "games": games.who_plays,
-    "games by samples": games.by_samples,
-    "even matches": games.even_matches,
-    "crossed": games.crossed,
-    "switches": games.switches,
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S

@@ -69,8 +69,13 @@ def _read(name: str) -> pd.DataFrame:
 class StoredTable:
     """Rows of a table, which give numbers as text (the module's head says how)."""
 
-    def __init__(self, name: str, where: str = "") -> None:
-        self.name, self.rows = name, _read(name).query(where) if where else _read(name)
+    def __init__(self, name: str, where: str = "", rows: pd.DataFrame | None = None) -> None:
+        rows = _read(name) if rows is None else rows
+        self.name, self.rows = name, rows.query(where) if where else rows
+
+    def only(self, **values: Any) -> "StoredTable":
+        """The rows in which the named columns have these values."""
+        return StoredTable(self.name, " and ".join(f"{name} == {value!r}" for name, value in values.items()), self.rows)
 
     def __call__(self, column: str, as_: str, where: str = "", take: str = "", times: float = 1.0) -> str:
         """The number as text; UserError if its rows are not one row and `take` does not say what is made of them."""
@@ -81,8 +86,8 @@ class StoredTable:
 
 
 def written(value: Any, as_: str) -> str:
-    """A value in Python's format `as_`, with typographic minus signs."""
-    return format(value, as_).translate(MINUS)
+    """A value in Python's format `as_`, with a typographic minus sign, which a zero does not have."""
+    return format(value, f"z{as_}" if isinstance(value, float) else as_).translate(MINUS)
 
 
 def filled(template: str, where: str) -> str:
