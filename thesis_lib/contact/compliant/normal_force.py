@@ -43,6 +43,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from scipy.special import gamma
 
 from thesis_lib.contact.compliant.compiled import (
     CONVEX,
@@ -102,8 +103,6 @@ class NormalForce:
     @cached_property
     def _half(self) -> float:
         """Time to the greatest depth."""
-        from scipy.special import gamma
-
         power = 1.0 / (self.exponent + 1.0)
         return float(self._depth * np.sqrt(np.pi) * gamma(1.0 + power) / gamma(0.5 + power))
 

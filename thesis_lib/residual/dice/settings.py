@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from thesis_lib.foundation.settings import Section
-from thesis_lib.residual.learners.marginal_likelihood import GaussianProcessSettings
+from thesis_lib.residual.learners.settings import GaussianProcessSettings
 from thesis_lib.residual.throwing.settings import ThrowSettings
 
 

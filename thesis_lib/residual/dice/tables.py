@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.stats import rankdata
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
@@ -155,7 +156,6 @@ def _wide_over_narrow(width: np.ndarray) -> float:
 
 def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
     """Rank correlation of |error| with the belief's spread after the first contact and at rest, with intervals."""
-    from scipy.stats import rankdata
 
     def spearman(pair: np.ndarray) -> float:
         a, b = rankdata(pair[:, 0]), rankdata(pair[:, 1])

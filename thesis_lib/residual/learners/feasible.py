@@ -18,6 +18,7 @@ Source of the energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929; 
 """
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from thesis_lib.contact.space import velocity_error
 
@@ -54,8 +55,6 @@ def project(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *,
 
 def to_latent(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, *, wrench: bool) -> np.ndarray:
     """Coordinates s (n, 2 or 3) of a velocity after impact, projected first if it is not feasible."""
-    from scipy.special import ndtri
-
     frame = _frame(r, k_g)
     remaining = _radius_squared(v_pre, frame, k_g, wrench)
     z = coordinates(project(v_pre, v_post, r, k_g, wrench=wrench), frame, k_g)
@@ -70,8 +69,6 @@ def to_latent(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, k_g: float, 
 
 def from_latent(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
     """Velocity after impact (n, 3) at coordinates s (n, 2 or 3): always feasible."""
-    from scipy.special import ndtr
-
     frame = _frame(r, k_g)
     wrench = latent.shape[1] == 3
     remaining = _radius_squared(v_pre, frame, k_g, wrench)

@@ -18,16 +18,14 @@ Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, a
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.learners.covariance import covariance, explained, factor, product, solve
-from thesis_lib.residual.learners.marginal_likelihood import GaussianProcessSettings, noisy, search, starts, weights
-
-if TYPE_CHECKING:
-    import torch
+from thesis_lib.residual.learners.marginal_likelihood import noisy, search, starts, weights
+from thesis_lib.residual.learners.settings import GaussianProcessSettings
 
 SAME = 1e-8
 SAME_TRAINED = 1e-4
@@ -35,10 +33,8 @@ SETTLED = 0.003  # of all weight: a change below it calls for no other search (w
 ROWS = 256  # predictions at a time: their covariances with 450 impacts fit the processor's cache
 
 
-def device_of(settings: GaussianProcessSettings) -> "torch.device":
+def device_of(settings: GaussianProcessSettings) -> torch.device:
     """The device that the settings ask for; raises UserError for CUDA without a GPU."""
-    import torch
-
     if settings.device == "cuda" and not torch.cuda.is_available():
         raise UserError("device: cuda is set, but no CUDA GPU is usable here; set device: auto or cpu.")
     use_cuda = settings.device != "cpu" and torch.cuda.is_available()
@@ -69,8 +65,6 @@ class GaussianProcess:
         The variance is that of the function, or with `noise` of a new measurement; it is NaN if `variance` is False,
         which saves its cost.  Raises ValueError if X is not (m, d) or not finite.
         """
-        import torch
-
         X = np.asarray(X, dtype=float)
         if X.ndim != 2 or X.shape[1] != len(self.x_mean):
             raise ValueError(f"inputs must have shape (m, {len(self.x_mean)}), got {X.shape}")
@@ -90,10 +84,8 @@ class GaussianProcess:
         return self.y_mean + mean * self.y_scale, var * self.y_scale**2
 
     @cached_property
-    def _trained(self) -> "list[tuple[torch.Tensor, ...]]":
+    def _trained(self) -> list[tuple[torch.Tensor, ...]]:
         """For each output lengths (d,), data divided by them (n, d), L (n, n) and α (n,)."""
-        import torch
-
         theta = np.log(np.column_stack([self.lengthscale, self.signal, self.noise]))
         x, y, weight = (torch.as_tensor(a, device=self.device) for a in (self.x, self.y, self.weight))
         trained = []

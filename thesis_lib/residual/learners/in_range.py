@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.residual.learners.features import features
@@ -54,8 +55,6 @@ class TrainingRange:
 
     @cached_property
     def _tree(self) -> Any:
-        from scipy.spatial import cKDTree
-
         return cKDTree(self.points)
 
     def _nearest(self, x: np.ndarray, skip: int) -> np.ndarray:

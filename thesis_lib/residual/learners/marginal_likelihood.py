@@ -19,12 +19,10 @@ search continues.  With Gaussian noise this affects one impact in 370.
 Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006.
 """
 
-from typing import TYPE_CHECKING, Literal
-
 import numpy as np
-from pydantic import Field
+import torch
+from scipy.optimize import minimize
 
-from thesis_lib.foundation.settings import Section
 from thesis_lib.residual.learners.covariance import (
     covariance,
     factor,
@@ -33,9 +31,7 @@ from thesis_lib.residual.learners.covariance import (
     solve,
     symmetric_product,
 )
-
-if TYPE_CHECKING:
-    import torch
+from thesis_lib.residual.learners.settings import GaussianProcessSettings
 
 # median and spread (of the logarithm) of the priors of l, s, σ²; beyond some fifty impacts they matter little
 PRIOR = ((4.0, 1.0), (1.0, 1.5), (0.5, 1.0))
@@ -44,17 +40,6 @@ START = (3.0, 0.5, 0.5)  # l, s, σ² of the first start: half of the variance a
 BOUNDS = {"lengthscale": (0.05, 100.0), "signal": (1e-3, 1e3), "noise": (1e-6, 4.0)}
 EQUAL = 1.0  # nats; where nothing can be learned, the first start, which has noise, is kept unless another is better
 WILD = 3.0  # standard deviations
-
-
-class GaussianProcessSettings(Section):
-    """How Gaussian processes are trained; all own choices."""
-
-    restarts: int = Field(2, ge=1, description="starts of the search for hyperparameters, the fixed one included")
-    prior: bool = Field(True, description="weak log-normal priors: without them ten impacts are learned by heart")
-    robust_rounds: int = Field(2, ge=0, description="how often wild impacts get less weight; 0: all count alike")
-    iterations: int = Field(100, ge=1, description="most L-BFGS iterations of a start")
-    hyperparameter_impacts: int = Field(450, ge=10, description="first impacts that give them; all are conditioned on")
-    device: Literal["auto", "cpu", "cuda"] = Field("auto", description="auto: a CUDA GPU if there is one")
 
 
 def starts(d: int, rng: np.random.Generator, count: int, known: np.ndarray | None) -> np.ndarray:
@@ -76,12 +61,9 @@ def search(
     weight: np.ndarray,
     starts: np.ndarray,
     settings: GaussianProcessSettings,
-    device: "torch.device",
+    device: torch.device,
 ) -> tuple[np.ndarray, float]:
     """Logarithms of the best hyperparameters (d + 2,) and their log marginal likelihood."""
-    import torch
-    from scipy.optimize import minimize
-
     data = tuple(torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
     best = None
     for start in starts:
@@ -100,10 +82,8 @@ def search(
     return best.x, -best.fun - (log_prior(best.x)[0] if settings.prior else 0.0)
 
 
-def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, device: "torch.device") -> np.ndarray:
+def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, device: torch.device) -> np.ndarray:
     """Weights w (n,) from the distance of each measurement to its leave-one-out prediction; see the module."""
-    import torch
-
     X, Y, W = (torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
     L = factor(noisy(theta, X, W)[0])
     alpha = solve(L, Y).cpu().numpy()
@@ -112,12 +92,8 @@ def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray,
     return np.minimum(WILD**2 / np.maximum(square, 1e-300), 1.0)
 
 
-def noisy(
-    theta: np.ndarray, x: "torch.Tensor", weight: "torch.Tensor"
-) -> "tuple[torch.Tensor, torch.Tensor, torch.Tensor]":
+def noisy(theta: np.ndarray, x: torch.Tensor, weight: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """K_y (n, n), x divided by the lengths (n, d), and the variances of the noise, σ² W⁻¹ (n,)."""
-    import torch
-
     t = np.exp(theta)
     z, noise = x / torch.as_tensor(t[:-2], device=x.device), t[-1] / weight
     K_y = covariance(z, z, t[-2])
@@ -126,7 +102,7 @@ def noisy(
 
 
 def objective(
-    theta: np.ndarray, x: "torch.Tensor", y: "torch.Tensor", weight: "torch.Tensor", prior: bool = False
+    theta: np.ndarray, x: torch.Tensor, y: torch.Tensor, weight: torch.Tensor, prior: bool = False
 ) -> tuple[float, np.ndarray]:
     """Negative log marginal likelihood (and log prior) and its gradient by the logarithms of (l, s, σ²)."""
     value, gradient = likelihood(theta, x, y, weight)
@@ -143,12 +119,8 @@ def log_prior(theta: np.ndarray) -> tuple[float, np.ndarray]:
     return -0.5 * float(off @ off), -off / spread
 
 
-def likelihood(
-    theta: np.ndarray, x: "torch.Tensor", y: "torch.Tensor", weight: "torch.Tensor"
-) -> tuple[float, np.ndarray]:
+def likelihood(theta: np.ndarray, x: torch.Tensor, y: torch.Tensor, weight: torch.Tensor) -> tuple[float, np.ndarray]:
     """Negative log marginal likelihood and its gradient; see the module's equations."""
-    import torch
-
     K_y, z, noise = noisy(theta, x, weight)
     try:
         L = factor(K_y.clone())

@@ -1,13 +1,23 @@
 """Settings of chapter 4's study of learned contact models."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from thesis_lib.contact import SIX_LAWS
 from thesis_lib.foundation.settings import Section
 from thesis_lib.impact_study.settings import LawName
-from thesis_lib.residual.learners.marginal_likelihood import GaussianProcessSettings
+
+
+class GaussianProcessSettings(Section):
+    """How Gaussian processes are trained; all own choices."""
+
+    restarts: int = Field(2, ge=1, description="starts of the search for hyperparameters, the fixed one included")
+    prior: bool = Field(True, description="weak log-normal priors: without them ten impacts are learned by heart")
+    robust_rounds: int = Field(2, ge=0, description="how often wild impacts get less weight; 0: all count alike")
+    iterations: int = Field(100, ge=1, description="most L-BFGS iterations of a start")
+    hyperparameter_impacts: int = Field(450, ge=10, description="first impacts that give them; all are conditioned on")
+    device: Literal["auto", "cpu", "cuda"] = Field("auto", description="auto: a CUDA GPU if there is one")
 
 
 class LearningStudySettings(Section):

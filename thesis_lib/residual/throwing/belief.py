@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import logsumexp
 
 WIDE = 0.01  # γ
 FEW = 5  # least number of particles on a side for its own kernel width
@@ -50,8 +51,6 @@ class GaussianMixture:
 
     def log_density(self, states: np.ndarray) -> np.ndarray:
         """log p(s) (n,) at states (n, d), for covariances of full rank."""
-        from scipy.special import logsumexp
-
         L = np.linalg.cholesky(self.cov)
         z = np.einsum("mij,nmj->nmi", np.linalg.inv(L), states[:, None, :] - self.mean)
         log_det = 2.0 * np.log(np.einsum("mii->mi", L)).sum(1) + self.mean.shape[1] * np.log(2.0 * np.pi)

@@ -19,6 +19,8 @@ Grimit, Gneiting, Berrocal and Johnson 2006, doi:10.1256/qj.05.235 (CRPS of mixt
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr
+from scipy.stats import binom, chi2, f
 
 from thesis_lib.statistics.bootstrap import central_95, resampled
 from thesis_lib.statistics.intervals import wilson
@@ -36,8 +38,6 @@ def pit_of_samples(outcome: np.ndarray, samples: np.ndarray, rng: np.random.Gene
 
 def pit_of_gaussian(outcome: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> np.ndarray:
     """χ² probability u (n,) of outcomes (n, d) under N(mean, cov): the smallest region that contains the outcome."""
-    from scipy.stats import chi2
-
     away = outcome - mean
     z2 = np.einsum("ni,ni->n", away, np.linalg.solve(cov, away[..., None])[..., 0])
     return chi2.cdf(z2, outcome.shape[1])
@@ -45,8 +45,6 @@ def pit_of_gaussian(outcome: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> n
 
 def pit_of_student(away: np.ndarray, freedom: float) -> np.ndarray:
     """The same for (outcome − mean)/standard deviation (n, d) under Student's t with uncorrelated coordinates."""
-    from scipy.stats import chi2, f
-
     d = away.shape[1]
     square = (away**2).sum(1)
     if np.isinf(freedom):
@@ -65,7 +63,6 @@ def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 def crps_of_mixture(outcome: np.ndarray, mean: np.ndarray, std: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """CRPS (n,) of outcomes (n,) under mixtures of m Gaussians: `mean`, `std` > 0 (n, m), `weight` (m,) of sum 1."""
-    from scipy.special import ndtr
 
     def size(mu: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Mean of |z|, z ~ N(mu, sigma²)."""
@@ -112,8 +109,6 @@ def coverage_table(
 
 def pit_histogram(pit: np.ndarray, bins: int = 10) -> pd.DataFrame:
     """Shares of PITs in equal bins with the 95 % band of a calibrated prediction: pit, share, low, high."""
-    from scipy.stats import binom
-
     u = pit[np.isfinite(pit)]
     count, edges = np.histogram(u, bins, (0.0, 1.0))
     n = max(len(u), 1)

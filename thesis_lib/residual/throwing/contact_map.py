@@ -25,6 +25,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import torch
+from scipy.special import gammaln
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.residual.learners.covariance import factor, inverse_diagonal, solve
@@ -120,8 +122,6 @@ def residual_unit(v: np.ndarray, k_g: float, duration: float) -> np.ndarray:
 
 def leave_one_out(process: GaussianProcess) -> np.ndarray:
     """Leave-one-out residuals (n, p) over their standard deviations: α_i/√(K_y⁻¹)_ii (R. & W., eq. 5.12)."""
-    import torch
-
     z, x = np.empty_like(process.y), torch.as_tensor(process.x)
     theta = np.log(np.column_stack([process.lengthscale, process.signal, process.noise]))
     for i in range(z.shape[1]):
@@ -145,8 +145,6 @@ def student(parts: list[np.ndarray]) -> tuple[list[np.ndarray], float]:
 
 def _student_scale(z: np.ndarray, freedom: float) -> tuple[np.ndarray, float]:
     """Scale (d,) of rows (n, d) under Student's t, and their log likelihood."""
-    from scipy.special import gammaln
-
     n, d = z.shape
     scale = np.sqrt((z**2).mean(0))
     if np.isinf(freedom):

@@ -18,6 +18,7 @@ Impulses follow from integrating the forces, without an impact law.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Polygon
@@ -149,8 +150,6 @@ def rounded_centres(corners: np.ndarray, radius: float) -> np.ndarray:
     Each is `radius` inside both edges of its corner; with radius 0, a corner of the convex hull.  Raises UserError if
     the radius does not fit into the polygon.
     """
-    from scipy.spatial import ConvexHull
-
     hull = corners[ConvexHull(corners).vertices]  # counter-clockwise
     edge = np.roll(hull, -1, axis=0) - hull
     normal = np.stack([edge[:, 1], -edge[:, 0]], axis=-1) / np.linalg.norm(edge, axis=1)[:, None]

@@ -9,21 +9,20 @@ Sources: R. Tedrake and the Drake development team, Drake, https://drake.mit.edu
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.contacts import LONGEST, Contacts
 from thesis_lib.simulate.compliant.drops import Falls, Instants
 from thesis_lib.simulate.compliant.forces import Mechanics
+from thesis_lib.simulate.drake.clock import Clock, fly
+from thesis_lib.simulate.drake.hunt_crossley import spring
+from thesis_lib.simulate.drake.modulus import solid
+from thesis_lib.simulate.drake.plant import Surface, drop_plant, pad_of
+from thesis_lib.simulate.drake.viscoelastic_pad import Pad
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicHermiteSpline
-
-    from thesis_lib.simulate.drake.clock import Clock
-    from thesis_lib.simulate.drake.plant import Surface
 
 FLIGHT_STEP = 2e-3  # s; a corner at 0.05 m turning with 30 rad/s dips by at most 0.02 mm undetected
 # relative, of Drake's error control; a tenth of it moves velocities after impact by 0.01 mm/s
@@ -90,9 +89,6 @@ class _Run:
     """Drake's simulators, and the contacts of all drops; states hold body, then loose mass."""
 
     def __init__(self, settings: DropsInDrake, mechanics: Mechanics) -> None:
-        from thesis_lib.simulate.drake.clock import Clock
-        from thesis_lib.simulate.drake.plant import drop_plant, pad_of
-
         self.mechanics, self.contact, self.surface = mechanics, mechanics.contact, settings.surface
         self.accuracy, self.contacts, every = settings.accuracy, Contacts(mechanics), mechanics.epsilon
         self._of = mechanics.believed, mechanics.contact, mechanics.hidden
@@ -117,12 +113,8 @@ class _Run:
 
         return Falls(poses_at, self.contacts.records, np.array([path.x[-1] for path in paths]))
 
-    def _fall(self, trial: int, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> "CubicHermiteSpline":
+    def _fall(self, trial: int, pose: np.ndarray, velocity: np.ndarray, samples: np.ndarray) -> CubicHermiteSpline:
         """Path of one drop from the pose and velocity (3,) of its origin to the last sample, or to rest."""
-        from scipy.interpolate import CubicHermiteSpline
-
-        from thesis_lib.simulate.drake.clock import fly
-
         flight, mech = self._flight, self.mechanics
         (centre,), (rate,) = mech.centre_state(pose[None], velocity[None])
         q, v = np.zeros((2, flight.size))  # a loose mass starts at rest in the body
@@ -177,23 +169,16 @@ class _Run:
         times, q_path, v_path = (np.array(column) for column in zip(*(path[-1:] if self.surface == "pad" else path)))
         return times, q_path, v_path, separated
 
-    def _over_plate(self, trial: int) -> "Clock":
+    def _over_plate(self, trial: int) -> Clock:
         """Simulator over a plate of the drop's restitution; reused while that stays the same."""
-        from thesis_lib.simulate.drake.clock import Clock
-        from thesis_lib.simulate.drake.plant import drop_plant
-
         epsilon = float(self.mechanics.epsilon[trial])
         if self._plate is None or self._plate[0] != epsilon:
             made = drop_plant(*self._of, self.mechanics.believed_gravity, self._made_of(epsilon))
             self._plate = epsilon, Clock(made, self.contact.contact_time, self.accuracy)
         return self._plate[1]
 
-    def _made_of(self, epsilon: float) -> "Surface":
+    def _made_of(self, epsilon: float) -> Surface:
         """The surface with restitution `epsilon`."""
-        from thesis_lib.simulate.drake.hunt_crossley import spring
-        from thesis_lib.simulate.drake.modulus import solid
-        from thesis_lib.simulate.drake.viscoelastic_pad import Pad
-
         if self.surface == "point":
             return spring(epsilon, self.contact.contact_time, self.mechanics.mass)
         if self.surface == "hydroelastic":

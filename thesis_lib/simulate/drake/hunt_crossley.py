@@ -16,6 +16,9 @@ https://drake.mit.edu ("Compliant point contact", "Hydroelastic contact").
 import math
 from dataclasses import dataclass
 
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
 
 
@@ -29,8 +32,6 @@ class Spring:
 
 def dissipation(epsilon: float, speed: float = REFERENCE_SPEED) -> float:
     """d in s/m of a contact with restitution `epsilon` at `speed` in m/s."""
-    from scipy.optimize import brentq
-
     if epsilon >= 1.0:
         return 0.0
 
@@ -53,7 +54,6 @@ def duration(damping: float, exponent: float) -> float:
 
 def _bounce(damping: float, exponent: float) -> tuple[float, float]:
     """Duration and last velocity of the contact in units of L and v, integrated."""
-    from scipy.integrate import solve_ivp
 
     def rate(_: float, state: tuple[float, float]) -> list[float]:
         x, v = state

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq, least_squares
 
 from thesis_lib.foundation.errors import UserError
 
@@ -49,8 +50,6 @@ def rebound(mass: float, layers: Sequence[tuple[float, float]], share: float = L
 
     `mass` is the effective mass of the contact, `layers` are springs and dampers, and `share` is p.
     """
-    from scipy.optimize import brentq
-
     n = len(layers) + 1
     k, c = np.array([(1.0, 0.0), *layers]).T
     m = np.r_[mass, np.full(n - 1, share)]
@@ -80,8 +79,6 @@ def design(epsilon: float, contact_time: float, mass: float, lightest: float) ->
     Raises:
         UserError: no pad has so low a restitution.
     """
-    from scipy.optimize import least_squares
-
     if epsilon < SOFTEST:
         raise UserError(f"Drake's contact needs epsilon from {SOFTEST} to 1; got {epsilon}.")
     layers: list[tuple[float, float]] = []

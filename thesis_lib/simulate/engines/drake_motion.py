@@ -36,14 +36,21 @@ from pydrake.multibody.plant import (
     DiscreteContactApproximation,
     MultibodyPlant,
 )
-from pydrake.multibody.tree import PlanarJoint, RigidBody, RotationalInertia, SpatialInertia
+from pydrake.multibody.tree import PlanarJoint, RigidBody, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind, loaded_arm
+from thesis_lib.simulate.chapter2.hidden_forces import (
+    HiddenSizes,
+    MechanismKind,
+    cogging,
+    coulomb_joint_friction,
+    loaded_arm,
+)
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.stepping.arm_disk import spatial_inertia
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 _UP = np.array([0.0, 1.0, 0.0])
@@ -106,22 +113,17 @@ def _normal(results, ground) -> float:
 
 def _force(kind: MechanismKind, truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes):
     """Force of a cause that Drake's plant lacks, or None."""
-    n = 5 if kind == "arm" else 3
-
-    def on(coordinates: slice, value: np.ndarray | float) -> np.ndarray:
-        Q = np.zeros(n)
-        Q[coordinates] = value
-        return Q
-
-    radius = bodies.arm.disk_radius if kind == "arm" else bodies.wheel.length
-    f, joints, last = np.array(sizes.coulomb), slice(0, 2), slice(n - 1, n)
-    return {
-        "coulomb_joint_friction": lambda q, v, N: on(joints, -f * np.tanh(v[:2] / sizes.coulomb_speed)),
-        "cogging": lambda q, v, N: on(slice(0, 1), sizes.cogging * np.sin(sizes.cogging_periods * q[0])),
-        "rolling_resistance": lambda q, v, N: on(
-            last, -sizes.rolling * radius * N * np.tanh(v[-1] / sizes.rolling_speed)
-        ),
-    }.get(truth)
+    if truth in ("coulomb_joint_friction", "cogging"):
+        known = {
+            "coulomb_joint_friction": coulomb_joint_friction(sizes.coulomb, sizes.coulomb_speed),
+            "cogging": cogging(sizes.cogging, sizes.cogging_periods),
+        }[truth]
+        return lambda q, v, N: known(0.0, q, v)
+    if truth != "rolling_resistance":
+        return None
+    radius, last = (bodies.arm.disk_radius, 4) if kind == "arm" else (bodies.wheel.length, 2)
+    resisted = -sizes.rolling * radius * np.eye(last + 1)[last]
+    return lambda q, v, N: resisted * N * np.tanh(v[-1] / sizes.rolling_speed)
 
 
 def _properties(mu: float, contact: DrawnContact) -> ProximityProperties:
@@ -191,9 +193,7 @@ def _add_wheel(
     mass, radius = w.mass + load, sizes.payload_radius
     com = load * radius / mass
     inertia = w.inertia + load * radius**2 - mass * com**2
-    central = RotationalInertia(inertia, inertia, inertia)
-    solid = SpatialInertia.MakeFromCentralInertia(mass, np.array([com, 0.0, 0.0]), central)
-    wheel = plant.AddRigidBody("wheel", solid)
+    wheel = plant.AddRigidBody("wheel", spatial_inertia(mass, (com, 0.0), inertia))
     plant.AddJoint(PlanarJoint("plane", plant.world_frame(), wheel.body_frame(), damping=np.zeros(3)))
     tips = made.contact_points(np.zeros(1))[0] * (1.0 - TIP_RADIUS / w.length)
     for i, tip in enumerate(tips):

@@ -34,6 +34,7 @@ import math
 
 import numpy as np
 from pydantic import Field
+from scipy.optimize import brentq
 
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
@@ -75,8 +76,6 @@ def damped_bounce(damping_ratio: float) -> tuple[float, float]:
 
 def spring_and_damper(epsilon: float, contact_time: float) -> tuple[float, float]:
     """K in 1/s² and B in 1/s, per mass, of a central impact with restitution `epsilon` that lasts `contact_time` s."""
-    from scipy.optimize import brentq
-
     ratio = brentq(lambda z: damped_bounce(z)[0] - epsilon, 0.0, MOST_DAMPED, xtol=1e-14) if epsilon < 1.0 else 0.0
     omega = damped_bounce(ratio)[1] / contact_time  # pyright: ignore[reportArgumentType]
     return omega**2, 2.0 * ratio * omega  # pyright: ignore[reportOperatorIssue]

@@ -17,6 +17,8 @@ due to gravity.  Everything else is as in all simulated drops (`compliant.drops`
 from dataclasses import dataclass
 
 import numpy as np
+from mujoco import mjtDisableBit  # pyright: ignore[reportAttributeAccessIssue]
+from mujoco.batch import Batch
 from scipy.interpolate import CubicHermiteSpline
 
 from thesis_lib.foundation.errors import UserError
@@ -26,7 +28,8 @@ from thesis_lib.simulate.compliant.contacts import LONGEST, Contacts
 from thesis_lib.simulate.compliant.drops import FLIGHT_STEP, Falls, Instants
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.mujoco.causes import SUPPORTED, WITHOUT_ELEMENT, MujocoCauses
-from thesis_lib.simulate.mujoco.contact import COARSEST, MujocoContact
+from thesis_lib.simulate.mujoco.contact import COARSEST, MujocoContact, solref
+from thesis_lib.simulate.mujoco.model import drop_model, share
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 SKIN = 2e-4  # m; a corner at 0.05 m turning with 60 rad/s dips by 0.02 mm between two steps of a flight
@@ -74,10 +77,6 @@ class _Run:
     """
 
     def __init__(self, mechanics: Mechanics, threads: int, end: float) -> None:
-        from mujoco.batch import Batch
-
-        from thesis_lib.simulate.mujoco.model import drop_model
-
         n = len(mechanics.epsilon)
         assert isinstance(mechanics.contact, MujocoContact) and isinstance(mechanics.hidden, MujocoCauses)
         self.mechanics, self.contact, self.hidden = mechanics, mechanics.contact, mechanics.hidden
@@ -142,8 +141,6 @@ class _Run:
 
     def _run(self, end: float, interval: float) -> None:
         """Step all drops from 0 to `end` in s, in intervals of a flight step."""
-        from mujoco import mjtDisableBit  # pyright: ignore[reportAttributeAccessIssue]
-
         parts = int(np.ceil(interval / self.contact.dt - 1e-9))
         active = np.arange(len(self.steps))
         near = np.zeros(len(active), dtype=bool)
@@ -189,9 +186,6 @@ class _Run:
         """Friction and solref of the pairs of drops that are not in contact yet, from drop and place."""
         if not self.hidden.by_place:
             return
-        from thesis_lib.simulate.mujoco.contact import solref
-        from thesis_lib.simulate.mujoco.model import share
-
         rows = rows[~np.isin(rows, list(self.open))]
         memory = self.mechanics.touch(self._state(rows)[0], rows)
         self.batch.expand("pair_friction")[rows, :, :2] = memory.mu[..., None]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 from pydantic import Field, model_validator
+from scipy.special import ndtr, ndtri
 
 from thesis_lib.foundation.settings import Section
 
@@ -28,8 +29,6 @@ class Spread(Section):
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Values at probabilities `u` in [0, 1), of the shape of `u`."""
-        from scipy.special import ndtr, ndtri
-
         if self.mean is None or self.std is None:
             return self.low + (self.high - self.low) * u
         p_low, p_high = ndtr((np.array([self.low, self.high]) - self.mean) / self.std)

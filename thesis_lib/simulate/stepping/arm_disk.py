@@ -88,20 +88,18 @@ class ArmDisk(Mechanism):
     def add_bodies(self, plant: "MultibodyPlant") -> None:
         """Add links, disk, joints and gravity, in the order of q, to a plant that is not finalized."""
         from pydrake.math import RigidTransform
-        from pydrake.multibody.tree import PlanarJoint, RevoluteJoint
+        from pydrake.multibody.tree import FixedOffsetFrame, PlanarJoint, RevoluteJoint
 
         up = [0.0, 0.0, 1.0]
         parent, place = plant.world_body(), RigidTransform([*self.base, 0.0])
         for i, name in enumerate(LINKS):
-            inertia = _spatial_inertia(self.link_masses[i], self.link_coms[i], self.link_inertias[i])
+            inertia = spatial_inertia(self.link_masses[i], self.link_coms[i], self.link_inertias[i])
             link = plant.AddRigidBody(name, inertia)
             mount = place if i == 0 else RigidTransform([self.link_lengths[0], 0.0, 0.0])
-            frame = parent.body_frame()
-            plant.AddJoint(
-                RevoluteJoint(f"joint_{i + 1}", _fixed(plant, f"mount_{i}", frame, mount), link.body_frame(), up)
-            )
+            frame = plant.AddFrame(FixedOffsetFrame(f"mount_{i}", parent.body_frame(), mount))
+            plant.AddJoint(RevoluteJoint(f"joint_{i + 1}", frame, link.body_frame(), up))
             parent = link
-        disk = plant.AddRigidBody("disk", _spatial_inertia(self.disk_mass, np.zeros(2), self.disk_inertia))
+        disk = plant.AddRigidBody("disk", spatial_inertia(self.disk_mass, np.zeros(2), self.disk_inertia))
         plant.AddJoint(PlanarJoint("plane", plant.world_frame(), disk.body_frame(), damping=np.zeros(3)))
         plant.mutable_gravity_field().set_gravity_vector([0.0, -self.g, 0.0])
 
@@ -164,13 +162,8 @@ class ArmDisk(Mechanism):
         return ContactGeometry(np.stack([distance, q[:, 3]], axis=1) - self.disk_radius, J_n, J_t)
 
 
-def _fixed(plant: "MultibodyPlant", name: str, parent: object, pose: object) -> object:
-    from pydrake.multibody.tree import FixedOffsetFrame
-
-    return plant.AddFrame(FixedOffsetFrame(name, parent, pose))
-
-
-def _spatial_inertia(mass: float, com: np.ndarray, inertia: float) -> object:
+def spatial_inertia(mass: float, com: Sequence[float] | np.ndarray, inertia: float) -> object:
+    """Drake's inertia of a body that moves in the plane: in kg, m (2,) from its origin, and kg m² about that point."""
     from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
     # only the moment about z acts in the plane; equal moments satisfy Drake's triangle inequality

@@ -9,6 +9,7 @@ Friction with the table is a force against the motion, set anew every `EVERY` st
 # MuJoCo has no types
 # pyright: reportAttributeAccessIssue=false
 
+import mujoco
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
@@ -30,8 +31,6 @@ def slide_in_mujoco(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Cush
         raise UserError(
             "MuJoCo gives back the same share at any speed: there is no quick_cushion with --engine mujoco."
         )
-    import mujoco
-
     model = mujoco.MjModel.from_xml_string(_xml(table))
     path = np.full((len(q), len(times), 2), np.nan)
     for i in range(len(q)):
