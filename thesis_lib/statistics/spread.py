@@ -14,11 +14,18 @@ from statistics import NormalDist
 import numpy as np
 
 MAD_TO_STD = 1.482602218505602  # 1/Φ⁻¹(3/4)
+MEDIAN = 1.2533  # standard error of a median over that of a mean, of normal errors
 
 
 def robust_std(values: np.ndarray, axis: int | None = 0) -> np.ndarray:
     """Standard deviation of `values` about zero along `axis` (None: of all), in their unit; NaN without values."""
     return MAD_TO_STD * np.median(np.abs(values), axis=axis)
+
+
+def robust_mean(values: np.ndarray) -> tuple[float, float]:
+    """Median of `values` (n,) and its standard error, of normal errors, from their robust spread."""
+    median = float(np.median(values))
+    return median, float(MEDIAN * robust_std(values - median) / np.sqrt(len(values)))
 
 
 def quantile_std(values: np.ndarray, share: float, axis: int | None = 0) -> np.ndarray:

@@ -215,9 +215,13 @@ def fit_arcs(
 
 def is_bent(fits: ArcFits, sigma: np.ndarray, limit: float) -> np.ndarray:
     """Mask (n, 2) of arcs that deviate from a parabola: reduced chi² above `limit`, and not by chance."""
-    dof = 3.0 * np.maximum(fits.n_side - 2, 1)
-    reduced = (fits.ss / np.asarray(sigma) ** 2).sum(2) / dof
-    return (fits.n_side > 2) & (reduced > np.maximum(limit, 1.0 + _SIGNIFICANT * np.sqrt(2.0 / dof)))
+    return (fits.n_side > 2) & bends((fits.ss / np.asarray(sigma) ** 2).sum(2), fits.n_side, limit)
+
+
+def bends(chi2: np.ndarray, count: np.ndarray, limit: float) -> np.ndarray:
+    """Whether chi² of lines through `count` samples of x, y, θ shows a bend: above `limit` per dof, not by chance."""
+    dof = 3.0 * np.maximum(count - 2.0, 1.0)
+    return chi2 / dof > np.maximum(limit, 1.0 + _SIGNIFICANT * np.sqrt(2.0 / dof))
 
 
 def _parabolas(p: np.ndarray, tau: np.ndarray, q: np.ndarray, air: Air | None, gravity: float) -> np.ndarray:

@@ -29,11 +29,10 @@ import numpy as np
 from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.flights.windows import windows_around
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.spread import robust_mean
 
 OF_CUTOFF, SPREAD = 0.31, 0.12  # T_r ω_c, and its relative spread between kinds of filters, (2)
 OF_CONTACT = 2.0 * (0.25 - 0.5 / np.pi)  # T_r / τ of a contact
-MEDIAN = 1.2533  # standard error of a median over that of a mean, of normal errors
 CLEAR = 3.0  # standard errors
 FEWEST = 12  # impacts with a sample next to them
 ARC = 6  # samples on either side: shorter arcs say too little of the path without the filter
@@ -96,8 +95,8 @@ def low_pass_of(
     tip = inside & (np.abs(tau) < 0.5 * interval)
     if tip.sum() < FEWEST:
         return None
-    above, above_std = _median(r[tip] + 0.5 * np.abs(tau[tip]))
-    moment, moment_std = _median(2.0 * interval * np.where(inside, r, 0.0).sum(1)[rows])
+    above, above_std = robust_mean(r[tip] + 0.5 * np.abs(tau[tip]))
+    moment, moment_std = robust_mean(2.0 * interval * np.where(inside, r, 0.0).sum(1)[rows])
     resolved = above**2 - np.mean(tau[tip] ** 2) / np.pi
     if above < 0.0 or resolved < 0.0:
         return None
@@ -109,8 +108,3 @@ def low_pass_of(
     found = LowPass(constant, float(constant_std), moment, moment_std)
     # samples show no filter beyond half their rate
     return found if found.cutoff[0] < 0.5 / interval else None
-
-
-def _median(values: np.ndarray) -> tuple[float, float]:
-    """Median and its standard error."""
-    return float(np.median(values)), float(MEDIAN * robust_std(values - np.median(values)) / np.sqrt(len(values)))

@@ -58,23 +58,16 @@ class Rounding:
     both: bool  # whether both sides must be rounded: on a table a body slides after a hit before it rolls
 
     @property
-    def rounded(self) -> np.ndarray:
-        """Mask (g,) of the pairs of edges between which samples of either side are rounded, or of both."""
+    def sides(self) -> np.ndarray:
+        """Mask (g, 2) of the pairs of edges between which samples of a side are rounded."""
         # of the logarithm: with 30 flights F itself is far from normal
-        excess = self.ratio - MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
-        side = np.nan_to_num(excess, nan=-1.0) > 0.0
-        return np.all(side, axis=1) if self.both else np.any(side, axis=1)
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether a pair is rounded by the logarithm of F, too: a ratio of medians of few values is far from normal."""
         limit = MATERIAL * np.exp(CLEAR * self.spread / np.sqrt(np.maximum(self.count, 1)))
-        return bool((np.nan_to_num(self.ratio) > limit).any())
+        return np.nan_to_num(self.ratio) > limit
 
     @property
     def reach(self) -> float:
-        """Time from an impact in s within which samples are rounded; 0 if none are."""
-        groups = np.flatnonzero(self.rounded)
+        """Time from an impact in s within which samples of either side are rounded, or of both; 0 if none are."""
+        groups = np.flatnonzero(self.sides.all(axis=1) if self.both else self.sides.any(axis=1))
         return float(self.edges[groups[-1] + 1]) if len(groups) else 0.0
 
 
@@ -98,7 +91,7 @@ def guard_of(
         found = rounding_within(reach, fits, samples, sigma, settings, interval, on_table)
         if (found.count.max(axis=1) < ENOUGH).all():
             break
-        widest, clear = max(widest, found.reach), clear or found.is_clear
+        widest, clear = max(widest, found.reach), clear or bool(found.sides.any())
         ends = found.reach <= 0.5 * reach * interval
         if not ends:
             widest = max(widest, reach * interval)
@@ -205,10 +198,14 @@ def touch_time(fits: ArcFits, header: Header) -> float:
     return max(float(np.median(sunk / speed)), 0.0) if len(sunk) else 0.0
 
 
+def approach(fits: ArcFits, header: Header) -> tuple[np.ndarray, np.ndarray]:
+    """v_n (n,) in m/s of the contact points across the surface before impact, below 0 where they approach; √K_nn."""
+    r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
+    return fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2], np.sqrt(1.0 + (r_x / header.body.radius_of_gyration) ** 2)
+
+
 def _sunk(fits: ArcFits, header: Header) -> tuple[np.ndarray, np.ndarray]:
     """−φ_n (n,) in m and |v_n| / √K_nn (n,) in m/s of the impacts whose arcs are known."""
-    rows = np.flatnonzero(fits.converged & (fits.n_side >= 2).all(1))
-    r_x = header.body.shape.contact_point(fits.q[rows, 2])[:, 0]
-    v_n = np.abs(fits.v_pre[rows, 1] + r_x * fits.v_pre[rows, 2])
-    rows, r_x, v_n = (a[v_n > 0.0] for a in (rows, r_x, v_n))
-    return -fits.gap[rows], v_n / np.sqrt(1.0 + (r_x / header.body.radius_of_gyration) ** 2)
+    v_n, root = approach(fits, header)
+    rows = fits.converged & (fits.n_side >= 2).all(1) & (v_n != 0.0)
+    return -fits.gap[rows], np.abs(v_n[rows]) / root[rows]

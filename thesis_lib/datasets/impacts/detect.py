@@ -31,6 +31,7 @@ from thesis_lib.datasets.flights.noise import (
 )
 from thesis_lib.datasets.flights.parabolas import bent_sentence, hits_of, parabolas
 from thesis_lib.datasets.flights.rounding import (
+    approach,
     contact_guard,
     guard_of,
     rounding_warning,
@@ -45,13 +46,7 @@ from thesis_lib.datasets.format.validate import DatasetError
 from thesis_lib.datasets.impacts.at_walls import on_floors
 from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
 from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, arc_table, ordinals
-from thesis_lib.datasets.impacts.quality import (
-    approach_speed,
-    assess_arcs,
-    contact_measures,
-    flag_physics,
-    has_flag_text,
-)
+from thesis_lib.datasets.impacts.quality import assess_arcs, contact_measures, flag_physics, has_flag_text
 from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stays_down import landing_speeds, stays_down
@@ -330,7 +325,7 @@ def _detection_warnings(
     if off.mean() <= _MOST or soft:
         return ()
     if step:
-        return (step_sentence(step, approach_speed(fits, header)[used]),)
+        return (step_sentence(step, approach(fits, header)[0][used]),)
     gap = float(np.median(fits.gap[used][off]))
     return (
         f"In {off.sum()} of {used.sum()} impacts the body is off the surface (no_touch; median gap {gap:+.3g} m). "

@@ -10,17 +10,17 @@ where a wrong height of the surface gives one φ_n.  It gains or loses energy, a
 import numpy as np
 
 from thesis_lib.datasets.flights.arcs import ArcFits
+from thesis_lib.datasets.flights.rounding import approach
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.impacts.quality import approach_speed, contact_measures
-from thesis_lib.statistics.spread import robust_std
+from thesis_lib.datasets.impacts.quality import contact_measures
+from thesis_lib.statistics.spread import robust_mean, robust_std
 
 FEWEST = 8  # impacts
 MOSTLY = 0.75  # share of the impacts that gain; half of those of ε = 1 do by chance
 MATERIAL = 1e-3  # relative gain in energy that is worth a sentence
 CLEAR = 3.0  # standard errors
-MEDIAN = 1.2533  # standard error of a median over that of a mean
 ONE_SIDE = 0.9  # share of the gaps with one sign
 SCATTER = 0.3  # of the gaps over their median: a wrong height gives none, one spread evenly from 0 has 0.74
 # quantiles of φ_n / |v_n|: 10 % over 50 %, and 50 % over 90 %; evenly spread from 0 to Δ they are 0.2 and 0.56, where a
@@ -36,9 +36,8 @@ def energy_gain(impacts: Impacts) -> float:
     gain = gain[np.isfinite(gain)]
     if len(gain) < FEWEST or np.mean(gain > 0.0) < MOSTLY:
         return 0.0
-    typical = float(np.median(gain))
-    chance = CLEAR * MEDIAN * float(robust_std(gain - typical)) / np.sqrt(len(gain))
-    return typical if typical > max(MATERIAL, chance) else 0.0
+    typical, std = robust_mean(gain)
+    return typical if typical > max(MATERIAL, CLEAR * std) else 0.0
 
 
 def gain_sentence(impacts: Impacts, gain: float, step: float) -> str:
@@ -54,7 +53,7 @@ def gain_sentence(impacts: Impacts, gain: float, step: float) -> str:
 
 def contact_step(fits: ArcFits, header: Header, settings: ArcSettings) -> float:
     """Δ in s, if the gaps of impacts are spread from 0 to v_n Δ and are not touches; else 0."""
-    v_n = approach_speed(fits, header)
+    v_n, _ = approach(fits, header)
     rows = (fits.n_side >= settings.min_window).all(1) & fits.converged & (v_n < 0.0)
     if rows.sum() < FEWEST or np.median(np.abs(fits.gap[rows])) < settings.touch_limit:
         return 0.0

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.flights.lines import Lines, lines_through
+from thesis_lib.datasets.flights.arcs import bends
+from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.misfits import bow, with_stray
 from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.format.header import Header
@@ -27,7 +28,6 @@ MOST_SKIPPED = 3  # samples; more is 12 ms at 250 Hz
 _NEAR = 7.8  # chi² with 3 dof that one sample in 20 beside an episode exceeds by chance
 _CUTS = 2
 _CLEAR = 3.0  # sigmas that a flying body is above the surface
-_CHANCE = 4.0  # sigmas of a chi²
 _REST = 9.0  # chi² by which rest must beat free fall
 
 
@@ -139,15 +139,11 @@ def _ranked(used: np.ndarray, way: int) -> np.ndarray:
     return np.cumsum(used[:, ::way], axis=1)[:, ::way]
 
 
-def _line(used: np.ndarray, t: np.ndarray, q: np.ndarray) -> Lines:
-    return lines_through(used[:, None], t, q)
-
-
 def _off(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarray, way: int) -> np.ndarray:
     """1 (m, W) for the sample beside the episode where it is off the line through those from the third on."""
     order = _ranked(used, way)
     beside, others = used * (order == 1), used * (order > 2)
-    line = _line(others, t, q)
+    line = lines_through(others[:, None], t, q)
     spread = np.where(line.spread > 0, line.spread, np.inf)
     reach = 1.0 + 1.0 / np.maximum(line.count, 1.0) + (t - line.mean) ** 2 / spread
     off = (line.residual[:, 0] / sigma) ** 2
@@ -166,15 +162,11 @@ def _straight(side: _Side, way: int, sigma: np.ndarray, stray: np.ndarray, setti
     used = side.used
     for _ in range(_CUTS):
         count, chi2 = _chi2(side, used, sigma, stray)
-        most = np.where(_bent(count, chi2, settings), np.maximum(count // 2 + 1, MIN_FLIGHT), np.inf)
+        most = np.where(
+            bends(chi2.sum(1), count, settings.arc_deviation), np.maximum(count // 2 + 1, MIN_FLIGHT), np.inf
+        )
         used = used * (_ranked(used, way) <= most[:, None])
     return replace(side, used=used)
-
-
-def _bent(count: np.ndarray, chi2: np.ndarray, settings: ArcSettings) -> np.ndarray:
-    """Mask (m,) of paths that deviate from a parabola, and not by chance: they hold a hit that was not detected."""
-    dof = 3.0 * np.maximum(count - 2.0, 1.0)
-    return chi2.sum(1) / dof > np.maximum(settings.arc_deviation, 1.0 + _CHANCE * np.sqrt(2.0 / dof))
 
 
 def _is_flight(side: _Side, sigma: np.ndarray, stray: np.ndarray, gravity: float, settings: ArcSettings) -> np.ndarray:
@@ -183,7 +175,8 @@ def _is_flight(side: _Side, sigma: np.ndarray, stray: np.ndarray, gravity: float
     resting = side.q.copy()
     resting[..., 1] -= 0.5 * gravity * side.t**2
     rest = _chi2(replace(side, q=resting), side.used, sigma, 0.0 * stray)[1][:, 1]
-    return (count >= MIN_FLIGHT) & ~_bent(count, chi2, settings) & (rest - chi2[:, 1] > -_REST)
+    bent = bends(chi2.sum(1), count, settings.arc_deviation)  # it holds a hit that was not detected
+    return (count >= MIN_FLIGHT) & ~bent & (rest - chi2[:, 1] > -_REST)
 
 
 def _is_clear(side: _Side, way: int, gravity: float, header: Header, level: float, sigma: np.ndarray) -> np.ndarray:

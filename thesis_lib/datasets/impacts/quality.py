@@ -35,7 +35,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.flights.arcs import ArcFits, is_bent
 from thesis_lib.datasets.flights.lines import norm
-from thesis_lib.datasets.flights.rounding import touch_time
+from thesis_lib.datasets.flights.rounding import approach, touch_time
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, long_gaps
@@ -146,17 +146,16 @@ def assess_arcs(
     unseen = np.maximum(samples.t[fits.at + 1] - samples.t[fits.at], settings.double_hit)
     leave_out(wait < unseen, "second_hit", "another wall is " + _text(1e3 * wait) + " ms away")
 
-    r_x = header.body.shape.contact_point(fits.q[:, 2])[:, 0]
-    v_n = approach_speed(fits, header)
+    v_n, _ = approach(fits, header)
     row = np.zeros((n, 9))
-    row[:, 4], row[:, 5] = 1.0, r_x
+    row[:, 4], row[:, 5] = 1.0, header.body.shape.contact_point(fits.q[:, 2])[:, 0]
     v_n_std = np.sqrt(np.einsum("ni,nij,nj->n", row, fits.cov, row))
     leave_out(v_n > -_APPROACH_SIGMA * v_n_std, "no_approach", "v_n is " + _text(v_n) + " m/s before")
 
     far = np.maximum(TOUCH_SIGMA * fits.gap_std, settings.touch_limit)
     failed = {
         "arc_deviation": is_bent(fits, sigma, settings.arc_deviation).any(1),
-        "no_touch": (np.abs(fits.gap) > far) & (np.abs(fits.gap + _sunk_in(fits, v_n, r_x, header)) > far),
+        "no_touch": (np.abs(fits.gap) > far) & (np.abs(fits.gap + _sunk_in(fits, header)) > far),
     }
     # the fit of two arcs makes no sense of a body that rests after the hit: it says `not_ballistic` as it finds it
     speed = landing_speeds(samples, at, sigma, header, settings)
@@ -165,19 +164,14 @@ def assess_arcs(
     return reason, detail, _add_flags(np.full(n, "", object), failed), np.where(rests, speed, np.nan)
 
 
-def approach_speed(fits: ArcFits, header: Header) -> np.ndarray:
-    """Velocity v_n (n,) in m/s of the contact points across the surface before impact; below 0 where they approach."""
-    return fits.v_pre[:, 1] + header.body.shape.contact_point(fits.q[:, 2])[:, 0] * fits.v_pre[:, 2]
-
-
-def _sunk_in(fits: ArcFits, v_n: np.ndarray, r_x: np.ndarray, header: Header) -> np.ndarray:
+def _sunk_in(fits: ArcFits, header: Header) -> np.ndarray:
     """How deep (n,) in m below the surface the arcs of n impacts meet because contacts take time: τ |v_n| / √K_nn.
 
     τ in s is the same for all, from the median of the gaps; 0 if another height of the surface explains them
     better.
     """
-    sunk = min(touch_time(fits, header), _LONGEST_TOUCH) * np.abs(v_n)
-    sunk /= np.sqrt(1.0 + (r_x / header.body.radius_of_gyration) ** 2)
+    v_n, root = approach(fits, header)
+    sunk = min(touch_time(fits, header), _LONGEST_TOUCH) * np.abs(v_n) / root
     known = np.isfinite(fits.gap) & np.isfinite(sunk)
     if not known.any():
         return np.zeros_like(sunk)

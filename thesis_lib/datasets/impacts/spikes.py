@@ -22,6 +22,7 @@ themselves, so that no jump of velocity remains.
 import numpy as np
 
 from thesis_lib.datasets.flights.arcs import fit_arcs
+from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 
@@ -48,19 +49,13 @@ def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings:
     window = start[:, None] + np.arange(5)
     weight = (window != here[:, None]) * 1.0
     tau = samples.t[window] - samples.t[here, None]
-    mean = (weight * tau).sum(1) / 4.0
-    centred = weight * (tau - mean[:, None])
-    spread = (centred**2).sum(1)
 
     def stands_out(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Squares (n, c) by which the sample is off the line through the others, and those of the others from it."""
-        level = np.einsum("nw,nwi->ni", weight, values) / 4.0
-        slope = np.einsum("nw,nwi->ni", centred, values) / spread[:, None]
-        value = level - slope * mean[:, None]
-        own = np.einsum("nw,nwi->ni", 1.0 - weight, values)
-        residual = values - value[:, None] - slope[:, None] * tau[..., None]
-        off = (own - value) ** 2 / (1.25 + mean**2 / spread)[:, None]
-        return off, ((weight[..., None] * residual) ** 2).sum(1)
+        line = lines_through(weight[:, None], tau, values)
+        residual = line.residual[:, 0] ** 2
+        own = ((1.0 - weight)[..., None] * residual).sum(1)
+        return own / (1.25 + line.mean**2 / line.spread), (weight[..., None] * residual).sum(1)
 
     off, others = (squares.sum(1) for squares in stands_out(q[window] / sigma))
     # A kink of velocity nearby gives off ≤ 2 × others at the middle of even steps: five times keeps impacts.
