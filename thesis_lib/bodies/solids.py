@@ -53,6 +53,10 @@ class Solid(Section):
         """Largest distance in m of a point of the solid from the body's origin."""
         raise NotImplementedError
 
+    def about(self, point: np.ndarray) -> "Solid":
+        """The same solid with its origin at `point` (3,) in m."""
+        return Recentred(solid=self, origin=tuple(point.tolist())) if point.any() else self
+
     @property
     def corners(self) -> np.ndarray:
         """Corners (3, k) in m of the sharp solid; a smooth one has none."""
@@ -303,6 +307,40 @@ class Hull(Edged):
     def _has_volume(self) -> "Hull":
         _ = self._hull
         return self
+
+
+class Recentred(Solid):
+    """A solid whose origin is another point of the body, as its centre of mass."""
+
+    kind: Literal["recentred"] = "recentred"
+    solid: Solid
+    origin: tuple[Coordinate, Coordinate, Coordinate] = Field(description="m, in the frame of the solid")
+
+    def support(self, direction: np.ndarray) -> np.ndarray:
+        return self.solid.support(direction) - self._shift
+
+    @property
+    def _shift(self) -> np.ndarray:
+        return np.array(self.origin)[:, None]
+
+    @property
+    def moments(self) -> Moments:
+        own = self.solid.moments
+        return own._replace(centre=own.centre - self.origin)
+
+    @property
+    def extent(self) -> float:
+        """At most so far in m does a point of the solid lie from the origin."""
+        if self.corners.size:
+            return float(np.linalg.norm(self.corners, axis=0).max())
+        return self.solid.extent + float(np.linalg.norm(self.origin))
+
+    @property
+    def corners(self) -> np.ndarray:
+        return self.solid.corners - self._shift
+
+    def scaled(self, factor: float) -> "Recentred":
+        return Recentred(solid=self.solid.scaled(factor), origin=tuple(factor * np.array(self.origin)))
 
 
 Primitive = Annotated[Sphere | Ellipsoid | Box | Cylinder | Capsule, Field(discriminator="kind")]

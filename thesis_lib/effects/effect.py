@@ -99,7 +99,8 @@ class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
     In space `tensor` (3, 3) is the inertia per mass in m² along the axes of the body, and k_g the root of its mean
-    principal moment.  Between `walls` states have the number of theirs (`bodies.walls`), and the height is 0.  Without
+    principal moment, and `down` (3,) the direction of gravity in the axes of the surface, None where it is against the
+    normal.  Between `walls` states have the number of theirs (`bodies.walls`), and the height is 0.  Without
     `has_angle` neither the angle nor the spin is measured.  `reference` is where the effects count places, times and
     releases from.
     """
@@ -112,6 +113,7 @@ class Rig:
     has_angle: bool = True
     reference: Reference = ORIGIN
     tensor: np.ndarray | None = None
+    down: np.ndarray | None = None
 
     @property
     def space(self) -> Space:
@@ -142,6 +144,8 @@ class Rig:
         """Acceleration of gravity (d + turns, n) in m/s² and rad/s², in the frames of the bodies."""
         a = np.zeros(state.motion.shape)
         a[state.space.dimension - 1] = -self.gravity
+        if self.down is not None:
+            a[: len(self.down)] = self.gravity * self.down[:, None]
         if self.tensor is not None:  # torque-free: G ω' = −ω × G ω
             G = in_world(self.tensor, state.attitude)
             turning = -cross(state.spin, np.einsum("ijn,jn->in", G, state.spin))

@@ -151,3 +151,17 @@ def rotation_vector(q: np.ndarray) -> np.ndarray:
     angle = 2.0 * np.arctan2(sine, q[0])
     share = np.where(sine < SMALL, 2.0 + sine * sine / 3.0, angle / np.maximum(sine, SMALL))
     return share * q[1:]
+
+
+def of_rotation_matrix(R: np.ndarray) -> np.ndarray:
+    """Unit quaternion (4,) of a rotation matrix (3, 3), from the largest of its numbers (Shepperd 1978)."""
+    trace = np.trace(R)
+    squares = 0.25 * (1.0 + np.append(trace, 2.0 * np.diag(R) - trace))  # of w, x, y, z
+    w, x, y, z = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], 0.0
+    xy, xz, yz = R[1, 0] + R[0, 1], R[0, 2] + R[2, 0], R[2, 1] + R[1, 2]
+    products = 0.25 * np.array([[z, w, x, y], [w, z, xy, xz], [x, xy, z, yz], [y, xz, yz, z]])  # of two of them
+    i = int(squares.argmax())
+    largest = np.sqrt(squares[i])
+    q = products[i] / largest
+    q[i] = largest
+    return q

@@ -16,6 +16,7 @@ from thesis_lib.critique.likelihood.flights import Flights, flights_of, no_fligh
 from thesis_lib.critique.likelihood.lines import NODES, edges_of, later, side_lines
 from thesis_lib.critique.likelihood.supports import supports_of
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
@@ -26,6 +27,7 @@ from thesis_lib.mechanics.space import Space
 from thesis_lib.mechanics.state import State
 
 UNKNOWN = 100.0  # times what is known of a spin, or a gap: so wide that it says nothing
+UPRIGHT = 1e-9  # of the direction of gravity: less is rounding
 OF_STEPS = 1e-3  # of gravity: a step Δ of a simulation with the damping c changes accelerations by the share c Δ/2
 LONGEST_WAIT = 0.03  # s from the last sample before an episode to its touch
 LATE = 8e-3  # s by which noise may make the last hit of an episode late
@@ -180,8 +182,7 @@ def observe(
     `channels`: further evidence, "rest" and "slide" (`supports`).
     """
     found = find_impacts(dataset, settings)
-    walls = dataset.header.surfaces or ()
-    rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
+    walls, rig = dataset.header.surfaces or (), rig_of(dataset)
     if found.samples is None:
         return _from_impacts(found, rig)
     single = replace(_from_samples(found.samples, found, rig), supports=supports_of(found, dataset.header, channels))
@@ -192,6 +193,19 @@ def observe(
         single = _without_angle(single, unseen_spin(found.impacts, dataset.header))
     settings = (settings or ArcSettings()).model_copy(update={"guard": found.guard})
     return _with_episodes(single, found.samples, dataset.header, settings) if episodes else single
+
+
+def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
+    """What is believed of body and rig; in space as seen in the frame of the surface of that number."""
+    if dataset.space.is_plane:
+        walls = dataset.header.surfaces or ()
+        return Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
+    header, g = dataset.in_space, dataset.gravity
+    falls = surface_frames(header)[surface].vectors_in(np.array(header.gravity)[:, None])[:, 0]
+    down = falls / g if g and np.abs(falls / g + [0.0, 0.0, 1.0]).max() > UPRIGHT else None
+    body = header.body
+    shape, tensor = body.solid.about(body.centre), body.inertia_per_mass
+    return Rig(shape, dataset.k_g, g, 0.0, has_angle=dataset.has_angle, tensor=tensor, down=down)
 
 
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
