@@ -120,12 +120,12 @@ def measure(folder: Path, count: int, drops: int, jobs: int, time_limit: float) 
 
 def _is_right(row: dict, cases: dict) -> bool:
     from thesis_lib.critique.proof.results import is_right
+    from thesis_lib.critique.proof.store import groups_of
 
     case = cases.get(row["dataset"])
     if case is None or row["status"] == "failed":
         return False
-    steps = [group.split("/") for group in row["effects"].split(" + ") if group]
-    return is_right(case, row["verdict"], steps)
+    return is_right(case, row["verdict"], groups_of(row["effects"]))
 
 
 def _resident() -> float:

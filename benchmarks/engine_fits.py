@@ -17,9 +17,10 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.engine_contact import STAND_INS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.engines.fit import fit_engine
-from thesis_lib.critique.engines.proof import ENGINES, MU, NOTHING, SEEDS, EngineCase, make
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.proof.engines import ENGINES, MU, SEEDS, EngineCase, make
+from thesis_lib.critique.proof.store import NOTHING
 
 
 def measure(n: int, results: Results) -> None:

@@ -34,8 +34,9 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
-from thesis_lib.critique.proof.cases import NOTHING, Case, make
+from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.results import is_right
+from thesis_lib.critique.proof.store import NOTHING
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.statistics.spread import robust_std
 

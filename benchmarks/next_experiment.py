@@ -10,18 +10,19 @@ nats.  CPU time on one core.
 import time
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.critique.proof.next_drops import ask, read_answers
+from thesis_lib.critique.proof.next_drops import KEY, Question, ask, read_answers
 
 
 def measure(n: int, results: Results) -> None:
     """Ask `n` questions again; add the drops that each way takes in all, and what a question costs."""
-    stored = [answer for answer in read_answers().values() if answer.is_open][:n]
+    stored = read_answers().query("open")[:n]
     start = time.process_time()
-    answers = [ask(answer.question) for answer in stored]
+    answers = [ask(Question(*key)) for key in stored[list(KEY)].itertuples(index=False)]
     spent = (time.process_time() - start) / len(answers)
-    random, chosen = (sum(getattr(answer, way) for answer in answers) for way in ("random", "chosen"))
-    halved = sum(answer.chosen <= 0.5 * answer.random for answer in answers)
-    same = sum((now.random, now.chosen) == (then.random, then.chosen) for now, then in zip(answers, stored))
+    random, chosen = (sum(answer[way] for answer in answers) for way in ("random", "chosen"))
+    halved = sum(answer["chosen"] <= 0.5 * answer["random"] for answer in answers)
+    ways = ["random", "chosen"]
+    same = sum([now[way] for way in ways] == then for now, then in zip(answers, stored[ways].to_numpy().tolist()))
     of = f"{len(answers)} questions"
     results.add("drops, random", random, "1", of)
     results.add("drops, proposed states", chosen, "1", of)

@@ -125,7 +125,8 @@ def test_what_is_said_of_the_budget_of_the_dice_is_so_in_the_stored_run():
 
 
 def test_sentences_on_engines_whose_drops_are_not_adequate_are_those_of_the_stored_rows():
-    from thesis_lib.critique.engines.proof import ENOUGH, NOTHING
+    from thesis_lib.critique.proof.engines import ENOUGH
+    from thesis_lib.critique.proof.store import NOTHING
 
     rows = pd.read_csv(ROOT / "config/proof/engines.csv").fillna({"named": ""})
     left = rows[rows["own"] >= ENOUGH * rows["floor"]]

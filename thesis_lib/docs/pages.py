@@ -13,11 +13,17 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from thesis_lib.critique.engines import measured as measured_models
-from thesis_lib.critique.engines import proof as engines
-from thesis_lib.critique.proof import by_contact, direct_fits, headline, measured, next_drops_table
+from thesis_lib.critique.proof import (
+    by_contact,
+    direct_fits,
+    headline,
+    measured,
+    measured_models,
+    next_drops,
+    proposals,
+)
+from thesis_lib.critique.proof import engines as engine_proof
 from thesis_lib.critique.proof.results import outcomes, recovered
-from thesis_lib.critique.proposal import proof as proposals
 from thesis_lib.docs import configuration, dataset_keys, effects, laws
 from thesis_lib.docs.templates import filled
 from thesis_lib.foundation.columns import meanings
@@ -53,10 +59,10 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "real contacts": lambda: by_contact.as_markdown(outcomes(), recovered(), folded=True).rstrip("\n"),
     "fits of simulated drops": lambda: direct_fits.tables()[0],
     "fits of measured drops": lambda: direct_fits.tables()[1],
-    "measured sets": measured.table,
-    "engines": engines.as_markdown,
+    "measured sets": measured.as_markdown,
+    "engines": engine_proof.as_markdown,
     "proposals": proposals.as_markdown,
-    "next experiment": next_drops_table.as_markdown,
+    "next experiment": next_drops.as_markdown,
     "models of measured sets": measured_models.as_markdown,
 }
 _BLOCK = re.compile(

@@ -50,7 +50,7 @@ def draw_pictures(folder: Path) -> Iterator[Path]:
     for law in LAWS.values():
         if not law.as_published:
             yield _save(draw_reach(law), folder / "laws" / f"{law.name}.png")
-    yield _save(draw_next_drops(list(read_answers().values()))[0], folder / "next_experiment.png")
+    yield _save(draw_next_drops(read_answers())[0], folder / "next_experiment.png")
     write_table(kept_numbers(tables), folder / "effects" / "signatures.csv")
     yield folder / "effects" / "signatures.csv"
 

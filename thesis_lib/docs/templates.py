@@ -22,8 +22,7 @@ from typing import Any
 import jinja2
 import pandas as pd
 
-from thesis_lib.critique.mechanisms import proof as mechanisms
-from thesis_lib.critique.proof import direct_fits
+from thesis_lib.critique.proof import direct_fits, mechanisms
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_text

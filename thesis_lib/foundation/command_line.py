@@ -16,7 +16,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from thesis_lib.foundation.errors import UserError, suggest
 from thesis_lib.foundation.terminal import VisibleStream, visible
@@ -122,18 +122,6 @@ class Parser(argparse.ArgumentParser):
         if choice := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message):
             message += near(choice[1], re.findall(r"'([^']*)'", choice[2]))
         self.exit(WRONG, f"error: {message}\n{self.format_usage()}{self.prog} --help explains it\n")
-
-
-def run_or_table(prog: str, description: str, run: str, table: str) -> tuple[Parser, Any, Parser]:
-    """The parser of a command with stored rows, its subcommands, and that of `run`; beside it there is `table`.
-
-    `run` and `table` say what these do.
-    """
-    parser = Parser(prog=prog, description=description)
-    commands = parser.add_subparsers(dest="command", required=True)
-    running = commands.add_parser("run", help=run)
-    commands.add_parser("table", help=table)
-    return parser, commands, running
 
 
 def not_installed(package: str) -> str:

@@ -11,10 +11,8 @@ import io
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from datetime import date
-from multiprocessing import get_context
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -122,38 +120,20 @@ class Rows:
         text.seek(0)
         return pd.read_csv(text, keep_default_na=False)
 
-    def put(self, *rows: Mapping[str, Any], keep: bool = False) -> None:
-        """Store rows, in place of those of the same key unless these are to be kept; parallel runs wait."""
-        new = [{name: as_cell(row.get(name), self.digits) for name in self.columns} for row in rows]
+    def cells(self, row: Mapping[str, Any]) -> dict[str, str]:
+        """A row as it is stored."""
+        return {name: as_cell(row.get(name), self.digits) for name in self.columns}
+
+    def put(self, *rows: Mapping[str, Any]) -> None:
+        """Store rows, in place of those of the same key; parallel runs wait."""
+        new = [self.cells(row) for row in rows]
         with self._locked():
             old = self.parsed(dict)
-            if keep:
-                old, new = new, old
             taken = set(map(self._key, new))
             kept = [row for row in old if self._key(row) not in taken]
             text = io.StringIO(newline="")
             _write(text, self.columns, sorted([*kept, *new], key=self.order or by_cells(*self.key)))
             write_text(text.getvalue(), self.path)
-
-    def compute(
-        self,
-        cases: Iterable[Any],
-        work: Callable[[Any], dict],
-        say: Callable[[str], Any],
-        told: Callable[[dict], str],
-        jobs: int = 1,
-        again: bool = False,
-    ) -> None:
-        """Store the rows that `work` makes of cases, dataclasses of the key; those that are stored are left out.
-
-        `told` says what a row found; `jobs` at a time; `again`: those that are stored, too.
-        """
-        cases, stored = list(cases), set() if again else set(self.parsed(self._key))
-        left = [case for case in cases if self._key({k: as_cell(v) for k, v in vars(case).items()}) not in stored]
-        say(f"{len(cases) - len(left)} of {len(cases)} are stored, {len(left)} to compute")
-        for i, row in enumerate(_results(work, left, jobs), 1):
-            self.put(row)
-            say(f"{i} of {len(left)}  {' '.join(str(row[name]) for name in self.key)}: {told(row)}")
 
     def _key(self, row: Mapping[str, str]) -> tuple[str, ...]:
         return tuple(row[name] for name in self.key)
@@ -173,13 +153,3 @@ def _write(stream: io.StringIO, columns: Sequence[str], rows: Iterable[Mapping[s
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(map(itemgetter(*columns), rows))
-
-
-def _results(work: Callable[[Any], dict], cases: Sequence[Any], jobs: int) -> Iterator[dict]:
-    """Results in the order in which they come."""
-    if jobs == 1:
-        yield from map(work, cases)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(work, case) for case in cases]):
-            yield future.result()

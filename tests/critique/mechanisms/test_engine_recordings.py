@@ -6,18 +6,8 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.__main__ import main
-from thesis_lib.critique.mechanisms.__main__ import main as proof_main
-from thesis_lib.critique.mechanisms.proof import (
-    CAUSES,
-    NOTHING,
-    STORE,
-    MechanismCase,
-    cases,
-    compute,
-    is_exact,
-    read,
-    report,
-)
+from thesis_lib.critique.proof.__main__ import main as proof_main
+from thesis_lib.critique.proof.mechanisms import ROWS, MechanismCase, as_markdown, cases, compute, is_exact, read
 from thesis_lib.foundation.errors import UserError
 
 
@@ -74,9 +64,9 @@ def test_only_an_exact_verdict_is_right(truth, verdict, named, right):
 
 
 def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
-    store = STORE.at(tmp_path / "proof" / "mechanisms.csv")
+    store = ROWS.at(tmp_path / "proof" / "mechanisms.csv")
     with pytest.raises(UserError, match="holds no row"):
-        report(read(store))
+        as_markdown(read(store))
     store.put(row(seed=2), row(seed=1))
     store.put(row(seed=2, verdict="unexplained", parameters="m_p=0.05:0.05:0.0005"))
     store.put(row("nothing", verdict="adequate", named="", parameters=""))
@@ -86,7 +76,7 @@ def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
         ["payload", 1, True],
         ["payload", 2, False],
     ]
-    text = report(table)
+    text = as_markdown(table)
     assert "| a cause | mujoco | wheel | 50 % | 9.45 to 90.5 % | 2 |" in text
     assert "wheel mujoco payload 2: unexplained, payload (4 → 1, sensors 0)" in text
     # one of the two is 4 standard errors off
@@ -99,11 +89,11 @@ def test_rows_are_stored_once_and_reported_with_every_miss(tmp_path):
 def test_the_stored_proof_is_whole_and_meets_what_was_asked(capsys):
     table = read()
     stored = {MechanismCase(*key) for key in table[["mechanism", "engine", "truth", "seed"]].itertuples(index=False)}
-    assert stored >= set(cases(NOTHING, CAUSES))
+    assert stored >= set(cases())
     for _, rows in table.groupby("mechanism"):
         nothing = rows["truth"] == "nothing"
         assert rows.loc[nothing, "right"].mean() >= 0.95 and rows.loc[~nothing, "right"].mean() >= 0.9
-    assert proof_main(["table"]) == 0
+    assert proof_main(["mechanisms", "table"]) == 0
     shown, written = (
         capsys.readouterr().out,
         (Path(__file__).parents[3] / "docs" / "findings.md").read_text(encoding="utf-8"),

@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import SEEDS, Case
-from thesis_lib.critique.proof.compute import Recovered, Row
+from thesis_lib.critique.proof.compute import read_rows, sizes_of, table_of
 from thesis_lib.critique.proof.results import confusion
-from thesis_lib.critique.proof.store import put_row
+from thesis_lib.critique.proof.store import Cells, numbers_in
 from thesis_lib.critique.proof.summary import summary
 from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
@@ -21,23 +21,27 @@ def error(before: float = 3.0, after: float = 1.0, **channels: float) -> dict:
     return {"base": before * FLOOR, "augmented": after * FLOOR, "floor": FLOOR} | others | channels
 
 
-def row_of(case: Case, groups: list[list[str]] | None = None, **content) -> Row:
+def named(groups: list[list[str]]) -> str:
+    return " + ".join(map("/".join, groups))
+
+
+def row_of(case: Case, groups: list[list[str]] | None = None, **content) -> Cells:
     """A result; what is not given is that of effects named rightly, each in a group of its own."""
     groups = [[names[0]] for names in case.expected if names] if groups is None else groups
-    fields = {"verdict": "effects" if groups else "adequate", "law": "mirtich", "n_impacts": 300}
-    fields |= {"errors": error(), "remaining_p": 0.4, "groups": tuple(map(tuple, groups)), "sizes": case.sizes}
-    return Row(case, **(fields | content))
+    fields = {"verdict": "effects" if groups else "adequate", "law": "mirtich", "n_impacts": 300, "remaining_p": 0.4}
+    fields |= error() | {"named": named(groups), "sizes": sizes_of(case)} | content
+    return table_of(case.source).cells(vars(case) | fields)
 
 
-def put(folder: Path, case: Case, groups: list[list[str]] | None = None, **content) -> Row:
+def put(folder: Path, case: Case, groups: list[list[str]] | None = None, **content) -> Cells:
     """Store a result, as `row_of` makes it."""
-    row = row_of(case, groups, **content)
-    put_row(row, folder)
-    return row
+    table_of(case.source, folder).put(row_of(case, groups, **content))
+    return read_rows(case.source, folder)[case]
 
 
 def refuse(folder: Path, case: Case, why: str = "too few impacts") -> None:
-    put_row(Row(case, "refused", why=why), folder)
+    nothing = dict.fromkeys(error(), "") | {"remaining_p": "", "law": "", "sizes": ""}
+    put(folder, case, [], verdict="refused", n_impacts=0, why=why, **nothing)
 
 
 def cell(store: Path, source: str, truth: str) -> pd.Series:
@@ -52,9 +56,9 @@ def figure_of(store: Path, figure: str, source: str) -> pd.Series:
     return row
 
 
-def parameter(z: float, width: float = 1.1) -> Recovered:
+def parameter(z: float, width: float = 1.1, name: str = "w") -> str:
     """A stored parameter whose distance from the truth is z standard errors."""
-    return Recovered(true=2.0, found=2.0 + 0.3 * z, std=0.3, fisher=0.3 / width)
+    return numbers_in({name: (2.0, 2.0 + 0.3 * z, 0.3, 0.3 / width)})
 
 
 def many(folder: Path, source: str, truth: str, right: int, wrong: int, **size) -> None:

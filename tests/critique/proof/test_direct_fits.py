@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from thesis_lib.critique.proof import direct_fits
-from thesis_lib.critique.proof.direct_fits import COLUMNS, PATH, SERIES, STORE, Series, rows, tables
+from thesis_lib.critique.proof.__main__ import main
+from thesis_lib.critique.proof.direct_fits import COLUMNS, ROWS, SERIES, Series, rows, tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
@@ -50,21 +51,21 @@ def test_rows_are_replaced_and_kept_in_order(tmp_path):
     names, path = list(SERIES), tmp_path / "rows.csv"
     row = dict.fromkeys(COLUMNS, 1.0) | {"model": "mirtich", "parameters": "mu 0.1 ± 0.01", "flat_hits": 0}
     for name, error in ((names[-1], 0.3), (names[0], 0.2), (names[0], 0.1)):
-        STORE.at(path).put(row | {"drops": name, "error": error})
+        ROWS.at(path).put(row | {"drops": name, "error": error})
     assert pd.read_csv(path)["drops"].tolist() == [names[0], names[-1]]
     assert pd.read_csv(path)["error"].tolist() == [0.1, 0.3]
     assert any("| Mirtich | 0.100 |" in table for table in tables(path))
 
 
 def test_all_series_are_stored():
-    stored = pd.read_csv(PATH)
+    stored = pd.read_csv(ROWS.path)
     assert [(row.drops, row.model) for row in stored.itertuples()] == [
         (name, model) for name, series in SERIES.items() for model in series.models
     ]
 
 
 def test_the_command_prints_the_table(capsys):
-    assert direct_fits.main(["table"]) == 0
+    assert main(["direct-fits", "table"]) == 0
     assert capsys.readouterr().out == "\n\n".join(tables()) + "\n"
 
 

@@ -1,8 +1,5 @@
 """The next experiment: states that no refit follows, launchers that meet them, and what the stored questions show."""
 
-import math
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,17 +10,16 @@ from thesis_lib.critique.proof.next_drops import (
     FIRST,
     SCATTER,
     STEPS,
-    Answer,
     Launcher,
     Question,
+    as_markdown,
     ask,
-    cells_of,
     plan,
     read_answers,
     run,
+    saved,
     table_of,
 )
-from thesis_lib.critique.proof.next_drops_table import as_markdown, saved
 from thesis_lib.figures.proof.next_drops import draw_next_drops
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.foundation.randomness import generator
@@ -35,8 +31,9 @@ STORED = 5  # questions, of the 20 that are wanted: `next` goes on
 NUMBERS = 1e-5  # relative: six digits are stored
 
 
-def example(cause: str, random: float, chosen: float, seed: int = 0) -> Answer:
-    return Answer(Question(cause, 0.25, seed), "com_offset", "wrong_size", 1.5, 0.8, random, chosen)
+def example(question: Question, random: float, chosen: float, **more) -> dict:
+    settled = {"effect": "com_offset", "rival": "wrong_size", "apart": 1.5, "sigmas": 0.8, "random": random}
+    return vars(question) | settled | {"chosen": chosen, "wrong_random": 0, "wrong_chosen": 0} | more
 
 
 def test_a_difference_that_a_refit_follows_tells_nothing() -> None:
@@ -107,13 +104,13 @@ def test_like_is_compared_with_like() -> None:
 
 
 def test_stored_questions_are_settled_with_half_as_many_drops() -> None:
-    answers = list(read_answers().values())
+    answers = read_answers()
     of = saved(answers)
     assert of.n >= STORED
     assert of.chosen <= 0.5 * of.random and of.median <= 0.5
     assert of.halved > 0.5 * of.n
     # in the order of the plan, none left out: nobody chose the questions
-    assert [answer.question for answer in answers] == plan()[: len(answers)]
+    assert [Question(*key) for key in answers[["cause", "size", "seed"]].to_numpy()] == plan()[: len(answers)]
     assert f"Of {len(answers)} datasets" in as_markdown(answers)
     _, table = draw_next_drops(answers)
     assert len(table) == of.n and list(table["random"]) == sorted(table["random"])
@@ -121,47 +118,45 @@ def test_stored_questions_are_settled_with_half_as_many_drops() -> None:
 
 @pytest.mark.slow
 def test_a_stored_question_is_answered_the_same_again() -> None:
-    answers = [answer for answer in read_answers().values() if answer.is_open]
-    stored = min(answers, key=lambda answer: answer.random)
-    again = ask(stored.question)
-    assert (again.effect, again.rival) == (stored.effect, stored.rival)
+    stored = read_answers().query("open").sort_values("random", kind="stable").iloc[0]
+    again = ask(Question(stored["cause"], stored["size"], int(stored["seed"])))
+    assert (again["effect"], again["rival"]) == (stored["effect"], stored["rival"])
     for name in ("apart", "sigmas", "random", "chosen"):
-        assert getattr(again, name) == pytest.approx(getattr(stored, name), rel=NUMBERS)
+        assert again[name] == pytest.approx(stored[name], rel=NUMBERS)
 
 
 def test_answers_are_kept_and_asked_once(tmp_path, monkeypatch) -> None:
     asked = []
 
-    def answer(question: Question) -> Answer:
+    def answer(question: Question) -> dict:
         asked.append(question)
-        return replace(example("wear", 64.0, 16.0), question=question)
+        return example(question, 64.0, 16.0)
 
     monkeypatch.setattr("thesis_lib.critique.proof.next_drops.ask", answer)
     run(3, lambda line: None, tmp_path)
     assert asked == plan()[:3]
     run(5, lambda line: None, tmp_path)
     assert asked == plan()[:5]  # the first three are stored
-    assert [a.random for a in read_answers(tmp_path).values()] == [64.0] * 5
+    assert read_answers(tmp_path)["random"].tolist() == [64.0] * 5
 
 
 def test_shares_and_words_of_answers(tmp_path) -> None:
-    answers = [
-        replace(example("wear", 64.0, 16.0), question=plan()[0]),
-        replace(example("wear", float(STEPS[-1]), 23.0), question=plan()[1], wrong_random=1),
-        replace(example("wear", 6.0, 6.0), question=plan()[2]),
-        Answer(plan()[3], "wear"),
-        Answer(plan()[4], "wear", "magnus", 0.5),  # nothing proposed
-    ]
+    nothing = dict.fromkeys(("apart", "sigmas", "random", "chosen"), "")
+    table_of(tmp_path).put(
+        example(plan()[0], 64.0, 16.0),
+        example(plan()[1], float(STEPS[-1]), 23.0, wrong_random=1),
+        example(plan()[2], 6.0, 6.0),
+        example(plan()[3], 0.0, 0.0) | nothing | {"rival": ""},
+        example(plan()[4], 0.0, 0.0) | nothing | {"apart": 0.5},  # nothing proposed
+    )
+    answers = read_answers(tmp_path)
     of = saved(answers)
     assert (of.n, of.halved, of.looked_at) == (3, 2, 5) and of.median == pytest.approx(0.25)
     text = as_markdown(answers)
     assert f"Of 5 datasets of {FIRST} random drops 3 leave" in text and "wrongly settled | 23 |" in text
-    table_of(tmp_path).put(*map(cells_of, answers))
-    read = list(read_answers(tmp_path).values())
-    assert read[:3] == answers[:3]
-    assert not read[4].is_open and math.isnan(read[4].chosen)
+    assert not answers["open"].iloc[4] and np.isnan(answers["chosen"].iloc[4])
     with pytest.raises(ValueError, match="no question"):
-        saved([])
+        saved(answers[~answers["open"]])
 
 
 def test_the_place_stands_in_the_report_where_it_matters() -> None:
@@ -173,7 +168,7 @@ def test_the_place_stands_in_the_report_where_it_matters() -> None:
 
 @pytest.mark.parametrize("spoil", ["wear,x", "nothing", "wear,0.25,0,wear,witchcraft,1,1,1,1,0,0"])
 def test_a_spoilt_table_is_refused(tmp_path, spoil: str) -> None:
-    table_of(tmp_path).put(cells_of(Answer(plan()[0], "wear")))
+    table_of(tmp_path).put(example(plan()[0], 1.0, 1.0))
     path = tmp_path / "next_experiment.csv"
     path.write_text(path.read_text() + spoil + "\n")
     with pytest.raises(CorruptFileError, match="delete the line"):

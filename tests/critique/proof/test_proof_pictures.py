@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from stored_proof import parameter, put, refuse
 
-from thesis_lib.critique.proof.cases import NOTHING, Case
+from thesis_lib.critique.proof.cases import Case
 from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.critique.proof.store import NOTHING
 from thesis_lib.figures.proof.pictures import NAMES, pictures
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.columns import explain
@@ -20,7 +21,7 @@ ROOT = Path(__file__).parents[3]
 def drawn(tmp_path_factory):
     store = tmp_path_factory.mktemp("drawn")
     for i in range(4):
-        values = {"w": parameter(1.0 if i else 3.0)}
+        values = parameter(1.0 if i else 3.0)
         put(store, Case("law", "wear", 1000 + i), [["wear", "wrong_size"]] if i else [["magnus"]], parameters=values)
         put(store, Case("law", "wear", 1000 + i, ratio=1.5), [["wear"]] if i > 2 else [["magnus"]])
         put(store, Case("law", "wear", 1000 + i, drops=50, noise=5.0), None if i > 1 else [["magnus"]])

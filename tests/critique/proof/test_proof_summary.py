@@ -6,8 +6,9 @@ import pandas as pd
 import pytest
 from stored_proof import OUTSIDE, error, figure_of, many, parameter, put, refuse
 
-from thesis_lib.critique.proof.cases import NOTHING, Case, truths
+from thesis_lib.critique.proof.cases import Case, truths
 from thesis_lib.critique.proof.results import confusion, misses
+from thesis_lib.critique.proof.store import NOTHING
 from thesis_lib.critique.proof.summary import TARGETS, report, summary, tables
 from thesis_lib.statistics.intervals import wilson
 
@@ -92,7 +93,7 @@ class TestSummary:
     )
     def test_coverage_counts_only_with_narrow_intervals(self, tmp_path, covered, width, met):
         for i in range(100):
-            values = {"w": parameter(1.0 if i < covered else 3.0, width)}
+            values = parameter(1.0 if i < covered else 3.0, width)
             put(tmp_path, Case("law", "wear", 1000 + i), parameters=values)
         row = figure_of(tmp_path, COVERAGE, "law")
         assert (row["measured"], row["n"], row["met"]) == (covered / 100, 100, met)
@@ -101,10 +102,10 @@ class TestSummary:
     @pytest.mark.parametrize(("after", "met"), [(1.04, "aim"), (1.1, "at least"), (1.3, "missed")])
     def test_the_misfit_is_the_median_over_single_effects(self, tmp_path, after, met):
         for i in range(9):
-            put(tmp_path, Case("law", "wear", 1000 + i), errors=error(after=after if i else 0.9))
+            put(tmp_path, Case("law", "wear", 1000 + i), **error(after=after if i else 0.9))
         for i in range(3):
-            put(tmp_path, Case("law", "wrong_inertia", 1000 + i), errors=error(after=4.0))
-        put(tmp_path, Case("law", NOTHING, 1000), groups=[], errors=error(after=0.1))
+            put(tmp_path, Case("law", "wrong_inertia", 1000 + i), **error(after=4.0))
+        put(tmp_path, Case("law", NOTHING, 1000), groups=[], **error(after=0.1))
         row = figure_of(tmp_path, MISFIT, "law")
         assert row["measured"] == pytest.approx(after) and row["met"] == met and row["n"] == 12
         assert "worst wrong_inertia 4.00" in row["note"]
@@ -119,7 +120,7 @@ def mixed(tmp_path) -> Path:
     many(store, "law", "wear", 2, 1, ratio=6.0)
     many(store, "law", "wear", 3, 0, drops=50)
     for i in range(3):
-        values = {"w": parameter(0.5 * i)}
+        values = parameter(0.5 * i)
         put(store, Case("law", "wear", 1000 + i), groups=[["wear", "wrong_size"]], parameters=values)
     put(store, Case("law", "wear", 1003), groups=[["wrong_size"], ["magnus", "wear"]])
     put(store, Case("law", NOTHING, 1000), groups=[])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from stored_proof import FLOOR, OUTSIDE, cell, error, figure_of, parameter, put, refuse
 
-from thesis_lib.critique.proof.cases import NOTHING, Case
+from thesis_lib.critique.proof.cases import Case
 from thesis_lib.critique.proof.results import confusion, outcomes, recovered
+from thesis_lib.critique.proof.store import NOTHING
 from thesis_lib.critique.proof.summary import TARGETS
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.statistics.intervals import wilson
@@ -87,17 +88,17 @@ class TestMisfits:
         ],
     )
     def test_count_where_the_effect_acts(self, tmp_path, truth, errors, after):
-        put(tmp_path, Case("law", truth, 1000), errors=errors)
+        put(tmp_path, Case("law", truth, 1000), **errors)
         assert cell(tmp_path, "law", truth)["after_over_floor"] == pytest.approx(after)
 
     def test_of_a_cause_are_those_of_the_effect_that_describes_it(self, tmp_path):
-        put(tmp_path, Case("mechanism", "gravity_error", 1000), errors=error(flight_base=4.0, flight_augmented=1.5))
+        put(tmp_path, Case("mechanism", "gravity_error", 1000), **error(flight_base=4.0, flight_augmented=1.5))
         row = cell(tmp_path, "mechanism", "gravity_error")
         assert (row["before_over_floor"], row["after_over_floor"]) == (4.0, 1.5)
 
     def test_medians_over_datasets(self, tmp_path):
         for i, after in enumerate((1.0, 1.1, 5.0)):
-            put(tmp_path, Case("law", "wear", 1000 + i), errors=error(after=after))
+            put(tmp_path, Case("law", "wear", 1000 + i), **error(after=after))
         row = cell(tmp_path, "law", "wear")
         assert row["after_over_floor"] == pytest.approx(1.1) and row["before_over_floor"] == pytest.approx(3.0)
         assert row["error_after"] == pytest.approx(1.1 * FLOOR) and row["floor"] == FLOOR
@@ -106,14 +107,14 @@ class TestMisfits:
 class TestParameters:
     def test_coverage_distance_and_width(self, tmp_path):
         for i, z in enumerate((0.5, -1.0, 1.9, -2.0)):
-            put(tmp_path, Case("law", "wear", 1000 + i), parameters={"w": parameter(z, 1.0 + 0.1 * i)})
+            put(tmp_path, Case("law", "wear", 1000 + i), parameters=parameter(z, 1.0 + 0.1 * i))
         row = cell(tmp_path, "law", "wear")
         assert (row["n_parameters"], row["coverage"]) == (4, 0.75)
         assert (row["coverage_low"], row["coverage_high"]) == pytest.approx(wilson(3, 4))
         assert row["z"] == pytest.approx(1.45) and row["width"] == pytest.approx(1.15)
 
     def test_an_unknown_bound_leaves_the_width_open(self, tmp_path):
-        put(tmp_path, Case("law", "wear", 1000), parameters={"w": parameter(0.1, np.nan)})
+        put(tmp_path, Case("law", "wear", 1000), parameters=parameter(0.1, np.nan))
         row = cell(tmp_path, "law", "wear")
         assert row["coverage"] == 1.0 and np.isnan(row["width"])
         # and what is not known to be narrow does not meet a target that asks for it
@@ -129,7 +130,7 @@ class TestParameters:
 class TestBadStores:
     @pytest.fixture
     def table(self, tmp_path) -> Path:
-        put(tmp_path, Case("law", "wear", 1000), parameters={"w": parameter(1.0)})
+        put(tmp_path, Case("law", "wear", 1000), parameters=parameter(1.0))
         return tmp_path / "law.csv"
 
     @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Command line of the proof: run cases, check stored rows, print the table, find the size of an effect.
+"""Command line of the proofs: run cases, check stored rows, print tables, find the size of an effect.
 
 python -m thesis_lib.critique.proof run --seeds 10 --source law --truths com_offset
 python -m thesis_lib.critique.proof check --sample 10 --stamp
@@ -9,91 +9,58 @@ python -m thesis_lib.critique.proof run --source mujoco --shape square --contact
 python -m thesis_lib.critique.proof run-table --jobs 2
 python -m thesis_lib.critique.proof size com_offset_x --source mujoco --shape square
 python -m thesis_lib.critique.proof next --questions 24
+python -m thesis_lib.critique.proof engines run --jobs 2
+python -m thesis_lib.critique.proof mechanisms table
+python -m thesis_lib.critique.proof measured run data/measured/planar_dice --trials 150 --single
 """
 
 import argparse
-from collections.abc import Sequence
+import functools
+import inspect
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from thesis_lib.critique.proof.by_contact import as_markdown
+from thesis_lib.critique.proof import direct_fits, engines, law_free, measured, measured_models, mechanisms, proposals
+from thesis_lib.critique.proof.by_contact import as_markdown as by_contact
 from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
-from thesis_lib.critique.proof.cause_sizes import find_cause_size
 from thesis_lib.critique.proof.check import ages, check, check_sample, rows_to_check
-from thesis_lib.critique.proof.compute import compute
+from thesis_lib.critique.proof.compute import compute, run, said_of
+from thesis_lib.critique.proof.find_size import find_size
+from thesis_lib.critique.proof.headline import WORLDS, planned
 from thesis_lib.critique.proof.headline import as_markdown as headline_table
 from thesis_lib.critique.proof.next_drops import QUESTIONS
+from thesis_lib.critique.proof.next_drops import as_markdown as next_experiment
 from thesis_lib.critique.proof.next_drops import run as run_questions
-from thesis_lib.critique.proof.next_drops_table import as_markdown as next_experiment
-from thesis_lib.critique.proof.plan import WORLDS, headline, run
 from thesis_lib.critique.proof.results import outcomes, recovered
-from thesis_lib.critique.proof.sizes import find_size, require_checkout, store_cause_size, stored_factor
-from thesis_lib.critique.proof.store import put_row, read_rows
+from thesis_lib.critique.proof.sizes import require_checkout, store_cause_size, stored_factor
+from thesis_lib.critique.proof.store import put_missing
 from thesis_lib.critique.proof.summary import report
+from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import Progress
 
 SAMPLE = 2  # rows; about 20 s of CPU time each
+# other proofs than that of drops: what their options count, of `cases`
+COUNTED = {
+    engines: {"seeds": "of each engine, shape and cause"},
+    proposals: {"seeds": "of each hidden law", "nothing": "sets with nothing hidden"},
+    mechanisms: {"nothing": "recordings with nothing hidden", "causes": "recordings with each cause"},
+}
+tell = functools.partial(print, flush=True)
 
 
 @command
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command and return the exit code: 1 if a row differs."""
+    """Run a command and return the exit code: 1 if a row differs, or could not be made."""
     options = _parser().parse_args(argv)
     require_checkout()
-    if options.command == "run":
-        _run(options)
-    elif options.command == "run-table":
-        cases = [case for case in headline() if case.source in options.source]
-        return 0 if run(cases, options.jobs, lambda line: print(line, flush=True), again=options.again) else FAILED
-    elif options.command == "check":
-        print(ages())
-        arguments_of = {"stamp": options.stamp, "tell": lambda line: print(line, flush=True)}
-        if options.all:
-            return 0 if check(rows_to_check(None, options.source), **arguments_of) else FAILED
-        return 0 if check_sample(options.sample, options.source, **arguments_of) else FAILED
-    elif options.command == "contacts":
-        print(as_markdown(outcomes(), recovered()), end="")
-    elif options.command == "headline":
-        print(headline_table())
-    elif options.command == "table":
-        print(report(folder=options.csv), end="")
-    elif options.command == "next":
-        run_questions(options.questions, lambda line: print(line, flush=True))
-        print(next_experiment(), flush=True)
-    else:
-        _size(options)
-    return 0
+    return FAILED if options.do(options) is False else 0
 
 
-def _size(options: argparse.Namespace) -> None:
-    known = truths(options.source)[1:]
-    if unknown := set(options.name) - set(known):
-        raise UserError(f"The source {options.source} hides no {unknown.pop()!r}; known are {', '.join(known)}.")
-    for name in options.name or known:
-        if options.source == "law":
-            factor = find_size(name, RATIO, options.seed)
-            print(f"{name}: {factor:g} (factor on its scales), stored {stored_factor(name):g}", flush=True)
-            continue
-        shape = "square" if name in CORNERED else options.shape or "ellipse"
-        case = Case(options.source, name, options.seed, shape=shape, contact_time=_seconds(options.contact_time))
-        try:
-            found = find_cause_size(case)
-        except UserError as error:
-            if options.name:
-                raise
-            print(error, flush=True)
-            continue
-        print(f"{name}, {shape}: {found:g}, stored {case.size(name):g}", flush=True)
-        if options.store:
-            store_cause_size(options.source, shape, name, found)
-
-
-def _seconds(milliseconds: float | None) -> float:
-    return OF_SOURCE if milliseconds is None else 1e-3 * milliseconds
-
-
-def _run(options: argparse.Namespace) -> None:
+def _run(options: argparse.Namespace) -> bool:
     time = _seconds(options.contact_time)
     cases = [
         Case(source, truth, seed, options.drops, options.noise, options.ratio, shape or "", time)
@@ -105,14 +72,11 @@ def _run(options: argparse.Namespace) -> None:
     ]
     if not cases:
         raise UserError(f"No truth of {', '.join(options.source)} is called {' or '.join(options.truths)}.")
+    if not options.development:
+        return run([replace(case, seed=SEEDS + case.seed) for case in cases], options.jobs, tell)
     for case in cases:
-        case = case if options.development else replace(case, seed=SEEDS + case.seed)
-        if not options.development and case in read_rows(case.source):
-            continue
-        row = compute(case)
-        if not options.development:
-            put_row(row)
-        print(f"{case}: {row.verdict}, {row.named or row.why or 'nothing named'}", flush=True)
+        tell(f"{case}: {said_of(compute(case))}")
+    return True
 
 
 def _chosen(source: str, names: Sequence[str]) -> list[str]:
@@ -122,13 +86,93 @@ def _chosen(source: str, names: Sequence[str]) -> list[str]:
     return [truth for truth in [*single, *double] if truth in chosen]
 
 
+def _run_table(options: argparse.Namespace) -> bool:
+    cases = [case for case in planned() if case.source in options.source]
+    return run(cases, options.jobs, tell, again=options.again)
+
+
+def _check(options: argparse.Namespace) -> bool:
+    tell(ages())
+    if options.all:
+        return check(rows_to_check(None, options.source), stamp=options.stamp, tell=tell)
+    return check_sample(options.sample, options.source, stamp=options.stamp, tell=tell)
+
+
+def _next(options: argparse.Namespace) -> None:
+    run_questions(options.questions, tell)
+    tell(next_experiment())
+
+
+def _size(options: argparse.Namespace) -> None:
+    known = truths(options.source)[1:]
+    if unknown := set(options.name) - set(known):
+        raise UserError(f"The source {options.source} hides no {unknown.pop()!r}; known are {', '.join(known)}.")
+    for name in options.name or known:
+        shape = "square" if name in CORNERED else options.shape or "ellipse"
+        case = Case(options.source, name, options.seed, shape=shape, contact_time=_seconds(options.contact_time))
+        try:
+            found = find_size(case)
+        except UserError as error:
+            if options.name:
+                raise
+            tell(error)
+            continue
+        stored = stored_factor(name, 1.0) if options.source == "law" else case.size(name)
+        tell(f"{name}, {shape}: {found:g}{' (factor on its scales)' * (options.source == 'law')}, stored {stored:g}")
+        if options.store and options.source != "law":
+            store_cause_size(options.source, shape, name, found)
+
+
+def _seconds(milliseconds: float | None) -> float:
+    return OF_SOURCE if milliseconds is None else 1e-3 * milliseconds
+
+
+def _run_other(proof: Any, options: argparse.Namespace) -> bool:
+    """Run another proof; rows of seeds before those of its table are printed, not stored."""
+    counts = {name: getattr(options, name) for name in (*COUNTED[proof], "first")}
+    cases = [case for case in proof.cases(**counts) if not options.only or set(options.only) & set(vars(case).values())]
+    if options.first < proof.SEEDS:
+        for case in cases:
+            tell(f"{case}: {proof.told(proof.compute(case))}")
+        return True
+    older = (lambda case: True) if options.again else None
+    return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, jobs=options.jobs, older=older)
+
+
+def _run_measured(options: argparse.Namespace) -> None:
+    dataset = read_dataset(options.folder).first_trials(options.trials)
+    with Progress(dataset.name) as say:
+        new = measured.compute(dataset, say, options.single, options.effects)
+    tell("\n".join(f"{name}: {value}" for name, value in new.items()))
+
+
+def _run_models(options: argparse.Namespace) -> None:
+    dataset = read_dataset(options.folder).first_trials(options.trials)
+    with Progress(dataset.name) as say:
+        measured_models.compute(dataset, say)
+    tell(measured_models.as_markdown())
+
+
+def _run_fits(options: argparse.Namespace) -> None:
+    direct_fits.compute(options.drops or direct_fits.SERIES, options.measured, tell)
+
+
 def _parser() -> Parser:
     parser = Parser(
         prog="python -m thesis_lib.critique.proof",
-        description="The proof of the critique: effects and causes hidden on purpose and looked for.",
+        description="The proofs of the critique: effects and causes hidden on purpose and looked for.",
     )
-    commands = parser.add_subparsers(dest="command", required=True)
-    run = commands.add_parser("run", help="criticise datasets with hidden effects; stored results are kept")
+    commands = parser.add_subparsers(required=True)
+
+    def add(name: str, do: Callable[[argparse.Namespace], Any], about: str, to: Any = commands) -> Any:
+        new = to.add_parser(name, help=about, description=about)
+        new.set_defaults(do=do)
+        return new
+
+    def add_jobs(to: Any) -> None:
+        to.add_argument("--jobs", type=int, default=1, help="processes at a time (1)")
+
+    run = add("run", _run, "criticise datasets with hidden effects; stored results are kept")
     run.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
     named = "effects, causes, nothing, all, or pairs"
     run.add_argument("--truths", nargs="+", default=["all"], metavar="NAME", help=named)
@@ -140,40 +184,74 @@ def _parser() -> Parser:
     run.add_argument("--shape", nargs="+", choices=tuple(BODIES), help="ellipse, but a square where corners matter")
     run.add_argument("--contact-time", type=float, metavar="MS", help="of a central impact, ms; that of the source")
     run.add_argument("--development", action="store_true", help="tuning seeds; results are printed, not stored")
-    commands.add_parser("headline", help="right verdicts by the world that made the drops, as a table in Markdown")
+    add_jobs(run)
+    right = "right verdicts by the world that made the drops, as a table in Markdown"
+    add("headline", lambda options: tell(headline_table()), right)
     whole = "compute what is missing of the headline table, some hours; goes on where it was stopped"
     worlds = [source for sources in WORLDS.values() for source in sources]
-    table_of = commands.add_parser("run-table", help=whole)
+    table_of = add("run-table", _run_table, whole)
     table_of.add_argument("--source", nargs="+", choices=worlds, default=worlds)
-    table_of.add_argument("--jobs", type=int, default=1, help="processes at a time (1)")
+    add_jobs(table_of)
     table_of.add_argument("--again", action="store_true", help="then compute rows of older code again")
     older = "say which stored rows are older than the code, and compute some of them again"
-    again = commands.add_parser("check", help=older)
+    again = add("check", _check, older)
     again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
     again.add_argument("--sample", type=int, default=SAMPLE, help=f"rows to compute again, 20 s each ({SAMPLE})")
     every = "all that are older than the code: over night; goes on with --stamp"
     again.add_argument("--all", action="store_true", help=every)
     again.add_argument("--stamp", action="store_true", help="store what was computed where the verdict agrees")
-    commands.add_parser(
-        "contacts", help="contacts as long as real ones, as a table in Markdown, with every miss by name"
-    )
-    table = commands.add_parser("table", help="the stored results against the targets, the misses, the confusion table")
+    real = "contacts as long as real ones, as a table in Markdown, with every miss by name"
+    add("contacts", lambda options: print(by_contact(outcomes(), recovered()), end=""), real)
+    targets = "the stored results against the targets, the misses, the confusion table"
+    table = add("table", lambda options: print(report(folder=options.csv), end=""), targets)
     files = "write summary.csv, real_contacts.csv, misses.csv and confusion.csv there too"
     table.add_argument("--csv", type=Path, metavar="DIR", help=files)
-    worth = (
-        "do the states that the critique proposes settle questions with fewer drops than random ones? (10 s a question)"
-    )
-    following = commands.add_parser("next", help=worth)
+    worth = "do the proposed states settle questions with fewer drops than random ones? (10 s a question)"
     wanted = f"questions that 50 random drops leave open; stored ones count ({QUESTIONS})"
-    following.add_argument("--questions", type=int, default=QUESTIONS, help=wanted)
+    add("next", _next, worth).add_argument("--questions", type=int, default=QUESTIONS, help=wanted)
     found = "find the size of an effect or cause at which the misfit is 3 times the floor again (half a minute)"
-    size = commands.add_parser("size", help=found)
+    size = add("size", _size, found)
     size.add_argument("name", nargs="*", help="effects of the source law, causes of another one (all)")
     size.add_argument("--source", choices=SOURCES, default="law", help="other than law: some minutes (law)")
-    size.add_argument("--shape", choices=tuple(BODIES), help="of a cause's body (ellipse)")
+    size.add_argument("--shape", choices=tuple(BODIES), help="of the body (ellipse)")
     size.add_argument("--contact-time", type=float, metavar="MS", help="of a cause, ms; that of the source")
     size.add_argument("--store", action="store_true", help="put sizes of causes into config/proof_sizes.json")
     size.add_argument("--seed", type=int, default=7, help="development seed (7)")
+
+    def add_stored(name: str, proof: Any, do: Callable[[argparse.Namespace], Any], run: str) -> Any:
+        parts = commands.add_parser(name, help=proof.__doc__.splitlines()[0]).add_subparsers(required=True)
+        add("table", lambda options: tell(proof.as_markdown()), "print what is stored", parts)
+        return add("run", do, run, parts)
+
+    for proof, counted in COUNTED.items():
+        goes_on = "compute what is not stored yet; goes on where it was stopped"
+        run = add_stored(proof.__name__.rpartition(".")[2], proof, functools.partial(_run_other, proof), goes_on)
+        defaults = inspect.signature(proof.cases).parameters
+        for option, of in (counted | {"first": "first seed; results of earlier ones are printed, not stored"}).items():
+            run.add_argument(f"--{option}", type=int, default=defaults[option].default, help=f"{of} (%(default)s)")
+        run.add_argument("--only", nargs="+", metavar="NAME", help="of what is hidden, or of what made the data")
+        run.add_argument("--again", action="store_true", help="then compute stored rows again")
+        add_jobs(run)
+    run = add_stored("measured", measured, _run_measured, "criticise a measured set and store its row")
+    models = add_stored("measured-models", measured_models, _run_models, "compare laws and engines on a measured set")
+    for one in (run, models):
+        one.add_argument("folder")
+        one.add_argument("--trials", type=int, help="the first ones; default: all")
+    run.add_argument("--single", action="store_true", help="single hits only, no episodes")
+    run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
+    run = add_stored(
+        *(
+            "direct-fits",
+            direct_fits,
+            lambda options: direct_fits.compute(options.drops or direct_fits.SERIES, options.measured, tell),
+        ),
+        "fit the models and store their rows; a minute or more each",
+    )
+    series = tuple(direct_fits.SERIES)
+    run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
+    run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
+    about = "what measured throws of a body with faces say without any contact law"
+    add("law-free", lambda options: tell(law_free.as_text(read_dataset(options.folder))), about).add_argument("folder")
     return parser
 
 

@@ -8,10 +8,11 @@ Parameters count where they have a true value.  Shares have 95 % Wilson interval
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof.cases import FRESH, NOTHING, RIGID
+from thesis_lib.critique.proof.cases import FRESH, RIGID
 from thesis_lib.critique.proof.results import of_table, usual
+from thesis_lib.critique.proof.store import NOTHING, share
 from thesis_lib.foundation.markdown import table as markdown
-from thesis_lib.statistics.intervals import Z95, wilson
+from thesis_lib.statistics.intervals import Z95
 
 # figure, kind of the datasets, drops, share asked
 ASKED = (
@@ -64,11 +65,9 @@ def _real(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _row(figure: str, place: tuple, counted: pd.Series, asked: tuple[float, float]) -> dict:
-    right = int(counted.sum())
-    share, (low, high) = right / len(counted), wilson(right, len(counted))
-    met = "met" if asked[0] <= share <= asked[1] else "missed"
-    row = {"figure": figure, "at_least": asked[0], "share": share, "low": low, "high": high, "n": len(counted)}
-    return row | dict(zip(PLACE, place)) | {"met": met}
+    found = share(counted)
+    met = "met" if asked[0] <= found["share"] <= asked[1] else "missed"
+    return {"figure": figure, "at_least": asked[0]} | found | dict(zip(PLACE, place)) | {"met": met}
 
 
 def misses(outcomes: pd.DataFrame) -> list[str]:
@@ -119,12 +118,7 @@ def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame, folded: bool = 
     figures = {figure: f"≥ {100 * share:.0f} %" for figure, *_, share in ASKED}
     figures[COVERED] = f"{100 * COVERAGE[0]:.0f} to {100 * COVERAGE[1]:.0f} %"
     cells = {
-        (
-            row["source"],
-            row["shape"],
-            row["contact_time"],
-            row["figure"],
-        ): f"{row['share'] * row['n']:.0f} of {row['n']}"
+        (*(row[name] for name in (*PLACE, "figure")),): f"{row['share'] * row['n']:.0f} of {row['n']}"
         for row in table.to_dict("records")
     }
     places = table[list(PLACE)].drop_duplicates().sort_values(list(PLACE))

@@ -20,10 +20,11 @@ a contact then knows how much mass stands behind it.
 
 Sizes raise the base law's error (for effects in flight the misfit of arcs, for the touch that of gaps) to about three
 times the noise floor.  They were fixed on seeds in `DEVELOPMENT`; the table uses `SEEDS` and above.  Sources with
-contacts as long as real ones have sizes of their own, by shape (`cause_sizes`).  For the detection
+contacts as long as real ones have sizes of their own, by shape (`find_size`).  For the detection
 curve the factor √(R² − 1) / √8 scales them to R times the floor, as if squares of misfit and noise added up.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,6 +34,7 @@ from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.proof.sizes import EPSILON, LAW, MU, cause_size, law_size, stored_factor
+from thesis_lib.critique.proof.store import NOTHING
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -51,7 +53,6 @@ from thesis_lib.simulate.rig.hidden_causes import (
 )
 from thesis_lib.simulate.rig.record import DropsWithTruth
 
-NOTHING = "nothing"
 # contact time in s of each source unless a case says otherwise; 0: an instant
 CONTACT_TIMES = {
     "law": 0.0,
@@ -232,24 +233,30 @@ def pairs(source: str) -> list[str]:
     return ["+".join(pair) for pair in PAIRS if set(pair) <= set(truths(source))]
 
 
-def make(case: Case) -> tuple[Dataset, dict[str, float]]:
-    """The dataset, and the true parameters by full name; of causes those that are a size."""
+def make(
+    case: Case, sizes: Mapping[str, float] | None = None, rng: np.random.Generator | None = None
+) -> tuple[Dataset, dict[str, float]]:
+    """The dataset, and the true parameters by full name; of causes those that are a size.
+
+    `sizes` of what is hidden and `rng` are those of the case unless they are given.
+    """
     contact = () if case.is_usual and case.source in RIGID else (case.shape, f"{case.contact_time:g}")
-    rng = generator(case.seed, "proof", case.source, case.truth, *contact)
+    rng = rng or generator(case.seed, "proof", case.source, case.truth, *contact)
+    sizes = case.sizes if sizes is None else sizes
     if case.source == "law":
         true = {"mu": MU, "epsilon": EPSILON}
-        for name in case.hidden:
-            true |= {f"{name}.{k}": v for k, v in law_size(name, case.sizes[name]).items()}
-        model = Model(LAWS[LAW], tuple(EFFECTS[name] for name in case.hidden))
+        for name, factor in sizes.items():
+            true |= {f"{name}.{k}": v for k, v in law_size(name, factor).items()}
+        model = Model(LAWS[LAW], tuple(EFFECTS[name] for name in sizes))
         drops = simulate_law_drops(case.body, PROOF_RELEASE, case.drops, model, true, noise=_noise(case), rng=rng)
         return drops, true
-    drops = simulate(case, case.sizes, rng)
-    causes = {name: ALL_CAUSES[name] for name in case.hidden}
-    true = {f"{cause.effects[0]}.{cause.parameter}": case.sizes[n] for n, cause in causes.items() if cause.parameter}
+    drops = simulate(case, sizes, rng)
+    causes = {name: ALL_CAUSES[name] for name in sizes}
+    true = {f"{cause.effects[0]}.{cause.parameter}": sizes[n] for n, cause in causes.items() if cause.parameter}
     return Dataset("proof", drops.header, drops.trajectories), true
 
 
-def simulate(case: Case, sizes: dict[str, float], rng: np.random.Generator) -> DropsWithTruth:
+def simulate(case: Case, sizes: Mapping[str, float], rng: np.random.Generator) -> DropsWithTruth:
     """Drops of a case's source, body, contact time and noise, with hidden causes of given `sizes`."""
     from thesis_lib.simulate.compliant.drops import OwnContact, simulate_compliant_drops
 

@@ -15,9 +15,9 @@ from pathlib import Path
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import SEEDS, SOURCES, Case
-from thesis_lib.critique.proof.compute import Row, code_hash, compute
+from thesis_lib.critique.proof.compute import compute, is_of_today, numbers_of_row, read_rows, said_of, table_of
 from thesis_lib.critique.proof.results import is_right
-from thesis_lib.critique.proof.store import STORE, put_row, read_rows
+from thesis_lib.critique.proof.store import STORE, Cells, code_of, groups_of, stamped
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 
@@ -28,14 +28,14 @@ MORE = 4  # rows that a sample grows by if a right answer in it became wrong
 AGREES, MOVES, DIFFERS, WORSE = "agrees", "moved", "differs", "was right and is wrong"
 
 
-def compare(stored: Row, again: Row) -> tuple[str, str]:
+def compare(case: Case, stored: Cells, again: Cells) -> tuple[str, str]:
     """`AGREES`, `MOVES` (numbers), `DIFFERS` (the answer) or `WORSE`, and the differences."""
-    answers = [(row.verdict, row.why, [set(group) for group in row.groups]) for row in (stored, again)]
+    rows = (stored, again)
+    answers = [(row["verdict"], row["why"], [set(group) for group in groups_of(row["named"])]) for row in rows]
     if answers[0] != answers[1]:
-        was, now = (f"{row.verdict}, {row.named or row.why or 'nothing named'}" for row in (stored, again))
-        right = [is_right(row.case, row.verdict, row.groups) for row in (stored, again)]
-        return (WORSE if right == [True, False] else DIFFERS), f"stored {was}; now {now}"
-    numbers = [_numbers(row) for row in (stored, again)]
+        right = [is_right(case, row["verdict"], groups_of(row["named"])) for row in rows]
+        return (WORSE if right == [True, False] else DIFFERS), f"stored {said_of(stored)}; now {said_of(again)}"
+    numbers = [numbers_of_row(row) for row in rows]
     pairs = {name: [of_row.get(name, math.nan) for of_row in numbers] for name in sorted(set().union(*numbers))}
     moved = [f"{name} {was:.4g} → {now:.4g}" for name, (was, now) in pairs.items() if not _close(name, was, now)]
     return (MOVES if moved else AGREES), ", ".join(moved)
@@ -55,12 +55,13 @@ def check(
     """
     passed = True
     for case in cases:
-        stored, again = read_rows(case.source, store)[case], compute(case)
-        status, differences = compare(stored, again)
+        rows = table_of(case.source, store)
+        again = rows.cells(stamped(compute(case), compute))
+        status, differences = compare(case, read_rows(case.source, store)[case], again)
         passed &= status not in failing
         tell(f"{case}: {status}{f' ({differences})' if differences else ''}")
         if stamp and status in (AGREES, MOVES):
-            put_row(again, store, replace=True)
+            rows.put(again)
     return passed
 
 
@@ -86,23 +87,23 @@ def rows_to_check(sample: int | None, sources: Sequence[str] = SOURCES, store: P
 
     The order is the same for equal code.
     """
-    older = [case for source in sources for case, row in read_rows(source, store).items() if not row.is_of_today]
+    rows = [pair for source in sources for pair in read_rows(source, store).items()]
+    older = [case for case, row in rows if not is_of_today(case, row)]
     if sample is None:
         return older
-    chosen = generator(0, "proof check", code_hash()).permutation(len(older))[:sample]
+    chosen = generator(0, "proof check", code_of(compute)).permutation(len(older))[:sample]
     return [older[i] for i in chosen]
 
 
 def ages(store: Path = STORE) -> str:
     """Text that counts the rows of each source by the code that made them."""
-    lines = [f"Today's code is {code_hash()}. Rows by the code that made them:"]
+    lines = [f"Today's code is {code_of(compute)}. Rows by the code that made them:"]
     for source in SOURCES:
-        rows = read_rows(source, store).values()
-        today = sum(row.is_of_today for row in rows)
-        counts = Counter(row.code for row in rows if not row.is_of_today)
-        older = [f"{count} {code or 'not known'}" for code, count in counts.most_common()]
-        listed = f" ({', '.join(older)})" if older else ""
-        lines.append(f"    {source:<10}{today:>5} today's, {sum(counts.values()):>5} older{listed}")
+        rows = read_rows(source, store)
+        older = Counter(row["code"] for case, row in rows.items() if not is_of_today(case, row))
+        each = [f"{count} {code or 'not known'}" for code, count in older.most_common()]
+        listed = f" ({', '.join(each)})" if each else ""
+        lines.append(f"    {source:<10}{len(rows) - older.total():>5} today's, {older.total():>5} older{listed}")
     return "\n".join(lines) + "\n"
 
 
@@ -125,17 +126,11 @@ def rerun(names: Sequence[str], store: Path = STORE) -> pd.DataFrame:
             "\n".join(["The critique says something else than the stored proof:", *lines])
             + f"\nIf it is meant, delete these lines in {store} and run python -m thesis_lib.critique.proof run."
         )
-    rows = [(case.source, case.truth, read_rows(case.source, store)[case].verdict, 1) for case in cases]
+    rows = [(case.source, case.truth, read_rows(case.source, store)[case]["verdict"], 1) for case in cases]
     return pd.DataFrame(rows, columns=["source", "truth", "verdict", "agrees"])
 
 
-def _numbers(row: Row) -> dict[str, float]:
-    parameters = {
-        f"{name} {kind}": value for name, values in row.parameters.items() for kind, value in values._asdict().items()
-    }
-    return {"n_impacts": row.n_impacts, **row.errors, **parameters}
-
-
 def _close(name: str, before: float, after: float) -> bool:
-    unknown = math.isnan(before) and math.isnan(after)
-    return unknown or math.isclose(before, after, rel_tol=FLOOR_MOVED if name == "floor" else MOVED)
+    if name == "remaining_p" or (math.isnan(before) and math.isnan(after)):
+        return True
+    return math.isclose(before, after, rel_tol=FLOOR_MOVED if name == "floor" else MOVED)

@@ -1,9 +1,24 @@
-"""One row of the proof: the result of the critique of one dataset, and the hash of the code."""
+"""The rows of config/proof/<source>.csv: what the critique says of each dataset of drops.
 
-import functools
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import NamedTuple
+| column                            | unit | meaning                                                                   |
+|-----------------------------------|------|---------------------------------------------------------------------------|
+| truth, ratio, drops, noise, seed  |      | the dataset (`Case`)                                                      |
+| shape, contact_time               | s    | its body, and how long a central contact lasts                            |
+| sizes                             |      | `Case.sizes`, numbers by name; empty: unknown                             |
+| verdict, law, n_impacts           |      | adequate, effects, unexplained, or refused; base law; impacts             |
+| named                             |      | groups of effects                                                         |
+| base, augmented, floor            | m/s  | held-out error of the impacts before and after, and its noise floor       |
+| flight_..., touch_...             | 1    | held-out misfit of flights and gaps, in units of noise; empty: none       |
+| remaining_p                       | 1    | p-value of the remaining structure                                        |
+| parameters                        |      | of a single hidden effect that the model contains, if a true value        |
+|                                   |      | exists: true, found, std, Fisher's bound (empty if no law is true)        |
+| why                               |      | reason of a refusal                                                       |
+| code, made                        |      | as in `store`                                                             |
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +28,31 @@ from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.likelihood.fit import cramer_rao
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.sizes import LAW
+from thesis_lib.critique.proof.store import (
+    COMMAND,
+    STORE,
+    Cells,
+    code_of,
+    groups_in,
+    numbers_in,
+    numbers_of,
+    put_missing,
+    value_of,
+)
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.provenance import lib_hash
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import today
+from thesis_lib.foundation.rows import STAMP, Rows, as_cell
 
+VERDICTS = ("adequate", "effects", "unexplained", "refused")
+ERRORS = ("base", "augmented", "floor", "flight_base", "flight_augmented", "touch_base", "touch_augmented")
+RECOVERED = ("true", "found", "std", "fisher")  # of each parameter
+KEY = ("truth", "ratio", "drops", "noise", "shape", "contact_time", "seed")
+COLUMNS = (
+    *("truth", "ratio", "drops", "noise", "seed", "shape", "contact_time", "sizes", "verdict", "law", "named"),
+    *("n_impacts", *ERRORS, "remaining_p", "parameters", "why", *STAMP),
+)
 # slopes g of a coefficient c (1 + m g x)^(1/m) by what is counted from the reference: c, x and m
 SLOPES = {
     "wear.w": ("epsilon", "trial", 1.0),
@@ -29,99 +62,92 @@ SLOPES = {
 }
 
 
-class Recovered(NamedTuple):
-    """A parameter of the hidden effect; `std` of the fit, `fisher` from the Cramér-Rao bound, NaN if no law is true."""
-
-    true: float
-    found: float
-    std: float
-    fisher: float
+def table_of(source: str, store: Path = STORE) -> Rows:
+    """The table of a source."""
+    return Rows(Path(store) / f"{source}.csv", COLUMNS, KEY, f"{COMMAND} run")
 
 
-@dataclass(frozen=True)
-class Row:
-    """Result of the critique of one dataset.
+def read_rows(source: str, store: Path = STORE) -> dict[Case, Cells]:
+    """The stored rows of a source, empty if there is no table.
 
-    Attributes:
-        verdict: adequate, effects, unexplained, or refused.
-        law: base law.
-        groups: effects in the order of selection, each with the effects that cannot be told from it.
-        errors: held-out error `base`, `augmented` and noise `floor` of impacts, m/s; `flight_base`, `flight_augmented`,
-            `touch_base` and `touch_augmented` in units of noise; NaN if absent.
-        remaining_p: p-value of the remaining structure.
-        parameters: of a single hidden effect that the model contains, if a true value exists.
-        why: reason of a refusal.
-        code, made: `code_hash` of the code that made the row, "" if unknown; and the date.
-        sizes: `Case.sizes` of what was hidden; empty if unknown.
+    CorruptFileError if a row is unreadable or duplicate, or its truth unknown.
     """
+    rows: dict[Case, Cells] = {}
 
-    case: Case
-    verdict: str
-    law: str = ""
-    groups: tuple[tuple[str, ...], ...] = ()
-    n_impacts: int = 0
-    errors: Mapping[str, float] = field(default_factory=dict)
-    remaining_p: float = np.nan
-    parameters: Mapping[str, Recovered] = field(default_factory=dict)
-    why: str = ""
-    code: str = ""
-    made: str = ""
-    sizes: Mapping[str, float] = field(default_factory=dict)
+    def add(cells: dict[str, str]) -> None:
+        sizes = {name: float(cells[name]) for name in ("noise", "ratio", "contact_time")}
+        case = Case(source, cells["truth"], int(cells["seed"]), int(cells["drops"]), shape=cells["shape"], **sizes)
+        _ = case.kind, numbers_of_row(cells)  # raise KeyError or ValueError
+        if cells["verdict"] not in VERDICTS:
+            raise ValueError(f"no verdict is called {cells['verdict']!r}")
+        if case in rows:
+            raise ValueError("the dataset stands twice")
+        rows[case] = cells
 
-    @property
-    def is_of_today(self) -> bool:
-        """Whether today's code made the row, with today's sizes."""
-        return self.code == code_hash() and self.sizes == self.case.sizes
-
-    @property
-    def named(self) -> str:
-        """The groups as text: "a/b + c"."""
-        return " + ".join("/".join(group) for group in self.groups)
+    table_of(source, store).parsed(add)
+    return rows
 
 
-@functools.cache
-def code_hash() -> str:
-    """Hash (16 hex digits) of the code that makes a row."""
-    return lib_hash(__file__)[:16]
+def numbers_of_row(cells: Cells) -> dict[str, float]:
+    """The numbers of a row by column, those of parameters as "name std"; ValueError if one is none."""
+    parameters = {
+        f"{name} {kind}": value
+        for name, values in numbers_of(cells["parameters"]).items()
+        for kind, value in zip(RECOVERED, values, strict=True)
+    }
+    return {name: value_of(cells[name]) for name in ("n_impacts", *ERRORS, "remaining_p")} | parameters
 
 
-def compute(case: Case, code: str = "") -> Row:
-    """Make the dataset of a case, and criticise it; `code` is `code_hash()` where that is known, for it takes 1.5 s."""
-    by = {"code": code or code_hash(), "made": today(), "sizes": case.sizes}
+def sizes_of(case: Case) -> str:
+    """The cell with the sizes of what is hidden today."""
+    return ";".join(f"{name}={as_cell(size)}" for name, size in case.sizes.items())
+
+
+def is_of_today(case: Case, row: Cells) -> bool:
+    """Whether today's code made the row, with today's sizes."""
+    return row["code"] == code_of(compute) and row["sizes"] == sizes_of(case)
+
+
+def said_of(row: Mapping[str, Any]) -> str:
+    """Verdict, and what was named, in words."""
+    return f"{row['verdict']}, {row['named'] or row['why'] or 'nothing named'}"
+
+
+def compute(case: Case) -> dict[str, object]:
+    """Make the dataset of a case, and criticise it: a row of the table."""
+    row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "sizes": sizes_of(case)}
     dataset, true = make(case)
     try:
         critique = criticise_drops(dataset, rng=generator(case.seed, "critique", dataset.digest()))
     except UserError as error:
-        return Row(case, "refused", why=str(error).splitlines()[0][:200], **by)
+        return row | {"verdict": "refused", "n_impacts": 0, "why": str(error).splitlines()[0][:200]}
     judged = {"base": critique.ladder[0][2], "augmented": critique.ladder[-1][2]}
-    errors = {when: float(of.error.mean()) for when, of in judged.items()} | {"floor": judged["augmented"].floor}
+    row |= {when: float(of.error.mean()) for when, of in judged.items()} | {"floor": judged["augmented"].floor}
     for channel in ("flight", "touch"):
-        errors |= {f"{channel}_{when}": float(np.sqrt(of.sigmas[channel])) for when, of in judged.items()}
-    return Row(
-        case,
-        critique.verdict,
-        law=critique.discovery.fitted.model.law.name,
-        groups=tuple((step.effect.name, *step.alternatives) for step in critique.discovery.steps),
-        n_impacts=len(critique.observations),
-        errors=errors,
-        remaining_p=critique.remaining.p_value,
-        parameters=_parameters(critique, true) if len(case.hidden) == 1 else {},
-        **by,
-    )
+        row |= {f"{channel}_{when}": float(np.sqrt(of.sigmas[channel])) for when, of in judged.items()}
+    return row | {
+        "verdict": critique.verdict,
+        "law": critique.discovery.fitted.model.law.name,
+        "named": groups_in(critique.discovery.steps),
+        "n_impacts": len(critique.observations),
+        "remaining_p": critique.remaining.p_value,
+        "parameters": numbers_in(_parameters(critique, true) if len(case.hidden) == 1 else {}),
+    }
 
 
-def _parameters(critique: DropsCritique, true: dict[str, float]) -> dict[str, Recovered]:
-    """Continuous parameters of the hidden effect by short name."""
+def _parameters(critique: DropsCritique, true: dict[str, float]) -> dict[str, tuple[float, ...]]:
+    """`RECOVERED` of the continuous parameters of the hidden effect, sorted by short name."""
     fitted, true = critique.discovery.fitted, counted_from(critique.training.rig.reference, true)
     continuous = {name for name, p in fitted.model.parameters.items() if "." in name and p.discrete is None}
     names = [name for name in true if name in continuous]
-    if not names:
-        return {}
     bound = dict.fromkeys(names, np.nan)
-    if "mu" in true:
+    if names and "mu" in true:
         effects = tuple(EFFECTS[name] for name in dict.fromkeys(key.split(".")[0] for key in names))
         bound = cramer_rao(Model(LAWS[LAW], effects), true, critique.training)
-    return {key.split(".")[1]: Recovered(true[key], fitted.values[key], fitted.std[key], bound[key]) for key in names}
+    return {
+        key.split(".")[1]: (true[key], fitted.values[key], fitted.std[key], bound[key])
+        for key in sorted(names, key=lambda key: key.split(".")[1])
+    }
 
 
 def counted_from(reference: Reference, true: Mapping[str, float]) -> dict[str, float]:
@@ -138,3 +164,18 @@ def counted_from(reference: Reference, true: Mapping[str, float]) -> dict[str, f
                 moved[coefficient] *= factor ** (1.0 / m)
     places = {f"{name}.{p.name}": p.along for name, effect in EFFECTS.items() for p in effect.parameters if p.along}
     return moved | {name: true[name] - getattr(reference, of) for name, of in places.items() if name in true}
+
+
+def run(
+    cases: Sequence[Case], jobs: int, tell: Callable[[str], object], store: Path = STORE, again: bool = False
+) -> bool:
+    """Compute the cases that are not stored, some 20 s of CPU each, and return whether all were computed.
+
+    `jobs` at a time, `tell` each; with `again` also those whose row other code than today's made, after the others.
+    """
+    stored = {case: row for source in {case.source for case in cases} for case, row in read_rows(source, store).items()}
+
+    def older(case: Case) -> bool:
+        return again and not is_of_today(case, stored[case])
+
+    return put_missing(cases, compute, lambda case: table_of(case.source, store), said_of, tell, jobs=jobs, older=older)

@@ -1,8 +1,8 @@
 """Models fitted directly, without a search: what a contact leaves, and what its parts are worth.
 
-    python -m thesis_lib.critique.proof.direct_fits run --drops "MuJoCo, ellipse" --drops "MuJoCo, square"
-    python -m thesis_lib.critique.proof.direct_fits run --drops "die, single hits" --measured data/measured
-    python -m thesis_lib.critique.proof.direct_fits table
+    python -m thesis_lib.critique.proof direct-fits run --drops "MuJoCo, ellipse" --drops "MuJoCo, square"
+    python -m thesis_lib.critique.proof direct-fits run --drops "die, single hits" --measured data/measured
+    python -m thesis_lib.critique.proof direct-fits table
 
 Two kinds of drops: simulated ones, most with nothing hidden, all of which are fitted and judged, as nothing is chosen
 by them; and measured ones, with the effects that residuals ask for, judged on the 30 % of the trials that are
@@ -23,12 +23,13 @@ not fitted.  Effects are added in their order.  `run` replaces the rows of some 
 | code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.critique.contacts.bases import BASES
@@ -39,19 +40,19 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.likelihood.residuals import states_at_impact
-from thesis_lib.critique.proof.cases import BODIES, NOTHING, SEEDS, Case, make
+from thesis_lib.critique.proof.cases import BODIES, SEEDS, Case, make
 from thesis_lib.critique.proof.law_free import nearest_face
+from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, stamped
 from thesis_lib.critique.selection.search import split
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.read import read_dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.command_line import command, run_or_table
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows, stamp
+from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, CompliantContact
 from thesis_lib.statistics.wording import bounded, number
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 COLUMNS = (
     *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
@@ -116,11 +117,9 @@ SERIES = {
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
 
-
-PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "direct_fits.csv"
 # new rows of some drops replace all that these have
-STORE = Rows(
-    *(PATH, COLUMNS, ("drops",), "python -m thesis_lib.critique.proof.direct_fits run"),
+ROWS = Rows(
+    *(STORE / "direct_fits.csv", COLUMNS, ("drops",), f"{COMMAND} direct-fits run"),
     digits=6,
     order=lambda row: list(SERIES).index(row["drops"]),
 )
@@ -129,19 +128,9 @@ STORE = Rows(
 def drops_of(series: Series, measured: Path) -> Dataset:
     """The drops of a series: the first of the proof's seeds, or the trials of a set in the folder `measured`."""
     if series.is_measured:
-        from thesis_lib.datasets.read import read_dataset
-
-        dataset = read_dataset(measured / series.source)
-        if series.trials and dataset.trajectories is not None:
-            poses = dataset.trajectories
-            first = poses["trial"].isin(np.unique(poses["trial"])[: series.trials])
-            dataset = replace(dataset, trajectories=poses[first].reset_index(drop=True))
-        return dataset
+        return read_dataset(measured / series.source).first_trials(series.trials)
     if series.source != "hertz":
         return make(Case(series.source, series.truth, SEEDS, shape=series.shape, contact_time=1e-3))[0]
-    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-    from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, CompliantContact
-
     contact = CompliantContact(contact_time=HERTZ_TIME, exponent=1.5)
     rng, body = generator(SEEDS, "proof", series.source, series.shape), BODIES[series.shape]
     made = simulate_compliant_drops(body, PROOF_RELEASE, 150, contact=contact, noise=RIG_NOISE, rng=rng)
@@ -169,7 +158,6 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
         training, judged = o.select(fitted_trials), o.select(others)
     fits = [fit_in_steps(Drops(training), model) for model in series.models]
     about = {"drops": name, "detected": int(o.hits.sum()) + len(o.found.left_out), "used": int(o.hits.sum())}
-    about |= stamp(__file__)
     return [
         about
         | {"model": model, "gain": fitted.score - fits[0].score}
@@ -205,10 +193,8 @@ def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:
     return {"learned": rest.learned, "low": rest.gain[1], "high": rest.gain[2], "pairs": rest.pairs}
 
 
-def parameters(path: Path = PATH) -> "pd.DataFrame":
+def parameters(path: Path = ROWS.path) -> pd.DataFrame:
     """The stored parameters without those that are only bounded, a row each: drops, model, name, value, std."""
-    import pandas as pd
-
     plain = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
     rows = [
         (one["drops"], one["model"], name, *(float(x.translate(plain).replace("·10", "e")) for x in (value, std)))
@@ -218,10 +204,8 @@ def parameters(path: Path = PATH) -> "pd.DataFrame":
     return pd.DataFrame(rows, columns=["drops", "model", "name", "value", "std"])
 
 
-def tables(path: Path = PATH) -> tuple[str, str, str]:
+def tables(path: Path = ROWS.path) -> tuple[str, str, str]:
     """The stored rows as Markdown: those of simulated drops, of measured ones, and parameters of the latter."""
-    import pandas as pd
-
     stored = pd.read_csv(path)
     measured = np.array([SERIES[str(name)].is_measured for name in stored["drops"]])
     plain = [
@@ -259,25 +243,14 @@ def _cell(value: float) -> str:
     return "" if np.isnan(value) else number(value)
 
 
-@command
-def main(argv: Sequence[str] | None = None) -> int:
-    prog, how = (
-        "python -m thesis_lib.critique.proof.direct_fits",
-        "fit the models and store their rows; a minute or more each",
-    )
-    parser, _, run = run_or_table(prog, __doc__ or "", how, "print the stored rows")
-    run.add_argument("--drops", action="append", choices=tuple(SERIES), help="once or more; default: all")
-    run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
-    args = parser.parse_args(argv)
-    if args.command == "table":
-        print("\n\n".join(tables()))
-        return 0
-    for name in args.drops or SERIES:
-        made = rows(name, drops_of(SERIES[name], args.measured))
-        STORE.put(*made)
-        print("\n".join(f"{name}: {row['model']} {row['error']:.4f} m/s" for row in made), flush=True)
-    return 0
+def compute(names: Iterable[str], measured: Path, say: Callable[[str], object]) -> None:
+    """Fit the models of some series and store their rows; measured sets are in the folder `measured`."""
+    for name in names:
+        made = [stamped(row, rows) for row in rows(name, drops_of(SERIES[name], measured))]
+        ROWS.put(*made)
+        say("\n".join(f"{name}: {row['model']} {row['error']:.4f} m/s" for row in made))
 
 
-if __name__ == "__main__":
-    raise SystemExit(main())
+def as_markdown() -> str:
+    """All `tables`, one below the other."""
+    return "\n\n".join(tables())

@@ -1,6 +1,6 @@
 """What measured throws of a body with faces say without any contact law: how it lies at rest, and its inertia.
 
-    python -m thesis_lib.critique.proof.law_free data/measured/planar_dice
+    python -m thesis_lib.critique.proof law-free data/measured/planar_dice
 
 *At rest* a face lies on the surface.  The angle that is measured then, less that of the face, is the camera's; the
 height of the tracked point over that face says where the point is, and how flat the surface.
@@ -10,7 +10,6 @@ height of the tracked point over that face says where the point is, and how flat
 can do so near flat only: m/I by ranges of the angle from flat tells the two apart.
 """
 
-from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +21,6 @@ from thesis_lib.datasets.format.impacts import POSE
 from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.impacts.quality import has_flag
 from thesis_lib.effects.effect import Rig
-from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.identify.impacts.measured_ratio import BENT, ImpactLink, bootstrap, fit_ratio
@@ -87,22 +85,16 @@ def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["low", "high", "hits", "variant", "ratio", "std"])
 
 
-@command
-def main(argv: Sequence[str] | None = None) -> int:
-    parser = Parser(prog="python -m thesis_lib.critique.proof.law_free", description=__doc__)
-    parser.add_argument("folder")
-    from thesis_lib.datasets.read import read_dataset
-
-    dataset = read_dataset(parser.parse_args(argv).folder)
+def as_text(dataset: Dataset) -> str:
+    """How the body lies at rest, by face and by place, and its inertia."""
     lying = at_rest(dataset)
     camera = float(lying["angle"].median())
-    print(f"{len(lying)} throws lie still, {camera:.4f} rad from flat (median)")
-    print(lying.groupby("face")["y"].agg(["count", "median"]).round(5).to_string())
     places = lying.groupby(pd.qcut(lying["x"], PLACES), observed=True)["y"]
-    print(places.agg(["count", "median", "std"]).round(5).to_string())
-    print(inertia(dataset, camera).round(3).to_string(index=False))
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+    return "\n".join(
+        [
+            f"{len(lying)} throws lie still, {camera:.4f} rad from flat (median)",
+            lying.groupby("face")["y"].agg(["count", "median"]).round(5).to_string(),
+            places.agg(["count", "median", "std"]).round(5).to_string(),
+            inertia(dataset, camera).round(3).to_string(index=False),
+        ]
+    )

@@ -1,7 +1,7 @@
 """The critique of measured sets, stored: verdict, effects, errors, and whether what is left could be explained at all.
 
-    python -m thesis_lib.critique.proof.measured run data/measured/planar_dice --trials 150 --single
-    python -m thesis_lib.critique.proof.measured table
+    python -m thesis_lib.critique.proof measured run data/measured/planar_dice --trials 150 --single
+    python -m thesis_lib.critique.proof measured table
 
 `run` adds or replaces a row of config/proof/measured.csv.  CI does not run it: the sets are not part of this project.
 
@@ -18,35 +18,30 @@
 | code, made                 |      | hash of the code that made the row, empty: unknown; date                   |
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.floor import floor
 from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.critique.proof.store import COMMAND, STORE, stamped
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.command_line import command, run_or_table
-from thesis_lib.foundation.markdown import table as markdown
-from thesis_lib.foundation.progress import Progress
+from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows, by_cells, stamp
+from thesis_lib.foundation.rows import STAMP, Rows, by_cells
 from thesis_lib.statistics.wording import number
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
 COLUMNS = (
     *(*KEY, "detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
     *("learned", "low", "high", "max_effects", *STAMP),
 )
-PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "measured.csv"
 ORDER = by_cells(*KEY, "effects")
-STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.proof.measured run", digits=6, order=ORDER)
+ROWS = Rows(STORE / "measured.csv", COLUMNS, KEY, f"{COMMAND} measured run", digits=6, order=ORDER)
 MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
 SEED = 0
 _SEEN = {"planar_impact": "ellipse", "planar_dice": "dice"}
@@ -75,25 +70,36 @@ def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
         "low": rest.gain[1],
         "high": rest.gain[2],
         "max_effects": critique.settings.max_effects,
-        **stamp(__file__),
     }
 
 
-def store(new: dict, rows: Rows = STORE) -> None:
+def store(new: dict, rows: Rows = ROWS) -> None:
     """Add a row, or replace that of the same key; chosen by hand, also of the same effects."""
     by_hand = () if new["chosen"] == "searched" else ("effects",)
-    replace(rows, key=(*KEY, *by_hand)).put(new)
+    replace(rows, key=(*KEY, *by_hand)).put(stamped(new, row))
 
 
-def table(path: Path = PATH) -> str:
+def compute(dataset: Dataset, say: Callable[[str], None], single: bool = False, effects: str = "") -> dict:
+    """Criticise a measured set, with all hits or `single` ones, and store its row.
+
+    `effects` to switch on by hand instead of the search, with commas.
+    """
+    settings = CritiqueSettings(episodes=not single, max_effects=MOST_EFFECTS)
+    by_hand = list(filter(None, effects.split(","))) or None
+    own = generator(SEED, dataset.name)
+    critique = criticise_drops(dataset, rng=own, settings=settings, effects=by_hand, say=say)
+    new = row(critique, "single" if single else "all", "by hand" if by_hand else "searched")
+    store(new)
+    return new
+
+
+def as_markdown(rows: Rows = ROWS) -> str:
     """The stored rows as Markdown."""
-    import pandas as pd
-
     head = ("set", "hits used", "effects", "verdict", "before", "after (median)", "noise", "with the rest learned")
-    return markdown(head, [_line(one) for _, one in pd.read_csv(path).iterrows()])
+    return table(head, [_line(one) for _, one in pd.read_csv(rows.path).iterrows()])
 
 
-def _line(one: "pd.Series") -> tuple[str, ...]:
+def _line(one: pd.Series) -> tuple[str, ...]:
     titles = "; ".join(
         f"{EFFECTS[name.lstrip('~')].title}{' (a stand-in)' * name.startswith('~')}"
         for name in str(one["effects"]).split(" + ")
@@ -108,33 +114,3 @@ def _line(one: "pd.Series") -> tuple[str, ...]:
         "unknown" if np.isnan(one["noise_floor"]) else number(one["noise_floor"], 2),
         number(one["learned"]),
     )
-
-
-@command
-def main(argv: Sequence[str] | None = None) -> int:
-    prog, how = "python -m thesis_lib.critique.proof.measured", "criticise a measured set and store its row"
-    parser, _, run = run_or_table(prog, __doc__ or "", how, "print the stored rows")
-    run.add_argument("folder")
-    run.add_argument("--trials", type=int, help="the first ones; default: all")
-    run.add_argument("--single", action="store_true", help="single hits only, no episodes")
-    run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
-    args = parser.parse_args(argv)
-    if args.command == "table":
-        print(table())
-        return 0
-    from thesis_lib.datasets.read import read_dataset
-
-    dataset = read_dataset(args.folder).first_trials(args.trials)
-    settings = CritiqueSettings(episodes=not args.single, max_effects=MOST_EFFECTS)
-    by_hand = list(filter(None, args.effects.split(","))) or None
-    with Progress(dataset.name) as say:
-        own = generator(SEED, dataset.name)
-        critique = criticise_drops(dataset, rng=own, settings=settings, effects=by_hand, say=say)
-    new = row(critique, "single" if args.single else "all", "by hand" if by_hand else "searched")
-    store(new)
-    print("\n".join(f"{name}: {value}" for name, value in new.items()))
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

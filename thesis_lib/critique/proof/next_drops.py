@@ -14,14 +14,28 @@ Drops are integrated in continuous time (source mechanism) and recorded as the p
 drop, velocities before and after with noise.  Releases are those of chapter 3's rig.  Nobody sets a state exactly: a
 proposed one is met with `SCATTER`.
 
+config/proof/next_experiment.csv has a row per question, in the order of the plan:
+
+| column                     | unit | meaning                                                                          |
+|----------------------------|------|----------------------------------------------------------------------------------|
+| cause, size, seed          |      | `Question`                                                                       |
+| effect, rival              |      | A and B; rival "" where 50 drops leave none, and the rest is then empty          |
+| apart                      | nats | log score of A less that of B, with the first drops                              |
+| sigmas                     | 1    | the largest difference that the proposal tells of, in standard deviations; empty |
+|                            |      | if it proposes nothing                                                           |
+| random, chosen             | 1    | drops that settle it; empty if nothing is proposed                               |
+| wrong_random, wrong_chosen |      | 1 if they settle it wrongly, else 0                                              |
+| code, made                 |      | as in `store`                                                                    |
+
 Causes whose two effects differ in no impact at all (a moving surface, a drifting camera) are no such question: there
 the critique proposes no release, which `test_no_release_is_proposed_where_none_would_tell` holds.
 """
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -34,15 +48,17 @@ from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.critique.likelihood.fit import Fit, fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.proof.cases import CORNERED, SEEDS
-from thesis_lib.critique.proof.store import STORE
+from thesis_lib.critique.proof.store import COMMAND, STORE, stamped, value_of
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import Rows, as_cell, stamp
+from thesis_lib.foundation.rows import STAMP, Rows, as_cell
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, ELLIPSE_BODY, SQUARE, CompliantContact, HiddenCauses
 from thesis_lib.simulate.rig.release import Release, Spread
+from thesis_lib.statistics.intervals import wilson
 
 QUESTIONS = 20
 FIRST = 50
@@ -53,6 +69,10 @@ SCATTER = (0.05, 0.05, 0.5, 0.05, 0.005)  # m/s, m/s, rad/s, rad, m: one sigma o
 NOISE = Noise(position=3e-4, angle=3e-3, velocity=0.02, angular_velocity=0.5)
 RELEASE = Release()
 CONTACT = CompliantContact(contact_time=2e-5)
+HALF = 0.5  # chosen drops over random ones, at most
+KEY = ("cause", "size", "seed")
+MEASURED = ("size", "apart", "sigmas", "random", "chosen")
+COLUMNS = (*KEY, "effect", "rival", *MEASURED[1:], "wrong_random", "wrong_chosen", *STAMP)
 LOWEST = 0.08  # m; no release below it
 # what impacts show; not wear, which no choice of states tells, and which begins again with each simulated series
 ASKED = (
@@ -69,37 +89,6 @@ class Question:
     cause: str
     size: float
     seed: int
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What became of a question; `rival` is "" where 50 drops leave none, and the rest is then empty.
-
-    Attributes:
-        effect, rival: A and B.
-        apart: log score of A less that of B, with the first drops, nats.
-        sigmas: the largest difference that the proposal tells of, in standard deviations; NaN if it proposes nothing.
-        random, chosen: drops that settle it; NaN if nothing is proposed.
-        wrong_random, wrong_chosen: 1 if they settle it wrongly, else 0.
-        code, made: of the code that asked the question, and the date, as `foundation.rows.STAMP`.
-    """
-
-    question: Question
-    effect: str = ""
-    rival: str = ""
-    apart: float = math.nan
-    sigmas: float = math.nan
-    random: float = math.nan
-    chosen: float = math.nan
-    wrong_random: int = 0
-    wrong_chosen: int = 0
-    code: str = ""
-    made: str = ""
-
-    @property
-    def is_open(self) -> bool:
-        """Whether 50 drops leave the question open, and a release is proposed that would tell."""
-        return bool(self.rival) and not math.isnan(self.chosen)
 
 
 class Launcher:
@@ -126,8 +115,8 @@ def plan() -> list[Question]:
     return [Question(cause, size, seed) for seed in range(SEEDS, SEEDS + 20) for size in SIZES for cause in ASKED]
 
 
-def ask(question: Question) -> Answer:
-    """Make the drops, look whether they leave a question, and count the drops that settle it."""
+def ask(question: Question) -> dict[str, object]:
+    """Make the drops, look whether they leave a question, and count the drops that settle it: a row of the table."""
     cause = CAUSES[question.cause]
     body = SQUARE if question.cause in CORNERED else ELLIPSE_BODY
     hidden = HiddenCauses.model_validate({question.cause: question.size * cause.size})
@@ -136,22 +125,23 @@ def ask(question: Question) -> Answer:
     first = _drops(body, RELEASE, FIRST, hidden, first_rng)
     true = cause.effects[0]
     critique = criticise_drops(first, rng=critique_rng, effects=[true])
+    row: dict[str, object] = {**vars(question), "effect": true, "rival": "", "wrong_random": 0, "wrong_chosen": 0}
     pair = _rival(critique, true, cause.effects)
     if pair is None:
-        return Answer(question, true)
+        return row
     rival, apart = pair
+    row |= {"rival": rival, "apart": apart}
     final = critique.ladder[-1][1]
     proposed = tell_apart(critique, final, EFFECTS[true], EFFECTS[rival], proposal_rng)
     if not proposed["states"]:
-        return Answer(question, true, rival, apart)
+        return row
     models = [replace(final.model, effects=(EFFECTS[name],)) for name in (true, rival)]
     launcher = Launcher(proposed["states"], body)
-    (random, random_right), (chosen, chosen_right) = (
-        _settled(first, _drops(body, release, STEPS[-1], hidden, stream), models, final)
-        for release, stream in zip((RELEASE, launcher), more_rng.spawn(2))
-    )
-    told = proposed["sigmas"][0]
-    return Answer(question, true, rival, apart, told, random, chosen, int(not random_right), int(not chosen_right))
+    row["sigmas"] = proposed["sigmas"][0]
+    for way, release, stream in zip(("random", "chosen"), (RELEASE, launcher), more_rng.spawn(2)):
+        row[way], right = _settled(first, _drops(body, release, STEPS[-1], hidden, stream), models, final)
+        row[f"wrong_{way}"] = int(not right)
+    return row
 
 
 def _drops(body: Body, release: Release | Launcher, n: int, hidden: HiddenCauses, rng: np.random.Generator) -> Dataset:
@@ -217,52 +207,90 @@ def _apart(observations: Observations, models: Sequence[Model], values: Sequence
     return [one.values, other.values], one.score - other.score
 
 
-def run(wanted: int, tell: Callable[[str], object], store: Path = STORE) -> list[Answer]:
+def run(wanted: int, tell: Callable[[str], object], store: Path = STORE) -> None:
     """Ask in the order of the plan until `wanted` questions are open; stored answers are kept, new ones stored."""
     answers = read_answers(store)
+    known, n_open = {Question(*key) for key in answers[list(KEY)].itertuples(index=False)}, int(answers["open"].sum())
     for question in plan():
-        if sum(answer.is_open for answer in answers.values()) >= wanted:
+        if n_open >= wanted:
             break
-        if question not in answers:
-            answers[question] = answer = replace(ask(question), **stamp(__file__))
-            table_of(store).put(cells_of(answer))
-            said = f"{answer.effect} or {answer.rival}: random {answer.random:g}, chosen {answer.chosen:g}"
-            tell(f"{question.cause} {question.size:g} {question.seed}: {said if answer.rival else 'no question'}")
-    return list(answers.values())
-
-
-KEY = tuple(f.name for f in fields(Question))
-COLUMNS = (*KEY, *(f.name for f in fields(Answer)[1:]))
+        if question not in known:
+            row = ask(question)
+            table_of(store).put(stamped(row, ask))
+            n_open += "chosen" in row
+            said = f"{row['effect']} or {row['rival']}: random {row.get('random')}, chosen {row.get('chosen')}"
+            tell(f"{question.cause} {question.size:g} {question.seed}: {said if row['rival'] else 'no question'}")
 
 
 def table_of(store: Path = STORE) -> Rows:
     """The table of the answers, in the order of the plan."""
-    place = {as_key(question): i for i, question in enumerate(plan())}
-    path, command = Path(store) / "next_experiment.csv", "python -m thesis_lib.critique.proof next"
-    return Rows(path, COLUMNS, KEY, command, digits=6, order=lambda row: place[tuple(row[name] for name in KEY)])
+    place = {tuple(map(as_cell, vars(question).values())): i for i, question in enumerate(plan())}
+
+    def order(row: dict[str, str]) -> int:
+        return place[tuple(row[name] for name in KEY)]
+
+    return Rows(Path(store) / "next_experiment.csv", COLUMNS, KEY, f"{COMMAND} next", digits=6, order=order)
 
 
-def as_key(question: Question) -> tuple[str, ...]:
-    """The cells of a question."""
-    return tuple(map(as_cell, astuple(question)))
+def read_answers(store: Path = STORE) -> pd.DataFrame:
+    """The stored answers, in order, and whether each is `open`: 50 drops leave it, and a release would tell.
+
+    CorruptFileError if a row is unreadable.
+    """
+    table = pd.DataFrame(table_of(store).parsed(_answer), columns=[*COLUMNS, "open"])
+    return table.astype({"open": bool})
 
 
-def read_answers(store: Path = STORE) -> dict[Question, Answer]:
-    """The stored answers, in order; empty if there is no table.  CorruptFileError if a row is unreadable."""
-    answers = table_of(store).parsed(lambda cells: _answer(*cells.values()))
-    return {answer.question: answer for answer in answers}
+def _answer(cells: dict[str, str]) -> dict[str, object]:
+    if cells["cause"] not in CAUSES or not {cells["effect"], cells["rival"]} <= {*EFFECTS, ""}:
+        raise ValueError(f"{cells['cause']}, {cells['effect']}, {cells['rival']}: no answer")
+    numbers = {name: value_of(cells[name]) for name in MEASURED}
+    counts = {name: int(cells[name]) for name in ("seed", "wrong_random", "wrong_chosen")}
+    return {**cells, **numbers, **counts, "open": bool(cells["rival"]) and not math.isnan(numbers["chosen"])}
 
 
-def _answer(cause: str, size: str, seed: str, effect: str, rival: str, *cells: str) -> Answer:
-    *numbers, wrong_random, wrong_chosen, code, made = cells
-    if cause not in CAUSES or effect not in EFFECTS or (rival and rival not in EFFECTS):
-        raise ValueError(f"{cause}, {effect}, {rival}: no answer")
-    apart, sigmas, by_chance, chosen = (float(x) if x else math.nan for x in numbers)
-    question = Question(cause, float(size), int(seed))
-    wrong = int(wrong_random), int(wrong_chosen)
-    return Answer(question, effect, rival, apart, sigmas, by_chance, chosen, *wrong, code, made)
+class Saved(NamedTuple):
+    """Of n open questions: how many need at most half as many drops, sums of drops, median ratio, all looked at."""
+
+    n: int
+    halved: int
+    random: float
+    chosen: float
+    median: float
+    looked_at: int
 
 
-def cells_of(answer: Answer) -> dict[str, object]:
-    """The answer as it is stored."""
-    return dict(zip(COLUMNS, (*astuple(answer.question), *astuple(answer)[1:])))
+def saved(answers: pd.DataFrame) -> Saved:
+    """Shares over the open questions among `answers`; ValueError if there is none."""
+    opened = answers[answers["open"]]
+    if not len(opened):
+        raise ValueError("no question is open")
+    ratio = opened["chosen"] / opened["random"]
+    by_chance, chosen = (float(opened[name].sum()) for name in ("random", "chosen"))
+    return Saved(len(opened), int((ratio <= HALF).sum()), by_chance, chosen, float(ratio.median()), len(answers))
+
+
+def as_markdown(answers: pd.DataFrame | None = None) -> str:
+    """What the stored questions show, and a table of them."""
+    answers = read_answers() if answers is None else answers
+    of, opened = saved(answers), answers[answers["open"]]
+    low, high = wilson(of.halved, of.n)
+    wrong = [answers[f"wrong_{way}"].sum() for way in ("random", "chosen")]
+    words = (
+        f"Of {of.looked_at} datasets of {FIRST} random drops {of.n} leave two effects that they cannot tell. "
+        f"{of.halved} of these {of.n} questions ({100 * of.halved / of.n:.0f} %, 95 %: {100 * low:.0f} to "
+        f"{100 * high:.0f} %) are settled with at most half as many chosen drops as random ones. The median question "
+        f"takes {of.median:.2g} times as many; all together take {of.chosen:.0f} instead of {of.random:.0f}, where one "
+        f"that is settled wrongly (random: {wrong[0]}, chosen: {wrong[1]}) counts as {STEPS[-1]}. Chosen drops take "
+        f"more than random ones in {(opened['chosen'] > opened['random']).sum()}."
+    )
+    head = ("hidden", "of its size in the proof", "seed", "which effect?", "apart, nats")
+    lines = []
+    for row in opened.sort_values(["random", "chosen"], ascending=[False, True], kind="stable").to_dict("records"):
+        counts = [
+            "wrongly settled" if row[f"wrong_{way}"] else f"{row[way]:.0f}{' or more' if row[way] >= STEPS[-1] else ''}"
+            for way in ("random", "chosen")
+        ]
+        which = f"{row['effect']}, {row['rival']}"
+        lines.append((row["cause"], f"{row['size']:g}", f"{row['seed']}", which, f"{row['apart']:.1f}", *counts))
+    return f"{words}\n\n{table((*head, 'random drops', 'chosen drops'), lines)}"

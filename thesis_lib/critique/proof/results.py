@@ -24,30 +24,23 @@ without hidden effects their misfit is below 1.)  If no effect is known, impacts
 | σ/σ_CR             | `width`                                 | 1    | `recovered` | std over the Cramér-Rao bound  |
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.proof.cases import NOTHING, RATIO, SOURCES, Case
-from thesis_lib.critique.proof.compute import Recovered, Row
-from thesis_lib.critique.proof.store import STORE, VERDICTS, read_rows
+from thesis_lib.critique.proof.cases import RATIO, SOURCES, Case
+from thesis_lib.critique.proof.compute import VERDICTS, numbers_of_row, read_rows
+from thesis_lib.critique.proof.store import NOTHING, STORE, Cells, groups_of, numbers_of, share
 from thesis_lib.effects import EFFECTS
-from thesis_lib.statistics.intervals import Z95, wilson
+from thesis_lib.statistics.intervals import Z95
 
 KINDS = ("single", NOTHING, "pair", "outside")
 LARGEST_GROUP = 3  # most effects in a group
-CELL = (
-    "source",
-    "truth",
-    "ratio",
-    "drops",
-    "noise",
-    "shape",
-    "contact_time",
-)  # datasets of a cell differ only in the seed
+# datasets of a cell differ only in the seed
+CELL = ("source", "truth", "ratio", "drops", "noise", "shape", "contact_time")
 OUTCOMES = (
     *(*CELL, "seed", "kind", "effect", "verdict", "named_first", "named", "group_size", "right", "wrong_names"),
     *("error_before", "error_after", "floor", "before_over_floor", "after_over_floor", "why"),
@@ -96,32 +89,26 @@ def outcomes(store: Path = STORE) -> pd.DataFrame:
     ".  `group_size` is the mean over groups.  CorruptFileError, here and in what
     uses it, if a stored result cannot be read.
     """
-    rows = [_outcome(row) for source in SOURCES for row in read_rows(source, store).values()]
+    rows = [_outcome(case, row) for source in SOURCES for case, row in read_rows(source, store).items()]
     return _sorted(pd.DataFrame(rows, columns=list(OUTCOMES)), ["source", "kind", *CELL[1:], "seed"])
 
 
 def recovered(store: Path = STORE) -> pd.DataFrame:
     """A row per parameter with a true value in a model with the hidden effect; columns `RECOVERED`."""
     rows = [
-        _cell(row.case) | {"effect": row.case.truth, "parameter": name} | _deviation(p)
+        _cell(case) | {"effect": case.truth, "parameter": name} | _deviation(*values)
         for source in SOURCES
-        for row in read_rows(source, store).values()
-        for name, p in row.parameters.items()
-        if p.std > 0.0
+        for case, row in read_rows(source, store).items()
+        for name, values in numbers_of(row["parameters"]).items()
+        if values[2] > 0.0
     ]
     return _sorted(pd.DataFrame(rows, columns=list(RECOVERED)), [*CELL, "seed", "parameter"])
 
 
-def _deviation(p: Recovered) -> dict:
-    off, width = p.found - p.true, p.std / p.fisher if p.fisher else np.nan
-    return {
-        "true": p.true,
-        "found": p.found,
-        "std": p.std,
-        "z": off / p.std,
-        "inside": abs(off) <= Z95 * p.std,
-        "width": width,
-    }
+def _deviation(true: float, found: float, std: float, fisher: float) -> dict:
+    off, width = found - true, std / fisher if fisher else np.nan
+    inside = abs(off) <= Z95 * std
+    return {"true": true, "found": found, "std": std, "z": off / std, "inside": inside, "width": width}
 
 
 def _sorted(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
@@ -137,27 +124,26 @@ def _cell(case: Case) -> dict:
     return {key: getattr(case, key) for key in (*CELL, "seed")}
 
 
-def _outcome(row: Row) -> dict:
-    case = row.case
+def _outcome(case: Case, row: Cells) -> dict:
+    groups, numbers = groups_of(row["named"]), numbers_of_row(row)
     effects = case.expected[0] if case.kind == "single" else ()
-    sizes = [len(group) for group in _without_own(case, row.verdict, row.groups)[1]]
-    outcome = _cell(case) | {name: getattr(row, name) for name in ("verdict", "named", "why")}
-    outcome |= {"kind": case.kind, "effect": effects[0] if effects else "", "floor": row.errors["floor"]}
-    outcome |= {"named_first": row.groups[0][0] if row.groups else ""}
-    outcome |= {"group_size": float(np.mean(sizes)) if sizes else np.nan}
+    sizes = [len(group) for group in _without_own(case, row["verdict"], groups)[1]]
+    outcome = _cell(case) | {name: row[name] for name in ("verdict", "named", "why")}
+    outcome |= {"kind": case.kind, "effect": effects[0] if effects else "", "floor": numbers["floor"]}
+    outcome |= {"named_first": groups[0][0] if groups else "", "group_size": float(np.mean(sizes)) if sizes else np.nan}
     judged = (("right", is_right), ("wrong_names", wrong_names))
-    outcome |= {name: judge(case, row.verdict, row.groups) for name, judge in judged}
+    outcome |= {name: judge(case, row["verdict"], groups) for name, judge in judged}
     for when, which in (("before", "base"), ("after", "augmented")):
-        outcome |= {f"error_{when}": row.errors[which], f"{when}_over_floor": _misfit(row, effects, which)}
+        outcome |= {f"error_{when}": numbers[which], f"{when}_over_floor": _misfit(numbers, effects, which)}
     return outcome
 
 
-def _misfit(row: Row, effects: Sequence[str], when: str) -> float:
+def _misfit(numbers: Mapping[str, float], effects: Sequence[str], when: str) -> float:
     """The largest misfit over its floor in the channels of `effects`; NaN if unknown."""
     channels = {channel for name in effects for channel in EFFECTS[name].channels} or {"impact"}
-    floor = row.errors["floor"]
-    over_floor = {name: row.errors[f"{name}_{when}"] for name in ("flight", "touch")}
-    over_floor["impact"] = row.errors[when] / floor if floor else np.nan
+    floor = numbers["floor"]
+    over_floor = {name: numbers[f"{name}_{when}"] for name in ("flight", "touch")}
+    over_floor["impact"] = numbers[when] / floor if floor else np.nan
     return max((v for name, v in over_floor.items() if name in channels and np.isfinite(v)), default=np.nan)
 
 
@@ -186,14 +172,12 @@ def confusion(store: Path = STORE) -> pd.DataFrame:
     for cell, group in datasets.groupby(list(CELL), sort=False):
         values = by_cell.get(cell, parameters.iloc[:0])
         row = dict(zip(CELL, cell)) | {name: group[name].median() for name in MISFITS}
-        row |= {"kind": group["kind"].iloc[0], "n": len(group)}
-        row |= {name: group[name].mean() for name in ("right", "group_size")}
-        row["right_low"], row["right_high"] = wilson(int(group["right"].sum()), len(group))
+        row |= {"kind": group["kind"].iloc[0], "n": len(group), "group_size": group["group_size"].mean()}
+        row |= dict(zip(("right", "right_low", "right_high"), share(group["right"]).values()))
         row["named_first"] = _counts(group.loc[group["named_first"] != "", "named_first"])
         row["verdicts"] = _counts(group["verdict"], VERDICTS)
         row |= {"n_parameters": len(values), "z": values["z"].abs().median(), "width": values["width"].median()}
-        row["coverage"] = values["inside"].mean() if len(values) else np.nan
-        row["coverage_low"], row["coverage_high"] = wilson(int(values["inside"].sum()), len(values))
+        row |= dict(zip(("coverage", "coverage_low", "coverage_high"), share(values["inside"]).values()))
         rows.append(row)
     return pd.DataFrame(rows, columns=list(CONFUSION))
 

@@ -1,112 +1,121 @@
-"""The stored results of the proof: config/proof/<source>.csv, with a row per dataset.
+"""What all proofs share: tables in config/proof/, cells that hold several values, runs that go on where they stopped.
 
-Rows are sorted, and numbers have the shortest exact form, so that git shows what changed.
+A row has a dataset's case, what was found of it, and by which code and when.  Rows are sorted, so that git shows what
+changed.
 
-| column                            | unit | meaning                                                                   |
-|-----------------------------------|------|---------------------------------------------------------------------------|
-| truth, ratio, drops, noise, seed  |      | the dataset (`Case`)                                                      |
-| shape, contact_time               | s    | its body, and how long a central contact lasts                            |
-| sizes                             |      | `Case.sizes`, "name=size" joined by ";"; empty: unknown                   |
-| verdict, law, n_impacts, why      |      | as in `Row`                                                               |
-| named                             |      | groups of effects in the order of selection: "a/b + c"                    |
-| base, augmented, floor            | m/s  | held-out error of the impacts before and after, and its noise floor       |
-| flight_..., touch_...             | 1    | held-out misfit of flights and gaps, in units of noise; empty: none       |
-| remaining_p                       | 1    | p-value of the remaining structure                                        |
-| parameters                        |      | "name=true:found:std:fisher" of each, joined by ";"                       |
-| code, made                        |      | `code_hash` of the code that made the row, empty: unknown; and the date   |
+| cell       | form                                                                                        |
+|------------|---------------------------------------------------------------------------------------------|
+| groups     | "a/b + c": effects in the order of selection, each with those that cannot be told from it   |
+| numbers    | "name=1:2;other=3"                                                                          |
+| code, made | hash of the code that made the row, empty: unknown; and the date                            |
 """
 
-import math
-from collections.abc import Mapping
+import functools
+import inspect
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
-from thesis_lib.critique.proof.cases import Case
-from thesis_lib.critique.proof.compute import Recovered, Row
-from thesis_lib.critique.proof.sizes import CONFIG
-from thesis_lib.foundation.rows import Rows, as_cell
+import pandas as pd
 
+import thesis_lib
+from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.selection.discovery import Step
+from thesis_lib.foundation.isolated import Task, run_isolated
+from thesis_lib.foundation.provenance import lib_hash
+from thesis_lib.foundation.rows import STAMP, Rows, as_cell, today
+from thesis_lib.statistics.intervals import wilson
+
+CONFIG = Path(thesis_lib.__file__).resolve().parent.parent / "config"  # in a checkout; an installed package has none
 STORE = CONFIG / "proof"
-VERDICTS = ("adequate", "effects", "unexplained", "refused")
-ERRORS = ("base", "augmented", "floor", "flight_base", "flight_augmented", "touch_base", "touch_augmented")
-KEY = ("truth", "ratio", "drops", "noise", "shape", "contact_time", "seed")
-COLUMNS = (
-    *("truth", "ratio", "drops", "noise", "seed", "shape", "contact_time", "sizes", "verdict", "law", "named"),
-    *("n_impacts", *ERRORS, "remaining_p", "parameters", "why", "code", "made"),
-)
+COMMAND = "python -m thesis_lib.critique.proof"
+NOTHING = "nothing"  # hidden
+Cells = Mapping[str, str]
 
 
-def table_of(source: str, store: Path = STORE) -> Rows:
-    """The table of a source."""
-    return Rows(Path(store) / f"{source}.csv", COLUMNS, KEY, "python -m thesis_lib.critique.proof run")
+def groups_of(cell: str) -> list[list[str]]:
+    """Groups of effects in a cell."""
+    return [group.split("/") for group in cell.split(" + ") if group]
 
 
-def read_rows(source: str, store: Path = STORE) -> dict[Case, Row]:
-    """The stored rows of a source, empty if there is no table.
+def groups_in(steps: Iterable[Step]) -> str:
+    """The cell with the effects of `steps`, and what cannot be told from them."""
+    return " + ".join("/".join((step.effect.name, *step.alternatives)) for step in steps)
 
-    CorruptFileError if a row is unreadable or duplicate, or its truth unknown.
+
+def with_effects(critique: DropsCritique) -> str:
+    """The cell with the effects of a critique alone, joined by +."""
+    return "+".join(step.effect.name for step in critique.discovery.steps)
+
+
+def value_of(cell: str) -> float:
+    """The number in a cell, NaN in an empty one."""
+    return float(cell or "nan")
+
+
+def numbers_of(cell: str) -> dict[str, list[float]]:
+    """Numbers in a cell, by name; ValueError if it is none."""
+    parts = (part.split("=") for part in cell.split(";") if part)
+    return {name: [value_of(value) for value in values.split(":")] for name, values in parts}
+
+
+def numbers_in(named: Mapping[str, Iterable[float]], digits: int | None = None) -> str:
+    """The cell with numbers by name, with so many significant digits (None: all)."""
+    return ";".join(f"{name}={':'.join(as_cell(x, digits) for x in values)}" for name, values in named.items())
+
+
+def share(hits: pd.Series) -> dict[str, float]:
+    """Their `share`, its 95 % Wilson interval `low`, `high`, and of how many, `n`; NaN of none."""
+    n = len(hits)
+    low, high = wilson(int(hits.sum()), n)
+    return {"share": float(hits.mean()) if n else float("nan"), "low": low, "high": high, "n": n}
+
+
+@functools.cache
+def code_of(compute: Callable) -> str:
+    """Hash (16 hex digits) of all code that a function's module uses."""
+    return lib_hash(inspect.getfile(compute))
+
+
+def stamped(row: Mapping[str, Any], compute: Callable) -> dict[str, Any]:
+    """A row that `compute` has made, with the hash of its code and today's date."""
+    return {**row, **dict(zip(STAMP, (code_of(compute), today())))}
+
+
+def put_missing(
+    cases: Iterable[Any],
+    compute: Callable[[Any], dict[str, Any]],
+    rows_of: Callable[[Any], Rows],
+    told: Callable[[dict], str],
+    tell: Callable[[str], object],
+    *,
+    jobs: int = 1,
+    older: Callable[[Any], bool] | None = None,
+) -> bool:
+    """Store the rows that `compute` makes of cases, `tell` of each what `told` says, and return whether all were made.
+
+    Args:
+        cases: dataclasses whose fields are the key of their table; those that are stored are left out.
+        compute: function of an importable module; it runs in processes of their own, `jobs` at a time.
+        older: whether a stored row is to be made again, after the others; None: none is.
     """
-    rows: dict[Case, Row] = {}
-
-    def add(cells: dict[str, str]) -> None:
-        row = _row(source, cells)
-        if row.case in rows:
-            raise ValueError("the dataset stands twice")
-        rows[row.case] = row
-
-    table_of(source, store).parsed(add)
-    return rows
-
-
-def put_row(row: Row, store: Path = STORE, *, replace: bool = False) -> None:
-    """Add a row to the table of its source, or `replace` an existing one; parallel runs wait for each other."""
-    table_of(row.case.source, store).put(cells_of(row), keep=not replace)
-
-
-def cells_of(row: Row) -> Mapping[str, object]:
-    """The row as it is stored."""
-    parameters = (f"{name}={':'.join(map(as_cell, values))}" for name, values in sorted(row.parameters.items()))
-    sizes = (f"{name}={as_cell(size)}" for name, size in row.sizes.items())
-    return (
-        {name: getattr(row.case, name) for name in KEY}
-        | {name: getattr(row, name) for name in ("verdict", "law", "named", "n_impacts")}
-        | {name: row.errors.get(name, math.nan) for name in ERRORS}
-        | {name: getattr(row, name) for name in ("remaining_p", "why", "code", "made")}
-        | {"sizes": ";".join(sizes), "parameters": ";".join(parameters)}
-    )
-
-
-def _number(text: str) -> float:
-    return float(text) if text else math.nan
-
-
-def _named(text: str) -> list[list[str]]:
-    """Pairs of "name=value" joined by ";"; ValueError if one is not."""
-    pairs = [part.split("=") for part in filter(None, text.split(";"))]
-    if any(len(pair) != 2 for pair in pairs):
-        raise ValueError(f"{text[:80]!r} is no list of name=value")
-    return pairs
-
-
-def _row(source: str, cells: dict[str, str]) -> Row:
-    drops, seed = int(cells["drops"]), int(cells["seed"])
-    size = float(cells["noise"]), float(cells["ratio"])
-    contact = cells["shape"], float(cells["contact_time"])
-    case = Case(source, cells["truth"], seed, drops, *size, *contact)
-    _ = case.kind  # raises KeyError if the truth is unknown
-    if cells["verdict"] not in VERDICTS:
-        raise ValueError(f"no verdict is called {cells['verdict']!r}")
-    parameters = {name: Recovered(*map(_number, values.split(":"))) for name, values in _named(cells["parameters"])}
-    return Row(
-        case,
-        cells["verdict"],
-        law=cells["law"],
-        groups=tuple(tuple(group.split("/")) for group in cells["named"].split(" + ") if group),
-        n_impacts=int(cells["n_impacts"]),
-        errors={name: _number(cells[name]) for name in ERRORS},
-        remaining_p=_number(cells["remaining_p"]),
-        parameters=parameters,
-        why=cells["why"],
-        code=cells["code"],
-        made=cells["made"],
-        sizes={name: float(size) for name, size in _named(cells["sizes"])},
-    )
+    cases, stored = list(cases), {rows.path: rows for rows in map(rows_of, cases)}
+    keys = {path: set(rows.parsed(itemgetter(*rows.key))) for path, rows in stored.items()}
+    missing = [c for c in cases if tuple(as_cell(vars(c)[k]) for k in rows_of(c).key) not in keys[rows_of(c).path]]
+    again = [case for case in cases if case not in missing and older and older(case)]
+    tell(f"{len(cases) - len(missing)} of {len(cases)} are stored, {len(missing) + len(again)} to compute")
+    complete, todo = True, {str(case): case for case in (*missing, *again)}
+    with tempfile.TemporaryDirectory() as logs:
+        tasks = [Task(name, (case,), Path(logs) / f"{i}.txt") for i, (name, case) in enumerate(todo.items())]
+        for i, done in enumerate(run_isolated(compute, tasks, jobs=jobs, preload=(__name__,)), 1):
+            said = done.failure
+            if done.result is None:
+                complete = False
+            else:
+                rows_of(todo[done.name]).put(stamped(done.result, compute))
+                said = told(done.result)
+            spent = "" if done.cpu_s is None else f"  [{done.cpu_s:.0f} s]"
+            tell(f"{i} of {len(todo)}  {done.name}: {said}{spent}")
+    return complete

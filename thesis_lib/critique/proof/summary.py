@@ -25,11 +25,11 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.proof.by_contact import by_contact
-from thesis_lib.critique.proof.cases import NOTHING, RIGID, Case, truths
+from thesis_lib.critique.proof.cases import RIGID, Case, truths
 from thesis_lib.critique.proof.results import confusion, misses, of_table, outcomes, recovered, usual
-from thesis_lib.critique.proof.store import STORE
+from thesis_lib.critique.proof.store import NOTHING, STORE, share
 from thesis_lib.foundation.files import write_result
-from thesis_lib.statistics.intervals import median_interval, wilson
+from thesis_lib.statistics.intervals import median_interval
 
 MECHANISMS = ("mechanism", "drake")
 WIDEST = 1.3  # largest interval width over the Cramér-Rao bound
@@ -113,19 +113,21 @@ def summary(store: Path = STORE) -> pd.DataFrame:
 _NOT_RUN = {"n": 0, "measured": np.nan, "low": np.nan, "high": np.nan, "met": "not run"}
 
 
+def _share(target: SummaryTarget, hits: pd.Series) -> dict:
+    of = share(hits)
+    return of | {"measured": of["share"], "met": target.met(of["share"])}
+
+
 def _right(target: SummaryTarget, rows: pd.DataFrame) -> dict:
-    share = float(rows["right"].mean())
-    low, high = wilson(int(rows["right"].sum()), len(rows))
-    return {"n": len(rows), "measured": share, "low": low, "high": high, "met": target.met(share)}
+    return _share(target, rows["right"])
 
 
 def _coverage(target: SummaryTarget, values: pd.DataFrame) -> dict:
-    share, width = float(values["inside"].mean()), float(values["width"].median())
-    low, high = wilson(int(values["inside"].sum()), len(values))
-    n = len(values.drop_duplicates(["source", "truth", "seed"]))
-    met = target.met(share) if width <= WIDEST else "missed"  # so is an unknown width
+    found, width = _share(target, values["inside"]), float(values["width"].median())
+    if not width <= WIDEST:  # so is an unknown width
+        found["met"] = "missed"
     note = f"{len(values)} parameters, median width over the bound {width:.2f}"
-    return {"n": n, "measured": share, "low": low, "high": high, "met": met, "note": note}
+    return found | {"n": len(values.drop_duplicates(["source", "truth", "seed"])), "note": note}
 
 
 def _misfit(target: SummaryTarget, rows: pd.DataFrame) -> dict:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from thesis_lib.critique.proof.by_contact import ASKED, COVERAGE, COVERED, EVERY
 from thesis_lib.critique.proof.cases import BODIES
-from thesis_lib.critique.proof.plan import TIMES
+from thesis_lib.critique.proof.headline import TIMES
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.marks import BLUE, GREEN, RED, YELLOW
 from thesis_lib.figures.proof.curves import say_not_run

@@ -1,10 +1,8 @@
 """Drops that settle a question between two effects: random ones against those in the states that are proposed."""
 
-from collections.abc import Sequence
-
 import pandas as pd
 
-from thesis_lib.critique.proof.next_drops import STEPS, Answer
+from thesis_lib.critique.proof.next_drops import STEPS
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.marks import BLUE, RED
 from thesis_lib.figures.proof.curves import say_not_run, words
@@ -14,13 +12,10 @@ ROW = 0.17  # inches, height of a question
 
 
 @house_style
-def draw_next_drops(answers: Sequence[Answer]) -> Drawn:
+def draw_next_drops(answers: pd.DataFrame) -> Drawn:
     """A row for each open question, those that take random drops longest above; the axis is logarithmic."""
-    opened = sorted((a for a in answers if a.is_open), key=lambda a: (a.random, -a.chosen))
-    table = pd.DataFrame(
-        [(a.question.cause, a.effect, a.rival, a.random, a.chosen) for a in opened],
-        columns=["cause", "effect", "rival", "random", "chosen"],
-    )
+    opened = answers[answers["open"]].sort_values(["random", "chosen"], ascending=[True, False], kind="stable")
+    table = opened[["cause", "effect", "rival", "random", "chosen"]].reset_index(drop=True)
     figure = new_figure(height=1.0 + ROW * max(len(table), 4))
     set_title(figure, "Drops that tell two effects apart, beyond the first 50")
     if table.empty:
@@ -35,7 +30,7 @@ def draw_next_drops(answers: Sequence[Answer]) -> Drawn:
     ax.set_xscale("log")
     ax.set_xticks([1, 3, 10, 30, 100, STEPS[-1]], ["1", "3", "10", "30", "100", f"{STEPS[-1]} or more"])
     ax.minorticks_off()
-    ax.set_yticks(list(rows), [f"{words(a.effect)} or {words(a.rival)}" for a in opened], fontsize=6)
+    ax.set_yticks(list(rows), [f"{words(a.effect)} or {words(a.rival)}" for a in table.itertuples()], fontsize=6)
     ax.set_xlabel("further drops until the scores are 3 nats apart")
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=6.5)
     return figure, table

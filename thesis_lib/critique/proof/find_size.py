@@ -1,13 +1,14 @@
-"""The size of a hidden cause at which what it adds to the misfit is 3 times the floor, for sources with real contacts.
+"""The size of what is hidden at which what it adds to the misfit is 3 times the floor.
 
-Where the contact of a source is no rigid law, its misfit E_0 with nothing hidden is above the floor already.  The cause
-then adds to it as squares add, so that at ratio R
+Where the contact of a source is no rigid law, its misfit E_0 with nothing hidden is above the floor already.  What is
+hidden then adds to it as squares add, so that at ratio R
 
     E² − E_0² = (R² − 1) floor²        (E = R floor where E_0 is the floor)
 
-E is the misfit of the best law or compliant contact with μ, ε, contact time and the effects that the contact has by
-itself refitted, on the same releases with and without the cause: the error of impacts; of causes in flight, the misfit
-of whole arcs; of what only the touch shows, that of gaps.  A cause outside the library has the largest of the three.
+E is the misfit of the best law or compliant contact (of the source law: of its law) with μ, ε, contact time and the
+effects that the contact has by itself refitted, on the same releases with and without what is hidden: the error of
+impacts; of what acts in flight, the misfit of whole arcs; of what only the touch shows, that of gaps.  A cause outside
+the library has the largest of the three.
 """
 
 import functools
@@ -21,8 +22,8 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops, Judgement
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.proof.cases import ALL_CAUSES, NOTHING, Case, simulate
-from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.critique.proof.cases import NOTHING, Case, make
+from thesis_lib.critique.proof.sizes import LAW, stored_factor
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
@@ -34,22 +35,22 @@ CLOSE, NEAR = 0.05, 0.3  # relative, of the ratio: where the search ends, and wh
 FURTHEST = 5.0  # factor from one size to the next
 
 
-def find_cause_size(case: Case) -> float:
-    """Size of the one hidden cause of a case, in its unit, with which the misfit is the case's ratio.
+def find_size(case: Case) -> float:
+    """Size (`Case.sizes`) of the one hidden effect or cause of a case with which the misfit is the case's ratio.
 
     Raises:
-        UserError: a cause that is on or off, or one that does not reach the ratio.
+        UserError: what is on or off, or does not reach the ratio.
     """
     (name,) = case.hidden
-    if name == "mirrored":
+    if name in ("mirrored", "mirrored_rotation"):
         raise UserError("A mirrored camera is on or off; it has no size.")
     plain = replace(case, drops=DROPS)
     law, without = _base(plain.source, plain.shape, plain.contact_time, plain.seed)
-    first = size = possible = case.size(name)
+    first = size = possible = case.factor * stored_factor(name, 1.0) if case.source == "law" else case.size(name)
     tried: dict[float, float] = {}  # how far from the ratio, by size
     for _ in range(MOST):
         try:
-            ratio = _ratio(name, without, _judged(plain, {name: size}, (law,))[1])
+            ratio = _ratio(case, without, _judged(plain, {name: size}, (law,))[1])
         except ValidationError:  # no such cause: it has a largest size
             size = float(np.sqrt(size * possible)) * np.sign(first)
             continue
@@ -73,19 +74,18 @@ def find_cause_size(case: Case) -> float:
 def _base(source: str, shape: str, contact_time: float, seed: int) -> tuple[str, Judgement]:
     """The law that fits best with nothing hidden, and how it is judged."""
     nothing = Case(source, NOTHING, seed, DROPS, shape=shape, contact_time=contact_time)
-    return _judged(nothing, {}, tuple(BASES))
+    return _judged(nothing, {}, (LAW,) if source == "law" else tuple(BASES))
 
 
 def _judged(case: Case, sizes: dict[str, float], laws: tuple[str, ...]) -> tuple[str, Judgement]:
     rng = generator(case.seed, "proof sizes", case.source, case.shape, f"{case.contact_time:g}")
-    drops = simulate(case, sizes, rng)
-    o = observe(Dataset("sizes", drops.header, drops.trajectories))
-    itself = tuple(EFFECTS[name] for name in case.by_itself)
-    every = {law: Drops(o).judge(fit(Model(BASES[law], itself, takes_time=True), o)) for law in laws}
+    o = observe(make(case, sizes, rng)[0])
+    itself, lasts = tuple(EFFECTS[name] for name in case.by_itself), case.contact_time > 0.0
+    every = {law: Drops(o).judge(fit(Model(BASES[law], itself, takes_time=lasts), o)) for law in laws}
     return min(every.items(), key=lambda one: float(one[1].error.mean()))
 
 
-def _ratio(name: str, without: Judgement, found: Judgement) -> float:
+def _ratio(case: Case, without: Judgement, found: Judgement) -> float:
     """√(1 + (E² − E_0²)/floor²), of the channel in which the cause shows; floors of flight and touch are 1."""
     floor = without.floor
     excess = {
@@ -93,15 +93,10 @@ def _ratio(name: str, without: Judgement, found: Judgement) -> float:
         "flight": found.sigmas["flight"] - without.sigmas["flight"],
         "touch": found.sigmas["touch"] - without.sigmas["touch"],
     }
-    shown = _shown(name)
+    shown = tuple(excess)
+    if case.expected[0]:
+        effect = EFFECTS[case.expected[0][0]]
+        shown = ("touch",) if effect.channels == ("touch",) else ("impact",)
+        if effect.family == "flight" or effect.name in ("surface_tilt", "length_scale"):
+            shown = ("flight",)
     return float(np.sqrt(max(1.0 + max(excess[channel] for channel in shown), 0.0)))
-
-
-def _shown(name: str) -> tuple[str, ...]:
-    effects = ALL_CAUSES[name].effects
-    if not effects:
-        return "impact", "flight", "touch"
-    effect = EFFECTS[effects[0]]
-    if effect.family == "flight" or effect.name in ("surface_tilt", "length_scale"):
-        return ("flight",)
-    return ("touch",) if effect.channels == ("touch",) else ("impact",)

@@ -3,13 +3,12 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.proposal import proof
-from thesis_lib.critique.proposal.proof import (
+from thesis_lib.critique.proof.proposals import (
     ENOUGH,
     KEY,
-    NOTHING,
     OWN,
-    STORE,
+    ROWS,
+    SEEDS,
     ProposalCase,
     as_markdown,
     cases,
@@ -17,6 +16,7 @@ from thesis_lib.critique.proposal.proof import (
     right,
     told,
 )
+from thesis_lib.critique.proof.store import NOTHING, put_missing
 from thesis_lib.critique.proposal.terms import TARGETS, all_terms
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
@@ -40,7 +40,7 @@ def test_a_part_of_the_table_is_mixed_as_the_whole() -> None:
     every = cases(3, 20)
     assert len(every) == len(set(every)) == 3 * len(HIDDEN_LAWS) + 20
     assert {case.truth for case in every[: len(every) // 2]} == {*HIDDEN_LAWS, NOTHING}
-    assert cases(1, 0) == [ProposalCase(truth, proof.SEEDS) for truth in HIDDEN_LAWS]
+    assert cases(1, 0) == [ProposalCase(truth, SEEDS) for truth in HIDDEN_LAWS]
     assert min(case.seed for case in every) >= 1000  # those that chose sizes and terms are below
 
 
@@ -66,29 +66,32 @@ def test_what_is_right() -> None:
     assert not right(row(after=ENOUGH * 0.008 + 1e-4))["enough"]
 
 
-def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path, monkeypatch) -> None:
-    store = STORE.at(tmp_path / "proposals.csv")
+def made_up(case: ProposalCase) -> dict:
+    """A row without a critique; a process of its own makes it."""
+    if case.truth == NOTHING:
+        return row(NOTHING, "", "", seed=case.seed, after="")
+    return row(case.truth, OWN[case.truth], HIDDEN_LAWS[case.truth].size, seed=case.seed)
+
+
+def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path) -> None:
+    store = ROWS.at(tmp_path / "proposals.csv")
     with pytest.raises(UserError, match="holds no row"):
         as_markdown(store)
-    computed = []
-
-    def compute(case: ProposalCase) -> dict:
-        computed.append(case)
-        if case.truth == NOTHING:
-            return row(NOTHING, "", "", seed=case.seed, after="")
-        return row(case.truth, OWN[case.truth], HIDDEN_LAWS[case.truth].size, seed=case.seed)
-
-    todo = cases(1, 2)
-    store.compute(todo[:3], compute, str, told)
-    store.compute(todo, compute, str, told)
-    assert sorted(map(str, computed)) == sorted(map(str, todo))
+    todo, said = cases(1, 2), []
+    for part in (todo[:3], todo):
+        assert put_missing(part, made_up, lambda case: store, told, said.append)
+    assert [line for line in said if "stored" in line] == [
+        "0 of 3 are stored, 3 to compute",
+        f"3 of {len(todo)} are stored, {len(todo) - 3} to compute",
+    ]
+    assert len(said) == 2 + len(todo) and len(store.table()) == len(todo)
     text = as_markdown(store)
     assert "| couple by spin | couple | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |" in text
     assert "no term is proposed in 2 of 2" in text
 
 
 def test_a_row_that_is_computed_again_replaces_the_first(tmp_path) -> None:
-    store = STORE.at(tmp_path / "proposals.csv")
+    store = ROWS.at(tmp_path / "proposals.csv")
     for a in (-0.15, -0.14):
         store.put(row(a=a))
     assert store.table()["a"].astype(float).tolist() == [-0.14]
@@ -100,9 +103,9 @@ def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
     assert not one.equals(other)
 
 
-@pytest.mark.skipif(not STORE.path.exists(), reason="the table has not been computed")
+@pytest.mark.skipif(not ROWS.path.exists(), reason="the table has not been computed")
 def test_the_stored_table_is_of_these_cases() -> None:
-    table = STORE.table()
+    table = ROWS.table()
     assert set(table["truth"]) <= {*HIDDEN_LAWS, NOTHING}
     assert not table.duplicated(list(KEY)).any()
     terms = {term.name for term in all_terms()} | {""}

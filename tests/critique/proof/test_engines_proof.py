@@ -2,13 +2,13 @@
 
 import pytest
 
-from thesis_lib.critique.engines import measured, proof
-from thesis_lib.critique.engines.proof import (
+from thesis_lib.critique.proof import engines, measured_models
+from thesis_lib.critique.proof.cases import BODIES
+from thesis_lib.critique.proof.engines import (
     COLUMNS,
     ENGINES,
     MU,
-    SHAPES,
-    STORE,
+    ROWS,
     TRUTHS,
     EngineCase,
     as_markdown,
@@ -17,6 +17,7 @@ from thesis_lib.critique.engines.proof import (
     make,
 )
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.rows import STAMP
 
 
 def row(engine="mujoco", truth="tilt", seed=1, **more):
@@ -34,13 +35,13 @@ def row(engine="mujoco", truth="tilt", seed=1, **more):
 
 def test_a_part_of_the_table_is_mixed_as_the_whole():
     every = cases(5)
-    assert len(every) == len(set(every)) == 5 * len(ENGINES) * len(SHAPES) * len(TRUTHS)
+    assert len(every) == len(set(every)) == 5 * len(ENGINES) * len(BODIES) * len(TRUTHS)
     first = every[: len(every) // 5]
     assert {(c.engine, c.shape, c.truth) for c in first} == {(c.engine, c.shape, c.truth) for c in every}
 
 
 def test_rows_of_parallel_runs_are_kept_by_their_key(tmp_path):
-    store = STORE.at(tmp_path / "proof" / "engines.csv")
+    store = ROWS.at(tmp_path / "proof" / "engines.csv")
     for one in (row(seed=2), row(seed=1), row("drake"), row(seed=2, best="drake")):
         store.put(one)
     table = store.table()
@@ -49,15 +50,13 @@ def test_rows_of_parallel_runs_are_kept_by_their_key(tmp_path):
         ["mujoco", 1, "mujoco"],
         ["mujoco", 2, "drake"],
     ]
-    store.put(row(seed=1, best="nobody", own=0.0123456), row(seed=3), keep=True)
-    assert store.table()["best"].tolist() == ["drake", "mujoco", "drake", "mujoco"]
     store.path.write_text("engine\nmujoco\n")
     with pytest.raises(UserError, match=r"line 1, is no row of this table.*does not have the columns"):
         store.table()
 
 
 def test_shares_count_each_question(tmp_path):
-    store = STORE.at(tmp_path / "engines.csv")
+    store = ROWS.at(tmp_path / "engines.csv")
     with pytest.raises(UserError, match="holds no row"):
         as_markdown(store)
     made = (row(), row(seed=2, best="drake", own=0.02), row("drake", ratio_before=1.02), row(seed=3, ratio_after=1.2))
@@ -71,9 +70,9 @@ def test_shares_count_each_question(tmp_path):
 
 @pytest.mark.slow
 def test_a_dataset_goes_through_critique_and_comparison_into_a_row(tmp_path, monkeypatch):
-    monkeypatch.setattr(proof, "DROPS", 24)
+    monkeypatch.setattr(engines, "DROPS", 24)
     computed = compute(EngineCase("mujoco", "ellipse", "nothing", 3))
-    assert tuple(computed) == COLUMNS
+    assert (*computed, *STAMP) == COLUMNS
     assert computed["best"] == "mujoco" and computed["own"] < 2.0 * computed["floor"] < computed["other"]
     assert abs(computed["mu"] - MU) < 5.0 * computed["mu_std"] and computed["ratio_before"] >= 1.0
 
@@ -87,14 +86,14 @@ def test_a_case_is_made_the_same_each_time_and_hides_its_cause():
 
 
 def test_rows_of_a_measured_set_become_a_table(tmp_path):
-    numbers = dict.fromkeys(measured.ROUNDED, 0.25)
+    numbers = dict.fromkeys(measured_models.ROUNDED, 0.25)
     one = {"dataset": "die", "trials": 9, "named": "", "effects": "without", "lacks": ""} | numbers
     for model, kind, more in (
         ("drake:default", "friction", {"error": 0.5, "lacks": "wear + com_offset", "noise_floor": float("nan")}),
         ("mirtich", "law", {"error": 0.1, "contact_time": float("nan")}),
     ):
-        measured.STORE.at(tmp_path / "m.csv").put(one | {"model": model, "kind": kind} | more)
-    lines = measured.as_markdown(measured.STORE.at(tmp_path / "m.csv")).splitlines()
+        measured_models.ROWS.at(tmp_path / "m.csv").put(one | {"model": model, "kind": kind} | more)
+    lines = measured_models.as_markdown(measured_models.ROWS.at(tmp_path / "m.csv")).splitlines()
     assert lines[2].startswith("| die, 9 | Mirtich | without | 0.100 (0.250 to 0.250) | 0.250 | 0.250 | 0.250 |  |  |")
     assert "at its defaults, friction fitted | without | 0.500" in lines[3]
     assert "| unknown |" in lines[3] and lines[3].endswith("| 250 ms | wear, displaced centre of mass |")

@@ -22,23 +22,25 @@ config/proof/engines.csv holds a row per dataset:
 """
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
+from thesis_lib.critique.drops.criticise import criticise_drops
+from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, spread
+from thesis_lib.critique.proof.cases import BODIES
+from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, with_effects
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows, stamp
+from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.mujoco.contact import MujocoContact
+from thesis_lib.simulate.mujoco.drops import DropsInMujoco
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, HiddenCauses
 from thesis_lib.statistics.wording import count
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from thesis_lib.datasets.format.dataset import Dataset
 
 SEEDS = 1000  # the table's begin here
 ENGINES = ("mujoco", "drake")
-SHAPES = ("ellipse", "square")
-NOTHING = "nothing"
 TRUTHS = {NOTHING: 0.0, "com_offset_x": 1e-3, "size_error": 0.05, "tilt": 0.1}  # and sizes: twice those of `CAUSES`
 DROPS = 60
 MU, EPSILON, CONTACT_TIME = 0.2, 0.6, 1e-3
@@ -47,8 +49,7 @@ ASKED = ("recognised", "adequate", "agreed_default", "agreed_before", "agree")
 KEY = ("engine", "shape", "truth", "seed")
 RATIOS = ("ratio_default", "ratio_before", "ratio_after")
 COLUMNS = (*KEY, "verdict", "named", "best", "own", "other", "floor", *RATIOS, "mu", "mu_std", *STAMP)
-PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "engines.csv"
-STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.engines run", digits=4)
+ROWS = Rows(STORE / "engines.csv", COLUMNS, KEY, f"{COMMAND} engines run", digits=4)
 
 
 @dataclass(frozen=True)
@@ -61,48 +62,47 @@ class EngineCase:
     seed: int
 
 
-def cases(seeds: int) -> list[EngineCase]:
+def cases(seeds: int = 5, first: int = SEEDS) -> list[EngineCase]:
     """The whole table, `seeds` of each engine and shape and truth, mixed: a part of it is like the whole."""
     return [
-        EngineCase(engine, shape, truth, SEEDS + i)
+        EngineCase(engine, shape, truth, first + i)
         for i in range(seeds)
         for truth in TRUTHS
         for engine in ENGINES
-        for shape in SHAPES
+        for shape in BODIES
     ]
 
 
-def make(case: EngineCase, drops: int = DROPS) -> "Dataset":
+def make(case: EngineCase, drops: int = DROPS) -> Dataset:
     """The drops of a case, as a rig records them."""
-    from thesis_lib.datasets.format.dataset import Dataset
-    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
     from thesis_lib.simulate.drake.drops import DropsInDrake
-    from thesis_lib.simulate.mujoco.contact import MujocoContact
-    from thesis_lib.simulate.mujoco.drops import DropsInMujoco
-    from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
 
-    body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[case.shape]
-    hidden: dict[str, Any] = {} if case.truth == NOTHING else {case.truth: TRUTHS[case.truth]}
-    rng = generator(case.seed, "engines proof", case.engine, case.shape, case.truth)
-    contact = MujocoContact(mu=MU, epsilon=EPSILON, contact_time=CONTACT_TIME)
-    engine = DropsInMujoco() if case.engine == "mujoco" else DropsInDrake("point")
-    given: dict[str, Any] = {"engine": engine, "contact": contact, "hidden": HiddenCauses(**hidden)}
-    made = simulate_compliant_drops(body, PROOF_RELEASE, drops, noise=RIG_NOISE, rng=rng, **given)
+    made = simulate_compliant_drops(
+        BODIES[case.shape],
+        PROOF_RELEASE,
+        drops,
+        contact=MujocoContact(mu=MU, epsilon=EPSILON, contact_time=CONTACT_TIME),
+        hidden=HiddenCauses.model_validate({} if case.truth == NOTHING else {case.truth: TRUTHS[case.truth]}),
+        noise=RIG_NOISE,
+        rng=generator(case.seed, "engines proof", case.engine, case.shape, case.truth),
+        engine=DropsInMujoco() if case.engine == "mujoco" else DropsInDrake("point"),
+    )
     return Dataset("proof", made.header, made.trajectories)
 
 
 def compute(case: EngineCase) -> dict[str, object]:
     """Criticise, compare both engines, and sum up: a row of the table."""
-    from thesis_lib.critique.drops.criticise import criticise_drops
-    from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, spread
-
     rng = generator(case.seed, "engines proof critique", case.engine, case.shape, case.truth)
     judged = criticise_drops(make(case, DROPS), rng=rng)
     models = compare_models(judged, ENGINES)
     label = WITH if judged.ladder[-1][1].effects else WITHOUT
     last = models[(models["effects"] == label) & (models["kind"] == "engine")].set_index("model")
     own = last.loc[case.engine]
-    numbers = {
+    return {
+        **vars(case),
+        "verdict": judged.verdict,
+        "named": with_effects(judged),
+        "best": str(last["error"].idxmin()),
         "own": own["error"],
         "other": last["error"].drop(case.engine).min(),
         "floor": own["noise_floor"],
@@ -112,10 +112,6 @@ def compute(case: EngineCase) -> dict[str, object]:
         "mu": own["mu"],
         "mu_std": own["mu_std"],
     }
-    named = "+".join(step.effect.name for step in judged.discovery.steps)
-    row: dict[str, object] = {**vars(case), "verdict": judged.verdict, "named": named}
-    row["best"] = str(last["error"].idxmin())
-    return row | numbers | stamp(__file__)
 
 
 def told(row: dict) -> str:
@@ -123,7 +119,7 @@ def told(row: dict) -> str:
     return f"{row['best']}, {row['named'] or 'nothing named'}"
 
 
-def shares(rows: "pd.DataFrame") -> "pd.DataFrame":
+def shares(rows: pd.DataFrame) -> pd.DataFrame:
     """Counts of what is asked, by engine and by what was hidden: hits and n of each question."""
     right = rows.assign(
         recognised=rows["best"] == rows["engine"],
@@ -136,7 +132,7 @@ def shares(rows: "pd.DataFrame") -> "pd.DataFrame":
     return by[list(ASKED)].sum().assign(n=by.size()).reset_index()
 
 
-def as_markdown(store: Rows = STORE) -> str:
+def as_markdown(store: Rows = ROWS) -> str:
     """The shares as a table of a page, and their sums with 95 % intervals; UserError without rows."""
     rows = store.table()
     counted = shares(rows)

@@ -33,25 +33,26 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, with_effects
 from thesis_lib.critique.proposal.effect_file import effect_of, phi
+from thesis_lib.critique.proposal.propose import ENERGETIC, propose
 from thesis_lib.critique.proposal.terms import TARGETS, Term, all_terms
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows, stamp
-from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
+from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS, hiding
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, CompliantContact
 from thesis_lib.statistics.wording import count
 
-if TYPE_CHECKING:
-    from thesis_lib.critique.drops.criticise import DropsCritique
-    from thesis_lib.datasets.format.dataset import Dataset
-
 SEEDS = 1000  # the table's begin here; those below served to choose sizes and terms
-NOTHING = "nothing"
 DROPS = 150
 MU, EPSILON, CONTACT_TIME = 0.15, 0.55, 1e-3
 ENOUGH, NEAR = 1.5, 1.1
@@ -59,8 +60,7 @@ CONTACTS = 2000  # random ones, for the sign of a term of another form
 KEY = ("truth", "seed")
 MEASURED = ("a", "a_std", "before", "after", "floor", "attainable", "excess", "seconds")
 COLUMNS = (*KEY, "verdict", "named", "proposed", "law", "alternatives", *MEASURED, *STAMP)
-PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "proposals.csv"
-STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.proposal run", digits=4)
+ROWS = Rows(STORE / "proposals.csv", COLUMNS, KEY, f"{COMMAND} proposals run", digits=4)
 # the term that says what each hidden law says, or of the same variable
 OWN = {
     "restitution_by_obliquity": "restitution_by_obliquity",
@@ -85,10 +85,10 @@ class ProposalCase:
     seed: int
 
 
-def cases(seeds: int, nothing: int) -> list[ProposalCase]:
+def cases(seeds: int = 3, nothing: int = 20, first: int = SEEDS) -> list[ProposalCase]:
     """`seeds` of each hidden law, mixed with `nothing` sets without one: a part of the list is like the whole."""
-    hidden = [ProposalCase(truth, SEEDS + i) for i in range(seeds) for truth in HIDDEN_LAWS]
-    plain = [ProposalCase(NOTHING, SEEDS + i) for i in range(nothing)]
+    hidden = [ProposalCase(truth, first + i) for i in range(seeds) for truth in HIDDEN_LAWS]
+    plain = [ProposalCase(NOTHING, first + i) for i in range(nothing)]
     total = len(hidden) + len(plain)
     places = {round((i + 0.5) * total / len(plain)) for i in range(len(plain))} if plain else set()
     one, other = iter(hidden), iter(plain)
@@ -96,13 +96,8 @@ def cases(seeds: int, nothing: int) -> list[ProposalCase]:
     return [*filter(None, mixed), *one, *other]
 
 
-def make(case: ProposalCase, drops: int = DROPS) -> "Dataset":
+def make(case: ProposalCase, drops: int = DROPS) -> Dataset:
     """The drops of a case, as a rig records them."""
-    from thesis_lib.datasets.format.dataset import Dataset
-    from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-    from thesis_lib.simulate.compliant.hidden_laws import hiding
-    from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, CompliantContact
-
     made = simulate_compliant_drops(
         ELLIPSE_BODY,
         PROOF_RELEASE,
@@ -117,13 +112,9 @@ def make(case: ProposalCase, drops: int = DROPS) -> "Dataset":
 
 def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
     """Criticise, propose, and sum up: a row of the table."""
-    from thesis_lib.critique.drops.criticise import criticise_drops
-    from thesis_lib.critique.proposal.propose import propose
-
     judged = criticise_drops(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
     row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case)}
-    named = "+".join(step.effect.name for step in judged.discovery.steps)
-    row |= {"verdict": judged.verdict, "named": named}
+    row |= {"verdict": judged.verdict, "named": with_effects(judged)}
     last, found, began = judged.ladder[-1][2], None, time.process_time()
     if case.truth == NOTHING or (judged.verdict == "unexplained" and judged.is_structured):
         found = propose(judged, generator(case.seed, "proposal proof search", case.truth))
@@ -142,16 +133,14 @@ def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
         a = f"{first.term.name}.a"
         numbers |= {"a": found.fitted.values[a], "a_std": found.fitted.std[a]}
         numbers |= {"after": float(after.error.mean()), "floor": after.floor, "excess": after.excess}
-    return row | numbers | stamp(__file__)
+    return row | numbers
 
 
-def attainable(judged: "DropsCritique", truth: str) -> float:
+def attainable(judged: DropsCritique, truth: str) -> float:
     """Held-out error in m/s of the energetic law with the hidden term: what no choice of a term could much improve on.
 
     Few slow impacts, at which a recording says least of the velocities, dominate it.
     """
-    from thesis_lib.critique.drops.world import Drops
-    from thesis_lib.critique.proposal.propose import ENERGETIC
 
     hidden = next(term for term in all_terms() if term.name == OWN[truth])
     world = Drops(judged.training, judged.settings)
@@ -189,8 +178,6 @@ def right(row: Mapping[Any, Any]) -> dict[str, bool]:
 
 def phi_of(term: Term) -> np.ndarray:
     """φ of a term on random contacts (n,) of the proof's ellipse."""
-    from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
-
     rng = np.random.default_rng(0)
     theta, omega = rng.uniform(-np.pi, np.pi, CONTACTS), rng.uniform(-15.0, 15.0, CONTACTS)
     r_x, r_y = ELLIPSE_BODY.shape.contact_point(theta).T
@@ -200,7 +187,7 @@ def phi_of(term: Term) -> np.ndarray:
     return phi(term, values | {"trial": (np.arange(CONTACTS) / CONTACTS - 0.5) * DROPS})
 
 
-def as_markdown(store: Rows = STORE) -> str:
+def as_markdown(store: Rows = ROWS) -> str:
     """Counts by hidden law as a table of a page, their sums with 95 % intervals, and sets with nothing hidden.
 
     UserError without rows.

@@ -13,16 +13,20 @@ and before `STAMP` of `foundation.rows`.
 """
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+
+from thesis_lib.critique.drops.criticise import criticise_drops
+from thesis_lib.critique.engines.compare import LAWS, compare_models
+from thesis_lib.critique.engines.words import row_title
+from thesis_lib.critique.proof.engines import ENGINES
+from thesis_lib.critique.proof.store import COMMAND, STORE, stamped, with_effects
+from thesis_lib.critique.results.titles import effect_title
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows, stamp
+from thesis_lib.foundation.rows import STAMP, Rows
 from thesis_lib.statistics.wording import number
-
-if TYPE_CHECKING:
-    from thesis_lib.datasets.format.dataset import Dataset
 
 KEY = ("dataset", "effects", "model", "kind")
 ROUNDED = (
@@ -30,31 +34,20 @@ ROUNDED = (
     *("behind", "behind_low", "behind_high", "noise_floor"),
 )
 COLUMNS = ("dataset", "trials", "named", "model", "kind", "effects", "lacks", *ROUNDED, *STAMP)
-PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "models_measured.csv"
-STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.engines measured", digits=4)
+ROWS = Rows(STORE / "models_measured.csv", COLUMNS, KEY, f"{COMMAND} measured-models run", digits=4)
 
 
-def compute(dataset: "Dataset", say: Callable[[str], None], store: Rows = STORE) -> None:
+def compute(dataset: Dataset, say: Callable[[str], None], store: Rows = ROWS) -> None:
     """Criticise a measured set, compare laws and engines on it, and store the rows."""
-    import numpy as np
-
-    from thesis_lib.critique.drops.criticise import criticise_drops
-    from thesis_lib.critique.engines.compare import LAWS, compare_models
-    from thesis_lib.critique.engines.proof import ENGINES
-
     critique = criticise_drops(dataset, rng=generator(0, dataset.name), say=say)
-    named = "+".join(step.effect.name for step in critique.discovery.steps)
-    about = {"dataset": dataset.name, "trials": len(np.unique(critique.observations.trial)), "named": named}
-    about |= stamp(__file__)
+    about = {"dataset": dataset.name, "trials": len(np.unique(critique.observations.trial))}
+    about |= {"named": with_effects(critique)}
     for one in compare_models(critique, (LAWS, *ENGINES), say).to_dict("records"):
-        store.put(about | {str(name): value for name, value in one.items()})
+        store.put(stamped({**about, **{str(name): value for name, value in one.items()}}, compute))
 
 
-def as_markdown(store: Rows = STORE) -> str:
+def as_markdown(store: Rows = ROWS) -> str:
     """The stored rows as a table of a page; the best first."""
-    from thesis_lib.critique.engines.words import row_title
-    from thesis_lib.critique.results.titles import effect_title
-
     head = ("set", "model", "effects", "held-out error (m/s), 95 %", "noise", "μ", "ε", "contact", "cannot have")
     lines = []
     for (name, trials), part in store.table().groupby(["dataset", "trials"], sort=False):

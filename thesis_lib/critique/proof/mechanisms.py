@@ -21,32 +21,27 @@ config/proof/mechanisms.csv holds a row per recording:
 """
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from thesis_lib.critique.mechanisms.critique import GROUP, criticise_recording
 from thesis_lib.critique.mechanisms.study import OUTSIDE, true_sizes
+from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, groups_in, groups_of, numbers_in, numbers_of, share
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rows import STAMP, Rows, stamp
+from thesis_lib.foundation.rows import STAMP, Rows
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind
 from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.settings import EngineName
-from thesis_lib.statistics.intervals import wilson
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SEEDS = 1100  # the table's begin here; those below 1000 are for development
 ENGINES: tuple[EngineName, ...] = ("mujoco", "drake")
-NOTHING, CAUSES = 10, 3  # recordings of each mechanism and engine
 KEY = ("mechanism", "engine", "truth", "seed")
 COLUMNS = (
     *(*KEY, "trials", "verdict", "named", "before", "after", "remaining_p", "sensor_excess", "parameters"),
     *STAMP,
 )
-PATH = Path(__file__).resolve().parents[3] / "config" / "proof" / "mechanisms.csv"
-STORE = Rows(PATH, COLUMNS, KEY, "python -m thesis_lib.critique.mechanisms run", digits=4)
+ROWS = Rows(STORE / "mechanisms.csv", COLUMNS, KEY, f"{COMMAND} mechanisms run", digits=4)
 WITHIN = 1.96  # standard errors
 
 
@@ -60,14 +55,14 @@ class MechanismCase:
     seed: int
 
 
-def cases(nothing: int = NOTHING, causes: int = CAUSES, first: int = SEEDS) -> list[MechanismCase]:
+def cases(nothing: int = 10, causes: int = 3, first: int = SEEDS) -> list[MechanismCase]:
     """All recordings of the table: `nothing` without and `causes` with each cause, of each mechanism and engine."""
     return [
         MechanismCase(kind, engine, truth, first + i)
         for kind in TRUTHS
         for engine in ENGINES
         for truth in TRUTHS[kind]
-        for i in range(nothing if truth == "nothing" else causes)
+        for i in range(nothing if truth == NOTHING else causes)
     ]
 
 
@@ -88,25 +83,24 @@ def compute(case: MechanismCase) -> dict[str, object]:
         **vars(case),
         "trials": len(recording.trials),
         "verdict": critique.verdict,
-        "named": " + ".join("/".join((step.effect.name, *step.alternatives)) for step in critique.steps),
+        "named": groups_in(critique.steps),
         "before": critique.ladder[0][0],
         "after": critique.ladder[-1][0],
         "remaining_p": critique.remaining.p_value,
         "sensor_excess": critique.sensor_excess[0],
-        "parameters": ";".join(f"{n}={':'.join(f'{x:.6g}' for x in numbers)}" for n, numbers in found.items()),
-        **stamp(__file__),
+        "parameters": numbers_in(found, 6),
     }
 
 
 def is_exact(truth: str, verdict: str, named: str) -> bool:
     """Whether verdict and names are right; see the module's docstring."""
-    if truth in ("nothing", OUTSIDE):
-        return verdict == ("adequate" if truth == "nothing" else "unexplained")
-    groups = [group.split("/") for group in named.split(" + ")]
+    if truth in (NOTHING, OUTSIDE):
+        return verdict == ("adequate" if truth == NOTHING else "unexplained")
+    groups = groups_of(named)
     return verdict == "effects" and len(groups) == 1 and truth in groups[0] and len(groups[0]) <= GROUP
 
 
-def read(store: Rows = STORE) -> "pd.DataFrame":
+def read(store: Rows = ROWS) -> pd.DataFrame:
     """The stored rows, and a column `right`; UserError if there are none, or other columns."""
     rows = store.table()
     return rows.assign(right=[is_exact(*row) for row in zip(rows["truth"], rows["verdict"], rows["named"])])
@@ -119,10 +113,11 @@ def told(row: dict) -> str:
     return f"{right}, {row['verdict']}, {row['named'] or 'nothing named'}, {misfit}, {row['parameters']}"
 
 
-def report(rows: "pd.DataFrame") -> str:
+def as_markdown(rows: pd.DataFrame | None = None) -> str:
     """Shares by mechanism and engine with 95 % intervals, by cause, all misses, and parameters in their interval."""
-    shares, nothing = [], rows["truth"] == "nothing"
-    for label, part in (("nothing", rows[nothing]), ("a cause", rows[~nothing])):
+    rows = read() if rows is None else rows
+    shares, nothing = [], rows["truth"] == NOTHING
+    for label, part in ((NOTHING, rows[nothing]), ("a cause", rows[~nothing])):
         for (mechanism, engine), some in part.groupby(["mechanism", "engine"]):
             shares.append((label, engine, mechanism, *_share(some)))
         shares.append((label, "both", "both", *_share(part)))
@@ -138,26 +133,19 @@ def report(rows: "pd.DataFrame") -> str:
         f"({r.before:g} → {r.after:g}, sensors {r.sensor_excess:g})"
         for r in misses.itertuples()
     ]
-    inside = within(rows)["inside"]
-    low, high = wilson(int(inside.sum()), len(inside))
-    lines += [
-        "",
-        f"Parameters in their 95 % interval: {100 * inside.mean():.1f} % ({100 * low:.1f} to {100 * high:.1f} %) "
-        f"of {len(inside)}.",
-    ]
-    return "\n".join(lines) + "\n"
+    of, low, high, n = share(within(rows)["inside"]).values()
+    inside = f"{100 * of:.1f} % ({100 * low:.1f} to {100 * high:.1f} %) of {n}"
+    lines += ["", f"Parameters in their 95 % interval: {inside}."]
+    return "\n".join(lines)
 
 
-def _share(rows: "pd.DataFrame") -> tuple[str, str, str]:
-    right, n = int(rows["right"].sum()), len(rows)
-    low, high = wilson(right, n)
-    return f"{100 * right / n:.3g} %", f"{100 * low:.3g} to {100 * high:.3g} %", f"{n}"
+def _share(rows: pd.DataFrame) -> tuple[str, str, str]:
+    of, low, high, n = share(rows["right"]).values()
+    return f"{100 * of:.3g} %", f"{100 * low:.3g} to {100 * high:.3g} %", f"{n}"
 
 
-def within(rows: "pd.DataFrame") -> "pd.DataFrame":
+def within(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per parameter of a hidden cause: its error in standard errors, and whether it lies in its 95 % interval."""
-    import pandas as pd
-
-    parts = (part.split("=")[1].split(":") for text in rows["parameters"] for part in text.split(";") if part)
-    errors = [(float(found) - float(true)) / float(std) for true, found, std in parts]
-    return pd.DataFrame({"error": errors, "inside": [abs(error) <= WITHIN for error in errors]})
+    found = (values for text in rows["parameters"] for values in numbers_of(text).values())
+    errors = pd.Series([(value - true) / std for true, value, std in found], dtype=float)
+    return pd.DataFrame({"error": errors, "inside": errors.abs() <= WITHIN})
