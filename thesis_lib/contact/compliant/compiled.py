@@ -269,6 +269,9 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
                     convex[:, k] = r_x[k], r_y[k], depths[k], mus[k, i], loss * SPEED / length, (SPEED / length) ** 2
                     convex[4:, k] *= 1.0 + rho
                     continue
+                if depth < 0.0:  # no contact pushes above the surface
+                    push[k] = 0.0
+                    continue
                 deep, fast = depth / length, -(v_y + r_x[k] * omega) / SPEED
                 f, slope = _push(kind, exponent, deep, fast, deepest[k] / length, loss)
                 # what the force changes at its point until the middle of the step, with friction as in the step before
@@ -305,6 +308,9 @@ def integrate(force, points, body, outline, spring, chord, velocity, step, most)
             omega += w * turned + h * a_omega
             dragged, turned = 0.0, 0.0
             for k in range(p):
+                if push[k] == 0.0 and kind != CONVEX:
+                    stretch[k] = share[k] = 0.0
+                    continue
                 mobility, slip, limit = 1.0 + r_y[k] * r_y[k] * w, v_x - r_y[k] * omega, mus[k, i] * push[k]
                 slid = v_x - r_y[k] * before
                 if kind == PRESSURE_FIELD and ratio > 0.0:
