@@ -33,7 +33,6 @@ from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.results import is_right
 from thesis_lib.critique.proof.store import NOTHING
@@ -72,14 +71,15 @@ class Found:
 
 def impact_problem(base: Fit, o: Observations) -> Problem:
     """Velocity after impact from the state before it."""
-    before, after = states_at_impact(base.model, base.values, o)
+    here = base.on(o)
+    before, after = here.before, here.after
     r = o.rig.shape.contact_point(before.theta)
     k = o.rig.k_g
     v_t, v_n = before.vx - r[:, 1] * before.omega, before.vy + r[:, 0] * before.omega
     turn = np.cos(before.theta), np.sin(before.theta)
     X = np.stack([v_t, v_n, k * before.omega, *r.T, *turn, before.x], axis=1)
     Y = np.stack([after.vx, after.vy, k * after.omega], axis=1)
-    R = impact_residuals(base.model, base.values, o)[:, :3] * [1.0, 1.0, k]
+    R = base.on(o).R[:, :3] * [1.0, 1.0, k]
     return Problem(IMPACT_INPUTS, X, Y, R, np.ones_like(Y), o.trial)
 
 
@@ -87,7 +87,7 @@ def flight_problem(base: Fit, o: Observations) -> Problem:
     """Acceleration in flight from the velocity."""
     k, state, scale = o.rig.k_g, o.flights.state, np.array([1.0, 1.0, o.rig.k_g])
     X = np.stack([state.vx, state.vy, k * state.omega], axis=1)
-    R = o.flights.residuals(base.model, base.values, o.rig) * scale
+    R = o.flights.residuals(base.on(o).dynamics) * scale
     std = np.sqrt(o.flights.variance) * scale
     return Problem(FLIGHT_INPUTS, X, o.flights.acceleration * scale, R, std, state.trial)
 

@@ -5,6 +5,7 @@ import pandas as pd
 
 from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
@@ -54,7 +55,8 @@ def injected_impacts(
         t=np.zeros(n),
     )
     model = Model(LAWS["anitescu_potra_newton"], (effect,))
-    after = model.predict(state, {"mu": 0.2, "epsilon": 0.6, **values}, Rig(shape, body.radius_of_gyration, 9.81, 0.0))
+    rig = Rig(shape, body.radius_of_gyration, 9.81, 0.0)
+    after = bind(model, {"mu": 0.2, "epsilon": 0.6, **values}, rig).predict(state)
 
     def seen(values: np.ndarray, sigma: float) -> np.ndarray:
         return values + sigma * rng.standard_normal(n)

@@ -7,8 +7,9 @@ from hidden_effects import RIG_NOISE
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.likelihood.residuals import synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
@@ -45,4 +46,4 @@ def injected(name: str, factor: float = 1.0, seed: int = 5) -> tuple[Observation
     effect = EFFECTS[name]
     values = TRUTH | sizes(effect, factor)
     rng = np.random.default_rng(seed)
-    return synthesise(Model(LAW, (effect,)), values, observed(), rng), values
+    return synthesise(Comparison(Model(LAW, (effect,)), values, observed()), rng), values

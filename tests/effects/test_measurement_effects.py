@@ -7,6 +7,7 @@ from stage_predictor import arrays, predict
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import residual_couple
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.mechanics.state import State
@@ -93,7 +94,7 @@ def test_a_marker_off_the_centre_flies_as_the_rigid_body_turns(quadrilateral) ->
     seen = effect.to_measured(states, p, rig)
     fall = np.tile([0.0, -rig.gravity, 0.0], (len(states.x), 1))
     tau = np.linspace(-0.05, 0.05, 9)
-    path = model.path(np.tile(tau, (len(states.x), 1)), seen, values, rig)
+    path = bind(model, values, rig).path(np.tile(tau, (len(states.x), 1)), seen)
     for k, h in enumerate(tau):
         true = effect.to_measured(states.flown(fall, h), p, rig).q
         np.testing.assert_allclose(path[:, k], true, atol=FLOWN)
@@ -115,7 +116,7 @@ def test_a_camera_rolled_over_a_level_surface_shows_gravity_oblique_and_one_befo
     for roll, slope in ((0.1, 0.0), (0.0, 0.1), (-0.1, 0.1)):
         effect, p = on("camera_pose", roll=roll, slope=slope, h=0.0)[0]
         model, values = Model(LAWS["mirtich"], (effect,)), {f"camera_pose.{name}": value for name, value in p.items()}
-        shown[roll, slope] = model.acceleration(states, values, rig)[0] / rig.gravity
+        shown[roll, slope] = bind(model, values, rig).acceleration(states)[0] / rig.gravity
     np.testing.assert_allclose(shown[0.1, 0.0][:2], [np.sin(0.1), -np.cos(0.1)], rtol=1e-9)
     np.testing.assert_allclose(shown[0.0, 0.1][:2], [0.0, -1.0], atol=1e-9)
     # the axes of the picture are those of the surface: what surface_tilt says of its negative angle

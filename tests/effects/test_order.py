@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.effect import Parameter, in_order
@@ -39,13 +40,10 @@ def sizes(effects, rng: np.random.Generator) -> dict[str, float]:
 
 def everything(effects, values: dict[str, float], states: State) -> np.ndarray:
     """What a model predicts of impact, touch, jump and flight, in a row."""
-    model = Model(LAWS["anitescu_potra_newton"], tuple(effects), takes_time=True)
-    after, depth = model.strike(states, values, RIG)
-    gap = model.gap(model.to_true(states, model.active(values), RIG), values, RIG)
-    a = model.acceleration(states, values, RIG)
-    return np.concatenate(
-        [after.q, after.v, depth[:, None], gap[:, None], model.jump(states, after, values), a], axis=1
-    )
+    dynamics = bind(Model(LAWS["anitescu_potra_newton"], tuple(effects), takes_time=True), values, RIG)
+    after, depth = dynamics.strike(states)
+    gap, a = dynamics.gap(dynamics.to_true(states)), dynamics.acceleration(states)
+    return np.concatenate([after.q, after.v, depth[:, None], gap[:, None], dynamics.jump(states, after), a], axis=1)
 
 
 def test_any_order_of_all_effects_gives_the_same_order() -> None:
@@ -54,7 +52,7 @@ def test_any_order_of_all_effects_gives_the_same_order() -> None:
     orders = [in_order([effects[i] for i in rng.permutation(len(effects))]) for _ in range(20)]
     assert all(order == orders[0] for order in orders)
     model = Model(LAWS["mirtich"], tuple(reversed(orders[0])))
-    assert [effect for effect, _ in model.active(sizes(effects, rng))] == orders[0]
+    assert [effect for effect, _ in model.hooks] == orders[0]
     assert model.effects == tuple(reversed(orders[0]))  # as chosen
 
 
@@ -75,7 +73,7 @@ def test_a_camera_reports_the_tracked_point_and_not_the_centre_in_its_wrong_axes
     values = sizes((marker, mirror, offset), np.random.default_rng(2))
     states = random_states(RIG, N, np.random.default_rng(3))
     model = Model(LAWS["mirtich"], (offset, mirror, marker))
-    seen = model.to_measured(states, model.active(values), RIG)
+    seen = bind(model, values, RIG).to_measured(states)
     d, turned = np.array([values["marker_offset.d_x"], values["marker_offset.d_y"]]), values["angle_offset.d_theta"]
     sin, cos = np.sin(states.theta), np.cos(states.theta)
     np.testing.assert_allclose(seen.x, states.x + cos * d[0] - sin * d[1], atol=ROUNDING)
@@ -92,8 +90,8 @@ def test_adhesion_takes_the_same_energy_whatever_else_lowers_restitution(name: s
     for on in ((other,), (other, adhesion)):
         values = {"mu": 0.0, "epsilon": 0.8} | {f"{e.name}.{k}": v for e in on for k, v in at_scale(e).items()}
         model = Model(LAWS["mirtich"], on)
-        r_x = model.contact(states, values, RIG)[1].r[0]
-        after = model.predict(states, values, RIG)
+        r_x = bind(model, values, RIG).measured_contact(states)[1].r[0]
+        after = bind(model, values, RIG).predict(states)
         rebounds.append((after.vy + r_x * after.omega) ** 2)
     lost, expected = rebounds[0] - rebounds[1], 0.3**2  # v_s at its scale
     assert np.all(rebounds[1] > 0.0)
@@ -105,7 +103,7 @@ def test_the_origin_circles_a_centre_of_mass_whose_spin_is_damped() -> None:
     values = {"mu": MU, "epsilon": EPSILON, "com_offset.c_x": 2e-3, "com_offset.c_y": 0.0}
     values |= {"linear_drag.c_v": 0.0, "linear_drag.c_w": 3.0}
     states = random_states(RIG, N, np.random.default_rng(5))
-    a = Model(LAWS["mirtich"], (drag, com)).acceleration(states, values, RIG)
+    a = bind(Model(LAWS["mirtich"], (drag, com)), values, RIG).acceleration(states)
     C = 2e-3 * np.stack([np.cos(states.theta), np.sin(states.theta)], axis=1)
     alpha = -3.0 * states.omega
     circle = states.omega[:, None] ** 2 * C - alpha[:, None] * np.stack([-C[:, 1], C[:, 0]], axis=1)
@@ -119,5 +117,5 @@ def test_a_contact_that_sticks_springs_back_though_rolling_is_resisted_too() -> 
     after = {}
     for e_t in (0.0, 0.2):
         values = {"mu": 1.0, "epsilon": EPSILON, "contact_torque.m_r": 5e-4, "tangential_restitution.e_t": e_t}
-        after[e_t] = Model(LAWS["mirtich"], (rolling, spring)).predict(states, values, RIG).v
+        after[e_t] = bind(Model(LAWS["mirtich"], (rolling, spring)), values, RIG).predict(states).v
     assert np.mean(np.abs(after[0.2] - after[0.0]).max(axis=1) > 1e-3) > 0.5

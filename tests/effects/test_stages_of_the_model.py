@@ -5,6 +5,7 @@ import pytest
 from stage_predictor import predict
 
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS, TAU, at_scale, random_states
@@ -20,8 +21,9 @@ def test_velocity_and_gap_at_impact(effect: Effect, tau: float) -> None:
     states = random_states(rig, 300, np.random.default_rng(2))
     model, p = Model(LAWS[LAW], (effect,), takes_time=tau > 0.0), at_scale(effect)
     values = {"mu": MU, "epsilon": EPSILON, "tau": tau} | {f"{effect.name}.{name}": value for name, value in p.items()}
-    after, depth = model.strike(states, values, rig)
-    gap = model.gap(model.to_true(states, model.active(values), rig), values, rig)
+    dynamics = bind(model, values, rig)
+    after, depth = dynamics.strike(states)
+    gap = dynamics.gap(dynamics.to_true(states))
     expected = predict([(effect, p)], states, rig, LAW, contact_time=tau)
     np.testing.assert_allclose(after.v, expected.impact, atol=ROUNDING)
     np.testing.assert_allclose(gap + depth, expected.touch, atol=ROUNDING)

@@ -9,6 +9,7 @@ from engine_states import BODIES, DISK, ELLIPSE, SQUARE, touching
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.compliant.normal_force import LinearDamper
 from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.effects.effect import Rig
@@ -125,7 +126,7 @@ def test_the_soft_contact_is_the_law_of_spring_and_damper(name):
     for mu, epsilon, T in ((0.2, 0.6, 1e-3), (0.5, 0.3, 3e-3)):
         loss = LinearDamper().loss(np.array([epsilon]))
         tau = T * float((LinearDamper().centroid(loss) / LinearDamper().duration(loss))[0])
-        law, _ = press(model, {"mu": mu, "epsilon": epsilon, "tau": tau}, rig, touch)
+        law, _ = press(bind(model, {"mu": mu, "epsilon": epsilon, "tau": tau}, rig), touch)
         made = impacts(of(body, 60, gravity=GRAVITY, mu=mu, epsilon=epsilon, contact_time=T), q, v)
         off = distance(body, made.v, law.v)
         assert np.median(off) < LAW and off.max() < LAW_MOST

@@ -9,7 +9,6 @@ from small_critique import drops, small_critique
 
 from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change
 from thesis_lib.critique.drops.questions.where import where
-from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results import numbers
 from thesis_lib.critique.results.residual_numbers import energy_disc
 from thesis_lib.critique.results.titles import handy_unit
@@ -113,7 +112,8 @@ def test_budget_names_its_largest_part(drawn):
 def test_energy_disc_maps_what_impacts_do(critique):
     o, fitted = critique.observations, critique.ladder[0][1]
     disc = energy_disc(fitted, o)
-    before, after = states_at_impact(fitted.model, fitted.values, o)
+    here = fitted.on(o)
+    before, after = here.before, here.after
     r = o.rig.shape.contact_point(before.theta)
     v_pre, v_post = (np.stack([s.vx, s.vy, s.omega], axis=1) for s in (before, after))
     space = contact_space(v_pre, r, mass=1.0, k_g=o.rig.k_g)
@@ -124,7 +124,7 @@ def test_energy_disc_maps_what_impacts_do(critique):
 @pytest.mark.parametrize(("velocity_after", "place"), [(1.0, (0.0, -1.0)), (0.0, (0.0, 0.0)), (-1.0, (0.0, 1.0))])
 def test_energy_disc_has_nothing_below_and_reversal_above(without_effects, velocity_after, place):
     o, fitted = without_effects.observations, without_effects.ladder[0][1]
-    before, _ = states_at_impact(fitted.model, fitted.values, o)
+    before = fitted.on(o).before
     r = o.rig.shape.contact_point(before.theta) + o.offset
     space = contact_space(o.slope[:, 0], r, mass=1.0, k_g=o.rig.k_g)
     c_t, c_n = space.impulse_to(velocity_after * space.v_t, velocity_after * space.v_n)

@@ -20,6 +20,8 @@ import pandas as pd
 
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.docs.effects import size_that_matters
 from thesis_lib.effects.effect import Effect, Rig
@@ -71,15 +73,15 @@ def states(rig: Rig, **changed: np.ndarray) -> State:
 def impact_change(effect: Effect, state: State) -> np.ndarray:
     """Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact in m/s."""
     rig, (with_it, values) = rig_for(effect), _model(effect)
-    without, changed = Model(LAW).predict(state, values, rig), with_it.predict(state, values, rig)
+    without, changed = (bind(model, values, rig).predict(state) for model in (Model(LAW), with_it))
     return (changed.v - without.v) * [1.0, 1.0, rig.k_g]
 
 
 def flight_change(effect: Effect, state: State) -> np.ndarray:
     """Δ(a_x, a_y, k α) (n, 3) in m/s²."""
     rig, (with_it, values) = rig_for(effect), _model(effect)
-    change = with_it.acceleration(state, values, rig) - Model(LAW).acceleration(state, values, rig)
-    return change * [1.0, 1.0, rig.k_g]
+    without, changed = (bind(model, values, rig).acceleration(state) for model in (Model(LAW), with_it))
+    return (changed - without) * [1.0, 1.0, rig.k_g]
 
 
 def gap_change(effect: Effect, state: State) -> np.ndarray:
@@ -87,7 +89,8 @@ def gap_change(effect: Effect, state: State) -> np.ndarray:
     rig, (with_it, values) = rig_for(effect), _model(effect)
     gaps = []
     for model in (replace(with_it, takes_time=True), Model(LAW, takes_time=True)):
-        gaps.append(-model.gap(state, values, rig) - model.strike(state, values, rig)[1])
+        dynamics = bind(model, values, rig)
+        gaps.append(-dynamics.gap(state) - dynamics.strike(state)[1])
     return (gaps[0] - gaps[1])[:, None]
 
 
@@ -127,17 +130,17 @@ def _curve(
 def _path(effect: Effect) -> pd.DataFrame:
     rig, (with_it, values) = rig_for(effect), _model(effect)
     t = np.linspace(0.0, SPAN, POINTS)
-    paths = [_flown(model, values, rig, t) for model in (with_it, Model(LAW))]
+    paths = [_flown(bind(model, values, rig), t) for model in (with_it, Model(LAW))]
     change = (paths[0] - paths[1]) * [1.0, 1.0, rig.k_g]
     return _table("path", "t", t, dict(zip(("x", "y", "k θ"), change.T)))
 
 
-def _flown(model: Model, values: dict[str, float], rig: Rig, t: np.ndarray) -> np.ndarray:
+def _flown(dynamics: Dynamics, t: np.ndarray) -> np.ndarray:
     """Poses (len(t), 3) of a body thrown up at 2.5 m/s, by the midpoint rule."""
-    state = states(rig, v_n=np.array([2.5]))
+    state = states(dynamics.rig, v_n=np.array([2.5]))
     poses = []
     for h in np.diff(t, append=t[-1]):
         poses.append(state.q[0])
-        half = state.flown(model.acceleration(state, values, rig), 0.5 * h)
-        state = state.flown(model.acceleration(half, values, rig), h)
+        half = state.flown(dynamics.acceleration(state), 0.5 * h)
+        state = state.flown(dynamics.acceleration(half), h)
     return np.array(poses)

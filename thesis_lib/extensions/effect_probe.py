@@ -11,6 +11,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.bodies.solids import Box
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig, parameters_in
 from thesis_lib.mechanics.contact import contact
@@ -132,11 +133,11 @@ def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0
     model = Model(LAWS["anitescu_potra_newton"], tuple(effect for effect, _ in active), contact_time > 0.0)
     values = {"mu": MU, "epsilon": EPSILON, "tau": contact_time}
     values |= {f"{effect.name}.{name}": value for effect, p in active for name, value in p.items()}
-    after, depth = model.strike(measured, values, rig)
-    true = model.to_true(measured, model.active(values), rig)
+    dynamics = Dynamics(model, values, rig)
+    after, depth = dynamics.strike(measured)
     return {
         "impact": after.v,
-        "meet": model.jump(measured, after, values),
-        "touch": model.gap(true, values, rig) + depth,
-        "flight": model.acceleration(measured, values, rig),
+        "meet": dynamics.jump(measured, after),
+        "touch": dynamics.gap(dynamics.to_true(measured)) + depth,
+        "flight": dynamics.acceleration(measured),
     }

@@ -7,10 +7,11 @@ import pytest
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.at_impact import state_beside
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.critique.likelihood.lines import side_lines
-from thesis_lib.critique.likelihood.residuals import state_beside
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
@@ -73,7 +74,7 @@ def test_the_state_at_impact_is_found_behind_a_line_through_a_bent_path(name: st
         rig=RIG, space=PLANE, trial=np.arange(N), t=np.zeros(N), span=np.zeros(N), arcs=True, **of_lines
     )
     o.lines = lambda side: State.of(lines.value[:, side], lines.slope[:, side], o.trial, o.t)
-    found, exact = state_beside(model, values, o, 0), EFFECTS[name].to_measured(true, p, RIG)
+    found, exact = state_beside(bind(model, values, o.rig), o, 0), EFFECTS[name].to_measured(true, p, RIG)
     np.testing.assert_allclose(found.q, exact.q, atol=NEAR_POSE)
     np.testing.assert_allclose(found.v[:, :2], exact.v[:, :2], atol=NEAR_SPEED)
     parabola = lines.slope[:, 0] - lines.bow[:, 0, 1:] * RIG.fall(true).T
@@ -88,10 +89,10 @@ def test_a_flight_has_the_acceleration_of_the_parabola_through_its_bent_path(nam
     fits = np.stack([np.polyfit(tau, path, 2) for path in seen])
     state = State.of(fits[:, 2], fits[:, 1], true.trial, true.t)
     flights = Flights(state, 2.0 * fits[:, 0], np.ones((N, 3)), np.full(N, FLIGHT))
-    left = flights.residuals(model, values, RIG)
+    left = flights.residuals(bind(model, values, RIG))
     np.testing.assert_allclose(left[:, :2], 0.0, atol=NEAR_FALL)
     fall = Model(LAWS["mirtich"])
-    assert np.abs(flights.residuals(fall, {}, RIG))[:, :2].max() > 20.0 * NEAR_FALL
+    assert np.abs(flights.residuals(bind(fall, {}, RIG)))[:, :2].max() > 20.0 * NEAR_FALL
 
 
 def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_origin_on_a_circle() -> None:
@@ -104,5 +105,5 @@ def test_a_flight_of_a_displaced_centre_of_mass_has_the_acceleration_of_its_orig
     fits = np.stack([np.polyfit(tau, path, 2) for path in path_of_origin])
     state = State.of(fits[:, 2], fits[:, 1], centre.trial, centre.t)
     flights = Flights(state, 2.0 * fits[:, 0], np.ones((N, 3)), np.full(N, FLIGHT))
-    np.testing.assert_allclose(flights.residuals(model, values, RIG)[:, :2], 0.0, atol=NEAR_FALL)
-    assert np.abs(flights.residuals(Model(LAWS["mirtich"]), {}, RIG)).max() > 20.0 * NEAR_FALL
+    np.testing.assert_allclose(flights.residuals(bind(model, values, RIG))[:, :2], 0.0, atol=NEAR_FALL)
+    assert np.abs(flights.residuals(bind(Model(LAWS["mirtich"]), {}, RIG))).max() > 20.0 * NEAR_FALL

@@ -11,7 +11,7 @@ from thesis_lib.contact.compliant.compiled import central_pressure
 from thesis_lib.critique.contacts.bases import BASES, RESERVE
 from thesis_lib.critique.contacts.contact_time import STICTION_TOLERANCE
 from thesis_lib.critique.contacts.episodes import play
-from thesis_lib.critique.contacts.kinds import kind_of
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.criticise import criticise_drops
@@ -55,7 +55,7 @@ def test_a_contact_without_friction_has_the_restitution_of_its_force(name):
     theta = np.array([0.0, 0.5, 0.9, 1.3, 0.5, 0.9])
     speed = np.array([1.0, 1.0, 1.0, 1.0, 3.0, 0.4])
     v = np.column_stack([np.zeros(6), -speed, np.zeros(6)])
-    after, elapsed = press(Model(BASES[name], takes_time=True), SHORT | {"mu": 0.0}, RIG, touching(theta, v))
+    after, elapsed = press(bind(Model(BASES[name], takes_time=True), SHORT | {"mu": 0.0}, RIG), touching(theta, v))
     r_x = RIG.shape.contact_point(theta)[:, 0]
     b = 1.0 + (r_x / RIG.k_g) ** 2
     force = BASES[name].force
@@ -80,9 +80,9 @@ def test_short_contacts_tend_to_the_limit(name):
     r_x = RIG.shape.contact_point(state.theta)[:, 0]
     state = state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
     model = Model(BASES[name], takes_time=True)
-    after, _ = press(model, SHORT | {STICTION_TOLERANCE.name: 0.0}, RIG, state)
-    limit, _ = model.limit.collide(state, SHORT, RIG)
-    plain, _ = Model(LAWS["mirtich"]).collide(state, SHORT, RIG)
+    after, _ = press(bind(model, SHORT | {STICTION_TOLERANCE.name: 0.0}, RIG), state)
+    limit, _ = bind(model.limit, SHORT, RIG).collide(state)
+    plain, _ = bind(Model(LAWS["mirtich"]), SHORT, RIG).collide(state)
     scale = [1.0, 1.0, RIG.k_g]
     error, other = (np.median(np.linalg.norm((after.v - s.v) * scale, axis=1)) for s in (limit, plain))
     assert error < 0.001  # of 3 m/s
@@ -108,7 +108,7 @@ def test_a_convex_contact_is_that_of_mujoco(body, impedance, ratio):
     def error(name: str, **other: float) -> float:
         values = {"mu": 0.15, "epsilon": 0.55, "tau": tau, "damping_ratio": ratio, "impedance": impedance, **other}
         model = Model(BASES[name], takes_time=True)
-        played = play(kind_of(model), model, values, rig, start, table["duration"].to_numpy(), most=1)
+        played = play(bind(model, values, rig), start, table["duration"].to_numpy(), most=1)
         return float(np.median(np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)))
 
     # m/s, of 3; MuJoCo's 200 steps in a contact find the touch within a step to that
@@ -197,7 +197,9 @@ def test_a_stiff_spring_along_the_surface_is_a_rigid_contact():
     state, spring = touching(rng.uniform(0.0, 2.0 * np.pi, 60), v), EFFECTS["tangential_compliance"]
     values = {"mu": 0.3, "epsilon": 0.6, "tau": 1e-3, "tangential_compliance.zeta": 0.2}
     model = Model(BASES["compliant_contact"], (spring,), takes_time=True)
-    rigid, stiff = (press(model, values | {"tangential_compliance.eta": eta}, RIG, state)[0] for eta in (0.0, 1e-6))
+    rigid, stiff = (
+        press(bind(model, values | {"tangential_compliance.eta": eta}, RIG), state)[0] for eta in (0.0, 1e-6)
+    )
     assert stiff.v == pytest.approx(rigid.v, abs=0.02)
 
 
@@ -209,8 +211,8 @@ def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effe
     state = state.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.3))
     values = SHORT | {"tangential_compliance.eta": 0.5, "tangential_compliance.zeta": 0.2}
     model = Model(BASES["compliant_contact"], (EFFECTS["tangential_compliance"],), takes_time=True)
-    after, _ = press(model, values, RIG, state)
-    limit, _ = model.limit.collide(state, values, RIG)
+    after, _ = press(bind(model, values, RIG), state)
+    limit, _ = bind(model.limit, values, RIG).collide(state)
     assert np.abs(after.v[:, :2] - limit.v[:, :2]).mean() < 0.01
 
 
@@ -232,9 +234,9 @@ def test_a_body_that_is_carried_along_with_its_surface_is_pressed_as_at_rest(nam
     V, theta = 0.7, np.array([0.2, 0.9, 2.0])
     rest = touching(theta, np.array([[0.6, -1.5, 4.0], [-0.3, -2.0, -6.0], [0.0, -1.0, 9.0]]))
     values = {"mu": 0.2, "epsilon": 0.5, "tau": 1e-3, "damping_ratio": 10.0, "impedance": 0.9}
-    after, took = press(Model(BASES[name], takes_time=True), values, RIG, rest)
+    after, took = press(bind(Model(BASES[name], takes_time=True), values, RIG), rest)
     moving = Model(BASES[name], (EFFECTS["moving_surface"],), takes_time=True)
-    carried, as_long = press(moving, values | {"moving_surface.V": V}, RIG, rest.moved(vx=rest.vx + V))
+    carried, as_long = press(bind(moving, values | {"moving_surface.V": V}, RIG), rest.moved(vx=rest.vx + V))
     assert np.array_equal(took, as_long)
     np.testing.assert_allclose(carried.v - after.v, np.tile([V, 0.0, 0.0], (3, 1)), atol=1e-12)
     np.testing.assert_allclose(carried.q - after.q, np.outer(V * took, [1.0, 0.0, 0.0]), atol=1e-12)
@@ -256,7 +258,7 @@ def test_friction_of_a_pressure_field_falls_as_the_arctangent_of_the_slip(tolera
     # slides on its flat side, hardly slower at the end, so that nothing turns it but the friction's lever
     state = touching(np.zeros(1), np.array([[0.5, -0.2, 0.0]]))
     values = SHORT | {"mu": 0.02, STICTION_TOLERANCE.name: tolerance}
-    after, _ = press(Model(BASES["pressure_field_contact"], takes_time=True), values, RIG, state)
+    after, _ = press(bind(Model(BASES["pressure_field_contact"], takes_time=True), values, RIG), state)
     lost, gained = state.vx[0] - after.vx[0], after.vy[0] - state.vy[0]
     slip = 0.5 + 0.5 * (after.vx[0] + RIG.shape.semi_axes[1] * after.omega[0] - 0.5)  # in the middle
     share = 2.0 / np.pi * np.arctan(slip / tolerance) if tolerance else 1.0

@@ -10,11 +10,13 @@ from plain_drops import LAW, TRUTH, observed
 from thesis_lib.bodies.body import Body
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, duration
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.likelihood.residuals import synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
@@ -72,9 +74,9 @@ def test_an_instantaneous_law_holds_at_the_centroid_of_the_impulse(shape):
     errors = {}
     for name, at, values in (("at touch", 0.0, {}), ("at the centroid", tau, {}), ("turned", tau, {"tau": tau})):
         before, after = where_arcs_meet(body, drops(shape, noisy=False), at)
-        predicted = Model(LAWS["mirtich"], takes_time="tau" in values).predict(
-            before, {"mu": MU, "epsilon": EPSILON, **values}, rig
-        )
+        predicted = bind(
+            Model(LAWS["mirtich"], takes_time="tau" in values), {"mu": MU, "epsilon": EPSILON, **values}, rig
+        ).predict(before)
         error = (after - predicted.v) * [1.0, 1.0, body.radius_of_gyration]
         errors[name] = np.median(np.linalg.norm(error, axis=1))
     # each order of the expansion removes about half of the error or more
@@ -92,7 +94,7 @@ def test_fit_finds_the_contact_time_with_an_honest_error():
     model, true = Model(LAW, takes_time=True), TRUTH | {"tau": 5e-4}
     z = []
     for seed in range(12):
-        fitted = fit(model, synthesise(model, true, observed(), np.random.default_rng(seed)))
+        fitted = fit(model, synthesise(Comparison(model, true, observed()), np.random.default_rng(seed)))
         z.append([(fitted.values[name] - value) / fitted.std[name] for name, value in true.items()])
     assert np.abs(np.mean(z, axis=0)).max() < SIGMAS / np.sqrt(len(z))
     assert np.mean(np.square(z)) == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / np.size(z)))
@@ -101,8 +103,8 @@ def test_fit_finds_the_contact_time_with_an_honest_error():
 def test_without_contact_time_nothing_changes():
     before = State.of(*np.random.default_rng(0).standard_normal((2, 5, 3)), np.arange(5), np.zeros(5))
     rig = Rig(ELLIPSE_BODY.shape, ELLIPSE_BODY.radius_of_gyration, 9.81, 0.0)
-    plain, depth = Model(LAW).strike(before, TRUTH, rig)
-    timed, none = Model(LAW, takes_time=True).strike(before, TRUTH | {"tau": 0.0}, rig)
+    plain, depth = bind(Model(LAW), TRUTH, rig).strike(before)
+    timed, none = bind(Model(LAW, takes_time=True), TRUTH | {"tau": 0.0}, rig).strike(before)
     assert np.array_equal(plain.v, timed.v) and not depth.any() and not none.any()
 
 

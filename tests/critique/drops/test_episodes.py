@@ -15,16 +15,16 @@ from thesis_lib.critique.contacts import episodes
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
 from thesis_lib.critique.contacts.episodes import MOST_HITS, EpisodeOutcome, play
-from thesis_lib.critique.contacts.kinds import kind_of
+from thesis_lib.critique.contacts.kinds import bind, kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact, synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.tables import impacts
 from thesis_lib.datasets.format.dataset import Dataset
@@ -68,7 +68,7 @@ def played(contact_time: float) -> tuple[EpisodeOutcome, np.ndarray, np.ndarray]
     q, v, v_post = first[list(POSE)].to_numpy(), first[list(V_PRE)].to_numpy(), last[list(V_POST)].to_numpy()
     start = State.of(q, v, first["trial"].to_numpy(int), first["t"].to_numpy())
     span = (last["t"] + last["duration"]).to_numpy() - start.t + FREE
-    outcome = play(kind_of(MODEL), MODEL, truth(contact_time), RIG, start, span)
+    outcome = play(bind(MODEL, truth(contact_time), RIG), start, span)
     error = (outcome.after.v - v_post - [0.0, -9.81 * FREE, 0.0]) * [1.0, 1.0, RIG.k_g]
     return outcome, np.array([len(group) for group in groups]), np.linalg.norm(error, axis=1)
 
@@ -101,7 +101,7 @@ def test_in_how_many_pieces_a_flight_is_looked_at_changes_nothing(monkeypatch, r
     for ahead, in_cache in ((1000, 10**9), (3, 500), (1, 1)):
         monkeypatch.setattr(episodes, "AHEAD", ahead)
         monkeypatch.setattr(episodes, "IN_CACHE", in_cache)
-        found.append(play(kind_of(model), model, values, RIG, start, np.linspace(0.001, 0.06, n)))
+        found.append(play(bind(model, values, RIG), start, np.linspace(0.001, 0.06, n)))
     assert len(np.unique(found[0].hits)) > 2
     for other in found[1:]:
         assert (other.hits == found[0].hits).all()
@@ -123,7 +123,7 @@ def flat(turn: float, omega: float = 0.0) -> State:
 
 
 def test_a_square_that_lands_flat_does_not_turn():
-    after, elapsed = press(MODEL, truth(T) | {"mu": 0.0}, RIG, flat(0.0))
+    after, elapsed = press(bind(MODEL, truth(T) | {"mu": 0.0}, RIG), flat(0.0))
     assert abs(after.omega[0]) < 1e-9
     assert after.vy[0] == pytest.approx(2.0 * EPSILON, rel=0.02)  # gravity acts meanwhile
     # two springs are stiffer than one by √2; then the body leaves its dent of (1 − ε²) of the depth
@@ -135,8 +135,8 @@ def test_a_square_that_lands_flat_does_not_turn():
 def test_pressing_corners_lose_energy_and_mirror():
     for turn, omega in ((0.002, 3.0), (-0.01, 10.0), (0.005, -8.0)):
         before, mirrored = flat(turn, omega), flat(-turn, -omega)
-        after, _ = press(MODEL, truth(T), RIG, before)
-        image, _ = press(MODEL, truth(T), RIG, mirrored.moved(vx=-mirrored.vx))
+        after, _ = press(bind(MODEL, truth(T), RIG), before)
+        image, _ = press(bind(MODEL, truth(T), RIG), mirrored.moved(vx=-mirrored.vx))
         assert np.allclose(after.v * [-1.0, 1.0, -1.0], image.v, atol=1e-9)
         energy = [float(((s.v * [1.0, 1.0, RIG.k_g]) ** 2).sum() + 2.0 * 9.81 * s.y[0]) for s in (before, after)]
         assert energy[1] < energy[0]
@@ -153,8 +153,8 @@ def test_one_corner_that_presses_alone_follows_the_energetic_law():
     r_x = RIG.shape.contact_point(theta)[:, 0]
     before = before.select(np.flatnonzero(v[:, 1] + r_x * v[:, 2] < -0.5))
     short = truth(1e-6)
-    springs, _ = press(MODEL, short, RIG, before)
-    rigid, _ = Model(LAWS["mirtich"]).collide(before, short, RIG)
+    springs, _ = press(bind(MODEL, short, RIG), before)
+    rigid, _ = bind(Model(LAWS["mirtich"]), short, RIG).collide(before)
     error = np.linalg.norm((springs.v - rigid.v) * [1.0, 1.0, RIG.k_g], axis=1)
     speed = np.linalg.norm((rigid.v - before.v) * [1.0, 1.0, RIG.k_g], axis=1)
     assert np.median(error / speed) < 0.02
@@ -164,13 +164,13 @@ def test_a_round_body_in_flight_is_left_alone():
     body = BODIES["ellipse"]
     rig = Rig(body.shape, body.radius_of_gyration, 9.81, 0.0)
     high = State.of(np.array([[0.0, 1.0, 0.3]]), np.array([[0.5, -1.0, 4.0]]), np.zeros(1, int), np.zeros(1))
-    outcome = play(kind_of(MODEL), MODEL, truth(T), rig, high, np.array([0.05]))
+    outcome = play(bind(MODEL, truth(T), rig), high, np.array([0.05]))
     assert outcome.hits[0] == 0
     assert np.allclose(outcome.after.q, high.flown(np.array([[0.0, -9.81, 0.0]]), 0.05).q, atol=1e-12)
 
 
 def test_a_body_that_never_bounces_rests():
-    outcome = play(kind_of(MODEL), MODEL, truth(T) | {"epsilon": 0.0}, RIG, flat(0.0), np.array([0.08]))
+    outcome = play(bind(MODEL, truth(T) | {"epsilon": 0.0}, RIG), flat(0.0), np.array([0.08]))
     assert outcome.rests[0]
 
 
@@ -185,7 +185,7 @@ def test_a_corner_that_touches_as_another_comes_free_is_struck_once():
     q = np.stack([0.0 * turn, 0.03 * (np.cos(turn) + np.abs(np.sin(turn))), turn], axis=1)
     v = np.stack([rng.uniform(-1.0, 1.0, n), rng.uniform(-2.5, -0.8, n), omega], axis=1)
     lands = State.of(q, v, np.arange(n), np.zeros(n))
-    outcome = play(kind_of(MODEL), MODEL, {"mu": MU, "epsilon": 0.3, "tau": 2e-3}, RIG, lands, np.full(n, 0.03))
+    outcome = play(bind(MODEL, {"mu": MU, "epsilon": 0.3, "tau": 2e-3}, RIG), lands, np.full(n, 0.03))
     stands = outcome.after.select(np.flatnonzero(outcome.hits == MOST_HITS))
     assert len(stands.x) > 20
     assert np.hypot(stands.vy, RIG.k_g * stands.omega).max() < 0.2
@@ -204,7 +204,7 @@ def test_most_hits_of_a_square_are_used():
 def test_episodes_scatter_as_their_covariance_says():
     o = observed()
     values = truth(T)
-    R, S = impact_residuals(MODEL, values, o), residual_covariance(MODEL, values, o, o.t_std)
+    R, S = Comparison(MODEL, values, o).R, Comparison(MODEL, values, o).covariance(o.t_std)
     z = (R / np.sqrt(np.einsum("nii->ni", S)))[o.span > 0.0]
     assert len(z) > 50
     assert np.all(z[:, 6] == 0.0)
@@ -223,13 +223,13 @@ def test_an_episode_that_goes_with_the_square_of_the_angle_scatters_with_the_squ
     cov[:, 0, 2] = np.diag([sigma**2, spin**2])  # of the angle and the spin before
     theta = o.value[:, 0, 2]
 
-    def bent(model, values, rig, before, span, single=False):
+    def bent(dynamics, before, span, single=False):
         off = before.theta - np.tile(theta, len(span) // len(theta))
         v = np.stack([curved * off**2, straight * before.omega, 0.0 * off], axis=1)
         return State.of(before.q * [1.0, 1.0, 0.0], v, before.trial, before.t)
 
     monkeypatch.setattr(kind_of(MODEL), "end", bent)
-    S = residual_covariance(MODEL, truth(T), replace(o, cov=cov))
+    S = Comparison(MODEL, truth(T), replace(o, cov=cov)).covariance()
     assert S[:, 0, 0] == pytest.approx(2.0 * curved**2 * sigma**4)
     assert S[:, 1, 1] == pytest.approx((straight * spin) ** 2)
     assert np.abs(S[:, 0, 1]).max() < 1e-12
@@ -247,7 +247,7 @@ def test_drawn_episodes_are_fitted_with_honest_errors():
     o, true = observed(), truth(T)
     z = []
     for seed in range(6):
-        fitted = fit(MODEL, synthesise(MODEL, true, o, np.random.default_rng(seed)), start=true, rounds=1)
+        fitted = fit(MODEL, synthesise(Comparison(MODEL, true, o), np.random.default_rng(seed)), start=true, rounds=1)
         z.append([(fitted.values[name] - value) / fitted.std[name] for name, value in true.items()])
     assert np.mean(np.square(z)) == pytest.approx(1.0, abs=SIGMAS * np.sqrt(2.0 / np.size(z)))
 
@@ -264,7 +264,7 @@ def test_what_noise_leaves_open_is_left_out_with_its_spread():
     copies, rng = row.rows(np.zeros(400, int)), np.random.default_rng(5)
     noise = (np.linalg.cholesky(copies.cov) @ rng.standard_normal((*copies.cov.shape[:3], 2, 1)))[..., 0]
     drawn = replace(copies, value=copies.value + noise[..., 0], slope=copies.slope + noise[..., 1])
-    ends = impact_residuals(MODEL, truth(T), drawn)[:, :3] * [1.0, 1.0, RIG.k_g]
+    ends = Comparison(MODEL, truth(T), drawn).R[:, :3] * [1.0, 1.0, RIG.k_g]
     told = float(re.search(r"by ([\d.e-]+) m/s", gone.iloc[0]["detail"])[1])
     assert 0.8 < np.sqrt(((ends - ends.mean(axis=0)) ** 2).sum(axis=1).mean()) / told < 1.25
     assert len(kept.single) == len(o.single)
@@ -275,9 +275,9 @@ def test_a_hit_that_comes_late_still_counts():
     """A start that is 2 mm higher makes hits late by 1 to 2 ms; the state after an episode is told later than that."""
     o = observed()
     rows = o.rows(np.flatnonzero(o.span))
-    before, _ = states_at_impact(MODEL, truth(T), rows)
+    before = Comparison(MODEL, truth(T), rows).before
     higher = State.of(before.q + [0.0, 0.002, 0.0], before.v, before.trial, before.t)
-    hits, late = (play(kind_of(MODEL), MODEL, truth(T), RIG, start, rows.span).hits for start in (before, higher))
+    hits, late = (play(bind(MODEL, truth(T), RIG), start, rows.span).hits for start in (before, higher))
     assert len(hits) > 50 and np.mean(late != hits) < 0.05
 
 
@@ -290,9 +290,9 @@ def test_effects_act_at_every_hit():
         model = MODEL.with_effect(effect)
         null = {f"{name}.{p.name}": p.null for p in effect.parameters}
         moved = {f"{name}.{p.name}": p.null + p.scale for p in effect.parameters}
-        plain = impact_residuals(MODEL, truth(T), rows)
-        assert np.allclose(impact_residuals(model, truth(T) | null, rows), plain, atol=1e-9)
-        assert np.mean(np.abs(impact_residuals(model, truth(T) | moved, rows) - plain).max(axis=1) > 1e-5) > 0.5
+        plain = Comparison(MODEL, truth(T), rows).R
+        assert np.allclose(Comparison(model, truth(T) | null, rows).R, plain, atol=1e-9)
+        assert np.mean(np.abs(Comparison(model, truth(T) | moved, rows).R - plain).max(axis=1) > 1e-5) > 0.5
 
 
 def test_rounding_moves_each_corner_of_a_polygon_as_it_moves_the_lowest():
@@ -310,12 +310,10 @@ def test_rounding_moves_each_corner_of_a_polygon_as_it_moves_the_lowest():
     for name in ("rounded_corners", "wrong_size"):
         model = MODEL.with_effect(EFFECTS[name])
         values = truth(T) | {f"{name}.{p.name}": p.null + p.scale for p in EFFECTS[name].parameters}
-        active = model.active(values)
-        for by_shape, by_corner in zip(
-            model.contact_at(before, active, RIG)[1].r,
-            model.contact_at(before, active, replace(RIG, shape=Corner(shape, lowest)))[1].r,
-        ):
-            assert np.allclose(by_shape, by_corner, atol=1e-12)
+        by_shape, by_corner = (
+            bind(model, values, rig).contact(before)[1].r for rig in (RIG, replace(RIG, shape=Corner(shape, lowest)))
+        )
+        np.testing.assert_allclose(by_shape, by_corner, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -347,7 +345,7 @@ def errors_of_single_hits(law: str, shape: str, contact_time: float) -> np.ndarr
     )
     span = table["duration"].to_numpy()
     model = Model(BASES[law], takes_time=True)
-    played = play(kind_of(model), model, truth(contact_time), rig, start, span, most=1)
+    played = play(bind(model, truth(contact_time), rig), start, span, most=1)
     assert (played.hits == 1).all()
     return np.linalg.norm((played.after.v - v_post) * [1.0, 1.0, rig.k_g], axis=1)
 

@@ -5,8 +5,9 @@ import pytest
 from plain_drops import LAW, TRUTH, observed
 
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
-from thesis_lib.critique.likelihood.residuals import synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 
 DRAWS = 40
 OWN = 0.04  # one sigma of the restitution of a trial about the mean; the model has one for all
@@ -21,7 +22,7 @@ def test_errors_lie_as_far_off_as_their_standard_errors_say(own: float) -> None:
     for k in range(DRAWS):
         rng = np.random.default_rng([44, k])
         epsilon = TRUTH["epsilon"] + own * rng.standard_normal(len(trials))
-        fitted = fit(model, synthesise(model, {**TRUTH, "epsilon": epsilon[of]}, o, rng), TRUTH, rounds=1)  # pyright: ignore[reportArgumentType]
+        fitted = fit(model, synthesise(Comparison(model, {**TRUTH, "epsilon": epsilon[of]}, o), rng), TRUTH, rounds=1)  # pyright: ignore[reportArgumentType]
         off.append((fitted.values["epsilon"] - TRUTH["epsilon"]) / fitted.std["epsilon"])
     # by impacts alone, the spread is 5.6
     assert LEAST < np.std(off) < MOST

@@ -9,10 +9,11 @@ from test_contact_time import BODIES, EPSILON, MU, drops
 
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.covariance import noisy_residuals
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.critique.likelihood.observations import observe
@@ -59,7 +60,7 @@ def test_a_contact_that_is_integrated_does_not_hang_on_the_instant_that_was_dete
     made = drops(shape, LONG, noisy=False)
     o = observe(Dataset(shape, made.header, made.trajectories), episodes=False)
     model, values = with_effect("time_lag")
-    w = np.abs(noisy_residuals(model, values, o).by_instant) * [1.0, 1.0, RIG.k_g, 1.0, 1.0, RIG.k_g, 1.0]
+    w = np.abs(Comparison(model, values, o).noisy.by_instant) * [1.0, 1.0, RIG.k_g, 1.0, 1.0, RIG.k_g, 1.0]
     # m/s² and m/s; lines that move by their own slope give 14 and 0.3
     assert np.median(w[:, :3]) < 0.1 and np.median(w[:, 3:6]) < 0.02
     assert np.median(w[:, 6]) > 0.5  # arcs that come apart: the normal velocity
@@ -72,7 +73,7 @@ def test_what_accelerates_in_flight_does_so_in_contact():
         ("quadratic_drag", {"c_q": 2.0}, -2.0 * 0.5 * (np.hypot(0.3, 2.0) + np.hypot(0.3, 1.1)) * 0.3),
     ):
         model, values = with_effect(name, **of)
-        after, elapsed = press(model, values | {"mu": 0.0}, RIG, lands)
+        after, elapsed = press(bind(model, values | {"mu": 0.0}, RIG), lands)
         assert after.vx[0] - 0.3 == pytest.approx(gained * elapsed[0], rel=0.05)
 
 
@@ -83,8 +84,8 @@ def test_a_contact_is_over_where_the_body_is_out_of_its_dent():
     n = len(turns)
     q = np.column_stack([np.zeros(n), height, turns])
     v = np.column_stack([np.full(n, 0.3), np.full(n, -1.0), np.zeros(n)])
-    after, _ = press(model, values, RIG, State.of(q, v, np.arange(n), np.zeros(n)))
-    assert model.gap(after, values, RIG).min() > -1e-6
+    after, _ = press(bind(model, values, RIG), State.of(q, v, np.arange(n), np.zeros(n)))
+    assert bind(model, values, RIG).gap(after).min() > -1e-6
 
 
 @pytest.mark.parametrize("contact_time", [1e-3, LONG])
@@ -112,7 +113,8 @@ def test_a_parabola_through_a_long_flight_with_drag_is_predicted():
     flights = Flights(State.of(q, v, np.zeros(1, int), np.zeros(1)), a, np.ones((1, 3)), np.array([span]))
     model, values = with_effect("quadratic_drag", c_q=c)
     dragged = np.abs(a - [0.0, -9.81, 0.0]).max()
-    assert np.abs(flights.residuals(model, values, RIG)).max() < 5e-3 * dragged  # to first order alone 1 % and more
+    # to first order alone 1 % and more
+    assert np.abs(flights.residuals(bind(model, values, RIG))).max() < 5e-3 * dragged
 
 
 @pytest.mark.parametrize(

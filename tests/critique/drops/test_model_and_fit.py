@@ -7,12 +7,13 @@ import pytest
 from plain_drops import LAW, TRUTH, injected, observed
 
 from thesis_lib.contact import LAWS, SIX_LAWS
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import cramer_rao, fit
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact, synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.likelihood.whitening import NU, Whitening, log_t, most_probable_scatter
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
@@ -33,7 +34,7 @@ def test_each_trial_is_judged_once_by_a_fit_to_the_others():
     """Restitution is another one in every sixth trial: no fit that has not seen these predicts them."""
     o = observed()
     odd_one = o.trial % 6 == 0
-    made = (synthesise(Model(LAW), TRUTH | {"epsilon": e}, o, np.random.default_rng(1)) for e in (0.6, 0.4))
+    made = (synthesise(Comparison(Model(LAW), TRUTH | {"epsilon": e}, o), np.random.default_rng(1)) for e in (0.6, 0.4))
     ordinary, odd = (np.stack([one.value, one.slope]) for one in made)
     value, slope = np.where(odd_one[:, None, None], odd, ordinary)
     world = Drops(replace(o, value=value, slope=slope))
@@ -46,8 +47,8 @@ def test_each_trial_is_judged_once_by_a_fit_to_the_others():
 @pytest.mark.parametrize("name", SIX_LAWS)
 def test_without_effects_the_model_is_the_law(name):
     o = observed()
-    before, _ = states_at_impact(Model(LAW), TRUTH, o)
-    after = Model(LAWS[name]).predict(before, TRUTH, o.rig)
+    before = Comparison(Model(LAW), TRUTH, o).before
+    after = bind(Model(LAWS[name]), TRUTH, o.rig).predict(before)
     out = LAWS[name](
         np.stack([before.vx, before.vy, before.omega], axis=1),
         o.rig.shape.contact_point(before.theta),
@@ -62,11 +63,11 @@ def test_without_effects_the_model_is_the_law(name):
 
 def test_a_body_that_leaves_the_surface_is_left_alone():
     o = observed()
-    _, leaving = states_at_impact(Model(LAW), TRUTH, o)
+    leaving = Comparison(Model(LAW), TRUTH, o).after
     r = o.rig.shape.contact_point(leaving.theta)
     rows = leaving.vy + r[:, 0] * leaving.omega > 0.0
     assert rows.sum() > 100
-    after = Model(LAW).predict(leaving, TRUTH, o.rig)
+    after = bind(Model(LAW), TRUTH, o.rig).predict(leaving)
     np.testing.assert_array_equal(after.omega[rows], leaving.omega[rows])
     np.testing.assert_array_equal(after.vy[rows], leaving.vy[rows])
 
@@ -78,10 +79,10 @@ def test_covariance_of_residuals_is_that_of_synthetic_data(effect):
     values = TRUTH if effect is None else injected(effect)[1]
     rng = np.random.default_rng(0)
     o = observed().select(np.unique(observed().trial)[:9])
-    o = synthesise(model, values, o, rng)
+    o = synthesise(Comparison(model, values, o), rng)
     assert 25 <= len(o) <= 40
-    R = np.stack([impact_residuals(model, values, synthesise(model, values, o, rng)) for _ in range(draws)])
-    S = residual_covariance(model, values, o, instant=0.0)
+    R = np.stack([Comparison(model, values, synthesise(Comparison(model, values, o), rng)).R for _ in range(draws)])
+    S = Comparison(model, values, o).covariance(instant=0.0)
     std = np.sqrt(np.einsum("nii->ni", S))
     drawn = R / std
     drawn = drawn - drawn.mean(axis=0)
@@ -97,7 +98,7 @@ def test_covariance_of_residuals_is_that_of_synthetic_data(effect):
 def test_errors_of_fitted_coefficients_are_as_large_as_they_are_said_to_be():
     z, repeats = [], 24
     for seed in range(repeats):
-        o = synthesise(Model(LAW), TRUTH, observed(), np.random.default_rng(seed))
+        o = synthesise(Comparison(Model(LAW), TRUTH, observed()), np.random.default_rng(seed))
         fitted = fit(Model(LAW), o)
         z.append([(fitted.values[name] - TRUTH[name]) / fitted.std[name] for name in TRUTH])
     z = np.array(z)
@@ -129,9 +130,9 @@ def test_a_fit_to_no_impact_says_what_is_missing():
 
 def test_fit_finds_extra_scatter():
     scatter = 0.05  # m/s, ten times the noise of a velocity
-    o = synthesise(Model(LAW), TRUTH, observed(), np.random.default_rng(3), scatter=scatter)
+    o = synthesise(Comparison(Model(LAW), TRUTH, observed()), np.random.default_rng(3), scatter=scatter)
     assert fit(Model(LAW), o).sigma_m == pytest.approx(scatter, rel=0.2)
-    quiet = synthesise(Model(LAW), TRUTH, observed(), np.random.default_rng(3))
+    quiet = synthesise(Comparison(Model(LAW), TRUTH, observed()), np.random.default_rng(3))
     assert fit(Model(LAW), quiet).sigma_m < 0.1 * scatter
 
 
@@ -164,7 +165,7 @@ def test_a_law_that_is_wrong_still_starts_in_the_right_basin(factor):
 
 
 def test_perfectly_elastic_bodies_stay_within_bounds():
-    o = synthesise(Model(LAW), {"mu": 0.0, "epsilon": 1.0}, observed(), np.random.default_rng(1))
+    o = synthesise(Comparison(Model(LAW), {"mu": 0.0, "epsilon": 1.0}, observed()), np.random.default_rng(1))
     fitted = fit(Model(LAW), o)
     assert 0.0 <= fitted.values["mu"] < 1e-3
     assert 1.0 - 1e-2 < fitted.values["epsilon"] <= 1.0
@@ -182,7 +183,7 @@ def test_an_effect_that_is_on_or_off_is_switched_on_not_fitted():
 def test_log_scores_add_up_to_the_score_of_the_fit():
     o = observed()
     fitted = fit(Model(LAW), o)
-    S = residual_covariance(fitted.model, fitted.values, o)
+    S = fitted.on(o).covariance()
     score, flight_score = Whitening(fitted.model, o, S, fitted.sigma_m).log_scores(fitted.values)
     assert score.shape == (len(o),) and flight_score.shape == (len(o.flights),)
     assert score.sum() + flight_score.sum() == pytest.approx(fitted.score, rel=1e-9)
@@ -205,14 +206,14 @@ def test_the_score_is_a_normalised_t_distribution():
 def test_errors_are_no_smaller_than_the_cramer_rao_bound_and_hardly_larger():
     effect = EFFECTS["surface_tilt"]
     model, values = Model(LAW, (effect,)), TRUTH | {"surface_tilt.phi": 0.02}
-    o = synthesise(model, values, observed(), np.random.default_rng(8))
+    o = synthesise(Comparison(model, values, observed()), np.random.default_rng(8))
     bound, fitted = cramer_rao(model, values, o), fit(model, o, values)
     for name in values:
         assert 1.0 < fitted.std[name] / bound[name] < WIDEST, name
     # half the noise, half the bound
     assert cramer_rao(model, values, replace(o, cov=0.25 * o.cov))["mu"] / bound["mu"] == pytest.approx(0.5, rel=0.1)
     # noise that is larger than stated shows in the errors
-    loud = synthesise(model, values, replace(o, cov=9.0 * o.cov), np.random.default_rng(9))
+    loud = synthesise(Comparison(model, values, replace(o, cov=9.0 * o.cov)), np.random.default_rng(9))
     assert fit(model, replace(loud, cov=o.cov), values).std["mu"] > 1.5 * fitted.std["mu"]
 
 

@@ -12,9 +12,9 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.diagnosis import left_out
 from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.datasets.flights.parabolas import MIN_FLIGHT
@@ -59,8 +59,8 @@ def errors() -> np.ndarray:
     real, rows = matched()
     true = truth.loc[rows]
     late = o.t[real] - true["t"].to_numpy()
-    found = np.zeros((len(real), 2, 3, 2))
-    for side, (whole, suffix) in enumerate(zip(states_at_impact(Model(LAW), TRUTH, o), ("pre", "post"))):
+    found, here = np.zeros((len(real), 2, 3, 2)), Comparison(Model(LAW), TRUTH, o)
+    for side, (whole, suffix) in enumerate(zip((here.before, here.after), ("pre", "post"))):
         state = whole.select(real)
         for channel in range(3):
             a = -GRAVITY if channel == 1 else 0.0

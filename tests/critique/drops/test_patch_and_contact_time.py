@@ -10,8 +10,9 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops, channel_is_material
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
-from thesis_lib.critique.likelihood.residuals import synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.effects import EFFECTS
 
 PATCH = EFFECTS["surface_patch"]
@@ -31,7 +32,7 @@ def patch(**p: float) -> dict[str, float]:
 def test_a_fit_finds_a_patch_wherever_it_is(where):
     model = Model(LAW, (PATCH,), takes_time=True)
     true = TRUTH | {"tau": 5e-4} | patch(h_eps=-0.2, h_mu=0.4, x_1=where[0], x_2=where[1], w=0.01)
-    data = synthesise(model, true, observed(120), np.random.default_rng(3))
+    data = synthesise(Comparison(model, true, observed(120)), np.random.default_rng(3))
     plain = fit(Model(LAW, (), takes_time=True), data)
     found = fit(model, data, plain.values)
     assert found.score > plain.score + 100.0

@@ -10,6 +10,7 @@ from hidden_effects import injected_impacts, simulated
 from plain_drops import drops
 
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.world import Drops
@@ -103,7 +104,7 @@ def test_true_values_of_another_reference_say_the_same(name):
     there = Reference(x=0.1, t=0.5, trial=20.0)
 
     def struck(rig: Rig, values: dict[str, float]) -> State:
-        return model.predict(states, values, rig)
+        return bind(model, values, rig).predict(states)
 
     here, moved = struck(rig, values), struck(replace(rig, reference=there), counted_from(there, values))
     np.testing.assert_allclose(moved.v, here.v, atol=1e-9)

@@ -10,13 +10,15 @@ from thesis_lib.bodies.body import Body, Noise
 from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
 from thesis_lib.contact import LAWS
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.channels import CHANNELS, REST, SLIDE, concerned
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.likelihood.residuals import synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -90,7 +92,7 @@ def test_noise_and_scatter_make_up_what_rests_and_slides_leave():
     o = observe(that_end_at_rest(), channels=BOTH)
     model, values = Model(LAWS["mirtich"]), {"mu": MU, "epsilon": 0.5}
     for beside in o.supports:
-        z = beside.residuals(model, values, o.rig) / np.sqrt(beside.variance)
+        z = beside.residuals(bind(model, values, o.rig)) / np.sqrt(beside.variance)
         assert 0.7 < z.std() < 1.4 and np.abs(z.mean(axis=0)).max() < 4.0 / np.sqrt(DROPS)
     rest = supports(o)["rest"]
     assert np.sqrt(rest.variance) == pytest.approx(np.tile(SPREAD, (len(rest), 1)), rel=0.5)
@@ -99,11 +101,11 @@ def test_noise_and_scatter_make_up_what_rests_and_slides_leave():
 def test_rests_tell_angle_height_and_mirror_and_nothing_of_rounding():
     o = observe(that_end_at_rest(), channels=("rest",))
     (rest,) = o.supports
-    bare = rest.residuals(Model(LAWS["mirtich"]), {}, o.rig)
+    bare = rest.residuals(bind(Model(LAWS["mirtich"]), {}, o.rig))
 
     def moved(name: str, **p: float) -> np.ndarray:
         model = Model(LAWS["mirtich"], (EFFECTS[name],))
-        return rest.residuals(model, {f"{name}.{key}": value for key, value in p.items()}, o.rig) - bare
+        return rest.residuals(bind(model, {f"{name}.{key}": value for key, value in p.items()}, o.rig)) - bare
 
     assert moved("angle_offset", d_theta=0.02) == pytest.approx(np.tile([0.0, -0.02], (len(rest), 1)), abs=1e-9)
     assert moved("surface_height", h=1e-3) == pytest.approx(np.tile([-1e-3, 0.0], (len(rest), 1)), abs=1e-9)
@@ -135,9 +137,9 @@ def test_drawn_rests_and_slides_are_those_of_the_model():
     o = observe(that_end_at_rest(), channels=BOTH)
     model, values = Model(LAWS["mirtich"], (EFFECTS["angle_offset"],)), {"mu": 0.1, "epsilon": 0.5}
     values |= {"angle_offset.d_theta": 0.05}
-    drawn = synthesise(model, values, o, np.random.default_rng(0))
+    drawn = synthesise(Comparison(model, values, o), np.random.default_rng(0))
     for beside in drawn.supports:
-        z = beside.residuals(model, values, o.rig) / np.sqrt(beside.variance)
+        z = beside.residuals(bind(model, values, o.rig)) / np.sqrt(beside.variance)
         assert 0.7 < z.std() < 1.3 and np.abs(z.mean(axis=0)).max() < 4.0 / np.sqrt(DROPS)
 
 

@@ -12,9 +12,8 @@ from thesis_lib.critique.drops.planar.unknown_spin import velocity_left, what_is
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.export.export import exported
-from thesis_lib.critique.likelihood.covariance import residual_covariance, spin_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.simulate_model import simulate_model
 from thesis_lib.datasets.format.dataset import Dataset
@@ -38,14 +37,15 @@ def observations():
 def test_a_rim_that_sticks_scatters_by_a_third_of_the_unknown_rim_speed(observations) -> None:
     # v_x⁺ = v_x − (v_x + R ω)/K_tt with K_tt = 1 + R²/k² = 3
     values = {"mu": STUCK, "epsilon": EPSILON, "tau": 0.0, "a_table": FRICTION}
-    cov = spin_covariance(Model(mirtich.LAW, (), True, (TABLE,)), values, observations)
+    here = Comparison(Model(mirtich.LAW, (), True, (TABLE,)), values, observations)
+    cov = here.of_spin
     third = (RADIUS * observations.spin / 3.0) ** 2
     assert np.median(cov[:, 0, 0]) == pytest.approx(third, rel=ROUNDED)
     assert cov[:, 0, 0].max() < third * (1.0 + ROUNDED)  # where the widest spins slide all the same
     assert cov[:, 1, 1].max() < 1e-20  # nothing of it across the wall
     # an error along the wall is then the spin's but for the share of noise, one across it is the model's
-    left = what_is_left(Model(mirtich.LAW, (), True, (TABLE,)), values, observations)
-    noise = residual_covariance(Model(mirtich.LAW, (), True, (TABLE,)), values, observations, observations.t_std) - cov
+    left = what_is_left(here)
+    noise = here.covariance(observations.t_std) - cov
     assert np.median(left[:, 0, 0]) == pytest.approx(np.median(noise[:, 0, 0] / (noise + cov)[:, 0, 0]), rel=0.2)
     assert np.median(left[:, 0, 0]) < 0.1 < 0.9 < np.median(left[:, 1, 1])
 
@@ -53,9 +53,9 @@ def test_a_rim_that_sticks_scatters_by_a_third_of_the_unknown_rim_speed(observat
 def test_without_friction_the_spin_does_nothing(observations) -> None:
     values = {"mu": 0.0, "epsilon": EPSILON, "tau": 0.0, "a_table": FRICTION}
     model = Model(mirtich.LAW, (), True, (TABLE,))
-    assert np.abs(spin_covariance(model, values, observations)[:, :2, :2]).max() < 1e-20
+    assert np.abs(Comparison(model, values, observations).of_spin[:, :2, :2]).max() < 1e-20
     # then an error along the wall counts in full
-    left = velocity_left(model, values, observations)
+    left = velocity_left(Comparison(model, values, observations))
     assert np.abs(left[:, 0]).mean() > 0.1
 
 
@@ -91,8 +91,8 @@ def test_an_effect_at_one_wall_acts_there_alone(observations, name: str) -> None
     null = {f"{effect.name}.{p.name}": p.null for p in effect.parameters}
     moved = {f"{effect.name}.{p.name}": p.null + 0.3 * (p.high - p.null) for p in effect.parameters}
 
-    at_null, at_size = (impact_residuals(model, values | of, observations) for of in (null, moved))
-    plain = impact_residuals(Model(mirtich.LAW, (), True, (TABLE,)), values, observations)
+    at_null, at_size = (Comparison(model, values | of, observations).R for of in (null, moved))
+    plain = Comparison(Model(mirtich.LAW, (), True, (TABLE,)), values, observations).R
     np.testing.assert_array_equal(at_null, plain)
     west = [wall.name for wall in observations.rig.walls].index("west")
     changed = np.abs(at_size - plain).max(axis=1) > 1e-9

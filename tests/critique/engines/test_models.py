@@ -24,6 +24,7 @@ from thesis_lib.critique.contacts.engine_contact import (
     lacks,
     press_in_engine,
 )
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
@@ -86,7 +87,7 @@ def values_of(engine: str, **more: float) -> dict:
 @pytest.mark.parametrize("effects", [{}, {"com_offset.c_x": OFFSET, "com_offset.c_y": 0.0, "wrong_inertia.d_I": 0.1}])
 def test_mujoco_resolves_the_contact_with_those_numbers(effects):
     touch, names = at_touch(12), ["com_offset", "wrong_inertia"] if effects else []
-    after, took = press_in_engine(model_of("mujoco", *names), values_of("mujoco", **effects), RIG, touch)
+    after, took = press_in_engine(bind(model_of("mujoco", *names), values_of("mujoco", **effects), RIG), touch)
     causes = HiddenCauses(**{CAUSE_OF[key]: value for key, value in effects.items()})
     own = {"mu": VALUES["mu"], "epsilon": VALUES["epsilon"], "impedance": VALUES["impedance"]}
     contact = MujocoContact(contact_time=T, impratio=10.0, steps=STEPS, **own)
@@ -96,7 +97,7 @@ def test_mujoco_resolves_the_contact_with_those_numbers(effects):
     np.testing.assert_allclose(took, expected.t, atol=1e-9)
     assert (took > 0.5 * T).all()
     if effects:
-        without, _ = press_in_engine(model_of("mujoco"), values_of("mujoco"), RIG, touch)
+        without, _ = press_in_engine(bind(model_of("mujoco"), values_of("mujoco"), RIG), touch)
         assert np.abs(after.v - without.v).max() > 0.05
 
 
@@ -105,7 +106,7 @@ def test_a_central_impact_gives_back_epsilon_at_one_metre_a_second(engine):
     """Gravity acts for a millisecond: 0.01 m/s."""
     pose, v = np.array([[0.0, RIG.shape.semi_axes[1], 0.0]]), np.array([[0.0, -1.0, 0.0]])
     flat = State.of(pose, v, np.zeros(1, int), np.zeros(1))
-    after, took = press_in_engine(model_of(engine), values_of(engine), RIG, flat)
+    after, took = press_in_engine(bind(model_of(engine), values_of(engine), RIG), flat)
     assert after.vy[0] == pytest.approx(VALUES["epsilon"], abs=0.02)
     assert took[0] > 0.9 * T
 
@@ -115,19 +116,19 @@ def test_each_body_has_its_own_values():
     model, values = model_of("mujoco", "com_offset"), values_of("mujoco", **{"com_offset.c_y": 0.0})
     sizes = np.repeat([0.0, OFFSET], 3)
     mu = np.tile([0.1, 0.2, 0.3], 2)
-    together, _ = press_in_engine(model, values | {"com_offset.c_x": sizes, "mu": mu}, RIG, touch)
+    together, _ = press_in_engine(bind(model, values | {"com_offset.c_x": sizes, "mu": mu}, RIG), touch)
     for i in range(6):
         own = values | {"com_offset.c_x": sizes[i], "mu": mu[i]}
-        alone, _ = press_in_engine(model, own, RIG, touch.select(np.array([i])))
+        alone, _ = press_in_engine(bind(model, own, RIG), touch.select(np.array([i])))
         np.testing.assert_allclose(together.v[i], alone.v[0], atol=1e-9)
 
 
 def test_a_moving_surface_is_a_change_of_frame():
     touch, speed = at_touch(5), 0.3
     carried = touch.moved(vx=touch.vx + speed)
-    still, took = press_in_engine(model_of("mujoco"), values_of("mujoco"), RIG, touch)
+    still, took = press_in_engine(bind(model_of("mujoco"), values_of("mujoco"), RIG), touch)
     moving = values_of("mujoco", **{"moving_surface.V": speed})
-    after, _ = press_in_engine(model_of("mujoco", "moving_surface"), moving, RIG, carried)
+    after, _ = press_in_engine(bind(model_of("mujoco", "moving_surface"), moving, RIG), carried)
     np.testing.assert_allclose(after.vx, still.vx + speed, atol=1e-9)
     np.testing.assert_allclose(after.x, still.x + speed * took, atol=1e-9)
 
@@ -137,7 +138,7 @@ def test_the_default_contact_is_that_of_the_engine(engine):
     """MuJoCo's contact lasts 40 ms and gives back a seventh; Drake's hardly gives anything back."""
     values, mass = default_values(engine, 0.05), 0.05
     touch = at_touch(12)
-    after, took = press_in_engine(model_of(f"{engine}{DEFAULT}"), values, RIG, touch)
+    after, took = press_in_engine(bind(model_of(f"{engine}{DEFAULT}"), values, RIG), touch)
     energy = [v[:, 0] ** 2 + v[:, 1] ** 2 + (RIG.k_g * v[:, 2]) ** 2 for v in (touch.v, after.v)]
     assert (energy[1] < 0.6 * energy[0]).all() and (took <= LATE).all()
     lighter = default_values(engine, 0.5 * mass)
@@ -149,10 +150,10 @@ def test_bullets_default_is_a_rigid_contact_that_gives_nothing_back():
     """μ of two bodies is the product; it is over in one step of 1/240 s, in which the body sticks or slides on."""
     values, touch = default_values("bullet", 0.05), at_touch(12)
     assert (values["mu"], values["epsilon"]) == (0.25, 0.0) and default_values("bullet", 1.0) == values
-    after, took = press_in_engine(model_of(f"bullet{DEFAULT}"), values, RIG, touch)
+    after, took = press_in_engine(bind(model_of(f"bullet{DEFAULT}"), values, RIG), touch)
     r = RIG.shape.contact_point(touch.theta)
     still = replace(RIG, gravity=0.0)
-    free, _ = press_in_engine(model_of(f"bullet{DEFAULT}"), values, still, touch)
+    free, _ = press_in_engine(bind(model_of(f"bullet{DEFAULT}"), values, still), touch)
     law = LAWS["anitescu_potra_newton"](touch.v, r, mass=1.0, k_g=RIG.k_g, mu=0.25, epsilon=0.0).v_post
     np.testing.assert_allclose(free.v, law, atol=0.03)
     np.testing.assert_allclose(after.v[:, 1] + r[:, 0] * after.omega, 0.0, atol=0.03)
@@ -302,7 +303,7 @@ def test_bullet_is_optional_and_told_how_to_install(monkeypatch, tmp_path, capsy
     assert "pip install pybullet==3.2.7" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(UserError, match=r"Bullet cannot be used here .*: pip install pybullet==3\.2\.7"):
-        press_in_engine(model_of("bullet"), values_of("bullet"), RIG, at_touch(1))
+        press_in_engine(bind(model_of("bullet"), values_of("bullet"), RIG), at_touch(1))
 
 
 def test_the_version_of_bullet_that_is_named_is_the_one_that_is_pinned():

@@ -6,7 +6,7 @@ from tumbling_box import EPSILON, MU, corner_hits
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.likelihood.covariance import noisy_residuals
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.effects import EFFECTS
 from thesis_lib.mechanics.space import SPACE
@@ -33,7 +33,7 @@ def test_corner_hits_give_back_what_was_hidden() -> None:
 
 def test_residuals_of_the_truth_are_as_large_as_their_covariance_says(rng) -> None:
     hits = corner_hits(200, rng)
-    noisy = noisy_residuals(Model(LAW, space=SPACE), {"mu": MU, "epsilon": EPSILON}, hits)
+    noisy = Comparison(Model(LAW, space=SPACE), {"mu": MU, "epsilon": EPSILON}, hits).noisy
     S = noisy.covariance(0.0)
     d2 = np.einsum("ni,nij,nj->n", noisy.value, np.linalg.inv(S), noisy.value)
     # chi square with 13 degrees of freedom; kinks between sticking and sliding widen a few

@@ -12,8 +12,9 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.questions.detectable import detectable
 from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
-from thesis_lib.critique.likelihood.residuals import synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table
@@ -120,7 +121,7 @@ def test_the_smallest_detectable_size_is_found_in_most_repetitions(nothing_hidde
     training = nothing_hidden.training
     found = 0
     for _ in range(DRAWS):
-        data = synthesise(hidden, values, training, rng)
+        data = synthesise(Comparison(hidden, values, training), rng)
         fitted = fit(base.model, data, base.values, rounds=1)
         slopes = Drops(data).slopes(fitted, [EFFECTS[name]])
         found += scan(slopes, 1, rng).gain[name] > limit
@@ -140,7 +141,7 @@ def test_a_material_size_raises_the_error_by_what_counts(nothing_hidden):
     def error(size: float) -> float:
         hidden = base.model.with_effect(EFFECTS[name])
         values = {**base.values, f"{name}.{p}": size}
-        draws = [synthesise(hidden, values, training, rng) for _ in range(8)]
+        draws = [synthesise(Comparison(hidden, values, training), rng) for _ in range(8)]
         fits = [fit(base.model, data, base.values, rounds=1) for data in draws]
         return float(np.mean([Drops(data).judge(fitted).error.mean() for fitted, data in zip(fits, draws)]))
 
@@ -227,7 +228,7 @@ def test_the_smallest_size_passes_all_three_tests_with_the_chance_that_is_told(n
     folds = np.arange(len(np.unique(training.trial))) % settings.folds
     rng, found = np.random.default_rng(2), 0
     for _ in range(DRAWS):
-        data = synthesise(hidden, {**base.values, f"{name}.{p}": size}, training, rng)
+        data = synthesise(Comparison(hidden, {**base.values, f"{name}.{p}": size}, training), rng)
         without = fit(base.model, data, base.values, rounds=1)
         with_it = fit(hidden, data, {**base.values, f"{name}.{p}": size}, rounds=1)
         judged = [Drops(data).cross_validate(fitted, folds) for fitted in (with_it, without)]

@@ -12,8 +12,8 @@ from thesis_lib.bodies.walls import Wall
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
-from thesis_lib.critique.contacts.kinds import kind_of
-from thesis_lib.critique.likelihood.residuals import states_at_impact
+from thesis_lib.critique.contacts.kinds import bind, kind_of
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.results.saved_model import STATE, SavedModel, SavedReference, load_model, saved
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
@@ -93,21 +93,21 @@ def test_predictions_of_held_out_drops_are_the_critiques_own(nothing_hidden, law
     if law != "as found":
         fitted = replace(fitted, model=replace(fitted.model, law=BASES[law]))
     rig, model, values = o.rig, fitted.model, fitted.values
-    before = states_at_impact(model, values, o)[0]
+    before = Comparison(model, values, o).before
     # noise moves the place where the arcs meet; set the body as deep as the contact time says
-    deep = rig.shape.gap(before.y, before.theta, rig.height) + model.strike(before, values, rig)[1]
+    deep = rig.shape.gap(before.y, before.theta, rig.height) + bind(model, values, rig).strike(before)[1]
     before = before.moved(y=before.y - deep)
-    own = model.predict(before, values, rig)
+    own = bind(model, values, rig).predict(before)
     if kind_of(model).integrated:
-        own = kind_of(model).end(model, values, rig, before, np.zeros(len(o)), single=True)
+        own = bind(model, values, rig).end(before, np.zeros(len(o)), single=True)
     touch = at_touch(before, rig)
     table = pd.DataFrame({name: getattr(touch, name) for name in STATE})
     found = saved(fitted, rig, "drops").predict(table)[["vx_post", "vy_post", "omega_post"]].to_numpy()
-    found[:, 1] += rig.gravity * (kind_of(model).off(model, values, rig, touch).t - before.t)
+    found[:, 1] += rig.gravity * (bind(model, values, rig).off(touch).t - before.t)
     scale = [1.0, 1.0, rig.k_g]
     difference, instant = (
         np.median(np.linalg.norm((v - own.v) * scale, axis=1))
-        for v in (found, model.predict(touch, values | {"tau": 0.0}, rig).v)
+        for v in (found, bind(model, values | {"tau": 0.0}, rig).predict(touch).v)
     )
     assert difference < 1e-4 < 1e-3 < instant  # m/s
 

@@ -133,12 +133,12 @@ def test_a_mirrored_camera_is_beyond_rigid_point_contact():
     from thesis_lib.critique.contacts.model import Model
     from thesis_lib.critique.likelihood.fit import fit
     from thesis_lib.critique.likelihood.observations import observe
-    from thesis_lib.critique.likelihood.residuals import synthesise
+    from thesis_lib.critique.likelihood.synthesis import synthesise
     from thesis_lib.critique.results.tables import _bounds
 
     data = injected_impacts("one", 100, 2, "mirrored_rotation", {"mirrored_rotation.mirrored": 1.0})
     o = observe(data)
     base = fit(Model(LAWS["anitescu_potra_newton"]), o)
     squares, irb, _ = _bounds(base, [base], o)
-    _, made_irb, _ = _bounds(base, [base], synthesise(base.model, base.values, o, np.random.default_rng(0)))
+    _, made_irb, _ = _bounds(base, [base], synthesise(base.on(o), np.random.default_rng(0)))
     assert irb > 0.5 * squares and made_irb < 0.01 * irb

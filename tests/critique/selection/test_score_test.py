@@ -7,7 +7,8 @@ from plain_drops import LAW, TRUTH, injected, observed
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.residuals import synthesise
+from thesis_lib.critique.likelihood.comparison import Comparison
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.selection.scan import Scan, scan
 
 SIGMAS = 4.0
@@ -39,7 +40,7 @@ def test_the_injected_effect_gains_most(name):
 def test_p_values_are_fair_when_nothing_is_hidden():
     p_values = []
     for seed in range(24):
-        o = synthesise(Model(LAW), TRUTH, observed(), np.random.default_rng(100 + seed))
+        o = synthesise(Comparison(Model(LAW), TRUTH, observed()), np.random.default_rng(100 + seed))
         found = scanned(o, seed)
         p_values.append(found.p_value(max(found.gain.values())))
     p_values = np.array(p_values)

@@ -18,7 +18,7 @@ from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, IMPEDANCE
-from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.engines.engine import OUTSIDE, Press, impacts
 from thesis_lib.engines.parameters import DrakeNumbers, MujocoNumbers, drake_numbers, of_drake, of_mujoco
@@ -86,54 +86,40 @@ def lacks(engine: str, effects: Sequence[Effect]) -> list[str]:
     return missing
 
 
-def press_in_engine(
-    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = 0.0
-) -> tuple[State, np.ndarray]:
+def press_in_engine(dynamics: Dynamics, true: State) -> tuple[State, np.ndarray]:
     """True states (n,) when the bodies are off the surface, from true states at first touch, and the time (n,) in s.
 
-    `values` are numbers, or arrays (n,) with one for each body; bodies with equal ones share an engine.  A contact that
-    lasts longer than the engine lets it ends there, whatever is `left`; times are at most `LATE`.
+    Bodies with equal values share an engine.  A contact that lasts longer than the engine lets it ends there; times are
+    at most `LATE`.
     """
-    del left
-    n, active = len(true.x), model.active(values)
-    frame = [(effect, p) for effect, p in active if effect.name == FRAME]
-    seen = true
-    for effect, p in frame:
-        seen = effect.to_contact(seen, p, rig)
-    mu, epsilon = _coefficients(model, values, rig, true, active)
+    rig, law = dynamics.rig, dynamics.model.law
+    frame = dynamics.with_active([(effect, p) for effect, p in dynamics.active if effect.name == FRAME])
+    seen = frame.to_contact(true)
+    mu, epsilon = _coefficients(dynamics, true)
     q, v = seen.q - [0.0, rig.height, 0.0], seen.v
-    after_q, after_v, elapsed = q.copy(), v.copy(), np.zeros(n)
-    for rows, settings in _groups(model, values, mu, epsilon):
-        engine = _engine(model.law, rig, mu[rows], epsilon[rows], settings)
+    after_q, after_v, elapsed = q.copy(), v.copy(), np.zeros(len(true))
+    for rows, settings in _groups(law, dynamics.values, mu, epsilon):
+        engine = _engine(law, rig, mu[rows], epsilon[rows], settings)
         out = impacts(engine, q[rows], v[rows])
         after_q[rows] = q[rows] + out.q - _set_down(engine, q[rows])
         after_v[rows], elapsed[rows] = out.v, np.minimum(out.t, LATE)
     shift = after_q - q
-    after = State.of(seen.q + shift, after_v, true.trial, true.t + elapsed, true.surface)
-    for effect, p in reversed(frame):
-        after = effect.from_contact(after, p, rig)
-        shift = shift + elapsed[:, None] * (after.v - after_v)
+    after = frame.from_contact(State.of(seen.q + shift, after_v, true.trial, true.t + elapsed, true.surface))
+    shift = shift + elapsed[:, None] * (after.v - after_v)
     return State.of(true.q + shift, after.v, true.trial, after.t, true.surface), elapsed
 
 
-def _coefficients(
-    model: Model, values: Mapping[str, float], rig: Rig, true: State, active: Sequence
-) -> tuple[np.ndarray, np.ndarray]:
+def _coefficients(dynamics: Dynamics, true: State) -> tuple[np.ndarray, np.ndarray]:
     """μ and ε (n,) of each body, at its lowest point."""
-    mu, epsilon = (np.full(len(true.x), values[name]) for name in ("mu", "epsilon"))
-    by_body = [pair for pair in active if type(pair[0]).coefficients is not Effect.coefficients]
-    if by_body:
-        seen, at = model.contact_at(true, active, rig)
-        for effect, p in by_body:
-            mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, rig)
+    mu, epsilon = dynamics.coefficients(*dynamics.contact(true))
     return np.maximum(mu, 0.0), np.clip(epsilon, 0.0, 1.0)
 
 
 def _groups(
-    model: Model, values: Mapping[str, float], mu: np.ndarray, epsilon: np.ndarray
+    law: Law, values: Mapping[str, float], mu: np.ndarray, epsilon: np.ndarray
 ) -> Iterator[tuple[np.ndarray, tuple[float, float, float, dict]]]:
     """Rows of bodies that share an engine, and its settings: contact time in s, impratio, impedance, causes."""
-    n, law = len(mu), model.law
+    n = len(mu)
     assert law.force is not None
     names = [name for name in CAUSE_OF if name in values]
     loss = law.force.loss(np.full(n, values["epsilon"]))

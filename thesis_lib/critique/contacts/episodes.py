@@ -12,16 +12,13 @@ the motion is then integrated from the touch of the first with springs at all co
 How contacts are pressed, and whether all of them are, says their kind (`kinds`).
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from thesis_lib.critique.contacts.contact_time import duration
-from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.pressing import all_points, contact_points, one_point
-from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
 MOST_HITS = 12  # a body that hits more often has come to rest
@@ -36,16 +33,6 @@ AT_FIRST = 4  # steps that are looked at first: a body was flown back by `LEAD` 
 _NOW = 1e-9  # s
 
 
-class Presses(Protocol):
-    """A kind of contact (`kinds`): whether all its contacts are pressed, and how, as `pressing.press` does it."""
-
-    @property
-    def integrated(self) -> bool: ...
-    def press(
-        self, model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = 0.0
-    ) -> tuple[State, np.ndarray]: ...
-
-
 @dataclass(frozen=True)
 class EpisodeOutcome:
     """What follows from n states: the true state at the end, hits (n,), and masks of what is no sequence of impacts."""
@@ -56,41 +43,33 @@ class EpisodeOutcome:
     rests: np.ndarray  # the body has come to rest, or touches at the end
 
 
-def play(
-    kind: Presses,
-    model: Model,
-    values: Mapping[str, float],
-    rig: Rig,
-    true: State,
-    span: np.ndarray,
-    most: int = MOST_HITS,
-) -> EpisodeOutcome:
+def play(dynamics: Dynamics, true: State, span: np.ndarray, most: int = MOST_HITS) -> EpisodeOutcome:
     """True states (n,) near the first touch, flown for `span` (n,) in s with all hits, at most `most`.
 
     The states belong to the flight before the first hit, continued below the surface where it must: each body first
     flies back by `LEAD`, and until nothing that comes down is deep.  With `most` = 1 the hit may come up to `LATEST`
-    after `span`; the arc after it is then followed back.  `values` are numbers, or arrays (n,) with one for each body.
+    after `span`; the arc after it is then followed back.
     """
-    return _Play(kind, model, values, rig, true, span, most).outcome()
+    return _Play(dynamics, true, span, most).outcome()
 
 
-def contact(kind: Presses, model: Model, values: Mapping[str, float], rig: Rig, touch: State) -> State:
+def contact(dynamics: Dynamics, touch: State) -> State:
     """True states (n,) at the end of a contact that takes time, from true states of bodies that touch.
 
     A body is set down where it touches, flies to the centroid of the impulse, is struck, and flies until the contact is
     over and it is back at the surface, at most `LONGEST` later.  Corners that hit before belong to the contact.  Bodies
     that do not come down stay as they are.
     """
-    down = touch.moved(y=touch.y - model.gap(touch, values, rig))
-    span = np.clip(duration(1.0, values["epsilon"]) * model.delay(down, values, rig), 10.0 * _NOW, LONGEST)
+    down = touch.moved(y=touch.y - dynamics.gap(touch))
+    span = np.clip(duration(1.0, dynamics.values["epsilon"]) * dynamics.delay(down), 10.0 * _NOW, LONGEST)
     for _ in range(2):  # another corner may hit before the body is back at the surface
-        played = _Play(kind, model, values, rig, down, span, MOST_HITS, touches=True)
+        played = _Play(dynamics, down, span, MOST_HITS, touches=True)
         end = played.outcome().after
         left = np.maximum(np.where(played.hits > 0, played.over, 0.0) - span, 0.0)
         end = end.flown(played.acceleration(end, left, np.arange(len(left))), left)
         a, rise = played.rise(end)
         end, span = end.flown(a, rise), span + left + rise
-    comes = model.approaches(down, model.active(values), rig) & (played.hits > 0)
+    comes = dynamics.approaches(down) & (played.hits > 0)
     q, v = (np.where(comes[:, None], now, then) for now, then in ((end.q, touch.q), (end.v, touch.v)))
     return State.of(q, v, touch.trial, np.where(comes, end.t, touch.t), touch.surface)
 
@@ -101,21 +80,10 @@ class _Play:
     `touches`: the bodies touch where they start.
     """
 
-    def __init__(
-        self,
-        kind: Presses,
-        model: Model,
-        values: Mapping[str, float],
-        rig: Rig,
-        true: State,
-        span: np.ndarray,
-        most: int,
-        touches: bool = False,
-    ) -> None:
-        self.kind, self.model, self.values, self.rig, self.start, self.most = kind, model, values, rig, true, most
+    def __init__(self, dynamics: Dynamics, true: State, span: np.ndarray, most: int, touches: bool = False) -> None:
+        self.dynamics, self.start, self.most = dynamics, true, most
         self.span = span + LATEST if most == 1 else span
-        self.varying = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
-        self.points, n = contact_points(rig), len(span)
+        self.points, n = contact_points(dynamics.rig), len(span)
         self.motion, self.t = np.concatenate([true.q, true.v], axis=1), np.zeros(n)
         self.hits, self.pressed = np.zeros(n, int), np.zeros(n, bool)
         # of the last hit: its contact point, motion and time at its touch, and the time at which it is over
@@ -148,13 +116,6 @@ class _Play:
 
     def outcome(self) -> EpisodeOutcome:
         return EpisodeOutcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, self.rests)
-
-    def _values(self, rows: np.ndarray, copies: int = 1) -> Mapping:
-        """The values of the bodies `rows`, all of them `copies` times one after the other."""
-        if not self.varying:
-            return self.values
-        rows = np.tile(rows, copies)
-        return {**self.values, **{name: value[rows] for name, value in self.varying.items()}}
 
     def _state(self, rows: np.ndarray) -> State:
         q, v = self.motion[rows, :3], self.motion[rows, 3:]
@@ -215,12 +176,13 @@ class _Play:
 
         They are in `origin` after no step and in `state` after `done`.
         """
-        if not self.model.has_varying_flight:
+        dynamics = self.dynamics.select(rows)
+        if not dynamics.model.has_varying_flight:
             times = np.multiply.outer(np.arange(done, done + ahead + 1), h).ravel()
-            return origin.tiled(ahead + 1).flown(np.array([[0.0, -self.rig.gravity, 0.0]]), times)
-        path, active = [state], self.model.active(self._values(rows))
+            return origin.tiled(ahead + 1).flown(np.array([[0.0, -dynamics.rig.gravity, 0.0]]), times)
+        path = [state]
         for _ in range(ahead):
-            path.append(path[-1].flown(self._acceleration(path[-1], h, active), h))
+            path.append(path[-1].flown(_acceleration(dynamics, path[-1], h), h))
         return State.joined(path)
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -249,29 +211,21 @@ class _Play:
 
     def acceleration(self, state: State, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """By row (n, 3) in m/s², m/s², rad/s², of the bodies `rows` in the middle of h (n,) in s."""
-        return self._acceleration(state, h, self.model.active(self._values(rows)))
-
-    def _acceleration(self, state: State, h: np.ndarray, active: Sequence) -> np.ndarray:
-        a = self.model.true_acceleration(state, active, self.rig)
-        if self.model.has_varying_flight:
-            a = self.model.true_acceleration(state.flown(a, 0.5 * h), active, self.rig)
-        return a
+        return _acceleration(self.dynamics.select(rows), state, h)
 
     def _gaps(self, state: State, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gap in m and v_n in m/s of all contact points of the bodies `rows` in states (n,), each (p, n)."""
         n, p = len(state.x), self.points
-        values = self._values(rows, p)
-        if p > 1:
-            state = state.tiled(p)
-        rig = all_points(self.rig, n)
-        _, at = self.model.contact_at(state, self.model.active(values), rig)
-        return self.model.gap(state, values, rig).reshape(p, n), at.v_n.reshape(p, n)
+        dynamics = self.dynamics.select(rows) if p == 1 else self.dynamics.select(np.tile(rows, p))
+        dynamics = dynamics.on(all_points(dynamics.rig, n))
+        state = state if p == 1 else state.tiled(p)
+        return dynamics.gap(state).reshape(p, n), dynamics.contact(state)[1].v_n.reshape(p, n)
 
     def _hit(self, rows: np.ndarray) -> None:
         """Resolve the hits of the bodies `rows`, which touch now."""
         point, now = _first(*self._gaps(self._state(rows), rows)), self.t[rows]
         self.hits[rows] += 1
-        if self.kind.integrated:
+        if self.dynamics.integrated:
             self.touch[rows], self.touch_t[rows] = self.motion[rows], now
             return self._press(rows)
         # a corner may touch at the very instant at which another one is free
@@ -282,14 +236,14 @@ class _Play:
         if not len(rows):
             return
         self.touch[rows], self.touch_t[rows], self.last[rows] = self.motion[rows], now, point
-        touch, rig = self._state(rows), one_point(self.rig, point)
-        values = self._values(rows)
-        delay = self.model.delay(touch, values, rig)
-        after, _ = self.model.collide(touch.flown(self.acceleration(touch, delay, rows), delay), values, rig)
+        touch, dynamics = self._state(rows), self.dynamics.select(rows)
+        struck = dynamics.on(one_point(dynamics.rig, point))
+        delay = struck.delay(touch)
+        after, _ = struck.collide(touch.flown(_acceleration(dynamics, touch, delay), delay))
         self._set(rows, after)
         self.t[rows] += delay
-        if self.model.takes_time:
-            self.over[rows] = now + duration(1.0, values["epsilon"]) * delay
+        if dynamics.model.takes_time:
+            self.over[rows] = now + duration(1.0, dynamics.values["epsilon"]) * delay
 
     def _press(self, rows: np.ndarray) -> None:
         """Integrate the contacts of the bodies `rows` from the touch of their last hit."""
@@ -298,9 +252,17 @@ class _Play:
         touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t, self._surface(rows))
         # where a contact ends after the next arc has begun, that arc is followed back to its end
         left = 0.0 if self.most == 1 else self.span[rows] - t
-        after, elapsed = self.kind.press(self.model, self._values(rows), self.rig, touch, left)
+        after, elapsed = self.dynamics.select(rows).press(touch, left)
         self._set(rows, after)
         self.t[rows] = self.over[rows] = t + elapsed
+
+
+def _acceleration(dynamics: Dynamics, state: State, h: np.ndarray) -> np.ndarray:
+    """By row (n, 3) in m/s², m/s², rad/s², in the middle of h (n,) in s."""
+    a = dynamics.true_acceleration(state)
+    if dynamics.model.has_varying_flight:
+        a = dynamics.true_acceleration(state.flown(a, 0.5 * h))
+    return a
 
 
 def _lands(gap: np.ndarray, v_n: np.ndarray) -> np.ndarray:

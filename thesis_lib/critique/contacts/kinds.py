@@ -11,13 +11,15 @@ What is not one hit is played (`episodes`): the hits of an episode in turn, with
 once are integrated with springs, or by the engine.  Where a contact is integrated, single hits are played as well.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from thesis_lib.contact import mirtich
 from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, STICTION_TOLERANCE
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.engine_contact import press_in_engine
 from thesis_lib.critique.contacts.episodes import MOST_HITS, contact, play
 from thesis_lib.critique.contacts.model import Model
@@ -44,89 +46,75 @@ class Prediction:
     touch: np.ndarray | None = None
     q: np.ndarray | None = None
 
-    def select(self, rows: np.ndarray) -> "Prediction":
-        """The impacts at `rows`."""
-        return Prediction(self.v[rows], *(array if array is None else array[rows] for array in (self.touch, self.q)))
+    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> "Prediction":
+        """The prediction with each of its arrays changed."""
+        touch, q = (array if array is None else change(array) for array in (self.touch, self.q))
+        return Prediction(change(self.v), touch, q)
 
 
-def values_of(values: Mapping, rows: np.ndarray) -> Mapping:
-    """The values of the impacts at `rows`: arrays (n,) have one for each impact."""
-    return {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+class ByImpulse(Dynamics):
+    """Single hits by the law's impulse; the base of all kinds."""
 
+    def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
+        return press(self, true, left)
 
-class ByImpulse:
-    """Single hits by the law's impulse; the base of all kinds.
-
-    `integrated`: whether single hits are played, too, so that the pose after them is predicted.
-    """
-
-    integrated = False
-    press = staticmethod(press)
-
-    def applies_to(self, model: Model) -> bool:
+    @staticmethod
+    def applies_to(model: Model) -> bool:
         """Whether the model's contacts are of this kind; the first of `KINDS` for which it says so has them."""
         return True
 
-    def stated(
-        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, offset: np.ndarray
-    ) -> Prediction:
-        """Of impacts that are stated with the velocities before and after, at one pose; `offset` as in `Model`."""
-        return Prediction(model.predict(before, values, rig, offset).v)
+    def stated(self, before: State, offset: np.ndarray) -> Prediction:
+        """Of impacts that are stated with the velocities before and after, at one pose; `offset` as in `predict`."""
+        return Prediction(self.predict(before, offset).v)
 
-    def predict(
-        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray, offset: np.ndarray
-    ) -> Prediction:
+    def between_flights(self, before: State, span: np.ndarray, offset: np.ndarray) -> Prediction:
         """Of what flights before and after show; `span` (n,) in s as in `Observations`, 0 of a single hit."""
-        n = len(before.x)
+        n, rows = len(before), np.flatnonzero(span == 0.0)
         v, touch, q = np.empty((n, before.space.motions)), np.zeros(n), None
-        rows = np.flatnonzero(span == 0.0)
         if not self.integrated:
-            single, own = before.select(rows), values_of(values, rows)
-            after, depth = model.strike(single, own, rig, offset[rows])
-            v[rows], touch[rows] = after.v, model.gap(model.to_true(single, model.active(own), rig), own, rig) + depth
-        for played, ends in self.played(model, values, rig, before, span):
+            single, own = before.select(rows), self.select(rows)
+            after, depth = own.strike(single, offset[rows])
+            v[rows], touch[rows] = after.v, own.gap(own.to_true(single)) + depth
+        for played, ends in self.played(before, span):
             q = np.full((n, before.space.poses), np.nan) if q is None else q
             v[played], q[played] = ends.v, ends.q
         touch[rows] = np.nan if self.integrated else touch[rows]
         return Prediction(v, touch, q)
 
-    def played(
-        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, State]]:
+    def played(self, before: State, span: np.ndarray) -> Iterator[tuple[np.ndarray, State]]:
         """Rows of what is played, and their measured states at the end."""
         for single in (True, False) if self.integrated else (False,):
             rows = np.flatnonzero((span == 0.0) == single)
             if len(rows):
-                own = values_of(values, rows)
-                yield rows, self.end(model, own, rig, before.select(rows), span[rows], single)
+                yield rows, self.select(rows).end(before.select(rows), span[rows], single)
 
-    def end(
-        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, span: np.ndarray, single: bool = False
-    ) -> State:
+    def end(self, before: State, span: np.ndarray, single: bool = False) -> State:
         """Measured states (n,) `span` (n,) in s after measured states at the first touch; `single`: of one hit."""
-        active = model.active(values)
-        played = play(self, model, values, rig, model.to_true(before, active, rig), span, 1 if single else MOST_HITS)
-        return model.to_measured(played.after, active, rig)
+        return self.to_measured(play(self, self.to_true(before), span, 1 if single else MOST_HITS).after)
 
-    def off(self, model: Model, values: Mapping[str, float], rig: Rig, touch: State) -> State:
+    def off(self, touch: State) -> State:
         """True states at the end of contacts that take time, from true states at their touch (`episodes.contact`)."""
-        return contact(self, model, values, rig, touch)
+        return contact(self, touch)
 
     # how a fit starts and ends, where steps along slopes do not lead everywhere
 
-    def forerunner(self, model: Model) -> Model | None:
+    @staticmethod
+    def forerunner(model: Model) -> Model | None:
         """A model whose fit finds a start; None: no fit needs one."""
         return None
 
-    def admitted(self, values: Mapping[str, float]) -> dict[str, float]:
+    @staticmethod
+    def admitted(values: Mapping[str, float]) -> dict[str, float]:
         """Start values, moved to where there are slopes."""
         return dict(values)
 
-    def reaches(self, p: Parameter) -> bool:
+    @staticmethod
+    def reaches(p: Parameter) -> bool:
         """Whether a fit comes back from the starts that an effect declares, if they are wrong."""
         return True
 
-    def withdrawn(self, values: Mapping[str, float]) -> dict[str, float]:
+    @staticmethod
+    def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
         """Values to try again from, where a step may have gone too far to come back; {}: none."""
         return {}
 
@@ -136,23 +124,28 @@ class Integrated(ByImpulse):
 
     integrated = True
 
-    def applies_to(self, model: Model) -> bool:
+    @staticmethod
+    def applies_to(model: Model) -> bool:
         return model.is_compliant
 
-    def forerunner(self, model: Model) -> Model:
+    @staticmethod
+    def forerunner(model: Model) -> Model:
         # an integrated contact that takes no time has no slope along its time
         return replace(model, law=replace(model.law, impulse=mirtich.impulse, force=None))
 
-    def admitted(self, values: Mapping[str, float]) -> dict[str, float]:
+    @staticmethod
+    def admitted(values: Mapping[str, float]) -> dict[str, float]:
         start, ratio = {**values, "tau": max(values["tau"], BRIEF)}, DAMPING_RATIO
         if start.get(ratio.name, 0.0) > 5.0 * ratio.null:
             start[ratio.name] = ratio.null  # so strong a damper is rigid friction, whatever the ratio
         return start
 
-    def reaches(self, p: Parameter) -> bool:
+    @staticmethod
+    def reaches(p: Parameter) -> bool:
         return any(abs(x - p.null) <= FAR * p.scale for x in p.starts)
 
-    def withdrawn(self, values: Mapping[str, float]) -> dict[str, float]:
+    @staticmethod
+    def withdrawn(values: Mapping[str, float]) -> dict[str, float]:
         # friction so sharp, or damped so strongly, is Coulomb's: there is no slope
         tolerance, ratio = STICTION_TOLERANCE, DAMPING_RATIO
         if values.get(tolerance.name, tolerance.null) < 0.5 * tolerance.null:
@@ -163,31 +156,35 @@ class Integrated(ByImpulse):
 class InEngine(Integrated):
     """Contacts as a physics engine has them."""
 
-    press = staticmethod(press_in_engine)
+    def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
+        return press_in_engine(self, true)
 
-    def applies_to(self, model: Model) -> bool:
+    @staticmethod
+    def applies_to(model: Model) -> bool:
         return bool(model.law.engine) and model.is_compliant
 
 
 class EngineInstant(ByImpulse):
     """An engine where contacts are taken as instants."""
 
-    press = staticmethod(press_in_engine)
+    press = InEngine.press
 
-    def applies_to(self, model: Model) -> bool:
+    @staticmethod
+    def applies_to(model: Model) -> bool:
         return bool(model.law.engine)
 
-    def stated(
-        self, model: Model, values: Mapping[str, float], rig: Rig, before: State, offset: np.ndarray
-    ) -> Prediction:
-        active = model.active(values)
-        after, _ = self.press(model, values, rig, model.to_true(before, active, rig))
-        return Prediction(model.to_measured(after, active, rig).v)
+    def stated(self, before: State, offset: np.ndarray) -> Prediction:
+        return Prediction(self.to_measured(self.press(self.to_true(before))[0]).v)
 
 
-KINDS = (InEngine(), EngineInstant(), Integrated(), ByImpulse())
+KINDS = (InEngine, EngineInstant, Integrated, ByImpulse)
 
 
-def kind_of(model: Model) -> ByImpulse:
+def kind_of(model: Model) -> type[ByImpulse]:
     """The kind of the model's contacts."""
     return next(kind for kind in KINDS if kind.applies_to(model))
+
+
+def bind(model: Model, values: Mapping[str, Any], rig: Rig) -> ByImpulse:
+    """What the model does at these values, numbers or arrays (n,) with one for each body, with contacts of its kind."""
+    return kind_of(model)(model, values, rig)

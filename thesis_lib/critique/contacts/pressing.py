@@ -16,9 +16,8 @@ spring along the surface, integrated with the rest, and under `soft_body` the fo
 cuts off, the higher the deeper the body sinks in.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integ
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.contact_time import IMPEDANCE
-from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
@@ -85,41 +84,32 @@ def integrates(law: Law, effect: Effect) -> bool:
     )
 
 
-def press(
-    model: Model, values: Mapping[str, float], rig: Rig, true: State, left: np.ndarray | float = 0.0
-) -> tuple[State, np.ndarray]:
+def press(dynamics: Dynamics, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
 
     A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there.
-    `values` are numbers, or arrays (n,) with one for each body.
     """
+    model, rig = dynamics.model, dynamics.rig
     force = model.law.force or SPRING
     is_field = isinstance(force, PressureField)
     corners, n = 1 if is_field else contact_points(rig), len(true.x)
-    at_corners: dict[str, Any] = {
-        name: np.tile(v, corners) if isinstance(v, np.ndarray) else v for name, v in values.items()
-    }
-    active = model.active(at_corners)
-    at_corner = rig if is_field else all_points(rig, n)
+    at_corners = dynamics.tiled(corners, n).on(rig if is_field else all_points(rig, n))
     tiled = true.tiled(corners)
-    others = [(effect, p) for effect, p in active if not integrates(model.law, effect)]
-    seen, at = model.contact_at(tiled, others, at_corner)
-    mu, epsilon, tau = (np.full(corners * n, at_corners[name]) for name in ("mu", "epsilon", "tau"))
-    as_fitted = force.loss(epsilon)
-    for effect, p in active:
-        mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, rig)
-        tau = effect.contact_time(tau, at, seen, p, rig)
+    others = at_corners.with_active([(e, p) for e, p in at_corners.active if not integrates(model.law, e)])
+    seen, at = others.contact(tiled)
+    as_fitted = force.loss(np.full(corners * n, at_corners.values["epsilon"]))
+    (mu, epsilon), tau = at_corners.on(rig).coefficients(seen, at), at_corners.on(rig).contact_time(seen, at)
     length = force.length(np.maximum(tau, SHORTEST), as_fitted)
-    gap = np.maximum(model.gap(tiled, at_corners, at_corner), 0.0)  # what is below is noise, or a dent
+    gap = np.maximum(at_corners.gap(tiled), 0.0)  # what is below is noise, or a dent
     points = np.stack([*at.r, gap, mu, force.loss(epsilon), length])
     points = points.reshape(6, corners, n)
     frame = seen.select(np.arange(n))
     central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
-    ratio, regularisation = _of_friction(model, values, n)
-    spring, soft = (_parameters(model.law, active, kind) for kind in (TangentialCompliance, SoftBody))
+    ratio, regularisation = _of_friction(dynamics, n)
+    spring, soft = (_parameters(at_corners, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
-    share, slopes = _chord(model.law, soft, tau[:n], at_corner.shape, tiled.theta)
-    falling = _acceleration(model, model.active(values), true, rig)
+    share, slopes = _chord(model.law, soft, tau[:n], at_corners.rig.shape, tiled.theta)
+    falling = _acceleration(dynamics, true)
     pressed = _Pressed(
         *integrate(
             (force.kind, force.exponent, ratio, regularisation, _central_pressure(rig.shape) if is_field else 1.0),
@@ -133,38 +123,32 @@ def press(
             np.ceil((LONGEST + left / central) * STEPS).astype(int),
         )
     )
-    v, shift = pressed.v + _added(others, rig, pressed, seen, at.with_coefficients(mu, epsilon)), pressed.shift
+    v, shift = pressed.v + _added(others.on(rig), pressed, seen, at.with_coefficients(mu, epsilon)), pressed.shift
     after = State.of(frame.q + shift, v, frame.trial, frame.t + pressed.elapsed, frame.surface)
     if model.has_varying_flight:
         # the contact turns the velocity, and with it what slows the flight: the mean of before and after
-        behind = after
-        for effect, p in reversed(model.active(values)):
-            behind = effect.from_contact(behind, p, rig)
-        changed = 0.5 * pressed.elapsed[:, None] * (_acceleration(model, model.active(values), behind, rig) - falling)
+        behind = dynamics.from_contact(after)
+        changed = 0.5 * pressed.elapsed[:, None] * (_acceleration(dynamics, behind) - falling)
         v, shift = v + changed, shift + 0.5 * pressed.elapsed[:, None] * changed
         after = State.of(frame.q + shift, v, frame.trial, after.t, frame.surface)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
-    origin = after
-    for effect, p in reversed(model.active(values)):
-        frame, origin = effect.from_contact(frame, p, rig), effect.from_contact(origin, p, rig)
+    frame, origin = dynamics.from_contact(frame), dynamics.from_contact(after)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
     return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed, true.surface), pressed.elapsed
 
 
-def _acceleration(model: Model, active: Sequence[tuple[Effect, Mapping]], true: State, rig: Rig) -> np.ndarray:
+def _acceleration(dynamics: Dynamics, true: State) -> np.ndarray:
     """Acceleration in flight (n, 3) in m/s² and rad/s² of the frame that the contact sees, in true states."""
-    a = model.true_acceleration(true, active, rig)
-    if not model.has_varying_flight:
+    a = dynamics.true_acceleration(true)
+    if not dynamics.model.has_varying_flight:
         return a
-    now, later = true, true.flown(a, INSTANT)
-    for effect, p in active:
-        now, later = effect.to_contact(now, p, rig), effect.to_contact(later, p, rig)
+    now, later = dynamics.to_contact(true), dynamics.to_contact(true.flown(a, INSTANT))
     return (later.v - now.v) / INSTANT
 
 
-def _of_friction(model: Model, values: Mapping[str, float], n: int) -> tuple[np.ndarray, np.ndarray]:
+def _of_friction(dynamics: Dynamics, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Damping ratio or stiction tolerance, and R m of a convex contact, (n,); 0 of a law without."""
-    own = {p.name: np.full(n, values.get(p.name, p.null)) for p in model.of_friction}
+    own = {p.name: np.full(n, dynamics.values.get(p.name, p.null)) for p in dynamics.model.of_friction}
     first, impedance = next(iter(own.values()), np.zeros(n)), own.get(IMPEDANCE.name, np.ones(n))
     return first, PLANAR * (1.0 - impedance) / impedance
 
@@ -178,9 +162,10 @@ def _central_pressure(shape: Shape) -> float:
     return central_pressure(axes, corners, -0.5 * np.pi - np.arctan2(y, x), SHALLOW)
 
 
-def _parameters(law: Law, active: Sequence[tuple[Effect, Mapping]], kind: type[Effect]) -> Mapping:
+def _parameters(dynamics: Dynamics, kind: type[Effect]) -> Mapping:
     """The parameters of the effect of that kind, if it is integrated; none otherwise."""
-    return next((p for effect, p in active if isinstance(effect, kind) and integrates(law, effect)), {})
+    law = dynamics.model.law
+    return next((p for effect, p in dynamics.active if isinstance(effect, kind) and integrates(law, effect)), {})
 
 
 def _chord(
@@ -196,14 +181,12 @@ def _chord(
     return 2.0 * lam / np.maximum(tau, SHORTEST), lean(shape, theta)
 
 
-def _added(
-    active: Sequence[tuple[Effect, Mapping]], rig: Rig, pressed: _Pressed, seen: State, at: Contact
-) -> np.ndarray:
+def _added(dynamics: Dynamics, pressed: _Pressed, seen: State, at: Contact) -> np.ndarray:
     """Change of velocity (n, 3) by what effects add to the impulse of each corner that has pressed."""
     plain = Impulse.planar(pressed.c_t.ravel(), pressed.c_n.ravel(), np.zeros(len(seen)))
     impulse = plain
-    for effect, p in active:
-        impulse = effect.impulse(impulse, at, seen, p, rig)
+    for effect, p in dynamics.active:
+        impulse = effect.impulse(impulse, at, seen, p, dynamics.rig)
     touched = (plain.c_n > 0.0) & (at.v_n < 0.0)
     d_t, d_n, couple = (
         np.where(touched, getattr(impulse, name) - getattr(plain, name), 0.0) for name in ("c_t", "c_n", "couple")

@@ -12,6 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.judgement import Judgement
@@ -24,7 +25,6 @@ from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effe
 from thesis_lib.critique.likelihood.channels import FLIGHT
 from thesis_lib.critique.likelihood.fit import Fit, fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.likelihood.residuals import states_at_impact, turned_until_impulse
 from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
 from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.world import Remaining
@@ -170,9 +170,9 @@ def criticise_drops(
     base, final = ladder[0][1], ladder[-1][1]
     say("looking for what remains")
     structure = remaining(final, training.single, rng)
-    before, after = states_at_impact(base.model, base.values, held_out)
-    no_impact = [after.vx - before.vx, after.vy - before.vy, held_out.rig.k_told * (after.omega - before.omega)]
-    errors = (_irb(base, held_out), _irb(final, held_out), float(np.linalg.norm(no_impact, axis=0).mean()))
+    here = base.on(held_out)
+    no_impact = velocity_error(here.after.v - here.before.v, held_out.rig.k_told)
+    errors = (_irb(base, held_out), _irb(final, held_out), float(no_impact.mean()))
     parts = (observations, training, held_out)
     return DropsCritique(
         dataset.name, settings, *parts, discovery, ladder, laws, without, structure, *errors, source=dataset
@@ -224,14 +224,10 @@ def _irb(fitted: Fit, observations: Observations) -> float:
     if not observations.rig.has_angle:
         return 0.0  # with the right spin an impulse reaches any velocity
     observations = observations.single
-    before, after = states_at_impact(fitted.model, fitted.values, observations)
-    model, values, rig = fitted.model, fitted.values, observations.rig
-    turned = turned_until_impulse(model, values, observations, before, after)
-    at_impulse = before.moved(theta=before.theta + turned), after.moved(theta=after.theta + turned)
-    (seen_before, at), (seen_after, _) = (
-        model.contact(state, values, rig, observations.offset) for state in at_impulse
-    )
-    bound = irb_bound(seen_before.v, seen_after.v, at.r.T, mass=1.0, k_g=at.mobility**-0.5)
+    here = fitted.on(observations)
+    at_impulse = (state.moved(theta=state.theta + here.turned) for state in (here.before, here.after))
+    (before, at), (after, _) = (here.dynamics.measured_contact(state, observations.offset) for state in at_impulse)
+    bound = irb_bound(before.v, after.v, at.r.T, mass=1.0, k_g=at.mobility**-0.5)
     return float(bound.error.mean())
 
 

@@ -17,7 +17,6 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.statistics.spread import robust_std
 
@@ -42,8 +41,8 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
 
     Neither omega nor theta where the angle is not measured.
     """
-    before, _ = states_at_impact(fitted.model, fitted.values, observations)
-    true = fitted.model.to_true(before, fitted.model.active(fitted.values), observations.rig)
+    here = fitted.on(observations)
+    true = here.dynamics.to_true(here.before)
     r = observations.rig.shape.contact_point(true.theta)
     table = pd.DataFrame(
         {
@@ -83,7 +82,7 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     spread = X.std(axis=0)
     used = spread > 0
     names, X = ([name for name, use in zip(table.columns, used) if use], (X - X.mean(axis=0))[:, used] / spread[used])
-    Y = velocity_left(fitted.model, fitted.values, observations) * [1.0, 1.0, k]
+    Y = velocity_left(fitted.on(observations)) * [1.0, 1.0, k]
     # a Gaussian process would fit single wild impacts only
     Y = Y - np.median(Y, axis=0)
     limit = 5.0 * robust_std(Y) + 1e-12

@@ -12,10 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.contacts.kinds import kind_of
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, Channel, Misfits, present
-from thesis_lib.critique.likelihood.covariance import noisy_residuals
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import Whitening
@@ -91,28 +89,27 @@ class Judgement:
 def judge(fitted: Fit, o: Observations) -> Judgement:
     """Judge a model on observations that it was not fitted to."""
     model, values = fitted.model, fitted.values
-    noisy = noisy_residuals(model, values, o)
-    whitening = Whitening(model, o, noisy.covariance(), fitted.sigma_m, (values, noisy.value))
-    R, S = noisy.value, noisy.covariance(o.t_std)
+    here = fitted.on(o)
+    R, S = here.noisy.value, here.covariance(o.t_std)
+    whitening = Whitening(model, o, here.covariance(), fitted.sigma_m, (values, R))
     names = [beside.channel for beside in o.beside]
-    left = Misfits(o, R, noisy.covariance(), S, dict(zip(names, whitening(values)[1:])))
+    left = Misfits(o, R, whitening.S, S, dict(zip(names, whitening(values)[1:])))
     sigmas = {}
     for name in present(names):
         z = CHANNELS[name].in_sigmas(left)
         sigmas[name] = np.nan if z is None else CHANNELS[name].mean_square(z)
-    knows_spin = o.rig.has_angle
-    error = velocity_error(R[:, :3] if knows_spin else left_over(model, values, o, R[:, :3]), o.rig.k_told)
+    error = velocity_error(left_over(here, R[:, :3]), o.rig.k_told)
     floor, excess = np.nan, np.nan
     if o.noise_known:
         L = np.linalg.cholesky(S[:, :3, :3] + 1e-18 * np.eye(3))
         # the same draws for every model: equal residuals then have equal floors
         unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), 3))
         drawn = np.einsum("nij,dnj->dni", L, unit)
-        noise = velocity_error(drawn if knows_spin else left_over(model, values, o, drawn), o.rig.k_told)
+        noise = velocity_error(left_over(here, drawn), o.rig.k_told)
         floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
     score, *others = whitening.log_scores(values)
     beside = {b.channel: (b.trial, scores) for b, scores in zip(o.beside, others)}
-    return Judgement(o.trial, score, beside, error, sigmas, floor, excess, kind_of(model).integrated)
+    return Judgement(o.trial, score, beside, error, sigmas, floor, excess, here.dynamics.integrated)
 
 
 def joined(parts: Sequence[Judgement]) -> Judgement:

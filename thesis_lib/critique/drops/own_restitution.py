@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.statistics.spread import robust_std
 from thesis_lib.statistics.tails import chi_square_quantile
 
@@ -84,12 +83,13 @@ def _weighted(value: np.ndarray, std: np.ndarray) -> tuple[float, float]:
 
 def own_restitution(fitted: Fit, observations: Observations) -> OwnRestitution:
     """An ε for each single hit, all else as fitted; its standard error is NaN if the noise is not known."""
-    o, model, values = observations.single, fitted.model, fitted.values
+    o, values = observations.single, fitted.values
     inward = -STEP if values["epsilon"] + STEP > 1.0 else STEP
-    R, moved = (impact_residuals(model, {**values, "epsilon": values["epsilon"] + h}, o) for h in (0.0, inward))
-    known = [i for i in range(R.shape[1]) if o.rig.has_angle or i not in OF_ANGLE]
-    R, g = R[:, known], ((moved - R) / inward)[:, known]
-    S = residual_covariance(model, values, o)
+    here = fitted.on(o)
+    moved = Comparison(fitted.model, {**values, "epsilon": values["epsilon"] + inward}, o, (here.before, here.after)).R
+    known = [i for i in range(moved.shape[1]) if o.rig.has_angle or i not in OF_ANGLE]
+    R, g = here.R[:, known], ((moved - here.R) / inward)[:, known]
+    S = here.covariance()
     if not o.noise_known:
         S[:, range(3), range(3)] += UNKNOWN * np.array([1.0, 1.0, o.rig.k_g**-2.0])
     inverse = np.linalg.inv(S[:, known][:, :, known])

@@ -15,10 +15,8 @@ from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.datasets.impacts.found import LEFT_OUT_COLUMNS
 
 REFERENCE = "mirtich"
@@ -36,11 +34,10 @@ def predictable(observations: Observations, training: Observations, settings: Cr
     alone = training.single
     fitted = fit(Model(LAWS[REFERENCE], (), settings.contact_time and o.arcs), alone if len(alone) else training)
     episodes = o.rows(rows)
-    S = residual_covariance(fitted.model, fitted.values, episodes)
+    here = fitted.on(episodes)
+    S = here.covariance()
     spread = np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], np.array([1.0, 1.0, o.rig.k_told]) ** 2))
-    before, after = states_at_impact(fitted.model, fitted.values, episodes)
-    predicted = after.v - impact_residuals(fitted.model, fitted.values, episodes)[:, :3]
-    change = velocity_error(predicted - before.v, o.rig.k_told)
+    change = velocity_error(here.prediction.v - here.before.v, o.rig.k_told)
     wide = ~(spread < settings.unpredictable * change)
     left_out = [o.found.left_out]
     for i in np.flatnonzero(wide):

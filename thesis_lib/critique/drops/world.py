@@ -21,10 +21,10 @@ from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, 
 from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.channels import concerned
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import states_at_impact, synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.likelihood.whitening import Whitening, weight
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -115,7 +115,8 @@ class Drops(World[Effect, Fit, Judgement]):
     def reserve_fits(self, fitted: Fit, refine: bool = False) -> list[Fit]:
         if refine and fitted.values["tau"] <= BRIEF:
             return []
-        before, after = states_at_impact(fitted.model, fitted.values, self.observations)
+        here = fitted.on(self.observations)
+        before, after = here.before, here.after
         is_compliant = fitted.base in self.reserve
         turn = fitted.values["tau"] * float(np.median(np.abs(after.omega - before.omega)))
         rigid = fit(fitted.model, self.quick, fitted.values, rounds=1)
@@ -170,11 +171,11 @@ class Drops(World[Effect, Fit, Judgement]):
         return {name: value for name, value in fitted.values.items() if name not in of_law}
 
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
-        synthetic = synthesise(fitted.model.limit, fitted.values, self.observations, rng, fitted.sigma_m)
+        synthetic = synthesise(Comparison(fitted.model.limit, fitted.values, self.observations), rng, fitted.sigma_m)
         return type(self)(synthetic, self.settings)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
-        model, S = fitted.model, residual_covariance(fitted.model, fitted.values, self.observations)
+        model, S = fitted.model, fitted.on(self.observations).covariance()
         here = Whitening(model, self.observations, S, fitted.sigma_m)
         base = here.stacked(fitted.values)
         weights = np.concatenate([np.repeat(weight(z), z.shape[1]) for z in here(fitted.values)])

@@ -29,9 +29,9 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.likelihood.bounds import Bound
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import ROUNDS, fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.effects.effect import Effect
 from thesis_lib.extensions.registry import added_laws
 from thesis_lib.foundation.errors import UserError
@@ -181,7 +181,7 @@ def best_friction(model: Model, values: Mapping[str, float], observations: Obser
 
 def held_out_error(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
     """Kinetic norm (n,) in m/s of what the model misses of each velocity after impact."""
-    return velocity_error(impact_residuals(model, values, observations)[:, :3], observations.rig.k_g)
+    return velocity_error(Comparison(model, values, observations).R[:, :3], observations.rig.k_g)
 
 
 def spread(table: pd.DataFrame, label: str, kind: str = "engine") -> float:

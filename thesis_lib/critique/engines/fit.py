@@ -12,11 +12,10 @@ import numpy as np
 from thesis_lib.critique.contacts.engine_contact import engine_law
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.levenberg_marquardt import NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.critique.likelihood.whitening import Whitening, most_probable_scatter, robust
 
 STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
@@ -45,7 +44,7 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
     installed or fails.
     """
     model = replace(near.model, law=engine_law(name))
-    S = residual_covariance(near.model, near.values, observations)
+    S = near.on(observations).covariance()
     free = model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     x = np.clip([near.values[key] for key in free], low, high)
@@ -66,7 +65,7 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
                 points = search.send(found)
             except StopIteration as end:
                 x, points = end.value, []
-        known = at(x), impact_residuals(model, at(x), observations)
+        known = at(x), Comparison(model, at(x), observations).R
         before, scatter = scatter, most_probable_scatter(known[1], S, observations)
         if abs(np.log(scatter / before)) < SETTLED or max(scatter, before) < NEGLIGIBLE:
             break

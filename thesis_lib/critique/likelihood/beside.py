@@ -1,12 +1,10 @@
 """What is measured beside impacts, each with residuals of its own: the interface."""
 
-from collections.abc import Mapping
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
 
-from thesis_lib.critique.contacts.model import Model
-from thesis_lib.effects.effect import Rig
+from thesis_lib.critique.contacts.dynamics import Dynamics
 
 
 class Beside(Protocol):
@@ -26,7 +24,7 @@ class Beside(Protocol):
         """Those of the given trials."""
         ...
 
-    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+    def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Measured minus predicted (m, c)."""
         ...
 
@@ -35,16 +33,16 @@ class Beside(Protocol):
         ...
 
 
-def whitened(beside: Beside, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+def whitened(beside: Beside, dynamics: Dynamics) -> np.ndarray:
     """Residuals (m, c) in standard deviations."""
-    return beside.residuals(model, values, rig) / np.sqrt(beside.variance)
+    return beside.residuals(dynamics) / np.sqrt(beside.variance)
 
 
 B = TypeVar("B", bound=Beside)
 
 
-def drawn(beside: B, model: Model, values: Mapping[str, float], rig: Rig, rng: np.random.Generator) -> B:
+def drawn(beside: B, dynamics: Dynamics, rng: np.random.Generator) -> B:
     """The same measurements drawn from a model, with their noise."""
-    residuals = beside.residuals(model, values, rig)
+    residuals = beside.residuals(dynamics)
     exact = beside.less(residuals)
     return exact.less(-np.sqrt(beside.variance) * rng.standard_normal(residuals.shape))

@@ -18,9 +18,8 @@ from typing import Literal
 
 import numpy as np
 
-from thesis_lib.critique.contacts.model import Model, inward
-from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import states_at_impact
+from thesis_lib.critique.contacts.model import inward
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.whitening import Whitening, robust
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
@@ -82,29 +81,23 @@ def profiled(whitening: Whitening, values: Mapping[str, float], name: str) -> Bo
     if low is None:
         return Bound("lower", p.low) if high is None else Bound("upper", high)
     if high is None:
-        most = largest_ratio(whitening.model, values, whitening.observations) if name == "mu" else low
+        most = largest_ratio(Comparison(whitening.model, values, whitening.observations)) if name == "mu" else low
         return Bound("lower", min(low, most))
     return (high - low) / (2.0 * Z95)
 
 
-def slip_is_known(model: Model, values: Mapping[str, float], observations: Observations) -> bool:
+def slip_is_known(comparison: Comparison) -> bool:
     """Whether the direction of slip is known before any impact, whatever spin nobody measured: else friction is not."""
-    o = observations
-    before, _ = states_at_impact(model, values, o)
-    _, at = model.contact(before, values, o.rig, o.offset)
+    o = comparison.observations
+    _, at = comparison.dynamics.measured_contact(comparison.before, o.offset)
     return bool(np.any(np.abs(at.v_t) > Z95 * o.spin * np.abs(at.r[1])))
 
 
-def largest_ratio(model: Model, values: Mapping[str, float], observations: Observations) -> float:
+def largest_ratio(comparison: Comparison) -> float:
     """The largest |c_t|/c_n of the impulses that a model predicts: what friction must bear, whatever a law calls μ."""
-    o = observations
-    before, _ = states_at_impact(model, values, o)
-    v = model.contact(before, values, o.rig, o.offset)[0].v
-    active = model.active(values)
-    true = model.to_true(before, active, o.rig)
-    after = model.collide(true, values, o.rig)[0]
-    for effect, p in active:
-        after = effect.to_contact(after, p, o.rig)
+    dynamics, before = comparison.dynamics, comparison.before
+    v = dynamics.measured_contact(before, comparison.observations.offset)[0].v
+    after = dynamics.to_contact(dynamics.collide(dynamics.to_true(before))[0])
     c_t, c_n = (after.v - v)[:, :2].T
     return float(np.max(np.abs(c_t[c_n > 0.0]) / c_n[c_n > 0.0], initial=0.0))
 

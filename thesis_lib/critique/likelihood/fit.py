@@ -16,10 +16,9 @@ from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
 from thesis_lib.critique.contacts.kinds import BRIEF, kind_of
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled, slip_is_known
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.critique.likelihood.sandwich import sandwich
 from thesis_lib.critique.likelihood.whitening import SIGMA_LOW, Parts, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect
@@ -58,6 +57,10 @@ class Fit:
     def sigma_m(self) -> float:
         """Scatter beyond noise, m/s."""
         return self.whitening.sigma_m
+
+    def on(self, observations: Observations) -> Comparison:
+        """The fitted model against observations."""
+        return Comparison(self.model, self.values, observations)
 
     @cached_property
     def _sandwich(self) -> tuple[np.ndarray, np.ndarray]:
@@ -104,11 +107,10 @@ class Fit:
         free, whitening = self.model.fitted_parameters, self.whitening
         names = [name for name, p in free.items() if doubtful(p, self.values[name], self._curvatures[name])]
         if names and self.seen is not None:
-            S = residual_covariance(self.model, self.values, self.seen)
-            whitening = Whitening(self.model, self.seen, S, self.sigma_m)
+            whitening = Whitening(self.model, self.seen, self.on(self.seen).covariance(), self.sigma_m)
         said = {name: profiled(whitening, self.values, name) for name in names}
         o = whitening.observations
-        unseen = o.spin > 0.0 and not slip_is_known(self.model, self.values, o)
+        unseen = o.spin > 0.0 and not slip_is_known(self.on(o))
         return said | ({"mu": Bound("lower", free["mu"].low)} if unseen else {})
 
     def content(self, name: str) -> dict:
@@ -308,9 +310,11 @@ def _basins(model: Model, observations: Observations, start: Mapping[str, float]
     """
     values = {name: p.null for name, p in model.parameters.items()} | dict(start)
     k, d, m = observations.rig.k_told, observations.space.dimension, observations.space.motions
+    here = Comparison(model, values, observations)
+    states = here.before, here.after
 
     def cost(mu: float, epsilon: float) -> float:
-        R = np.abs(impact_residuals(model, {**values, "mu": mu, "epsilon": epsilon}, observations))
+        R = np.abs(Comparison(model, {**values, "mu": mu, "epsilon": epsilon}, observations, states).R)
         error = np.sort(R[:, :d].sum(axis=1) + k * R[:, d:m].sum(axis=1))
         return float(error[: max(1, round(0.9 * len(error)))].mean())
 
@@ -325,7 +329,7 @@ def cramer_rao(model: Model, true: Mapping[str, float], observations: Observatio
 
     The Fisher information is JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
     """
-    whitening = Whitening(model, observations, residual_covariance(model, true, observations), SIGMA_LOW)
+    whitening = Whitening(model, observations, Comparison(model, true, observations).covariance(), SIGMA_LOW)
     free, columns = model.fitted_parameters, []
     for name, p in free.items():
         h = SLOPE_STEP * p.scale

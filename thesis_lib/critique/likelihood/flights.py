@@ -1,15 +1,13 @@
 """Accelerations of the flights between impacts, measured by parabolas (`thesis_lib/datasets/flights/parabolas.py`)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.special import roots_gegenbauer
 
-from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.datasets.flights.parabolas import SOME, Parabolas
-from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 
@@ -55,7 +53,7 @@ class Flights:
         """Trial (m,) of each."""
         return self.state.trial
 
-    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+    def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 3), m/s² and rad/s²."""
         if not len(self):
             return self.acceleration
@@ -63,10 +61,10 @@ class Flights:
         variance = (tau**2) @ _OF_ARC
         square = tau**2 - variance[:, None]
         of_square = _OF_ARC * 2.0 * square / (square**2 @ _OF_ARC)[:, None]
-        if model.camera_bends:
+        if dynamics.model.camera_bends:
             of_line = _OF_ARC * tau / variance[:, None]
             for _ in range(BENDINGS):
-                path = model.path(tau, state, values, rig)
+                path = dynamics.path(tau, state)
                 predicted, v = (np.einsum("nw,nwc->nc", part, path) for part in (of_square, of_line))
                 q = _OF_ARC @ path - 0.5 * predicted * variance[:, None]
                 moved = [
@@ -75,24 +73,23 @@ class Flights:
                 ]
                 state = State.of(*moved, state.trial, state.t)
             return self.acceleration - predicted
-        predicted = model.acceleration(state, values, rig)
-        if model.has_varying_flight:
+        predicted = dynamics.acceleration(state)
+        if dynamics.model.has_varying_flight:
             # the slope of the parabola through x(τ) exceeds x'(0) by x''' T²/40
             span = self.span[:, None]
             early, late = (
-                model.acceleration(state.with_velocity(state.v + h * predicted), values, rig)
-                for h in (-0.25 * span, 0.25 * span)
+                dynamics.acceleration(state.with_velocity(state.v + h * predicted)) for h in (-0.25 * span, 0.25 * span)
             )
             jerk = 2.0 * (late - early) / span
             speed = state.v - jerk * span**2 / 40.0
-            first = model.acceleration(state.with_velocity(speed), values, rig)
+            first = dynamics.acceleration(state.with_velocity(speed))
             # the parabola averages x'' with the weight (1 − (2τ/T)²)²
             predicted = 0.0
             for node, weight in zip(*_PARABOLA):
                 h = 0.5 * node * span
                 later = state.with_velocity(speed + h * first + 0.5 * h**2 * jerk)
-                predicted = predicted + weight * model.acceleration(later, values, rig)
-        beyond = model.arc(tau, state, values, rig)
+                predicted = predicted + weight * dynamics.acceleration(later)
+        beyond = dynamics.arc(tau, state)
         if beyond is not None:
             # curvature of the parabola through the path's deviation from constant acceleration
             predicted = predicted + np.einsum("nw,nwc->nc", of_square, beyond)

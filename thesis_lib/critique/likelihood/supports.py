@@ -12,19 +12,18 @@ impacts, and a surface at another height from rounded corners, which a body does
 | a − â     | `residuals` of `Slides` | m/s²    | (m, 1) | along the surface                             |
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from thesis_lib.bodies.lying import lying_angle
-from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.likelihood.beside import Beside
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.impacts.found import FoundImpacts
 from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides
-from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
 _H = 1e-3  # s, for the acceleration that a camera reports: its map is linear in the velocity
@@ -62,11 +61,11 @@ class Rests(_OnSurface):
 
     channel = "rest"
 
-    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+    def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Gap in m and lean in rad (m, 2)."""
-        true = model.to_true(self.state, model.active(values), rig)
-        flat = lying_angle(rig.shape, true.theta)
-        return np.stack([model.gap(true.moved(theta=flat), values, rig), true.theta - flat], axis=1)
+        true = dynamics.to_true(self.state)
+        flat = lying_angle(dynamics.rig.shape, true.theta)
+        return np.stack([dynamics.gap(true.moved(theta=flat)), true.theta - flat], axis=1)
 
     def less(self, residuals: np.ndarray) -> Self:
         """The same, lower and turned back by (m, 2)."""
@@ -91,18 +90,15 @@ class Slides(_OnSurface):
         """Those of the given trials."""
         return replace(super().of_trials(trials), acceleration=self.acceleration[np.isin(self.trial, trials)])
 
-    def residuals(self, model: Model, values: Mapping[str, float], rig: Rig) -> np.ndarray:
+    def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 1) in m/s²."""
-        active = model.active(values)
-        true = model.to_true(self.state, active, rig)
-        seen, at = model.contact_at(true, active, rig)
-        mu, epsilon = (np.full(len(self), values[name]) for name in ("mu", "epsilon"))
-        for effect, p in active:
-            mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, rig)
-        a_t, a_n = model.true_acceleration(true, active, rig)[:, :2].T
+        true = dynamics.to_true(self.state)
+        seen, at = dynamics.contact(true)
+        mu, _ = dynamics.coefficients(seen, at)
+        a_t, a_n = dynamics.true_acceleration(true)[:, :2].T
         along = a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
         later = true.moved(vx=true.vx + _H * along)
-        seen_by_camera = (model.to_measured(state, active, rig).vx for state in (later, true))
+        seen_by_camera = (dynamics.to_measured(state).vx for state in (later, true))
         return self.acceleration - ((next(seen_by_camera) - next(seen_by_camera)) / _H)[:, None]
 
     def less(self, residuals: np.ndarray) -> Self:

@@ -16,11 +16,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.beside import whitened
-from thesis_lib.critique.likelihood.covariance import noisy_residuals
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.mechanics.state import State
 
 NU = 8.0
@@ -55,7 +55,7 @@ class Whitening:
     @classmethod
     def at(cls, model: Model, values: Mapping[str, float], observations: Observations) -> "Whitening":
         """With the covariance and the most probable σ_m of the model at `values`."""
-        noisy = noisy_residuals(model, values, observations)
+        noisy = Comparison(model, values, observations).noisy
         S = noisy.covariance()
         sigma_m = most_probable_scatter(noisy.value, S, observations)
         return cls(model, observations, S, sigma_m, (dict(values), noisy.value))
@@ -74,7 +74,8 @@ class Whitening:
         key = tuple(values[name] for name in model.flight_parameters)
         found = self._kept.pop(key, None)
         if found is None:
-            found = states_at_impact(model, values, o), whitened(o.flights, model, values, o.rig)
+            here = Comparison(model, values, o)
+            found = (here.before, here.after), whitened(o.flights, here.dynamics)
         while len(self._kept) >= KEPT:
             del self._kept[next(iter(self._kept))]
         self._kept[key] = found  # moved to the end: the least recently used goes first
@@ -114,12 +115,12 @@ def together(requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]]
         states = zip(*(flights[i, k][0] for i, k, _, _ in missing))
         before, after = (State.joined(list(side)) for side in states)
         values = _by_impact([values for _, _, _, values in missing], sizes)
-        R = impact_residuals(missing[0][2].model, values, all_of, (before, after))
+        R = Comparison(missing[0][2].model, values, all_of, (before, after)).R
         found |= {(i, k): part for (i, k, _, _), part in zip(missing, np.split(R, np.cumsum(sizes)[:-1]))}
 
     def all_parts(i: int, k: int, w: Whitening, values: Mapping[str, float]) -> Parts:
         o = w.observations
-        supports = (whitened(beside, w.model, values, o.rig) for beside in o.supports)
+        supports = (whitened(beside, bind(w.model, values, o.rig)) for beside in o.supports)
         return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
 
     return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]

@@ -39,7 +39,6 @@ from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.proof.cases import BODIES, SEEDS, Case, make
 from thesis_lib.critique.proof.law_free import nearest_face
 from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, stamped
@@ -179,8 +178,8 @@ def _errors(fitted: Fit, o: Observations) -> dict[str, float]:
     judged = Drops(o).judge(fitted)
     is_single, is_flat = o.span == 0.0, np.zeros(len(o), bool)
     if isinstance(o.rig.shape, Polygon):
-        touch, _ = states_at_impact(fitted.model, fitted.values, o)
-        true = fitted.model.to_true(touch, fitted.model.active(fitted.values), o.rig)
+        here = fitted.on(o)
+        true = here.dynamics.to_true(here.before)
         is_flat = is_single & (np.abs(nearest_face(o.rig.shape, true.theta)[1]) < FLAT)
     kinds = {"single": is_single, "episodes": ~is_single, "flat": is_flat}
     means = {kind: float(judged.error[rows].mean()) if rows.any() else np.nan for kind, rows in kinds.items()}

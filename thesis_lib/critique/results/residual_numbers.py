@@ -19,13 +19,12 @@ from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.statistics.spread import robust_std
 
 
 def impact_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     """Kinetic error (n,) in m/s of each impact."""
-    return velocity_error(velocity_left(fitted.model, fitted.values, observations), observations.rig.k_told)
+    return velocity_error(velocity_left(fitted.on(observations)), observations.rig.k_told)
 
 
 def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
@@ -34,8 +33,8 @@ def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
     Without an angle that of the centre, less what an unknown spin accounts for.
     """
     if not observations.rig.has_angle:
-        return velocity_left(fitted.model, fitted.values, observations)
-    R, k_g = impact_residuals(fitted.model, fitted.values, observations)[:, :3], observations.rig.k_g
+        return velocity_left(fitted.on(observations))
+    R, k_g = fitted.on(observations).R[:, :3], observations.rig.k_g
     *_, r = velocities(fitted, observations)
     couple = residual_couple(R, r, mass=1.0, k_g=k_g) / k_g
     return np.stack([R[:, 0] - r[:, 1] * R[:, 2], R[:, 1] + r[:, 0] * R[:, 2], couple], axis=1)

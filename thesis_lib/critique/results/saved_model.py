@@ -19,7 +19,7 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, turns, wall_ahead
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
-from thesis_lib.critique.contacts.kinds import kind_of
+from thesis_lib.critique.contacts.kinds import ByImpulse, bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.planar.sliding import SLIDING, TABLE
 from thesis_lib.critique.likelihood.fit import Fit
@@ -126,6 +126,11 @@ class SavedModel(Section):
         rig = self.rig
         reference = Reference(rig.reference.x, rig.reference.t, rig.reference.trial)
         return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle, reference)
+
+    @property
+    def dynamics(self) -> ByImpulse:
+        """What the model does to states."""
+        return bind(self.model, self.values, self.believed)
 
     def __repr__(self) -> str:
         named = f" with {', '.join(self.effects)}" if self.effects else ""
@@ -291,15 +296,11 @@ def _after(model: SavedModel, state: State) -> tuple[np.ndarray, np.ndarray]:
         R = turns(walls, wall)
         v = np.einsum("nij,nj->ni", R, state.v)
         level = State.of(in_wall_frame(walls, wall, state.q), v, state.trial, state.t, wall)
-    fitted, values, rig = model.model, model.values, model.believed
-    active = fitted.active(values)
-    true = fitted.to_true(level, active, rig)
-    if fitted.takes_time:
-        after = fitted.to_measured(kind_of(fitted).off(fitted, values, rig, true), active, rig).v
-    else:
-        after = fitted.predict(level, values, rig).v
+    dynamics = model.dynamics
+    true = dynamics.to_true(level)
+    after = (dynamics.to_measured(dynamics.off(true)) if dynamics.model.takes_time else dynamics.predict(level)).v
     if walls:
         after = np.einsum("nji,nj->ni", R, after)
     # what a body that moves away has is not rounded on the way through the camera
-    approaches = fitted.approaches(true, active, rig)
+    approaches = dynamics.approaches(true)
     return np.where((approaches | np.isnan(after).any(axis=1))[:, None], after, state.v), approaches

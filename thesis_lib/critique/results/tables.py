@@ -27,10 +27,10 @@ from thesis_lib.critique.drops.planar.unknown_spin import what_is_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
 from thesis_lib.critique.drops.world import Judgement
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals, synthesise
+from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
@@ -201,12 +201,12 @@ def budget(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     squares, irb, gap = _bounds(base, laws, o)
     noise, made_irb, made_gap = 0.0, np.nan, np.nan
     if o.noise_known:
-        S = residual_covariance(base.model, base.values, o, o.t_std)
+        S = base.on(o).covariance(o.t_std)
         if not o.rig.has_angle:
-            left = what_is_left(base.model, base.values, o)
+            left = what_is_left(base.on(o))
             S = left @ S[:, :3, :3] @ np.swapaxes(left, 1, 2)
         noise = float(np.einsum("nii,i->n", S[:, :3, :3], weights)[_kept(impact_errors(base, o))].mean())
-        drawn = [_bounds(base, laws, synthesise(base.model, base.values, o, rng)) for _ in range(SYNTHETIC)]
+        drawn = [_bounds(base, laws, synthesise(base.on(o), rng)) for _ in range(SYNTHETIC)]
         _, made_irb, made_gap = np.mean(drawn, axis=0)
     goals = {
         "noise": noise,
@@ -274,7 +274,7 @@ def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> floa
     for name in (name for name, p in fitted.model.parameters.items() if p.discrete is None):
         value, step = fitted.values[name], max(np.nan_to_num(fitted.std[name]), 1e-6)
         high, low = (
-            impact_residuals(fitted.model, {**fitted.values, name: value + offset}, o)[:, :3]
+            Comparison(fitted.model, {**fitted.values, name: value + offset}, o).R[:, :3]
             for offset in (0.5 * step, -0.5 * step)
         )
         columns.append((high - low) / step)

@@ -19,8 +19,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from thesis_lib.bodies.body import Body, Noise, Surface
-from thesis_lib.critique.contacts.kinds import kind_of
-from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.critique.simulation.law_drops import REST, ReleaseDistribution, between, camera_and_body
 from thesis_lib.datasets.format.dataset import Dataset
@@ -82,18 +81,18 @@ def simulate_augmented_in_drake(
 class _Air(LeafSystem):
     """Force of the model's flight effects on the plant, M (a − g), from its state."""
 
-    def __init__(self, model: Model, saved: SavedModel, trial: list[int]) -> None:
+    def __init__(self, dynamics: Dynamics, trial: list[int]) -> None:
         super().__init__()
-        self._model, self._values, self._rig = model, saved.values, saved.believed
-        self._trial, self._inertia = trial, np.array([1.0, 1.0, saved.rig.radius_of_gyration**2])
+        self._dynamics, self._trial = dynamics, trial
+        self._inertia = np.array([1.0, 1.0, dynamics.rig.k_g**2])
         self._state = self.DeclareVectorInputPort("state", 6)
         self.DeclareVectorOutputPort("force", 3, self._force)
 
     def _force(self, context: Context, out: BasicVector) -> None:
         s = self._state.Eval(context)
         state = _state(s[None, :3], s[None, 3:], np.array([context.get_time()]), self._trial[0])  # pyright: ignore[reportIndexIssue]
-        a = self._model.acceleration(state, self._values, self._rig)[0]
-        out.SetFromVector(self._inertia * (a + np.array([0.0, self._rig.gravity, 0.0])))
+        a = self._dynamics.acceleration(state)[0]
+        out.SetFromVector(self._inertia * (a + np.array([0.0, self._dynamics.rig.gravity, 0.0])))
 
 
 class _Drops:
@@ -101,10 +100,10 @@ class _Drops:
 
     def __init__(self, saved: SavedModel, body: Body) -> None:
         # faults of the camera act on the record only
-        self.camera, self.inner = camera_and_body(saved.model)
-        self.saved, self.rig = saved, saved.believed
+        self.camera, self.inner = camera_and_body(saved.dynamics)
+        self.rig = self.inner.rig
         self._trial = [0]
-        air = _Air(self.inner, saved, self._trial) if self.inner.effects else None
+        air = _Air(self.inner, self._trial) if self.inner.model.effects else None
         plant = drop_plant(body, CompliantContact(), HiddenCauses(), self.rig.gravity, air=air)
         self.clock = Clock(plant, FLIGHT_STEP, ACCURACY)
 
@@ -114,7 +113,7 @@ class _Drops:
 
         def gap(q: np.ndarray, t: np.ndarray) -> np.ndarray:
             # no effect depends on the velocity in flight here: the gap is a function of pose
-            return self.inner.gap(_state(q, np.zeros_like(q), t, trial), self.saved.values, self.rig)
+            return self.inner.gap(_state(q, np.zeros_like(q), t, trial))
 
         for _ in range(MAX_TOUCHES):
             times, q_path, v_path, landed = fly(self.clock, gap, t, q, v, samples[samples > t + 1e-12])
@@ -129,10 +128,10 @@ class _Drops:
             r_x = self.rig.shape.contact_point(q[2:3])[0, 0]
             if before.vy[0] + r_x * before.omega[0] > -REST:
                 break
-            if not self.inner.takes_time:
-                v = self.inner.predict(before, self.saved.values, self.rig).v[0]
+            if not self.inner.model.takes_time:
+                v = self.inner.predict(before).v[0]
                 continue
-            end = kind_of(self.inner).off(self.inner, self.saved.values, self.rig, before)
+            end = self.inner.off(before)
             within = (samples > t + 1e-12) & (samples < end.t[0] - 1e-12)
             n = np.zeros(within.sum(), int)
             poses[within] = self._seen(between(before.select(n), end.select(n), samples[within]))
@@ -142,7 +141,7 @@ class _Drops:
 
     def _seen(self, true: State) -> np.ndarray:
         """Poses (n, 3) that the camera reports."""
-        return self.camera.to_measured(true, self.camera.active(self.saved.values), self.rig).q
+        return self.camera.to_measured(true).q
 
 
 def _state(q: np.ndarray, v: np.ndarray, t: np.ndarray, trial: int) -> State:

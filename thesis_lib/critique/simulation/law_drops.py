@@ -15,7 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.critique.contacts.kinds import kind_of
+from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.critique.contacts.kinds import ByImpulse, bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects.effect import ORIGIN, Reference, Rig
@@ -55,7 +56,7 @@ def simulate_law_drops(
     The effects count from `reference`.
     """
     rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0, reference=reference)
-    camera, inner = camera_and_body(model)
+    camera, inner = camera_and_body(bind(model, values, rig))
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
     trial, zero = np.arange(n), np.zeros(n)
@@ -65,17 +66,18 @@ def simulate_law_drops(
     alive = np.ones(n, bool)
     pose = np.full((n, samples, 3), np.nan)
     for k in range(samples):
-        measured = camera.to_measured(between(touch, state, k / rate), camera.active(values), rig)
+        measured = camera.to_measured(between(touch, state, k / rate))
         pose[alive, k] = measured.q[alive]
         for step in range(1, SUBSTEPS + 1):
-            touch, state = _step(inner, values, rig, touch, state, (k + step / SUBSTEPS) / rate, h, alive)
+            touch, state = _step(inner, touch, state, (k + step / SUBSTEPS) / rate, h, alive)
     return Dataset("drops", *as_dataset(pose, "simulated drops", body, gravity, rate, noise, noise_rng))
 
 
-def camera_and_body(model: Model) -> tuple[Model, Model]:
-    """The model with measurement effects only, and the one with all others, whose contacts last as long."""
-    camera, body = model.camera_and_body()
-    return camera, replace(body, takes_time=model.takes_time)
+def camera_and_body(dynamics: Dynamics) -> tuple[ByImpulse, ByImpulse]:
+    """With measurement effects only, and with all others and contacts that last as long."""
+    camera, body = dynamics.model.camera_and_body()
+    body = replace(body, takes_time=dynamics.model.takes_time)
+    return bind(camera, dynamics.values, dynamics.rig), bind(body, dynamics.values, dynamics.rig)
 
 
 def between(touch: State, end: State, t: np.ndarray | float) -> State:
@@ -94,44 +96,37 @@ def between(touch: State, end: State, t: np.ndarray | float) -> State:
     return State.of(q, v, end.trial, now)
 
 
-def _fly(model: Model, values: Mapping[str, float], rig: Rig, s: State, h: np.ndarray) -> State:
+def _fly(dynamics: Dynamics, s: State, h: np.ndarray) -> State:
     """Midpoint rule over times h (n,) in s."""
-    a = model.acceleration(s, values, rig)
-    half = s.flown(a, 0.5 * h)
-    return s.flown(model.acceleration(half, values, rig), h)
+    half = s.flown(dynamics.acceleration(s), 0.5 * h)
+    return s.flown(dynamics.acceleration(half), h)
 
 
-def _step(
-    model: Model, values: Mapping[str, float], rig: Rig, touch: State, s: State, t: float, h: float, alive: np.ndarray
-) -> tuple[State, State]:
+def _step(dynamics: ByImpulse, touch: State, s: State, t: float, h: float, alive: np.ndarray) -> tuple[State, State]:
     """The last touches, and the states after one step of h seconds to t for all drops, later within a contact.
 
     `alive` (n,) is cleared for drops that come to rest.
     """
     remaining = np.full(len(s.x), h)
-    if model.takes_time:
+    if dynamics.model.takes_time:
         remaining = np.where(s.t > t - h + _NOW, np.maximum(t - s.t, 0.0), h)
     for _ in range(3):  # impacts of one body within a millisecond
-        end = _fly(model, values, rig, s, remaining)
-        hits = alive & (model.gap(end, values, rig) < 0.0) & (remaining > 0.0)
+        end = _fly(dynamics, s, remaining)
+        hits = alive & (dynamics.gap(end) < 0.0) & (remaining > 0.0)
         if not hits.any():
             return touch, end
         none = np.zeros(len(s.x))
-        low, _ = bisected(
-            lambda h, s=s: model.gap(_fly(model, values, rig, s, h), values, rig) >= 0.0, none, remaining, 40
-        )
-        at = _fly(model, values, rig, s, np.where(hits, low, remaining))
-        r = rig.shape.contact_point(at.theta)
+        low, _ = bisected(lambda h, s=s: dynamics.gap(_fly(dynamics, s, h)) >= 0.0, none, remaining, 40)
+        at = _fly(dynamics, s, np.where(hits, low, remaining))
+        r = dynamics.rig.shape.contact_point(at.theta)
         approach = at.vy + r[:, 0] * at.omega
         alive &= ~(hits & (approach > -REST))
-        if model.takes_time:
+        if dynamics.model.takes_time:
             rows = np.flatnonzero(hits)
             hit = at.select(rows)
-            off = kind_of(model).off(model, values, rig, hit)
-            touch, s = touch.put(rows, hit), at.put(rows, off)
+            touch, s = touch.put(rows, hit), at.put(rows, dynamics.off(hit))
             low += s.t - at.t
         else:
-            after = model.predict(at, values, rig)
-            s = at.with_motion(np.where(hits, after.motion, at.motion))
+            s = at.with_motion(np.where(hits, dynamics.predict(at).motion, at.motion))
         remaining = np.where(hits, np.maximum(remaining - low, 0.0), 0.0)
     return touch, s

@@ -18,8 +18,8 @@ import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise, Surface
 from thesis_lib.critique.drops.planar.sliding import require_falling
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
 from thesis_lib.critique.simulation.law_drops import ReleaseDistribution, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
@@ -129,8 +129,9 @@ def measured_releases(model: SavedModel, like: Dataset, observations: Observatio
     """Releases of a dataset, and the duration to record in s; UserError if no trial shows one above the surface."""
     o = observations
     first = np.flatnonzero(o.impact == 0)
-    before = states_at_impact(model.model, model.values, o)[0].select(first)
-    a = model.model.acceleration(before, model.values, o.rig)
+    here = Comparison(model.model, model.values, o)
+    before = here.before.select(first)
+    a = here.dynamics.acceleration(before)
     if o.arcs:
         times = like.trajectories.groupby("trial")["t"].agg(["min", "max"])  # pyright: ignore[reportOptionalMemberAccess]
         T = before.t - times["min"].reindex(before.trial).to_numpy(float)
@@ -141,7 +142,7 @@ def measured_releases(model: SavedModel, like: Dataset, observations: Observatio
     q, v = before.q, before.v
     q, v = q - v * T[:, None] + 0.5 * a * T[:, None] ** 2, v - a * T[:, None]
     start = State.of(q, v, before.trial, before.t - T)
-    true = model.model.to_true(start, model.model.active(model.values), o.rig)
+    true = here.dynamics.to_true(start)
     above = true.y - o.rig.height
     good = np.isfinite(above) & (model.rig.shape.gap(above, true.theta) > 0.0)
     if not good.any():

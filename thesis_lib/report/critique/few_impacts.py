@@ -7,7 +7,6 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.drops.few_impacts import FewImpacts
-from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.critique.results.few_impacts import with_error
 from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.titles import law_title, symbol
@@ -59,7 +58,7 @@ def few_page(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> s
 def _each(few: FewImpacts) -> Markup:
     """Restitution of each single hit."""
     o, each, fitted = few.observations.single, few.each, few.fitted
-    before, _ = states_at_impact(fitted.model, fitted.values, o)
+    before = fitted.on(o).before
     speed = np.hypot(before.vx, before.vy)
     rows = [
         (

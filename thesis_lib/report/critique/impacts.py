@@ -50,9 +50,9 @@ KEYS = (
 def explorer(critique: DropsCritique, where: Mapping) -> Markup:
     """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction."""
     o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]
-    residuals = {"base": velocity_left(base.model, base.values, o)}
+    residuals = {"base": velocity_left(base.on(o))}
     if len(critique.ladder) > 1:
-        residuals["final"] = velocity_left(final.model, final.values, o)
+        residuals["final"] = velocity_left(final.on(o))
     errors = {name: velocity_error(R, o.rig.k_told) for name, R in residuals.items()}
     known = np.flatnonzero(np.all([np.isfinite(e) for e in errors.values()], axis=0))
     if not len(known):

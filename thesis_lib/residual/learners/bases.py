@@ -63,27 +63,22 @@ class AugmentedBase:
 
     def predict(self, impacts: Impacts) -> np.ndarray:
         """Measured velocity after impact, (n, 3)."""
-        m = self.model
-        return m.model.predict(self._state(impacts), m.values, m.believed, self._offset(impacts)).v
+        return self.model.dynamics.predict(self._state(impacts), self._offset(impacts)).v
 
     def seen(self, impacts: Impacts) -> Impacts:
         """Impacts in the frame of the contact: true pose, velocities, contact point and radius of gyration."""
-        m = self.model
-        before, at = m.model.contact(self._state(impacts), m.values, m.believed, self._offset(impacts))
-        after, _ = m.model.contact(self._state(impacts, impacts.v_post), m.values, m.believed)
+        dynamics = self.model.dynamics
+        before, at = dynamics.measured_contact(self._state(impacts), self._offset(impacts))
+        after, _ = dynamics.measured_contact(self._state(impacts, impacts.v_post))
         # cov=None: covariances belong to the measured quantities
         k_g = at.mobility**-0.5
         return replace(impacts, q=before.q, v_pre=before.v, v_post=after.v, r=at.r.T, k_g=k_g, cov=None)
 
     def measured(self, impacts: Impacts, v_post: np.ndarray) -> np.ndarray:
         """Measured velocity (n, 3) from v_post (n, 3) in the frame of the contact; affine in v_post."""
-        m = self.model
-        active = m.model.active(m.values)
-        state, _ = m.model.contact(self._state(impacts), m.values, m.believed)
-        after = state.with_velocity(v_post)
-        for effect, p in reversed(active):
-            after = effect.from_contact(after, p, m.believed)
-        return m.model.to_measured(after, active, m.believed).v
+        dynamics = self.model.dynamics
+        state, _ = dynamics.measured_contact(self._state(impacts))
+        return dynamics.to_measured(dynamics.from_contact(state.with_velocity(v_post))).v
 
     def _state(self, impacts: Impacts, v: np.ndarray | None = None) -> State:
         t = np.nan_to_num(impacts.t, nan=self.model.rig.reference.t)

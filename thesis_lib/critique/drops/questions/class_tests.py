@@ -17,10 +17,9 @@ from collections.abc import Callable
 import numpy as np
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
-from thesis_lib.critique.likelihood.covariance import noise_covariance, residual_covariance
+from thesis_lib.critique.likelihood.covariance import noise_covariance
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact, turned_until_impulse
 from thesis_lib.statistics.spread import robust_std
 from thesis_lib.statistics.tails import binomial_tail, f_tail, normal_tail
 
@@ -42,10 +41,9 @@ def class_tests(fitted: Fit, observations: Observations) -> dict:
 
 def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured v_pre, v_post (n, 3) in m/s, rad/s, and contact point r (n, 2) in m where the impulse acts."""
-    before, after = states_at_impact(fitted.model, fitted.values, observations)
-    turned = turned_until_impulse(fitted.model, fitted.values, observations, before, after)
-    r = observations.rig.shape.contact_point(before.theta + turned) + observations.offset
-    return before.v, after.v, r
+    here = fitted.on(observations)
+    r = observations.rig.shape.contact_point(here.before.theta + here.turned) + observations.offset
+    return here.before.v, here.after.v, r
 
 
 def _noise(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:
@@ -152,10 +150,10 @@ def _contact_state(fitted: Fit, observations: Observations) -> tuple[np.ndarray,
 
 def _residual(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray]:
     """Residual of the velocity with clipped tails, and its expected standard deviation; (n, 3) each in m/s."""
-    o, weights = observations, np.array([1.0, 1.0, observations.rig.k_told])
-    S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
+    o, weights, here = observations, np.array([1.0, 1.0, observations.rig.k_told]), fitted.on(observations)
+    S = here.covariance(o.t_std)
     std = np.sqrt(np.einsum("nii->ni", S)[:, :3] * weights**2 + fitted.sigma_m**2)
-    z = impact_residuals(fitted.model, fitted.values, o)[:, :3] * weights / std
+    z = here.R[:, :3] * weights / std
     limit = CLIP * robust_std(z - np.median(z, axis=0)) + 1e-12
     return np.clip(z, -limit, limit) * std, std
 

@@ -19,12 +19,11 @@ import numpy as np
 
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.planar.unknown_spin import left_over
+from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.critique.likelihood.channels import CHANNELS, Misfits, concerned, present
-from thesis_lib.critique.likelihood.covariance import residual_covariance
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP
-from thesis_lib.critique.likelihood.residuals import impact_residuals
 from thesis_lib.critique.likelihood.whitening import Whitening
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.statistics.intervals import Z95
@@ -94,19 +93,19 @@ def significant_sizes(critique: DropsCritique) -> Sizes:
 def material_sizes(critique: DropsCritique) -> Sizes:
     """By effect and parameter, the size that raises an error by a material amount."""
     o, final = critique.training, critique.ladder[-1][1]
-    S = residual_covariance(final.model, final.values, o)
-    sharp = residual_covariance(final.model, final.values, o, o.t_std)
+    fitted = final.on(o)
+    S, sharp = fitted.covariance(), fitted.covariance(o.t_std)
     names = [beside.channel for beside in o.beside]
     floor = critique.ladder[-1][2].floor
     floors = {"impact": floor if np.isfinite(floor) else 0.0}
 
     def at(model: Model, values: Mapping[str, float]) -> dict[str, np.ndarray]:
         """Residuals by channel, in m/s or standard deviations, and all whitened residuals."""
-        R = impact_residuals(model, values, o)
+        here = Comparison(model, values, o)
+        R = here.R
         z, *beside = Whitening(model, o, S, final.sigma_m, (values, R))(values)
-        left = R[:, :3] if o.rig.has_angle else left_over(model, values, o, R[:, :3])
         parts = {
-            "impact": left * [1.0, 1.0, o.rig.k_told],
+            "impact": velocity_left(here) * [1.0, 1.0, o.rig.k_told],
             "all": np.concatenate([part.ravel() for part in (z, *beside)]),
         }
         misfits = Misfits(o, R, S, sharp, dict(zip(names, beside)))

@@ -11,6 +11,7 @@ deviations.  The columns `residual_x`, `_y`, `_theta` hold z_c, and `misfit` hol
 import numpy as np
 import pandas as pd
 
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import within_half_a_turn
 from thesis_lib.critique.likelihood.beside import whitened
@@ -25,12 +26,12 @@ RESIDUALS = ("residual_x", "residual_y", "residual_theta")
 
 def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
     """z_c (m, 3) of m flights."""
-    return whitened(flights, fitted.model, fitted.values, rig)
+    return whitened(flights, bind(fitted.model, fitted.values, rig))
 
 
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
     """Features of each flight, columns as in `FLIGHT_UNITS` and foundation/columns.yaml."""
-    true = fitted.model.to_true(flights.state, fitted.model.active(fitted.values), rig)
+    true = bind(fitted.model, fitted.values, rig).to_true(flights.state)
     return pd.DataFrame(
         {
             "v_x": true.vx,

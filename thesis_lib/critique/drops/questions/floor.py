@@ -22,7 +22,6 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.residuals import states_at_impact
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 FOLDS = 5
@@ -59,7 +58,7 @@ FEWEST = 10
 def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Floor:
     """Both answers for the single hits of `observations`, best of trials that the model was not fitted to."""
     o = observations.single
-    E = velocity_left(fitted.model, fitted.values, o) * [1.0, 1.0, o.rig.k_told]
+    E = velocity_left(fitted.on(o)) * [1.0, 1.0, o.rig.k_told]
     error, rest = velocity_error(E, 1.0), velocity_error(E - _learned(_state(fitted, o), E, o.trial, rng), 1.0)
     fall = error - rest
     low, high = bootstrap_mean(fall, o.trial, DRAWS, rng)
@@ -77,7 +76,7 @@ def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> 
 def _state(fitted: Fit, o: Observations) -> np.ndarray:
     """All that is known before n impacts, (n, p)."""
     table = features(fitted, o)
-    before, _ = states_at_impact(fitted.model, fitted.values, o)
+    before = fitted.on(o).before
     gap = before.y + o.rig.shape.contact_point(before.theta)[:, 1]
     turned = [np.cos(before.theta), np.sin(before.theta), np.cos(2.0 * before.theta), np.sin(2.0 * before.theta)]
     return np.column_stack([table.to_numpy(float), before.vx, before.vy, before.y, gap, *turned])
@@ -102,8 +101,8 @@ def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> tuple[np.ndarray, np.
     """|e_i − e_j| / √2 in m/s of the nearest pairs, each once, and the trial of their first."""
     from scipy.spatial import KDTree
 
-    before, _ = states_at_impact(fitted.model, fitted.values, o)
-    true = fitted.model.to_true(before, fitted.model.active(fitted.values), o.rig)
+    here = fitted.on(o)
+    true = here.dynamics.to_true(here.before)
     place = np.stack([true.x / LENGTH, np.cos(true.theta) / TURN, np.sin(true.theta) / TURN], axis=1)
     S = np.concatenate([true.v * [1.0, 1.0, o.rig.k_told], place], axis=1)
     if len(S) < 2:

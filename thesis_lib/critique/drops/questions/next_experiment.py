@@ -25,13 +25,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import inward
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED
 from thesis_lib.critique.likelihood.channels import CHANNELS, FLIGHT, IMPACT
-from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP, Fit, fit
-from thesis_lib.critique.likelihood.residuals import impact_residuals, states_at_impact
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.mechanics.state import State
@@ -167,8 +166,8 @@ def _unexplained(critique: DropsCritique, rng: np.random.Generator) -> dict:
 def _misfits(critique: DropsCritique, final: Fit, channels: tuple[str, ...]) -> np.ndarray:
     """Root mean square residual (n,) of each impact in units of noise, over the misfitted `channels`."""
     o = critique.observations
-    R = impact_residuals(final.model, final.values, o)
-    std = np.sqrt(np.einsum("nii->ni", residual_covariance(final.model, final.values, o, o.t_std)))
+    R = final.on(o).R
+    std = np.sqrt(np.einsum("nii->ni", final.on(o).covariance(o.t_std)))
     if not o.noise_known:  # the scatter replaces the unknown noise
         std = np.ones_like(std) * np.maximum(np.std(R, axis=0), 1e-12)
     used = [CHANNELS[name].columns for name in channels if CHANNELS[name].columns] or [IMPACT.columns]
@@ -212,7 +211,7 @@ def _differences(
     o = critique.observations
     rig = o.rig
     drawn, _ = _reachable(critique, final, rng)
-    before, _ = states_at_impact(final.model, final.values, o)
+    before = final.on(o).before
     x, trial, t = (np.full(len(drawn), np.median(values)) for values in (before.x, o.trial, o.t))
     y = rig.height - rig.shape.contact_point(drawn[:, 3])[:, 1]
     state = State.of(np.column_stack([x, y, drawn[:, 3]]), drawn[:, :3], trial, t)
@@ -221,7 +220,7 @@ def _differences(
         state = state.moved(x=low + (high - low) * rng.random(len(drawn)))
         drawn = np.column_stack([drawn, state.x])
     # a median, because single impacts at a kink of the law would dominate a mean
-    S = np.median(residual_covariance(final.model, final.values, o, o.t_std)[:, :3, :3], axis=0)
+    S = np.median(final.on(o).covariance(o.t_std)[:, :3, :3], axis=0)
     S = S + final.sigma_m**2 * np.diag([1.0, 1.0, 1.0 / rig.k_g**2])
     whiten = np.linalg.inv(np.linalg.cholesky(S)).T
     made = [_slopes(fitted, state, rig) for fitted in (final, rival)]
@@ -236,7 +235,7 @@ def _differences(
 def _depends_on_place(fitted: Fit, state: State, measured: State, rig: Rig) -> bool:
     """Whether the velocity after impact depends on where on the surface the body lands."""
     places = (state.moved(x=np.full_like(state.x, x)) for x in np.quantile(measured.x, [0.1, 0.5, 0.9]))
-    made = np.stack([fitted.model.predict(place, fitted.values, rig).v for place in places])
+    made = np.stack([bind(fitted.model, fitted.values, rig).predict(place).v for place in places])
     return bool(np.ptp(np.nan_to_num(made), axis=0).max(initial=0.0) > 0.0)
 
 
@@ -247,8 +246,8 @@ def _slopes(fitted: Fit, state: State, rig: Rig) -> tuple[np.ndarray, np.ndarray
     # over a standard error, so that a kink between sticking and sliding counts as far as the parameters reach it
     sizes = [float(np.clip(h, SLOPE_STEP * p.scale, p.scale)) for p, h in zip(free.values(), std)]
     steps = [inward(p, values[name], h) for (name, p), h in zip(free.items(), sizes)]
-    v = model.predict(state, values, rig).v
-    moved = [model.predict(state, {**values, name: values[name] + h}, rig).v for name, h in zip(free, steps)]
+    v = bind(model, values, rig).predict(state).v
+    moved = [bind(model, {**values, name: values[name] + h}, rig).predict(state).v for name, h in zip(free, steps)]
     J = np.stack([(one - v) / np.sign(h) for one, h in zip(moved, steps)], axis=2)
     covariance = fitted.covariance / np.outer(sizes, sizes)
     return v, J, np.linalg.pinv(covariance, hermitian=True) + LITTLE * np.eye(len(sizes))
@@ -281,7 +280,7 @@ def _reachable(critique: DropsCritique, final: Fit, rng: np.random.Generator) ->
     """States in reach of the rig (n, 4), drawn evenly, and those of the measured impacts (m, 4), as in `OF_STATE`."""
     o = critique.observations
     rig = o.rig
-    before, _ = states_at_impact(final.model, final.values, o)
+    before = final.on(o).before
     measured = np.stack([getattr(before, name) for name in OF_STATE], axis=1)
     # a release sets its first impact only; the spin after a bounce is beyond most hands and launchers
     first = measured[np.unique(o.trial, return_index=True)[1]]

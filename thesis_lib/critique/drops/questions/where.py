@@ -28,7 +28,6 @@ from thesis_lib.critique.drops.questions.flight_residuals import (
     misfit,
     relative_residuals,
 )
-from thesis_lib.critique.likelihood.covariance import residual_covariance
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.foundation.rounding import six_digits
 
@@ -105,8 +104,8 @@ def where(critique: DropsCritique, rng: np.random.Generator | None = None) -> di
 def impact_regions(critique: DropsCritique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
     """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
     o, weights = critique.observations, np.array([1.0, 1.0, critique.observations.rig.k_told])
-    error = velocity_error(velocity_left(fitted.model, fitted.values, o), o.rig.k_told)
-    S = residual_covariance(fitted.model, fitted.values, o, o.t_std)
+    here = fitted.on(o)
+    error, S = velocity_error(velocity_left(here), o.rig.k_told), here.covariance(o.t_std)
     z = error / np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], weights**2) + 3.0 * fitted.sigma_m**2)
     return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)
 

@@ -1,0 +1,287 @@
+"""What a model at given values does to states: its contacts and its flights.
+
+One impact goes down a ladder and up again; `thesis_lib/effects/effect.py` names the hooks of effects at each rung.
+
+| rung         | from, to                            | where          | hooks of effects                         |
+|--------------|-------------------------------------|----------------|------------------------------------------|
+| to_true      | measured state, true state          | `to_true`      | `to_true`                                |
+| to_contact   | true state, what the contact sees   | `contact`      | `to_contact`, `contact_point`, `inertia` |
+| coefficients | μ, ε of the law, of each impact     | `coefficients` | `coefficients`                           |
+| law          | contact, μ and ε, impulse           | `Law.impulse`  |                                          |
+| impulse      | its impulse, impulse and couple     | `_struck`      | `impulse`                                |
+| time         | touch, pose at the impulse          | `_delay`       | `contact_time`                           |
+| from_contact | what the contact sees, true state   | `from_contact` | `from_contact`                           |
+| to_measured  | true state, what the camera reports | `to_measured`  | `to_measured`                            |
+
+How flights lead to the first rung and on from the last says `thesis_lib/critique/likelihood/at_impact.py`, which kinds
+of contact there are beside an impulse, `thesis_lib/critique/contacts/kinds.py`.
+"""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import Any, Self
+
+import numpy as np
+
+from thesis_lib.critique.contacts.contact_time import TURNED, normal_mobility
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.effects.effect import Effect, Impulse, Rig
+from thesis_lib.mechanics.contact import Contact, contact, velocity_change
+from thesis_lib.mechanics.free_motion import attitudes
+from thesis_lib.mechanics.inertia import mobility
+from thesis_lib.mechanics.state import State
+
+_H = 1e-3  # s, for the derivative of a linear map: exact for any step
+_H_PATH = 0.02  # s, for the change of the acceleration over a tenth of a second
+_H_BENT = 1e-4  # s, for one that bends parabolas: off by 1e-6 of ω² at 30 rad/s
+
+
+class Dynamics:
+    """A model at given values, on a rig; the base of all kinds of contact (`kinds.bind` makes the right one).
+
+    `values` are numbers by full parameter name, or arrays (n,) with one for each body.  `active` are the effects in the
+    order in which they act, each with the parameters of its hooks.  States are true ones unless they are `measured`.
+    `integrated`: whether single hits are integrated in time, so that the pose after them is predicted, too.
+    """
+
+    integrated = False
+
+    def __init__(self, model: Model, values: Mapping[str, Any], rig: Rig) -> None:
+        self.model, self.values, self.rig = model, values, rig
+        self.active = [(effect, {p: values[name] for p, name in names.items()}) for effect, names in model.hooks]
+
+    def select(self, rows: np.ndarray) -> Self:
+        """The dynamics of the bodies at `rows`."""
+        if not any(isinstance(value, np.ndarray) for value in self.values.values()):
+            return self
+        of_rows = {name: v[rows] if isinstance(v, np.ndarray) else v for name, v in self.values.items()}
+        return type(self)(self.model, of_rows, self.rig)
+
+    def tiled(self, copies: int, n: int) -> Self:
+        """The dynamics of n bodies, `copies` times one after the other."""
+        return self.select(np.tile(np.arange(n), copies))
+
+    def on(self, rig: Rig) -> Self:
+        """The same on another rig."""
+        other = copy(self)
+        other.rig = rig
+        return other
+
+    def with_active(self, active: Sequence[tuple[Effect, dict[str, Any]]]) -> Self:
+        """The same with these effects only."""
+        other = copy(self)
+        other.active = list(active)
+        return other
+
+    def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
+        """States (n,) after all points in contact have pressed, from states at first touch, and the time (n,) in s.
+
+        A contact that lasts too long ends after the time `left` (n,) in s.
+        """
+        raise NotImplementedError
+
+    # the ladder -------------------------------------------------------------------------------------------------
+    def to_true(self, measured: State) -> State:
+        """True state behind a measured one."""
+        for effect, p in reversed(self.active):
+            measured = effect.to_true(measured, p, self.rig)
+        return measured
+
+    def to_measured(self, true: State) -> State:
+        """State that the camera reports for a true one."""
+        for effect, p in self.active:
+            true = effect.to_measured(true, p, self.rig)
+        return true
+
+    def to_contact(self, true: State) -> State:
+        """State as the contact sees it."""
+        for effect, p in self.active:
+            true = effect.to_contact(true, p, self.rig)
+        return true
+
+    def from_contact(self, seen: State) -> State:
+        """The inverse of `to_contact`."""
+        for effect, p in reversed(self.active):
+            seen = effect.from_contact(seen, p, self.rig)
+        return seen
+
+    def contact(
+        self, true: State, offset: np.ndarray | None = None, turned: np.ndarray | None = None
+    ) -> tuple[State, Contact]:
+        """State as the contact sees it, and the contact, per unit mass, of the true body.
+
+        `offset` (d, n) in m is added to the contact point of the shape, `turned` (turns, n) in rad is how much further
+        the body has turned than in the pose.
+        """
+        rig, pose = self.rig, true
+        if turned is not None:
+            pose = true.changed(attitude=true.space.attitude_after(true.attitude, turned))
+        r, G = rig.lowest(pose), rig.G
+        if offset is not None:
+            r = r + offset
+        seen = self.to_contact(pose)
+        for effect, p in self.active:
+            r, G = effect.contact_point(r, seen, p, rig), effect.inertia(G, p)
+        at = contact(seen, r, mobility(seen.space, G, seen.attitude))
+        if turned is not None:
+            seen = seen.changed(attitude=seen.space.attitude_after(seen.attitude, -turned))
+        return seen, at
+
+    def measured_contact(self, measured: State, offset: np.ndarray | None = None) -> tuple[State, Contact]:
+        """As `contact`, from a measured state; `offset` by row (n, d) is that at the measured pose."""
+        true = self.to_true(measured)
+        return self.contact(true, self._true_offset(measured, true, offset))
+
+    def approaches(self, true: State) -> np.ndarray:
+        """Mask (n,) of bodies whose contact point comes down, as the contact sees it: v_n < 0."""
+        return self.contact(true)[1].v_n < 0.0
+
+    def coefficients(self, seen: State, at: Contact) -> tuple[np.ndarray, np.ndarray]:
+        """μ and ε (n,) of each impact, from what `contact` returns."""
+        mu, epsilon = (np.full(len(seen), self.values[name]) for name in ("mu", "epsilon"))
+        for effect, p in self.active:
+            mu, epsilon = effect.coefficients(mu, epsilon, at, seen, p, self.rig)
+        return mu, epsilon
+
+    def contact_time(self, seen: State, at: Contact) -> np.ndarray:
+        """τ (n,) in s of each impact, from what `contact` returns."""
+        tau = np.full(len(seen), self.values["tau"])
+        for effect, p in self.active:
+            tau = effect.contact_time(tau, at, seen, p, self.rig)
+        return tau
+
+    def predict(self, measured: State, offset: np.ndarray | None = None) -> State:
+        """Measured state after impact, from the measured state before it; `offset` as in `measured_contact`."""
+        return self.strike(measured, offset)[0]
+
+    def strike(self, measured: State, offset: np.ndarray | None = None) -> tuple[State, np.ndarray]:
+        """As `predict`, and the depth t̄ |v_n| (n,) in m of the contact point where the arcs meet."""
+        true = self.to_true(measured)
+        after, depth = self.collide(true, self._true_offset(measured, true, offset))
+        return self.to_measured(after), depth
+
+    def collide(self, true: State, offset: np.ndarray | None = None) -> tuple[State, np.ndarray]:
+        """As `strike`, from the true state to the true state; `offset` as in `contact`."""
+        seen, at = self.contact(true, offset)
+        after, depth = self._struck(seen, at), np.zeros(len(true))
+        if self.model.takes_time:
+            delay = self._delay(seen, at, after)
+            rig, earlier = self.rig, true.flown(self.rig.fall(true).T, -delay)
+            depth = np.where(at.v_n < 0.0, rig.gap(earlier) - rig.gap(true), 0.0)
+            seen, at = self.contact(true, offset, TURNED * delay * (after.spin - seen.spin))
+            after = self._struck(seen, at)
+        return self.from_contact(after), depth
+
+    def delay(self, true: State) -> np.ndarray:
+        """t̄ (n,) in s of contacts that begin in these states; 0 if contacts take no time."""
+        if not self.model.takes_time:
+            return np.zeros(len(true))
+        seen, at = self.contact(true)
+        return self._delay(seen, at, self._struck(seen, at))
+
+    def _true_offset(self, measured: State, true: State, offset: np.ndarray | None) -> np.ndarray | None:
+        """The offset (d, n) at the true pose, of one by row (n, d); None if there is none."""
+        if offset is None or not offset.any():
+            return None
+        # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
+        further = self.to_true(measured.moved(theta=measured.theta + _H))
+        return np.stack([offset[:, 0] * np.sign(further.theta - true.theta), offset[:, 1]])
+
+    def _delay(self, seen: State, at: Contact, after: State) -> np.ndarray:
+        """t̄ (n,) in s of each impact, from what `contact` returns and the state after the impulse."""
+        tau, law = self.contact_time(seen, at), self.model.law
+        push = after.velocity[-1] - seen.velocity[-1]
+        rebound = after.space.velocity_at(after.velocity, after.spin, at.r)[-1]
+        b = normal_mobility(push, rebound - at.v_n)
+        if law.force is not None:
+            tau = law.force.tau_at(tau, np.full_like(tau, self.values["epsilon"]), b, at.v_n)
+        return tau / np.sqrt(b)
+
+    def _struck(self, seen: State, at: Contact) -> State:
+        """State after the impulse as the contact sees it, from what `contact` returns."""
+        mu, epsilon = self.coefficients(seen, at)
+        at = at.with_coefficients(mu, epsilon)
+        with np.errstate(all="ignore"):
+            none = np.zeros_like(seen.spin if at.dimension == 3 else mu)
+            impulse = Impulse(self.model.law.impulse(at, mu, epsilon), none)
+            for effect, p in self.active:
+                impulse = effect.impulse(impulse, at, seen, p, self.rig)
+        touches = at.v_n < 0.0
+        c = tuple(np.where(touches, part, 0.0) for part in impulse.c)
+        couple = np.where(touches, impulse.couple, 0.0)
+        return seen.with_motion(seen.motion + velocity_change(c, at.r, at.mobility, couple=couple))
+
+    # where bodies are at an impact ------------------------------------------------------------------------------
+    def gap(self, true: State) -> np.ndarray:
+        """Gap (n,) in m between true body and surface: that of the believed shape less the effects' share."""
+        taken = np.zeros(len(true))
+        for effect, p in self.active:
+            taken = effect.gap(taken, true, p, self.rig)
+        return self.rig.gap(true) - taken
+
+    def jump(self, before: State, after: State) -> np.ndarray:
+        """Measured pose after impact minus before (n, 3), in m, m, rad, from measured states."""
+        jump = np.zeros(before.motion.shape)
+        for effect, p in self.active:
+            jump = effect.meet(jump, before, after, p)
+        return jump.T
+
+    # flight -----------------------------------------------------------------------------------------------------
+    def acceleration(self, measured: State) -> np.ndarray:
+        """Measured acceleration in flight (n, 3), m/s² and rad/s²."""
+        if self.model.camera_is_exact:
+            return self.true_acceleration(measured)
+        true = self.to_true(measured)
+        a = self.true_acceleration(true)
+        if self.model.camera_bends:
+            near = [self.to_measured(true.flown(a, h)).v for h in (-_H_BENT, _H_BENT)]
+            return (near[1] - near[0]) / (2.0 * _H_BENT)
+        # the camera's map is linear in the velocity, so that a difference quotient is exact
+        later = true.with_velocity(true.v + _H * a)
+        return (self.to_measured(later).v - self.to_measured(true).v) / _H
+
+    def true_acceleration(self, true: State) -> np.ndarray:
+        """Acceleration in flight (n, 3), m/s² and rad/s²."""
+        a = self.rig.fall(true)
+        for effect, p in self.active:
+            a = effect.acceleration(a, true, p, self.rig)
+        return a.T
+
+    def arc(self, tau: np.ndarray, measured: State) -> np.ndarray | None:
+        """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
+        return self._true_arc(tau, self.to_true(measured))
+
+    def _true_arc(self, tau: np.ndarray, true: State) -> np.ndarray | None:
+        """As `arc`, from a true state."""
+        parts = [part for effect, p in self.active if (part := effect.arc(tau, true, p, self.rig)) is not None]
+        return np.moveaxis(sum(parts[1:], parts[0]), 0, -1) if parts else None
+
+    def path(self, tau: np.ndarray, measured: State) -> np.ndarray:
+        """Poses (n, W, 3) that the camera reports at times τ (n, W) in s from `measured`, in m, m, rad.
+
+        The flight is true to third order in τ: its acceleration changes with the velocity.
+        """
+        true = self.to_true(measured)
+        a = self.true_acceleration(true)
+        beyond = self._true_arc(tau, true)
+        if self.model.has_varying_flight:
+            early, late = (self.true_acceleration(true.with_velocity(true.v + h * a)) for h in (-_H_PATH, _H_PATH))
+            cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)
+            beyond = cubic if beyond is None else beyond + cubic
+        rows = np.repeat(np.arange(len(tau)), tau.shape[1])
+        at = self._along(true, a, tau, rows)
+        if beyond is not None:
+            at = at.with_pose(at.space.shift(at.pose, beyond.reshape(len(rows), -1).T))
+        return self.select(rows).to_measured(at).q.reshape(*tau.shape, true.space.poses)
+
+    def _along(self, true: State, a: np.ndarray, tau: np.ndarray, rows: np.ndarray) -> State:
+        """The states (n W,) at times τ (n, W) in s, of constant acceleration a (n, d + turns); turns are free ones."""
+        t, start = tau.ravel(), true.select(rows)
+        if true.space.is_plane:
+            return start.flown(a[rows], t)
+        d = true.space.dimension
+        turns, spins = attitudes(true.attitude, true.spin, np.asarray(self.rig.tensor), tau.T)
+        extra = (a.T - self.rig.fall(true))[d:, rows]
+        free = start.flown(np.concatenate([a.T[:d, rows], 0.0 * extra]).T, t)
+        attitude, spin = (part.swapaxes(1, 2).reshape(len(part), -1) for part in (turns, spins))
+        return free.changed(attitude=true.space.attitude_after(attitude, 0.5 * t * t * extra), spin=spin + t * extra)

@@ -1,0 +1,108 @@
+"""Measured states just before and after impact, extrapolated with a model's flight.
+
+Lines through samples (`lines`) have value and slope Σ w_k f(τ_k) of any path f; what a model's flight adds to a
+straight line is taken off.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.critique.likelihood.flights import BENDINGS
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.mechanics.state import State
+
+# a line through τ³/6 on [−W, 0] has the slope 0.15 W², as for the acceleration at −0.3 W; its own slope is the velocity
+# at −0.5 W
+ARC_MEAN = 0.6
+
+
+def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
+    """The measured state on one side of the impact: 0 before, 1 after."""
+    lines = o.lines(side)
+    if not o.arcs:
+        return lines
+
+    if dynamics.model.camera_bends:
+        # the state whose path, seen by the camera, has this line
+        a = _beside_lines(o, lines, o.rig.fall(lines).T)
+        state = lines.shifted(-o.bow[:, side, :1] * a, -o.bow[:, side, 1:] * a)
+        for _ in range(BENDINGS):
+            state = state.corrected(lines, line_of_path(dynamics, o, side, state))
+        return state
+
+    def acceleration(state: State) -> np.ndarray:
+        return _beside_lines(o, state, dynamics.acceleration(state))
+
+    state = _flown_to_impact(o, side, acceleration, dynamics.model.has_varying_flight)
+    beyond = dynamics.arc(o.nodes[:, side], state) if dynamics.model.has_arc else None
+    if beyond is None:
+        return state
+    line = o.weights[:, side] @ beyond
+    return state.shifted(-line[:, 0], -line[:, 1])
+
+
+def lines_beside(dynamics: Dynamics, o: Observations, side: int, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Value and slope (n, 3) of the lines that the camera sees of flights through measured states at impact.
+
+    The inverse of `state_beside`, in the plane.
+    """
+    if dynamics.model.camera_bends:
+        line = line_of_path(dynamics, o, side, state)
+        return line.q, line.v
+    pose, speed, a = state.q, state.v, dynamics.acceleration(state)
+    if dynamics.model.has_varying_flight:
+        a = dynamics.acceleration(state.with_velocity(speed + ARC_MEAN * o.bow[:, side, 1:] * a))
+        pose = pose + _bent(o, side, dynamics.acceleration, state, a)
+    beyond = dynamics.arc(o.nodes[:, side], state)
+    if beyond is not None:
+        line = o.weights[:, side] @ beyond
+        pose, speed = pose + line[:, 0], speed + line[:, 1]
+    return pose + o.bow[:, side, :1] * a, speed + o.bow[:, side, 1:] * a
+
+
+def line_of_path(dynamics: Dynamics, o: Observations, side: int, state: State) -> State:
+    """Value and slope of the lines through the paths that the camera reports from measured states at impact.
+
+    In space the attitude and the spin are those of the states: their lines follow the flight.
+    """
+    line = o.weights[:, side] @ dynamics.path(o.nodes[:, side], state)
+    if o.space.is_plane:
+        return State.of(line[:, 0], line[:, 1], state.trial, state.t, state.surface)
+    d = o.space.dimension
+    return state.changed(position=line[:, 0, :d].T, velocity=line[:, 1, :d].T)
+
+
+def _beside_lines(o: Observations, state: State, a: np.ndarray) -> np.ndarray:
+    """Acceleration a (n, d + turns) less what the lines know already: in space the torque-free change of the spin."""
+    if o.space.is_plane:
+        return a
+    d = o.space.dimension
+    return np.concatenate([a[:, :d], a[:, d:] - o.rig.fall(state)[d:].T], axis=1)
+
+
+def _flown_to_impact(o: Observations, side: int, acceleration: Callable[[State], np.ndarray], varying: bool) -> State:
+    """The state on one side of the impact, from the line there and the acceleration (n, 3) of a state, if `varying`
+    with the velocity."""
+    slope, bow = o.slope[:, side], o.bow[:, side]
+    state, bent = o.lines(side), 0.0
+    a = acceleration(state)
+    if varying:
+        a = acceleration(state.with_velocity(slope - (1.0 - ARC_MEAN) * bow[:, 1:] * a))
+        bent = _bent(o, side, acceleration, state.with_velocity(slope - bow[:, 1:] * a), a)
+    return state.shifted(-bow[:, :1] * a - bent, -bow[:, 1:] * a)
+
+
+def _bent(
+    o: Observations, side: int, acceleration: Callable[[State], np.ndarray], at: State, a: np.ndarray
+) -> np.ndarray | float:
+    """How much further (n, 3) in m, rad the line lies at the impact as the acceleration varies; 0 unless arcs see it.
+
+    `at` is the state at impact, `a` the acceleration that gives the slope, at 0.3 W of a line from 0 to W = 2 b_1.
+    A line through τ³/6 is −W³/30 at 0, one through 0.3 W τ²/2 only −W³/40: the rest is −W³/120 times the jerk.
+    """
+    if o.found.arcs_air is None:
+        return 0.0
+    W = 2.0 * o.bow[:, side, 1:]
+    return -(W**2) / 120.0 * (a - acceleration(at)) / (0.5 * ARC_MEAN)

@@ -1,0 +1,219 @@
+"""A model at given values against observations: predictions, residuals, and the covariance of these from noise.
+
+The residual of an impact has three components, velocity after impact measured minus predicted ("impact").  Trajectories
+add four: pose after minus before (3, "meet") and gap at impact (1, "touch").  That of an episode is measured minus
+predicted velocity and pose where the flight after it begins; its touch is solved for, so that the last component is 0.
+A single hit whose contact is integrated has the pose predicted, too; its last component is how far the measured arcs
+are apart where they should meet.
+What is measured beside impacts has its own residuals (`beside`).
+
+The covariance S (`covariance`) counts the noise of *all* data, also of a law's inputs.  Where nobody measured the spin
+before an impact, S also holds what it does to the prediction over all spins that are believed possible (`SPINS`), of
+which the prediction is the mean.  An episode bends: which corner hits first may hang on a milliradian.  Its covariance
+goes to second order in the noise, and it has no κ, because its touch is solved for.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
+
+from thesis_lib.critique.contacts.contact_time import TURNED
+from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.critique.contacts.kinds import ByImpulse, Prediction, bind
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.at_impact import state_beside
+from thesis_lib.critique.likelihood.covariance import DATA, INSTANT, Noisy, copies_moved, noisy
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.mechanics.state import State
+
+# of an unknown spin, in standard deviations: nodes and weights for a normal distribution (Gauss and Hermite)
+SPINS, _OF_SPIN = hermegauss(7)
+_OF_SPIN = _OF_SPIN / _OF_SPIN.sum()
+
+
+class Comparison:
+    """A model at given values, compared with observations; what is asked for is computed once.
+
+    `values` are numbers, or arrays (n,) with one for each impact; `states` are the measured states just before and
+    after impact, if they are known: by default they are extrapolated with the model's flight.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        values: Mapping[str, Any],
+        observations: Observations,
+        states: tuple[State, State] | None = None,
+    ) -> None:
+        self.dynamics, self.observations, self._states = bind(model, values, observations.rig), observations, states
+
+    def on(self, observations: Observations) -> "Comparison":
+        """The same model against other observations."""
+        return Comparison(self.dynamics.model, self.dynamics.values, observations)
+
+    @cached_property
+    def before(self) -> State:
+        """Measured states just before impact."""
+        return self._states[0] if self._states else state_beside(self.dynamics, self.observations, 0)
+
+    @cached_property
+    def after(self) -> State:
+        """Measured states just after impact."""
+        return self._states[1] if self._states else state_beside(self.dynamics, self.observations, 1)
+
+    @property
+    def turned(self) -> np.ndarray | float:
+        """Angle (n,) in rad by which bodies turn beyond the pose before impact until the impulse acts, as in the model.
+
+        With the sense of turning of the camera.
+        """
+        if not (self.dynamics.model.takes_time and self.observations.arcs):
+            return 0.0
+        delay = self.dynamics.delay(self.dynamics.to_true(self.before))
+        return TURNED * delay * (self.after.omega - self.before.omega)
+
+    @cached_property
+    def prediction(self) -> Prediction:
+        """What follows from the states before impact; where their spin is unknown, its mean over the spins."""
+        if self.observations.spin:
+            return self.by_spin.each(over_spins)
+        return _predicted(self.dynamics, self.observations, self.before)
+
+    @cached_property
+    def by_spin(self) -> Prediction:
+        """The same, each array (m, n, ...), for `SPINS` times the unknown spin's one sigma."""
+        o, before, m = self.observations, self.before, len(SPINS)
+        rows = np.tile(np.arange(len(before)), m)
+        spun = before.select(rows)
+        spun = spun.moved(omega=spun.omega + o.spin * np.repeat(SPINS, len(before)))
+        of_all = replace(o, span=o.span[rows], offset=o.offset[rows])
+        found = _predicted(self.dynamics.select(rows), of_all, spun)
+        return found.each(lambda array: array.reshape(m, len(before), *array.shape[1:]))
+
+    @cached_property
+    def R(self) -> np.ndarray:
+        """Residuals (n, 7 or 3): impact (m/s, m/s, rad/s), meet (m, m, rad), touch (m)."""
+        return compare(self.dynamics, self.before, self.after, self.prediction)
+
+    @cached_property
+    def of_spin(self) -> np.ndarray:
+        """Covariance (n, 7, 7) of the residuals of single hits from a spin that nobody measured."""
+        v, q = self.by_spin.v, self.by_spin.q
+        R = np.zeros((len(v), len(self.observations), 7))
+        R[:, :, :3] = v - over_spins(v)
+        if q is not None:
+            R[:, :, 3:6] = np.nan_to_num(q - over_spins(q))
+        return over_spins(R[..., :, None] * R[..., None, :])
+
+    @cached_property
+    def noisy(self) -> Noisy:
+        """The residuals with their covariance from noise."""
+        o = self.observations
+        if o.spin:
+            found = self._of_single()
+            return replace(found, noise=found.noise + self.of_spin)
+        if not o.span.any():
+            return self._of_single()
+        whole = Noisy(*(np.zeros((len(o), 7) + (7,) * k) for k in (0, 1, 0)))
+        for rows, part in ((o.span == 0.0, Comparison._of_single), (o.span > 0.0, Comparison._of_episodes)):
+            if rows.any():
+                found = part(self.on(o.rows(np.flatnonzero(rows))))
+                whole.value[rows], whole.noise[rows], whole.by_instant[rows] = (
+                    found.value,
+                    found.noise,
+                    found.by_instant,
+                )
+        return whole
+
+    def covariance(self, instant: np.ndarray | float = INSTANT) -> np.ndarray:
+        """S (n, m, m) of the residuals without σ_m; `instant` as in `Noisy.covariance`."""
+        return self.noisy.covariance(instant)
+
+    def _of_single(self) -> Noisy:
+        """Residuals of single hits; copies that differ after the hit only share its prediction."""
+        o, has_arc = self.observations, self.dynamics.model.has_arc
+        n, moves, copies = len(o), 4 * o.space.motions, copies_moved(o, has_arc)
+        after = self.on(copies.part(slice((moves + 2) * n), has_arc)).after
+        given = self.on(copies.part(slice(moves * n, None), has_arc))
+        # where in `given` and `after` each copy has its state
+        row = np.arange((moves + 2) * n)
+        at = np.concatenate([np.tile(row[:n], moves), row])
+        of = np.concatenate([row, np.tile(row[moves * n : (moves + 1) * n], moves)])
+        prediction = given.prediction.each(lambda array: array[at])
+        found = noisy(o, compare(self.dynamics, given.before.select(at), after.select(of), prediction))
+        if o.touch_std:
+            found.noise[:, 6, 6] += o.touch_std**2
+        return found
+
+    def _of_episodes(self) -> Noisy:
+        """Residuals of episodes, the last component with unit variance.
+
+        Residuals r± at one standard deviation ±σ_i along the principal axes i of the noise give, to second order,
+
+            S = Σ_i (l_i l_iᵀ + 2 b_i b_iᵀ),    l_i = (r₊ − r₋)/2,    b_i = (r₊ + r₋)/2 − r_0
+        """
+        o, has_arc = self.observations, self.dynamics.model.has_arc
+        variance, axes = np.linalg.eigh(o.cov)  # (n, side, channel, i), (n, side, channel, value or slope, i)
+        sigma = np.sqrt(np.maximum(variance, 0.0))[..., None, :] * axes
+        value, S = np.zeros((len(o), 7)), np.zeros((len(o), 7, 7))
+        S[:, 6, 6] = 1.0
+        for side in (0, 1):
+            copies = o.tiled(13, has_arc)
+            lines = [array.reshape(13, len(o), 2, 3) for array in (copies.value, copies.slope)]
+            for j, (channel, i) in enumerate(DATA):
+                for line, step in zip(lines, np.moveaxis(sigma[:, side, channel, :, i], 1, 0)):
+                    line[2 * j, :, side, channel] += step
+                    line[2 * j + 1, :, side, channel] -= step
+            state = state_beside(self.dynamics, copies, side)
+            if side == 0:
+                state = self.dynamics.end(state, copies.span)
+            r = np.concatenate([state.v, state.q], axis=1).reshape(13, len(o), 6)
+            value[:, :6] += (2 * side - 1) * r[12]
+            up, down, here = r[0:12:2], r[1:12:2], r[12]
+            for part in (0.5 * (up - down), np.sqrt(2.0) * (0.5 * (up + down) - here)):
+                S[:, :6, :6] += np.einsum("inj,ink->njk", part, part)
+        return Noisy(value, S, np.zeros_like(value))
+
+
+def over_spins(values: np.ndarray) -> np.ndarray:
+    """Mean (...) over `SPINS` of values (m, ...)."""
+    return np.tensordot(_OF_SPIN, values, axes=1)
+
+
+def _predicted(dynamics: ByImpulse, o: Observations, before: State) -> Prediction:
+    """What follows from states `before` impact."""
+    return dynamics.between_flights(before, o.span, o.offset) if o.arcs else dynamics.stated(before, o.offset)
+
+
+def compare(dynamics: Dynamics, before: State, after: State, prediction: Prediction) -> np.ndarray:
+    """Residuals R of measured states `before` and `after` impacts, as `Comparison.R`."""
+    dv = after.v - prediction.v
+    if prediction.touch is None:
+        return dv
+    space = after.space
+    meet = space.difference(after.pose, before.pose).T - dynamics.jump(before, after)
+    if prediction.q is not None:
+        played = ~np.isnan(prediction.q[:, 0])
+        meet[played] = space.difference(after.pose[:, played], prediction.q[played].T).T
+    touch, rows = prediction.touch.copy(), np.flatnonzero(np.isnan(prediction.touch))
+    if len(rows):
+        touch[rows] = _apart(dynamics.select(rows), before.select(rows), after.select(rows))
+    return np.concatenate([dv, meet, touch[:, None]], axis=1)
+
+
+def _apart(dynamics: Dynamics, before: State, after: State) -> np.ndarray:
+    """How far apart (n,) in m measured arcs are across the surface, where they should meet.
+
+    No contact that is integrated has a say in it; an impact law compares it instead of the pose after impact.  In the
+    unit v_n⁻ / (v_n⁺ − v_n⁻), both sets of residuals have the same volume, so that their likelihoods can be compared.
+    Where an effect (a time lag) says that the body did not come off, the unit is that of v_n⁺ = 0.
+    """
+    true = [dynamics.to_true(state) for state in (before, after)]
+    gaps, rates = zip(*((dynamics.gap(state), dynamics.contact(state)[1].v_n) for state in true))
+    apart = np.maximum(rates[1] - rates[0], np.abs(rates[0]))
+    unit = np.divide(rates[0], apart, out=-np.ones_like(apart), where=apart > 0.0)
+    return unit * (gaps[1] - gaps[0])
