@@ -55,7 +55,9 @@ def with_cells(frame: pd.DataFrame, row: int, **cells) -> pd.DataFrame:
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_a_dataset_is_read_and_what_is_written_reads_back_to_the_bit(tmp_path, shape):
     head = header(body=body(shape=shape))
-    read = read_dataset(write(tmp_path / "drops", head, trajectories=trajectories(), impacts=impacts(3)))
+    low = {"cylinder": 0.05, "capsule": 0.07}.get(shape["kind"], 0.03)
+    hits = impacts(3).assign(z=low)
+    read = read_dataset(write(tmp_path / "drops", head, trajectories=trajectories(), impacts=hits))
     assert read.warnings == () and read.space is SPACE and read.has_angle and len(read.trials) == 3
     again = read_dataset(write_dataset(read, tmp_path / "again", float_format=None))
     assert again.header == read.header and again.digest() == read.digest()

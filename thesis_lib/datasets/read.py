@@ -11,6 +11,7 @@ import pandas as pd
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.checks import impacts as plausible_impacts
+from thesis_lib.datasets.checks import in_space
 from thesis_lib.datasets.checks import trajectories as plausible
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
@@ -97,8 +98,9 @@ def _checked(
     trajectories = load("trajectories", trajectory_form(schema, turns_unseen))
     impacts = load("impacts", impact_form(schema, turns_unseen))
     if schema == 2:
-        in_space = header if isinstance(header, SpaceHeader) else None
-        made = _checked_in_space(name, in_space, trajectories, impacts, report)
+        made = _checked_in_space(
+            name, header if isinstance(header, SpaceHeader) else None, trajectories, impacts, report
+        )
     else:
         in_plane = header if isinstance(header, Header) else None
         made = _checked_in_plane(name, in_plane, salvage_shape(raw), trajectories, impacts, report)
@@ -151,13 +153,16 @@ def _checked_in_space(
     report: ValidationReport,
 ) -> Dataset | None:
     has_angle, tables = trajectories is None or "qw" in trajectories.data, []
-    for table, check in (
-        (trajectories, partial(check_trajectories, rate=header and header.rate)),
-        (impacts, check_impacts),
-    ):
+    if header is not None:
+        in_space.check_header(header, report)
+    in_order = partial(check_trajectories, rate=header and header.rate)
+    judged = ((trajectories, in_order, in_space.check_motion), (impacts, check_impacts, in_space.check_hits))
+    for table, check_order, check_units in judged:
         whole = None if table is None else whole_poses(table)
         if whole is not None and len(whole.data):
-            check(whole)
+            check_order(whole)
+            if header is not None and not report.errors:
+                check_units(whole, header)
         tables.append(None if whole is None else whole.data.reset_index(drop=True))
     if report.errors or header is None:
         return None

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from thesis_lib.datasets.checks.in_space import MotionFacts, motion_facts
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import STATE
 from thesis_lib.datasets.format.samples import ArcSettings
@@ -56,6 +57,8 @@ def summarise(dataset: Dataset, detection: FoundImpacts | None = None) -> dict:
                 poses, ("x", "y", "theta" if in_plane else "z")[: 2 if not dataset.has_angle and in_plane else 3]
             ),
         }
+        if not in_plane:
+            result["motion"] = _motion(motion_facts(poses, dataset.in_space), len(poses))
     if (impacts := dataset.impacts) is not None:
         result["impacts"] = {
             "rows": len(impacts),
@@ -77,6 +80,17 @@ def _surroundings(header: SpaceHeader) -> dict:
     names = [surface.name for surface in header.surfaces or ()] or ["surface"]
     planes = zip(names, header.planes)
     return content | {"surfaces": {name: {"point": p.tolist(), "normal": n.tolist()} for name, (p, n) in planes}}
+
+
+def _motion(facts: MotionFacts, samples: int) -> dict:
+    """What the samples say of gravity and of the orientations."""
+    return {
+        "flights": facts.flights,
+        "fall": None if facts.fall is None else facts.fall.tolist(),
+        "lost_orientation": facts.lost_orientation,
+        "jumps": len(facts.jumps) / samples,
+        "reading": facts.reading or "as stated",
+    }
 
 
 def _ranges(table, names) -> dict[str, list[float]]:
@@ -114,6 +128,10 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str
             f"{part['rate']:.6g} Hz"
         )
         lines += _range_lines(part["range"])
+    if (part := facts.get("motion")) is not None:
+        fall = "" if part["fall"] is None else ", which fall by ({:.3g}, {:.3g}, {:.3g}) m/s²".format(*part["fall"])
+        lost = f"orientation lost in {part['lost_orientation']:.1%} of the samples, jumps at {part['jumps']:.1%}"
+        lines.append(f"flights     {part['flights']}{fall}; {lost}")
     if (part := facts.get("impacts")) is not None:
         lines.append(
             f"impacts     {part['rows']}; contact points {part['contact_points']}; "

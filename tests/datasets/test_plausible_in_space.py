@@ -1,0 +1,127 @@
+"""What `datasets check` says of a set in space: units, gravity, orientations; and nothing where nothing is wrong."""
+
+import json
+
+import numpy as np
+import pytest
+from folders import write
+from folders_in_space import body, header, impacts
+from scipy.spatial.transform import Rotation
+from tossed import flights
+
+from thesis_lib.commands.datasets import main
+from thesis_lib.datasets import dataset_of
+from thesis_lib.datasets.checks.in_space import motion_facts
+from thesis_lib.datasets.format.validate import DatasetError
+
+Q = ["qw", "qx", "qy", "qz"]
+
+
+def said(head=None, **tables) -> str:
+    """All errors and warnings of a dataset, as text."""
+    try:
+        return "\n".join(map(str, dataset_of(head or header(), **tables).warnings))
+    except DatasetError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("spin", [2.0, 8.0, 20.0])
+def test_nothing_is_said_of_good_flights(spin):
+    frame = flights(spin=spin)
+    assert said(trajectories=frame) == ""
+    facts = motion_facts(frame, dataset_of(header(), trajectories=frame).in_space)
+    assert facts.flights == 8 and facts.reading == "" and not len(facts.jumps) and facts.lost_orientation == 0.0
+    np.testing.assert_allclose(facts.fall, [0.0, 0.0, -9.81], atol=0.2)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimetres"), (100.0, "millimetres or centimetres")])
+def test_lengths_in_other_units_are_refused(factor, unit):
+    frame = flights()
+    frame[["x", "y", "z"]] *= factor
+    assert f"columns x, y, z: look like {unit}" in said(trajectories=frame)
+    slow = flights(noise=(2e-5, 3e-3))
+    slow[["x", "y", "z"]] *= 100.0
+    assert "columns x, y, z: look like cm: 8 free flights fall so" in said(trajectories=slow[slow["t"] < 0.18])
+
+
+def test_gravity_along_another_axis_is_refused_with_the_one_to_write():
+    text = said(header(gravity=[0, -9.81, 0], surface=None), trajectories=flights())
+    assert "gravity: nothing falls along the stated gravity; 8 free flights fall along [" in text
+    assert "write gravity: [" in text and "-9.8" in text
+    tilted = Rotation.from_euler("x", 6.0, degrees=True).apply([0.0, 0.0, -9.81])
+    assert "free flights fall 6." in said(header(gravity=tilted.tolist()), trajectories=flights(trials=20))
+    still = flights().assign(x=0.0, y=0.0, z=1.0)
+    assert "no free flight is seen" in said(trajectories=still)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        (lambda q: q[:, [1, 2, 3, 0]], "as x, y, z, w (the scalar last)"),
+        (lambda q: q * [1, -1, -1, -1], "reversed (of a left-handed frame"),
+    ],
+)
+def test_quaternions_that_are_written_otherwise_are_named(wrong, right):
+    frame = flights(trials=20)
+    frame[Q] = wrong(frame[Q].to_numpy())
+    assert f"read {right}" in said(trajectories=frame)
+
+
+def test_a_tracked_frame_that_is_turned_is_no_wrong_quaternion():
+    turn = Rotation.from_rotvec([1.0, -0.5, 2.0])
+    frame = flights(trials=20)
+    q = Rotation.from_quat(frame[Q].to_numpy(), scalar_first=True) * turn
+    frame[Q] = q.as_quat(scalar_first=True)
+    tracked = {"quaternion": turn.as_quat(scalar_first=True).tolist()}
+    assert said(header(tracked=tracked), trajectories=frame) == ""
+    assert said(header(tracked="unknown"), trajectories=frame) == ""
+
+
+def test_lost_orientations_and_jumps_are_counted():
+    frame = flights()
+    frame.loc[100:260, Q] = np.nan
+    assert "the orientation is lost in 34% of the samples" in said(trajectories=frame)
+    flipped = flights()
+    turn = Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0])
+    rows = slice(90, 110)
+    q = Rotation.from_quat(flipped.loc[rows, Q].to_numpy(), scalar_first=True) * turn
+    flipped.loc[rows, Q] = q.as_quat(scalar_first=True)
+    assert "the orientation jumps at 2 of 480 samples" in said(trajectories=flipped)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"body": body(shape={"kind": "box", "half_extents": [50.0, 40.0, 30.0]})}, "millimetres?"),
+        (
+            {"body": body(homogeneous=None, radii_of_gyration=[0.2, 0.2, 0.2])},
+            "a radius of gyration of 0.2 m is larger",
+        ),
+        ({"body": body(mass=250.0)}, "250 kg would be denser than any metal"),
+        ({"gravity": [0.0, 0.0, -9810.0]}, "is more than on any planet"),
+        ({"noise": {"position": 0.3}}, "noise.position: 0.3 m is larger than the body"),
+        ({"noise": {"rotation": 3.0}}, "noise.rotation: 3 rad is most of a turn"),
+    ],
+)
+def test_headers_that_contradict_themselves(changes, message):
+    assert message in said(header(**changes), trajectories=flights())
+
+
+def test_hits_must_lie_on_the_surface_and_approach_it():
+    assert said(impacts=impacts()) == ""
+    assert "0.2 m off the surface" in said(impacts=impacts().assign(z=0.23))
+    assert "does not approach the surface" in said(impacts=impacts().assign(vz_pre=2.0))
+    assert "millimetres or centimetres per second" in said(impacts=impacts().assign(vz_pre=-2000.0))
+
+
+def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
+    folder = write(tmp_path / "drops", header(), trajectories=flights(), impacts=impacts(8))
+    assert main(["check", str(folder)]) == 0
+    text = capsys.readouterr().out
+    assert "body        box, reaches 0.07071 m" in text and "flights     8, which fall by (" in text
+    assert "critique    not yet: bodies in space can be read, written and checked" in text
+    assert "The dataset is valid." in text
+    assert main(["check", str(folder), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["dimensions"] == 3 and facts["motion"]["flights"] == 8 and facts["motion"]["reading"] == "as stated"
+    assert facts["surfaces"]["surface"]["normal"] == [0.0, 0.0, 1.0]

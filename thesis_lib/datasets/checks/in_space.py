@@ -1,0 +1,189 @@
+"""Do units, gravity and orientations of a dataset in space agree?  Heuristics that must not misfire on real drops.
+
+Lengths are judged by speeds, by the body and by free fall; gravity by the flights, in the axes of the recording.
+Quaternions that flights contradict, jumps of the orientation and its loss are doubts, since a fault of the measurement
+is a cause that a critique can name.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import Rotation
+
+from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES
+from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY
+from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
+from thesis_lib.datasets.space.flights import find_flights, follow
+from thesis_lib.datasets.space.motion import Motion, conjugate, turning
+from thesis_lib.datasets.space.torque_free import better_reading, falling, inner_samples
+
+FEWEST = 20  # samples that say anything of a motion
+PAUSE = 10.0  # s between trials on one clock
+OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera that is levelled by eye is within
+JUMP = 0.3  # rad from one sample to the next, beyond three times the usual step around it
+NEIGHBOURS = 3  # samples on either side that say what is usual
+LOST = 0.2  # share of orientations that are lost, from which on it is said
+OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
+SCALAR_LAST = "as x, y, z, w (the scalar last)"
+REVERSED = "reversed (of a left-handed frame, or turning the world into the body)"
+
+
+@dataclass(frozen=True)
+class MotionFacts:
+    """What the samples say: the free flights and their median acceleration (m/s²), and faults of the orientations."""
+
+    flights: int
+    fall: np.ndarray | None
+    lost_orientation: float  # share of the samples
+    jumps: np.ndarray  # numbers of the samples after which the orientation is another
+    reading: str  # as which the quaternions turn like a free body, "" if they do as they are
+
+    @property
+    def down(self) -> np.ndarray:
+        """Direction (3,) in which bodies fall; NaN without a flight."""
+        return np.full(3, np.nan) if self.fall is None else self.fall / np.linalg.norm(self.fall)
+
+
+def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
+    """What the samples of trajectories.csv say, its rows whole and in order."""
+    trial, t, position = one_clock(table)
+    turned = np.isfinite(table["qw"].to_numpy(float))
+    g = np.array(header.gravity)
+    lost, size = float(np.mean(~turned)), float(np.linalg.norm(g))
+    jumps = _jumps(table, trial, turned)
+    if len(t) < FEWEST or not size:
+        return MotionFacts(0, None, lost, jumps, "")
+    track = follow(t, position, size)
+    flights = find_flights(track, g)
+    fall = np.median(track.a[inner_samples(flights, track)], axis=0) if flights else None
+    return MotionFacts(len(flights), fall, lost, jumps, _reading(table[turned], t[turned], header) if flights else "")
+
+
+def one_clock(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Trial (n,), time (n,) in s that rises over all trials, and position (n, 3) in m."""
+    trial, t = table["trial"].to_numpy(), table["t"].to_numpy(float)
+    first = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]][: len(t)])
+    last = np.r_[first[1:], len(t)] - 1
+    start = np.r_[0.0, np.cumsum(t[last] - t[first] + PAUSE)[:-1]] - t[first]
+    return trial, t + np.repeat(start, last - first + 1), table[list(POSITION)].to_numpy(float)
+
+
+def _reading(table: pd.DataFrame, t: np.ndarray, header: SpaceHeader) -> str:
+    if len(t) < FEWEST or header.tracked is None:
+        return ""
+    q = table[list(QUATERNION)].to_numpy(float)
+    xyzw = q[:, [1, 2, 3, 0]]
+    readings = {SCALAR_LAST: lambda: q, REVERSED: lambda: conjugate(xyzw)}
+    readings[f"{SCALAR_LAST} and {REVERSED}"] = lambda: conjugate(q)
+    motion = Motion("", "", t, table[list(POSITION)].to_numpy(float), xyzw, readings=readings)
+    size = float(np.linalg.norm(header.gravity))
+    track = follow(t, motion.position, size)
+    R = Rotation.from_quat(header.tracked.attitude, scalar_first=True).as_matrix()
+    flights = find_flights(track, np.array(header.gravity))
+    return better_reading(motion, track, flights, R.T @ header.body.inertia_per_mass @ R)
+
+
+def _jumps(table: pd.DataFrame, trial: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    rows = np.flatnonzero(turned)
+    if len(rows) < 2 * NEIGHBOURS + 2:
+        return np.zeros(0, int)
+    q = table[list(QUATERNION)].to_numpy(float)[rows][:, [1, 2, 3, 0]]
+    step = np.linalg.norm(turning(Motion("", "", np.arange(len(q), dtype=float), q[:, :3], q)), axis=1)
+    step[(trial[rows[1:]] != trial[rows[:-1]]) | (np.diff(rows) > 1)] = 0.0
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(step, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
+    return rows[1:][step > JUMP + 3.0 * np.median(around, axis=1)]
+
+
+def check_header(header: SpaceHeader, report: ValidationReport) -> None:
+    """Report contradictions between size, inertia, mass, gravity and noise."""
+    body, noise, extent = header.body, header.noise, header.body.solid.extent
+    k = float(np.sqrt(np.linalg.eigvalsh(body.inertia_per_mass)[-1]))
+    farthest = extent + float(np.linalg.norm(body.centre))
+    if extent > LARGEST_BODY:
+        what = f"the body reaches {extent:g} m from its origin, more than {LARGEST_BODY:g} m: millimetres?"
+        report.error(FILE, "body.shape", what, METRES + ", those of a mesh by its scale")
+    elif k > farthest:
+        what = f"a radius of gyration of {k:g} m is larger than the body, which reaches {farthest:g} m"
+        remedy = "give inertia in kg m² and mass in kg, or radii_of_gyration in m"
+        report.error(FILE, "body.radii_of_gyration" if body.radii_of_gyration else "body.inertia", what, remedy)
+    elif body.mass is not None and body.mass > DENSEST * (2.0 * extent) ** 3:
+        what = f"{body.mass:g} kg would be denser than any metal for a body of {2 * extent:g} m: grams?"
+        report.warn(FILE, "body.mass", what, "give the mass in kg")
+    if np.linalg.norm(header.gravity) > LARGEST_GRAVITY:
+        report.error(FILE, "gravity", "is more than on any planet", "give it in m/s² ([0, 0, -9.81] on Earth)")
+    if noise is not None and noise.position is not None and max(noise.position) > extent:
+        what = f"{max(noise.position):g} m is larger than the body: millimetres?"
+        report.error(FILE, "noise.position", what, "give it in m")
+    if noise is not None and noise.rotation is not None and noise.rotation > 1.0:
+        report.warn(FILE, "noise.rotation", f"{noise.rotation:g} rad is most of a turn: degrees?", "give it in rad")
+
+
+def check_motion(table: UsableRows, header: SpaceHeader) -> None:
+    """Report wrong units and a wrong direction of gravity, and doubts about orientations."""
+    trial, t, position = one_clock(table.data)
+    within = trial[1:] == trial[:-1]
+    speed = (np.linalg.norm(np.diff(position, axis=0), axis=1) / np.diff(t))[within]
+    if len(t) < FEWEST or not len(speed):
+        return
+    if (fast := float(np.quantile(speed, 0.9))) > LARGEST_SPEED:
+        what = f"look like millimetres or centimetres (speeds reach {fast:.0f} m/s)"
+        return table.error("columns x, y, z", what, METRES)
+    g = np.array(header.gravity)
+    facts = motion_facts(table.data, header)
+    if g.any() and not facts.flights:
+        _nothing_falls(table, t, position, g)
+    elif g.any() and (off := np.arccos(np.clip(facts.down @ g / np.linalg.norm(g), -1.0, 1.0))) > OBLIQUE:
+        shown = ", ".join(f"{value:.3f}" for value in facts.down * np.linalg.norm(g))
+        what = f"{facts.flights} free flights fall {np.degrees(off):.1f}° off the stated gravity"
+        table.report.warn(
+            FILE, "gravity", what, f"if the axes of the recording are not level, write gravity: [{shown}]"
+        )
+    if facts.reading:
+        what = f"in free flight the body does not turn as a free body does; read {facts.reading}, it does"
+        table.warn("columns qw, qx, qy, qz", what, "find out how the recording was written, and convert it")
+    if len(facts.jumps):
+        what = f"the orientation jumps at {len(facts.jumps)} of {len(t)} samples: a tag flips, or markers are swapped"
+        rows = np.isin(np.arange(len(t)), facts.jumps)
+        table.warn("columns qw, qx, qy, qz", what, "leave the orientation of such samples empty", rows)
+    if LOST < facts.lost_orientation < 1.0:
+        what = f"the orientation is lost in {facts.lost_orientation:.0%} of the samples"
+        table.warn("columns qw, qx, qy, qz", what, "nothing, if the tracker lost it; the positions are used")
+
+
+def _nothing_falls(table: UsableRows, t: np.ndarray, position: np.ndarray, g: np.ndarray) -> None:
+    size = float(np.linalg.norm(g))
+    found = falling(t, position, size)
+    if found is None:
+        what = f"no free flight is seen: nowhere does the body accelerate by {size:.3g} m/s²"
+        return table.warn("columns x, y, z", what, "check the units of length and time, and gravity")
+    unit, down, number = found
+    if unit:
+        return table.error("columns x, y, z", f"look like {unit}: {number} free flights fall so", METRES)
+    shown = ", ".join(f"{value:.3g}" for value in size * down + 0.0)
+    what = f"nothing falls along the stated gravity; {number} free flights fall along [{shown}]"
+    return table.report.error(FILE, "gravity", what, f"write gravity: [{shown}], in the axes of the recording")
+
+
+def check_hits(table: UsableRows, header: SpaceHeader) -> None:
+    """Report wrong units of velocities, and hits that do not lie on a surface or do not approach it."""
+    v = table.data[list(V_PRE_IN_SPACE + V_POST_IN_SPACE)].to_numpy(float)
+    if np.quantile(np.abs(v[:, [0, 1, 2, 6, 7, 8]]).max(axis=1), 0.9) > LARGEST_SPEED:
+        return table.error("columns v*_pre, v*_post", "look like millimetres or centimetres per second", METRES)
+    if header.tracked is None or header.surfaces is not None:
+        return None
+    (frame,) = surface_frames(header)
+    state = frame.seen(body_states(tracked_states(table.data, V_PRE_IN_SPACE), header))
+    solid = header.body.solid.about(header.body.centre)
+    r = solid.lowest(state.attitude)
+    gap = np.abs(state.height + r[2])
+    if float(np.median(gap)) > OFF_SURFACE * solid.extent:
+        what = f"at the hits the lowest point of the body is {np.median(gap):.3g} m off the surface (median)"
+        table.warn("columns x, y, z", what, "check the surface, the shape, tracked, and the unit of length")
+    elif np.mean(state.space.velocity_at(state.velocity, state.spin, r)[2] >= 0.0) > 0.5:
+        what = "the contact point does not approach the surface before the impact in most rows"
+        table.warn("columns v*_pre and w*_pre", what, "check the normal of the surface, and that _pre is before _post")
+    return None
