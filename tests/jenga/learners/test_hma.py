@@ -43,16 +43,6 @@ def test_predictions_cover_the_readings_of_other_pushes(learned: Hma, others) ->
 
 
 @pytest.mark.parametrize("kind", [Hma, Network])
-def test_means_alone_are_those_of_the_prediction_to_the_last_bit(kind, others, learned: Hma) -> None:
-    samples, _ = others
-    learner = learned if kind is Hma else kind(FAST).fit(samples.first(100), np.random.default_rng(0))
-    whole = (samples.state, samples.action, samples.context, learner.initial_belief(samples.context))
-    out, (mean, weight) = learner.predict(*whole), learner.means(*whole)
-    np.testing.assert_array_equal(mean, out.mean)
-    np.testing.assert_array_equal(weight, out.weight)
-
-
-@pytest.mark.parametrize("kind", [Hma, Network])
 def test_the_pushers_own_way_is_predicted(kind, others, learned: Hma) -> None:
     samples, _ = others
     learner = learned

@@ -46,10 +46,6 @@ class MadeLearner:
         mean = self._next(state, action)
         return PushPrediction(mean, np.full_like(mean, 0.1), belief)
 
-    def means(self, state, action, context, belief):
-        out = self.predict(state, action, context, belief)
-        return out.mean, out.weight
-
     def initial_belief(self, context):
         return np.tile(self.first, (len(context), 1))
 
@@ -96,9 +92,9 @@ def test_what_is_alike_is_predicted_once_and_all_sequences_get_it():
     class Counting(MadeLearner):
         asked = 0
 
-        def means(self, state, action, context, belief):
+        def predict(self, state, action, context, belief):
             self.asked += len(state)
-            return super().means(state, action, context, belief)
+            return super().predict(state, action, context, belief)
 
     learner, state, belief = Counting(), np.arange(7.0), np.array([0.3, 0.7])
     sequences = controller().sequences()

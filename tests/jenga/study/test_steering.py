@@ -30,10 +30,6 @@ class Lever:
         mean[:, Y] += 0.5 * np.sin(action[:, 1])
         return PushPrediction(mean[:, None], np.ones_like(mean)[:, None], np.ones((len(state), 1)))
 
-    def means(self, state, action, context, belief):
-        out = self.predict(state, action, context, belief)
-        return out.mean, out.weight
-
 
 @pytest.mark.slow
 def test_a_model_of_the_lever_arm_brings_blocks_back_that_were_pushed_off_their_centre():

@@ -14,6 +14,7 @@ path from inputs to outputs, so that a few samples are fitted by a line; mean-fi
 weights: the mean of their means, and the mean of their variances plus the variance of their means.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -98,45 +99,41 @@ class BayesianNetworks:
         """The same networks with predictions from their mean weights alone."""
         return replace(self, draws=[m[None] for m in self.mean])
 
-    def predict(self, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and variance (n, K, 7) of scaled changes for inputs (n, d)."""
+    def predict(self, inputs: np.ndarray) -> tuple[np.ndarray, Callable[[], np.ndarray]]:
+        """Mean (n, K, 7) of scaled changes for inputs (n, d), and what computes their variance: it takes as long."""
         with torch.no_grad():
-            x = torch.as_tensor(inputs, dtype=torch.float32)
-            mean, log_var = forward(x, self.draws)  # (draws, K, n, 7)
+            out = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.draws)  # (draws, K, n, 14)
+            mean = out[..., :N_OUT]
             average = mean.mean(dim=0)
-            var = torch.exp(log_var).mean(dim=0) + ((mean - average) ** 2).mean(dim=0)
-        return average.permute(1, 0, 2).double().numpy(), var.permute(1, 0, 2).double().numpy()
 
-    def means(self, inputs: np.ndarray) -> np.ndarray:
-        """The mean of `predict` alone, (n, K, 7), to the last bit and in half the time."""
-        with torch.no_grad():
-            mean = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.draws)[..., :N_OUT].mean(dim=0)
-        return mean.permute(1, 0, 2).double().numpy()
+        def variance() -> np.ndarray:
+            var = torch.exp(soft_clamp(out[..., N_OUT:])).mean(dim=0) + ((mean - average) ** 2).mean(dim=0)
+            return var.permute(1, 0, 2).double().numpy()
+
+        return average.permute(1, 0, 2).double().numpy(), variance
 
     def arrays(self) -> list[np.ndarray]:
         """Mean weights of each layer (K, in + 1, out), for use outside torch."""
         return [m.detach().double().numpy() for m in self.mean]
 
 
-class Descent:
-    """Adam with a rate that falls to a tenth as a cosine.
+def descend(parameters: Layers, loss: Callable[[float], torch.Tensor], rate: float, steps: int) -> None:
+    """Change the parameters by so many steps of Adam, with a rate that falls to a tenth as a cosine.
 
-    The numbers are those of torch.optim.Adam, which also imports torch's compiler and takes a second for it.
+    `loss` is that after a share of all steps.  The numbers are those of torch.optim.Adam, which also imports torch's
+    compiler and takes a second for it.
     """
-
-    def __init__(self, parameters: Layers, rate: float):
-        self.parameters, self.rate = parameters, rate
-        self.first, self.second = ([torch.zeros_like(p) for p in parameters] for _ in range(2))
-        self.counts = [torch.zeros(()) for _ in parameters]
-
-    def step(self, loss: torch.Tensor, share: float) -> None:
-        """Change the parameters once, after a `share` of all steps."""
-        gradient = list(torch.autograd.grad(loss, self.parameters))
-        rate = self.rate * (0.1 + 0.45 * (1 + np.cos(np.pi * share)))
-        numbers = {"beta1": 0.9, "beta2": 0.99, "eps": 1e-8, "weight_decay": 0.0, "lr": rate}
-        state = (self.first, self.second, [], self.counts)
+    for w in parameters:
+        w.requires_grad_(True)
+    first, second = ([torch.zeros_like(p) for p in parameters] for _ in range(2))
+    state = first, second, [], [torch.zeros(()) for _ in parameters]
+    numbers = {"beta1": 0.9, "beta2": 0.99, "eps": 1e-8, "weight_decay": 0.0}
+    for step in range(steps):
+        share = step / steps
+        gradient = list(torch.autograd.grad(loss(share), parameters))
+        now = rate * (0.1 + 0.45 * (1 + np.cos(np.pi * share)))
         with torch.no_grad():
-            adam(self.parameters, gradient, *state, amsgrad=False, maximize=False, foreach=False, **numbers)
+            adam(parameters, gradient, *state, amsgrad=False, maximize=False, foreach=False, lr=now, **numbers)
 
 
 def train(
@@ -167,11 +164,9 @@ def train(
         log_std = [torch.full_like(m, float(np.log(START_STD * settings.prior_std * s))) for m, s in zip(mean, scales)]
     else:
         shared, mean, log_std = ([w.clone() for w in ws] for ws in (start.shared, start.mean, start.log_std))
-    parameters = [w.requires_grad_(True) for w in [*shared, *mean, *log_std]]
-    descent = Descent(parameters, settings.rate)
     batch = min(settings.batch, n)
-    for step in range(steps):
-        share = step / steps
+
+    def loss(share: float) -> torch.Tensor:
         rows = slice(None) if batch == n else torch.randint(n, (batch,), generator=gen)
         std = [torch.exp(s) for s in log_std]
         xb = x[rows]
@@ -184,7 +179,9 @@ def train(
         nll = 0.5 * (error * torch.exp(-log_var) + log_var).sum(dim=2)  # (K, batch)
         fit = (r[rows].T * nll).sum() * (n / batch)
         anneal = min(1.0, share / settings.warm_up) if settings.warm_up > 0 and start is None else 1.0
-        descent.step((fit + anneal * divergence(shared, mean, log_std, scales, settings)) / n, share)
+        return (fit + anneal * divergence(shared, mean, log_std, scales, settings)) / n
+
+    descend([*shared, *mean, *log_std], loss, settings.rate, steps)
     nets = BayesianNetworks(settings, *([w.detach() for w in ws] for ws in (mean, log_std, shared)))
     nets.redraw(gen)
     return nets

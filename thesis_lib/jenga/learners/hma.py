@@ -97,7 +97,7 @@ class Hma(Learner):
         for _ in range(config.rounds):
             nets = train(inputs, outputs, self.resp, config.network, seed, nets, steps)
             mean, var = nets.predict(inputs)
-            log_like = log_likelihood(mean, var, outputs, config.belief)
+            log_like = log_likelihood(mean, var(), outputs, config.belief)
             shares = (self.resp.sum(axis=0) + 1.0) / (len(inputs) + k)
             self.resp = push_posterior(log_like, samples.push, shares)
         keep = self.resp.sum(axis=0) >= config.mixture.min_weight * len(inputs)
@@ -132,15 +132,8 @@ class Hma(Learner):
         """Next reading for each abstraction."""
         mean, var = self.networks.predict(self.scaling.inputs(state, action, context))
         weight = mix(belief, self.settings.belief.stay, self.shares)
-        return PushPrediction(self.scaling.next_state(state[:, None], mean), self.scaling.change**2 * var, weight)
-
-    def means(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and weight of `predict`, to the last bit."""
-        mean = self.networks.means(self.scaling.inputs(state, action, context))
-        weight = mix(belief, self.settings.belief.stay, self.shares)
-        return self.scaling.next_state(state[:, None], mean), weight
+        mean = self.scaling.next_state(state[:, None], mean)
+        return PushPrediction(mean, lambda: self.scaling.change**2 * var(), weight)
 
     def at_mean(self) -> "Hma":
         """A copy that predicts with mean weights alone, as `showcase_nuts` does."""

@@ -27,8 +27,9 @@ Source: thesis, section 5.3 and figure 5-3; N. Fazeli et al. 2019, doi 10.1126/s
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -50,11 +51,16 @@ SMALLEST = np.array([0.02, 0.02, 0.02, 0.01, 0.01, 0.01, 0.02])
 
 @dataclass(frozen=True)
 class PushPrediction:
-    """Next state for each abstraction: mean and var (n, K, 7), mm and N and their squares; weight (n, K)."""
+    """Next state for each abstraction: mean (n, K, 7) in mm and N, weight (n, K); `variance` is var, or computes it."""
 
     mean: np.ndarray
-    var: np.ndarray
+    variance: np.ndarray | Callable[[], np.ndarray]
     weight: np.ndarray
+
+    @cached_property
+    def var(self) -> np.ndarray:
+        """(n, K, 7), mm² and N²; computed when it is first asked for, as the controller asks for means alone."""
+        return self.variance() if callable(self.variance) else self.variance
 
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean and variance (n, 7) of the mixture."""
@@ -137,13 +143,6 @@ class Learner(ABC):
     @abstractmethod
     def predict(self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray) -> PushPrediction:
         """Next reading for each abstraction; rows (n, ·) as in the module's table, context (n, 2)."""
-
-    def means(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (n, K, 7) and weight (n, K) of `predict` alone, for those who need no variance."""
-        out = self.predict(state, action, context, belief)
-        return out.mean, out.weight
 
     def initial_belief(self, context: np.ndarray) -> np.ndarray:
         """Belief (n, K) before contact: the shares."""

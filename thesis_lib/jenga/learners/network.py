@@ -14,7 +14,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import torch
 
-from thesis_lib.jenga.learners.bayesian_network import N_OUT, Descent, Layers, forward, layer_shapes, outputs_of
+from thesis_lib.jenga.learners.bayesian_network import (
+    N_OUT,
+    Layers,
+    descend,
+    forward,
+    layer_shapes,
+    outputs_of,
+    soft_clamp,
+)
 from thesis_lib.jenga.learners.learner import Learner, PushPrediction
 from thesis_lib.jenga.learners.settings import NetworkSettings
 from thesis_lib.jenga.robot.samples import PushSamples
@@ -28,16 +36,15 @@ def train_plain(inputs: np.ndarray, outputs: np.ndarray, settings: NetworkSettin
     layers = [0.5 * torch.randn(shape, generator=gen) / np.sqrt(shape[0]) for shape in shapes]
     layers[-2] *= 0.1
     layers[-1] *= 0.0
-    layers = [w.requires_grad_(True) for w in layers]
-    descent = Descent(layers, settings.rate)
-    n = len(x)
-    batch = min(settings.batch, n)
-    for step in range(settings.iterations):
+    n, batch = len(x), min(settings.batch, len(x))
+
+    def loss(share: float) -> torch.Tensor:
         rows = slice(None) if batch == n else torch.randint(n, (batch,), generator=gen)
         mean, log_var = forward(x[rows], layers)
         fit = 0.5 * ((y[rows] - mean) ** 2 * torch.exp(-log_var) + log_var).sum(dim=1).mean()
-        decay = 0.5 * settings.weight_decay * sum(s[0] * (w**2).sum() for w, s in zip(layers, shapes)) / n
-        descent.step(fit + decay, step / settings.iterations)
+        return fit + 0.5 * settings.weight_decay * sum(s[0] * (w**2).sum() for w, s in zip(layers, shapes)) / n
+
+    descend(layers, loss, settings.rate, settings.iterations)
     return [w.detach() for w in layers]
 
 
@@ -59,16 +66,10 @@ class Network(Learner):
         """Next reading (n, 1, 7)."""
         inputs = self.scaling.inputs(state, action, context)
         with torch.no_grad():
-            mean, log_var = forward(torch.as_tensor(inputs, dtype=torch.float32), self.layers)
-        var = self.scaling.change**2 * torch.exp(log_var).double().numpy()
-        mean = self.scaling.next_state(state, mean.double().numpy())
-        return PushPrediction(mean[:, None], var[:, None], belief)
+            out = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.layers)
+        mean = self.scaling.next_state(state, out[..., :N_OUT].double().numpy())
 
-    def means(
-        self, state: np.ndarray, action: np.ndarray, context: np.ndarray, belief: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and weight of `predict`, to the last bit."""
-        inputs = self.scaling.inputs(state, action, context)
-        with torch.no_grad():
-            mean = outputs_of(torch.as_tensor(inputs, dtype=torch.float32), self.layers)[..., :N_OUT]
-        return self.scaling.next_state(state, mean.double().numpy())[:, None], belief
+        def variance() -> np.ndarray:
+            return self.scaling.change**2 * torch.exp(soft_clamp(out[..., N_OUT:])).double().numpy()[:, None]
+
+        return PushPrediction(mean[:, None], variance, belief)

@@ -48,12 +48,11 @@ def rollout(
         rows = len(one) * k
         actions, certain = np.repeat(sequences[one, h], k, axis=0), np.tile(np.eye(k), (len(one), 1))
         place = np.tile(context, (rows, 1))
-        mean, weight = learner.means(states[h, one].reshape(rows, -1), actions, place, certain)
-        states[h + 1] = np.einsum("nk,nkd->nd", weight, mean).reshape(len(one), k, -1)[of]
+        out = learner.predict(states[h, one].reshape(rows, -1), actions, place, certain)
+        states[h + 1] = np.einsum("nk,nkd->nd", out.weight, out.mean).reshape(len(one), k, -1)[of]
     one, of = alike[0]
     start, place, known = (np.tile(row, (len(one), 1)) for row in (state, context, belief))
-    _, first = learner.means(start, sequences[one, 0], place, known)
-    return states, first[of]
+    return states, learner.predict(start, sequences[one, 0], place, known).weight[of]
 
 
 def _alike(sequences: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
