@@ -37,7 +37,6 @@ ALLOWED = {
     "thesis_lib/critique/proposal/proof.py": "CPU seconds of a proposal, for the proof's table; no run writes it",
     "thesis_lib/foundation/rows.py": "the day of a row of the proof; no run writes it",
     "thesis_lib/foundation/provenance.py": "a name for a file until it is whole, which it then loses",
-    "thesis_lib/records/catalogue.py": "a record that two modules hold is told from two records; it leaves no trace",
 }
 # runs other programs and waits for them; no result passes through
 WAITING = {

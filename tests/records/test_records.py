@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from jinja2.meta import find_undeclared_variables
+from jinja2.nodes import Name
 
 from thesis_lib.foundation.columns import explain
 from thesis_lib.ledger.figure_check import COMMON, ROW, SCALES
 from thesis_lib.records.catalogue import figures, records
+from thesis_lib.records.record import sentences
 
 ROOT = Path(__file__).resolve().parents[2]
 RULES = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
@@ -39,6 +42,15 @@ class TestRecords:
         path = f"{record.job.folder}/{record.name}.txt".lstrip("/")
         assert [each.lstrip("/") for each in included] == ([path] if record.finding else [])
         assert bool(record.finding) == bool(record.reads)
+
+    def test_its_finding_knows_the_names_that_it_uses(self, record):
+        template = sentences().parse(record.finding)
+        set_in_it = {name.name for name in template.find_all(Name) if name.ctx == "store"}
+        assert find_undeclared_variables(template) - set_in_it <= {
+            *sentences().globals,
+            *record.known,
+            *(Path(name).stem for name in record.reads),
+        }
 
     def test_its_caption_quotes_no_finding_that_a_run_could_change(self, record):
         """Sizes belong into findings, which a run computes; a caption "about ten times" cannot be kept true."""

@@ -12,7 +12,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
 from thesis_lib.records import verdicts
 from thesis_lib.records.catalogue import records
-from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET, claims, proof
+from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET, counted_claims, proof
 
 
 def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: float | None = 0.1) -> dict:
@@ -130,16 +130,16 @@ def test_claims_are_counted_and_compared_by_chapter() -> None:
     table = pd.DataFrame(
         {"chapter": [2, 2, 3, 3], "status": ["reproduced", "deviates", "reproduced", "data not present"]}
     )
-    assert claims(table) == (
+    assert counted_claims(table) == (
         "Of 4 claims: 2 reproduced, 1 deviating, 1 without the data. Of those compared, reproduced are 1 of 2 in "
         "chapter 2 and 1 of 1 in chapter 3."
     )
-    assert "without" not in claims(table.head(3))
+    assert "without" not in counted_claims(table.head(3))
 
 
 def test_a_finding_reads_json_and_names_the_file_that_lacks_something(tmp_path: Path) -> None:
     write_json({"verdict": "adequate"}, tmp_path / "diagnosis.json")
-    plain = replace(records()["verdict"], finding=lambda read: read["verdict"])
+    plain = replace(records()["verdict"], finding="{{ diagnosis.verdict }}")
     assert plain.found(tmp_path) == "adequate"
     with pytest.raises(UserError, match=r"diagnosis\.json lack 'error'"):
         records()["verdict"].found(tmp_path)

@@ -1,4 +1,4 @@
-"""All records, found in this folder: chapter2.yaml says what is shown, the functions of chapter2.py what was found."""
+"""All records, found in this folder: chapter2.yaml has those of a chapter, chapter2.py what their findings compute."""
 
 import functools
 import os
@@ -8,8 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from thesis_lib.foundation.yaml_file import read_yaml
-from thesis_lib.records.record import Figure, Job, Record, Tolerance
+from thesis_lib.records.record import Figure, Job, Record, Tolerance, public
 
 FOLDER = Path(__file__).parent
 
@@ -30,17 +29,18 @@ def records() -> dict[str, Record]:
     return by_name
 
 
-def _read(path: Path, findings: ModuleType) -> Iterator[Record]:
-    """The records of a file, each with the finding of its name, or of the name that it gives."""
+def _read(path: Path, computing: ModuleType) -> Iterator[Record]:
+    """The records of a file, whose findings know what a module computes."""
+    from thesis_lib.foundation.yaml_file import read_yaml  # late: the command line lists its options without it
+
     document = read_yaml(path)
     document.refuse_repeated(path)
     content = document.content
     jobs = {rule: Job(rule, **job) for rule, job in content["jobs"].items()}
     shared = {name: Tolerance(**fields) for name, fields in content.get("tolerances", {}).items()}
     for name, fields in content["records"].items():
-        finding = getattr(findings, fields.pop("finding", name), None)
-        reads = fields.pop("reads", [f"{name}.csv"] if finding else [])
-        of_all = {"name": name, "job": jobs[fields.pop("job")], "finding": finding, "reads": tuple(reads)}
+        reads = fields.pop("reads", [f"{name}.csv"] if "finding" in fields else [])
+        of_all = {"name": name, "job": jobs[fields.pop("job")], "reads": tuple(reads), "known": public(computing)}
         if name.startswith("figure_"):
             limits = fields.pop("tolerances", {}).items()
             of_all["tolerances"] = {at: shared[to] if isinstance(to, str) else Tolerance(**to) for at, to in limits}

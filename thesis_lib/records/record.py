@@ -5,18 +5,25 @@ Rules take the files from it; `results/report.html`, Snakemake's report and `pyt
 runs again when its code changes: a new caption must not redraw a figure.
 
 A caption says what is drawn and what to look for, in Jinja and reStructuredText with the variable `dataset`.  The
-finding, one to three sentences, is computed from tables of the run, so that it holds for every scale, seed and
-dataset; a rule writes it beside the picture (figure_4_6.png, figure_4_6.txt).  Words that judge ("above", "within")
-follow from the numbers.
+finding, one to three sentences, is a Jinja template too, filled from tables of the run, so that it holds for every
+scale, seed and dataset; a rule writes it beside the picture (figure_4_6.png, figure_4_6.txt).  Words that judge
+("above", "within") follow from the numbers.  A template knows the tables in `reads` by their names, what `rows` and
+`statistics.wording` offer, and what the module of its chapter computes.
 """
 
+import functools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file, read_bytes
+
+if TYPE_CHECKING:
+    import jinja2
 
 FOUND_HERE = "Found in this run: "
 LONGEST = 10_000  # bytes of a finding
@@ -48,6 +55,27 @@ class Tolerance:
     rel: float = 0.0
 
 
+@functools.cache
+def sentences() -> "jinja2.Environment":
+    """The templates of findings: every function of `rows` and of `statistics.wording`, and as a filter."""
+    import jinja2  # late, as numpy in these: the command line lists its options without them
+
+    from thesis_lib.records import rows
+    from thesis_lib.statistics import wording
+
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.do"]
+    )
+    environment.globals.update(public(wording) | public(rows))
+    environment.filters.update({"as": format} | public(wording))
+    return environment
+
+
+def public(module: ModuleType) -> dict[str, Any]:
+    """What a module defines for others, by name."""
+    return {name: value for name, value in vars(module).items() if not name.startswith("_")}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Record:
     """A figure, table or page of a run, with its text.
@@ -57,7 +85,8 @@ class Record:
         job: the rule that makes it.
         title: what it shows, in one line; the caption continues it.
         caption: what is drawn and what to look for.
-        finding: function from the tables in `reads`, in their order, to sentences; None if nothing is found.
+        finding: template of sentences; empty if nothing is found.
+        known: what it knows beside the tables, by name.
         reads: files in the same folder; those that end in .json are read as dictionaries.
         suffix: of its file.
     """
@@ -66,7 +95,8 @@ class Record:
     job: Job
     title: str
     caption: str = ""
-    finding: Callable[..., str] | None = None
+    finding: str = ""
+    known: Mapping[str, Any] = field(default_factory=dict)
     reads: tuple[str, ...] = ()
     suffix: str = ".csv"
 
@@ -105,19 +135,26 @@ class Record:
         """Path below results of each dataset; the only key is "" if there are no datasets."""
         return {name: self.file.replace("{dataset}", name) for name in self.job.datasets or ("",)}
 
+    def said(self, *tables: Any) -> str:
+        """The finding from tables, or dictionaries, in the order of `reads`."""
+        named = dict(zip((Path(name).stem for name in self.reads), tables, strict=True))
+        text = sentences().from_string(self.finding).render({**self.known, **named})
+        return re.sub(r"[ \n]+", " ", text).strip()  # no-break spaces stay
+
     def found(self, folder: Path) -> str:
         """The finding, computed from the tables in `folder`.
 
         Raises:
             UserError: a table is missing, or lacks a column or row.
         """
+        from jinja2 import UndefinedError
+
         from thesis_lib.foundation.files import read_json, read_table  # late: loads pandas
 
-        assert self.finding is not None, f"{self.name} has no finding"
         tables = [(read_json if name.endswith(".json") else read_table)(folder / name) for name in self.reads]
         try:
-            return self.finding(*tables)
-        except (KeyError, IndexError) as error:
+            return self.said(*tables)
+        except (KeyError, IndexError, UndefinedError) as error:
             names = ", ".join(str(folder / name) for name in self.reads)
             raise UserError(f"{names} lack {error}, from which the finding is read; run the pipeline again.") from error
 

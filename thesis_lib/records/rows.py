@@ -17,18 +17,29 @@ ABOUT = ("below", "not told apart from", "above")
 PUBLISHED = "_as_published"
 
 
+def rows_of(table: DataFrame, **where: object) -> DataFrame:
+    """The rows in which the named columns have these values; KeyError if there is no such column."""
+    for column, value in where.items():
+        table = table[table[column] == value]
+    return table
+
+
 def row_of(table: DataFrame, **where: object) -> Any:
-    """The first row in which the named columns have these values.
+    """The first of these rows.
 
     Raises:
         KeyError: there is no such column.
         IndexError: there is no such row.
     """
-    for column, value in where.items():
-        table = table[table[column] == value]
-    if table.empty:
+    rows = rows_of(table, **where)
+    if rows.empty:
         raise IndexError(", ".join(f"a row with {column} {value}" for column, value in where.items()))
-    return table.iloc[0]
+    return rows.iloc[0]
+
+
+def told(value: float, std: float, of: float, words: tuple[str, str, str]) -> str:
+    """The word for an estimate with a normal error below, not told apart from, or above the value `of`."""
+    return side(*ends(value, std), of, words)
 
 
 def compared(row: Row, other: Row, words: tuple[str, str, str] = THAN) -> str:
@@ -44,7 +55,7 @@ def lies(row: Row, of: float, words: tuple[str, str, str] = ABOUT) -> str:
 
 def difference(a: Row, b: Row, words: tuple[str, str, str], column: str = "value") -> str:
     """The word for a − b below, not told apart from, or above zero; both have a `std` and are assumed independent."""
-    return side(*ends(a[column] - b[column], (a["std"] ** 2 + b["std"] ** 2) ** 0.5), 0.0, words)
+    return told(a[column] - b[column], (a["std"] ** 2 + b["std"] ** 2) ** 0.5, 0.0, words)
 
 
 def value(row: Row, column: str = "value", unit: str = "") -> str:

@@ -49,7 +49,7 @@ def _right(row: Row) -> str:
     return f"{share(row, 'measured')} of {counted(row['n'], 'dataset')}"
 
 
-def claims(table: DataFrame) -> str:
+def counted_claims(table: DataFrame) -> str:
     """Claims by status, and how many of those compared each chapter reproduces."""
     number = {status: int((table["status"] == status).sum()) for status in (REPRODUCED, DEVIATES, *OTHERS)}
     compared = table[table["status"].isin([REPRODUCED, DEVIATES])]
