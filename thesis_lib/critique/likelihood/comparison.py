@@ -119,7 +119,7 @@ class Comparison:
         if not o.span.any():
             return self._of_single()
         whole = Noisy(*(np.zeros((len(o), 7) + (7,) * k) for k in (0, 1, 0)))
-        for rows, part in ((o.span == 0.0, Comparison._of_single), (o.span > 0.0, Comparison._of_episodes)):
+        for rows, part in ((o.span == 0.0, Comparison._of_single), (o.span != 0.0, Comparison._of_episodes)):
             if rows.any():
                 found = part(self.on(o.rows(np.flatnonzero(rows))))
                 whole.value[rows], whole.noise[rows], whole.by_instant[rows] = (
