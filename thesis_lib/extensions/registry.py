@@ -52,15 +52,6 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Addition:
-    """An effect or a law that is not the library's."""
-
-    kind: Kind
-    name: str
-    origin: Origin
-
-
-@dataclass(frozen=True)
 class Loaded:
     """What a file or a package holds."""
 
@@ -69,28 +60,27 @@ class Loaded:
     laws: tuple[Law, ...]
 
 
-_ADDED: dict[tuple[str, str], Addition] = {}  # by kind and name, in the order in which they were added
+_ADDED: dict[tuple[Kind, str], Origin] = {}  # by kind and name, in the order in which they were added
 
 
-def additions() -> list[Addition]:
-    """All that were added to the library, effects first, in the order of their names."""
-    return [_ADDED[key] for key in sorted(_ADDED)]
+def additions() -> dict[tuple[Kind, str], Origin]:
+    """Where all that was added to the library comes from, by kind and name: effects first, in the order of names."""
+    return {key: _ADDED[key] for key in sorted(_ADDED)}
 
 
 def contents() -> list[dict[str, str]]:
     """`additions` for JSON."""
-    return [{"kind": one.kind, "name": one.name} | one.origin.content() for one in additions()]
+    return [{"kind": kind, "name": name} | origin.content() for (kind, name), origin in additions().items()]
 
 
 def added_laws() -> tuple[str, ...]:
     """Names of the laws that were added, which the critique tries beside those of the library."""
-    return tuple(one.name for one in additions() if one.kind == "law")
+    return tuple(name for kind, name in additions() if kind == "law")
 
 
 def origin_of(kind: Kind, name: str) -> Origin | None:
     """Where an effect or a law comes from; None for those of the library, and for unknown ones."""
-    found = _ADDED.get((kind, name))
-    return found.origin if found else None
+    return _ADDED.get((kind, name))
 
 
 def add(loaded: Loaded) -> None:
@@ -99,20 +89,18 @@ def add(loaded: Loaded) -> None:
     Raises:
         UserError: a name or title that cannot be used, or is taken; then none of them joins.
     """
-    origin = loaded.origin
     _require_free(loaded)
-    for (kind, name), one in list(_ADDED.items()):
-        if _same_place(one.origin, origin):
+    for (kind, name), origin in list(_ADDED.items()):
+        if _same_place(origin, loaded.origin):
             del _ADDED[kind, name]
             (EFFECTS if kind == "effect" else LAWS).pop(name, None)
-    EFFECTS.update({effect.name: effect for effect in loaded.effects})
+    _ADDED.update({("effect", effect.name): loaded.origin for effect in loaded.effects})
+    _ADDED.update({("law", law.name): loaded.origin for law in loaded.laws})
     LAWS.update({law.name: law for law in loaded.laws})
-    _ADDED.update({("effect", effect.name): Addition("effect", effect.name, origin) for effect in loaded.effects})
-    _ADDED.update({("law", law.name): Addition("law", law.name, origin) for law in loaded.laws})
     # in the order of the library, families first
-    ordered = sorted(EFFECTS.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0]))
+    everything = EFFECTS | {effect.name: effect for effect in loaded.effects}
     EFFECTS.clear()
-    EFFECTS.update(ordered)
+    EFFECTS.update(sorted(everything.items(), key=lambda item: (FAMILIES.index(item[1].family), item[0])))
 
 
 def _same_place(one: Origin, other: Origin) -> bool:

@@ -220,11 +220,8 @@ def _strip_docstring(node: ast.AST) -> None:
 
 def file_sha256(path: str | Path) -> str:
     """SHA-256 of a file as hex digits."""
-    digest = hashlib.sha256()
     with Path(path).open("rb") as stream:
-        while block := stream.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def folder_sha256(folder: str | Path) -> str:

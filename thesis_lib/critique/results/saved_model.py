@@ -202,7 +202,7 @@ def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping]
     effects = [effect.name for effect in fitted.model.effects]
     law = fitted.model.law.name
     of = {"law": [law], "effect": effects}
-    origins = {one.name: one.origin.content() for one in additions() if one.name in of[one.kind]}
+    origins = {name: origin.content() for (kind, name), origin in additions().items() if name in of[kind]}
     model = {"schema": 1, "dataset": dataset, "law": law, "effects": effects, "origins": origins}
     rounded = six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
     # values of the user are not rounded

@@ -86,14 +86,15 @@ def gap_line(shape: Shape, q: np.ndarray) -> GapLine | None:
         if not np.ptp(x) > 0.0:
             return None
         line = _fitted(x, y, 1)
-        angle = float(np.arctan(line.slope))
+        angle = float(np.arctan(line.c[1]))
     assert line is not None
     bent = _fitted(x, y, 2)
     if bent.clear and bent.rest < 0.6 * line.rest and bent.spread > MATTERS * bent.rest:
-        return GapLine(0.0, 2.0 * bent.slope, (bent.middle, bent.level), bent.share, bent.tangent)
+        level, tangent, half = map(float, bent.c)
+        return GapLine(0.0, 2.0 * half, (bent.middle, level), bent.share, tangent)
     if line.clear and line.spread > MATTERS * line.rest:
         middle = float(np.mean(x))
-        return GapLine(angle, 0.0, (middle, line.level + line.slope * (middle - line.middle)), line.share)
+        return GapLine(angle, 0.0, (middle, float(line.c[0] + line.c[1] * (middle - line.middle))), line.share)
     return None
 
 
@@ -125,21 +126,6 @@ class _Curve:
     spread: float
     rest: float
     share: float
-
-    @property
-    def slope(self) -> float:
-        """The last coefficient."""
-        return float(self.c[-1])
-
-    @property
-    def level(self) -> float:
-        """Value in the middle of x."""
-        return float(self.c[0])
-
-    @property
-    def tangent(self) -> float:
-        """Slope in the middle of x."""
-        return float(self.c[1])
 
     def at(self, x: np.ndarray) -> np.ndarray:
         """Values (n,) at x (n,)."""

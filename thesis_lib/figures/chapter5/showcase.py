@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.figures.chapter5.model import abstraction_style
-from thesis_lib.figures.marks import BLUE, RED, arrow, unit
+from thesis_lib.figures.marks import BLUE, RED, arrow, turned, unit
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.jenga.robot.samples import RADIUS_OF_GYRATION
 
@@ -49,10 +49,7 @@ def figure_5_8(showcase: pd.DataFrame) -> Drawn:
     figure.align_ylabels(axes[:, 0])
     axes[0, 0].plot([], [], ".", color=INK, label="read")
     axes[2, 0].plot([], [], "o", color="white", markeredgecolor=INK, markersize=3.5, label="NUTS (line: filter)")
-    shown = {}
-    for ax in axes.ravel():
-        for handle, label in zip(*ax.get_legend_handles_labels()):
-            shown.setdefault(label, handle)
+    shown = {label: handle for ax in axes.ravel() for handle, label in zip(*ax.get_legend_handles_labels())}
     figure.legend(shown.values(), shown.keys(), loc="outside upper left", ncols=min(4, len(shown)))
     columns = ["case", "step", "abstraction", "belief", "belief_nuts", "f_n", "x", "f_n_pred", "x_pred"]
     return figure, showcase[columns].reset_index(drop=True)
@@ -101,11 +98,7 @@ def figure_5_9(steering: pd.DataFrame, exaggeration: float = 3.0) -> Drawn:
 def outline_from_above(x: float, y: float, angle: float) -> np.ndarray:
     """Closed corners (5, 2) in mm, along and across the push, of a block at x, y (mm) turned by `angle` (rad)."""
     corners = 0.5 * np.array([[-LENGTH, -WIDE], [LENGTH, -WIDE], [LENGTH, WIDE], [-LENGTH, WIDE], [-LENGTH, -WIDE]])
-    return corners @ _turn(angle).T + [x, y]
-
-
-def _turn(angle: float) -> np.ndarray:
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turned(corners, angle) + [x, y]
 
 
 def _from_above(ax: Axes, row: tuple, factor: float) -> np.ndarray:
@@ -117,9 +110,9 @@ def _from_above(ax: Axes, row: tuple, factor: float) -> np.ndarray:
     ax.fill(outline[:, 1], outline[:, 0], facecolor="#EAD7BD", edgecolor=INK, linewidth=0.9, alpha=0.9)
     ax.axvline(0.0, color=GREY, linewidth=0.8, linestyle=(0, (4, 2)))
     centre = np.array([row.x, factor * row.y])
-    nose = centre + _turn(angle) @ [0.5 * LENGTH, 0.0]
+    nose = centre + turned([0.5 * LENGTH, 0.0], angle)
     ax.plot([centre[1], nose[1]], [centre[0], nose[0]], color=INK, linewidth=0.6)
-    contact = centre + _turn(angle) @ [-0.5 * LENGTH, row.offset]
+    contact = centre + turned([-0.5 * LENGTH, row.offset], angle)
     tail = contact - ARROW * unit(factor * row.heading)
     arrow(ax, tail[::-1], contact[::-1], RED, linewidth=1.4, mutation_scale=8)
     ax.plot(contact[1], contact[0], "o", color=RED, markersize=3)
