@@ -10,7 +10,7 @@ from small_critique import drops, small_critique
 from thesis_lib.contact.space import contact_space, measured_impulse, velocity_change
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.results import numbers
-from thesis_lib.critique.results.residual_numbers import energy_disc
+from thesis_lib.critique.results.numbers import energy_disc
 from thesis_lib.critique.results.titles import handy_unit
 from thesis_lib.figures.critique import residuals
 from thesis_lib.figures.critique.data import trials_to_show

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from thesis_lib.critique.engines.words import bounded_text, model_sentences, row_title
+from thesis_lib.critique.engines.compare import bounded_text, model_sentences, row_title
 from thesis_lib.critique.results.titles import counted_from, origin_text
 from thesis_lib.statistics.wording import bounded
 

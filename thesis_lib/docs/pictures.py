@@ -17,7 +17,7 @@ from thesis_lib.docs.effects import sizes_text
 from thesis_lib.docs.laws import published_twin
 from thesis_lib.docs.signatures import signature
 from thesis_lib.effects import EFFECTS, Effect
-from thesis_lib.figures.proof.next_drops import draw_next_drops
+from thesis_lib.figures.proof.curves import draw_next_drops
 from thesis_lib.figures.style import GREY, INK, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.files import atomic, write_table
 

@@ -25,8 +25,8 @@ from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.critique.results.saved_model import load_model, saved
 from thesis_lib.critique.results.tables import comparison
 from thesis_lib.figures.critique.errors import draw_parameters
-from thesis_lib.figures.critique.models import draw_models
-from thesis_lib.report.critique.models import models
+from thesis_lib.figures.critique.pictures import draw_models
+from thesis_lib.report.critique.tables import models
 
 MU, EPSILON = 0.3, 0.6
 NEAR = 0.05  # of the largest ratio of impulses: the bound lies two standard errors of one impact below it

@@ -29,9 +29,8 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.engines import compare
-from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_models, read_models
+from thesis_lib.critique.engines.compare import COLUMNS, WITH, WITHOUT, compare_models, model_sentences, read_models
 from thesis_lib.critique.engines.fit import fit_engine
-from thesis_lib.critique.engines.words import model_sentences
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
@@ -40,11 +39,11 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.engines.bullet_engine import PACKAGE
 from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
-from thesis_lib.figures.critique.models import draw_models
+from thesis_lib.figures.critique.pictures import draw_models
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
-from thesis_lib.report.critique.models import models as page_of_models
+from thesis_lib.report.critique.tables import models as page_of_models
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.drake.drops import DropsInDrake
 from thesis_lib.simulate.mujoco.causes import MujocoCauses

@@ -9,9 +9,8 @@ from round_trip import BODIES, LEAD, MASS, TRUE, by_drake, by_mujoco, errors, mo
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Polygon
-from thesis_lib.critique.export.effects import FORMATS
 from thesis_lib.critique.export.export import exported
-from thesis_lib.critique.export.solid import solid
+from thesis_lib.critique.export.solid import FORMATS, solid
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 

@@ -13,8 +13,8 @@ from thesis_lib.critique.mechanisms.effects import CANDIDATES, GRAVITY, PAYLOAD,
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import EquationWindowSettings, HiddenStudy, MechanismSettings
+from thesis_lib.critique.mechanisms.steps import measured
 from thesis_lib.critique.mechanisms.study import believed, exact_form, hidden_effect_study, is_right, true_sizes
-from thesis_lib.critique.mechanisms.trials import measured
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, MechanismWorld, fit_effects
 from thesis_lib.critique.selection.scan import scan

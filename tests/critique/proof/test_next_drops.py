@@ -20,7 +20,7 @@ from thesis_lib.critique.proof.next_drops import (
     saved,
     table_of,
 )
-from thesis_lib.figures.proof.next_drops import draw_next_drops
+from thesis_lib.figures.proof.curves import draw_next_drops
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.report.critique.tables import states_table

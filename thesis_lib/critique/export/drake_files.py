@@ -12,8 +12,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.bodies.shapes import Disk, Ellipse
 from thesis_lib.critique.export.patch import Element
-from thesis_lib.critique.export.solid import ExportedBody
-from thesis_lib.critique.export.text import comment, n, story
+from thesis_lib.critique.export.solid import ExportedBody, comment, n, story
 from thesis_lib.engines.parameters import DrakeNumbers, drake_numbers
 from thesis_lib.simulate.compliant.forces import rounded_centres
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED

@@ -8,10 +8,8 @@ from pathlib import Path
 
 from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjcf
-from thesis_lib.critique.export.effects import FORMATS
 from thesis_lib.critique.export.patch import BodyAxes, Patch
-from thesis_lib.critique.export.solid import solid
-from thesis_lib.critique.export.text import only_bounds
+from thesis_lib.critique.export.solid import FORMATS, only_bounds, solid
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import atomic

@@ -9,8 +9,7 @@ numbers do not mix in.
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Ellipse
-from thesis_lib.critique.export.solid import ExportedBody
-from thesis_lib.critique.export.text import comment, n, story
+from thesis_lib.critique.export.solid import ExportedBody, comment, n, story
 from thesis_lib.engines.parameters import MujocoNumbers, mujoco_numbers
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.forces import rounded_centres

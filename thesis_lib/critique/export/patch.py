@@ -17,8 +17,7 @@ from typing import TypeAlias
 import numpy as np
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from thesis_lib.critique.export.solid import ExportedBody
-from thesis_lib.critique.export.text import n
+from thesis_lib.critique.export.solid import ExportedBody, n
 from thesis_lib.foundation.command_line import near
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import read_bytes

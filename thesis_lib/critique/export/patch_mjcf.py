@@ -9,8 +9,7 @@ import numpy as np
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.export import mjcf
 from thesis_lib.critique.export.patch import Element, Patch, not_patched
-from thesis_lib.critique.export.solid import ExportedBody
-from thesis_lib.critique.export.text import n
+from thesis_lib.critique.export.solid import ExportedBody, n
 from thesis_lib.engines.parameters import MujocoNumbers
 from thesis_lib.foundation.errors import UserError
 

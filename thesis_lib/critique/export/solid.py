@@ -11,8 +11,13 @@ and depth, all scaled by one factor so that the moment about y is right; so they
 | I        | `inertia`        | kg m² | (3, 3) | about the centre of mass, in the axes of the body            |
 | T        | `contact_time`   | s     |        | of a central contact                                         |
 | φ, H     | `tilt`, `height` | rad, m |       | of the surface; its normal is (sin φ, 0, cos φ)              |
+
+Which effect of a model an engine's file can hold, how, and why not the others; and the comments of the file: where each
+number comes from, and what the file could not hold.
 """
 
+import textwrap
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,9 +26,77 @@ from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
 from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.compliant.normal_force import HuntCrossley
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, DAMPING_RATIO, IMPEDANCE, duration
-from thesis_lib.critique.export.effects import reason, written
-from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter
+from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.terminal import visible
+from thesis_lib.statistics.wording import bounded
+
+FORMATS = ("mjcf", "sdf", "urdf")
+GEOMETRY = "geometry of the body"
+# what every format holds
+_EVERYWHERE = {
+    "com_offset": "centre of mass of the inertia",
+    "wrong_inertia": "inertia",
+    "wrong_size": GEOMETRY,
+    "rounded_corners": "round collision geometry at the corners",
+    "surface_height": "height of the surface",
+    "surface_tilt": "tilt of the surface",
+    "wrong_gravity": "gravity",
+}
+_NOT_IN = {("urdf", "wrong_gravity"): "URDF has no gravity: set it where you load the file"}
+_DRAG = "no element of the format damps a free body with one number for its way and another for its spin"
+_AIR = {
+    "mjcf": "MuJoCo's forces of a fluid act on an ellipsoid around the body with five coefficients; not written",
+    "sdf": "SDF and Drake have no air",
+    "urdf": "URDF and Drake have no air",
+}
+_RESTITUTION = "the format has one restitution for a pair of bodies, by stiffness and damping"
+_FRICTION = "the format has one coefficient of friction for a pair of bodies, at all places and speeds"
+_TIME = "the format has one stiffness for a pair of bodies"
+_WHY = {
+    "adhesion": "contacts of the engine push and never pull",
+    "anisotropic_friction": "friction may differ between two axes in the format, not between left and right on one",
+    "contact_torque": "rolling friction of the engine takes its couple from the cone of its friction, or is absent",
+    "tangential_compliance": "the engine's contact has no spring along the surface",
+    "tangential_restitution": "the engine's friction ends slip and returns none",
+    "contact_point_offset": "the engine finds the contact point from the geometry",
+    "soft_body": "a point contact acts at the surface of one geometry; a soft solid is hydroelastic, not written here",
+    "moving_surface": "a velocity is a state, not a property of a model: give the surface its velocity when you run it",
+    "linear_drag": _DRAG,
+    "wear": "a file says what is, not how it changes from drop to drop",
+    **dict.fromkeys(
+        ("orientation_dependent_restitution", "position_dependent_restitution", "velocity_dependent_restitution"),
+        _RESTITUTION,
+    ),
+    **dict.fromkeys(("position_dependent_friction", "velocity_dependent_friction"), _FRICTION),
+    **dict.fromkeys(
+        (*("orientation_dependent_contact_time", "position_dependent_contact_time"), "velocity_dependent_contact_time"),
+        _TIME,
+    ),
+    "surface_patch": "one surface has one friction and one restitution: add a geometry for the patch by hand",
+}
+_CAMERA = "a fault of the camera, not of body or surface: correct the recorded states before you compare"
+
+
+def written(name: str, target: str) -> str:
+    """Where the file of a format holds an effect; "" if it cannot."""
+    if (target, name) == ("sdf", "wrong_gravity"):
+        return "gravity of the world, which Drake ignores: set it in the plant"
+    return "" if (target, name) in _NOT_IN else _EVERYWHERE.get(name, "")
+
+
+def reason(name: str, target: str) -> str:
+    """Why the file of a format cannot hold an effect."""
+    effect = EFFECTS[name]
+    if effect.family == "measurement":
+        return _CAMERA
+    if (target, name) in _NOT_IN:
+        return _NOT_IN[target, name]
+    if name in ("quadratic_drag", "magnus"):
+        return _AIR[target]
+    return _WHY.get(name, f"the format has no element for {effect.equation}")
+
 
 NO_MASS = 1.0  # kg, of a model whose mass nobody gave
 NO_TIME = 1e-3  # s, of a contact whose time no trajectory shows
@@ -190,3 +263,74 @@ def _second_moments(shape: Shape, depth: float) -> np.ndarray:
         plane += part * (np.outer(one, one) + np.outer(two, two) + np.outer(both, both)) / 12.0
     S[np.ix_([0, 2], [0, 2])] = plane / area
     return S
+
+
+WIDTH = 110  # characters of a comment's line
+
+
+def n(*values: float | np.ndarray) -> str:
+    """Numbers as they stand in a file: nine digits, no negative zero."""
+    flat = np.concatenate([np.ravel(value) for value in values])
+    return " ".join(f"{value + 0.0:.9g}" for value in np.where(np.abs(flat) < 1e-15, 0.0, flat))
+
+
+def comment(lines: Iterable[str], indent: str = "") -> str:
+    """An XML comment; what would end it early is broken up, what does not print is escaped."""
+    safe = [" ".join(visible(line).split("\n")).replace("--", "- -").rstrip("-") for line in lines]
+    wrapped = [part for line in safe for part in textwrap.wrap(line, WIDTH, subsequent_indent="    ") or [""]]
+    return "\n".join([f"{indent}<!--", *(f"{indent}  {line}".rstrip() for line in wrapped), f"{indent}-->"])
+
+
+def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
+    """Where the numbers come from, what was left out; `engine` says how the contact's numbers are made."""
+    return [*provenance(solid), *engine, "", *said_of_effects(solid)]
+
+
+def only_bounds(model: SavedModel) -> list[str]:
+    """What the drops give only a bound of, and what was written in its place."""
+    return [
+        f"{name}: {bounded(p.model_dump())}; {model.values[name]:g} is used"
+        for name, p in model.parameters.items()
+        if p.bound is not None
+    ]
+
+
+def _sized(p: SavedParameter) -> str:
+    if p.bound is not None:
+        return bounded(p.model_dump(), "" if p.unit == "1" else p.unit)
+    return f"= {p.value:g}" + ("" if p.std is None else f" +/- {p.std:g}") + ("" if p.unit == "1" else f" {p.unit}")
+
+
+def provenance(solid: ExportedBody) -> list[str]:
+    """Where each number comes from."""
+    m = solid.model
+    fitted = ", ".join(f"{name} {_sized(p)}" for name, p in m.parameters.items())
+    mass = "as given" if solid.mass_known else f"{NO_MASS:g} kg, as no mass was given"
+    time = "from the fitted tau" if solid.time_known else f"{NO_TIME:g} s, as impacts alone show none"
+    when = "at any speed" if solid.speed is None else f"at {solid.speed:g} m/s"
+    return [
+        f"Written by python -m thesis_lib export from a model of {m.dataset or 'drops'}: {m.law.replace('_', ' ')}"
+        + (f" with {', '.join(m.effects)}" if m.effects else ""),
+        f"fitted: {fitted}",
+        "",
+        "axes: the plane of the drops is x-z; theta turns about -y; units m, kg, s, rad",
+        "origin of the body: the believed centre of mass, as in the dataset",
+        f"shape: as in dataset.yaml{' times 1 + wrong_size.s' if 'wrong_size' in m.effects else ''}",
+        f"depth along y: {solid.depth:g} m, stated, not measured",
+        f"mass: {mass}",
+        f"inertia: about y m k^2 with k = {solid.k_g:.6g} m"
+        + (" (fitted)" if "wrong_inertia" in m.effects else " (as in dataset.yaml)")
+        + "; the others as of a uniform solid, scaled alike",
+        f"centre of mass: {'fitted (com_offset)' if 'com_offset' in m.effects else 'as believed'}",
+        f"friction: mu = {solid.mu:g}, fitted",
+        f"restitution: {solid.epsilon:g}, fitted, of a central impact {when}",
+        f"contact time: {solid.contact_time:.6g} s, {time}",
+        f"surface: height {solid.height:g} m, tilt {solid.tilt:g} rad; gravity {solid.gravity:g} m/s^2",
+    ]
+
+
+def said_of_effects(solid: ExportedBody) -> list[str]:
+    """The effects that the file holds, and those that it cannot."""
+    held = [f"  {name}: {where}" for name, where in solid.expressed] or ["  (none)"]
+    left = [f"  {name}: {why}" for name, why in solid.left_out] or ["  (nothing)"]
+    return ["effects in this file:", *held, "could not be expressed:", *left]

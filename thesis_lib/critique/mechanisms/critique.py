@@ -25,7 +25,7 @@ from thesis_lib.critique.mechanisms.effects import CANDIDATES, MechanismEffect
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, BelievedWheel
 from thesis_lib.critique.mechanisms.sensors import aligned, camera_delay, sensor_errors
 from thesis_lib.critique.mechanisms.settings import MechanismSettings
-from thesis_lib.critique.mechanisms.trials import Trial
+from thesis_lib.critique.mechanisms.steps import Trial
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, ForceJudgement, MechanismWorld, sensor_excess
 from thesis_lib.critique.selection.discovery import Discovery, Step, judge_held_out, paired_gain

@@ -54,6 +54,9 @@ class MotionSteps:
         return self.kept[name, model]
 
 
+Force = Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]
+
+
 @dataclass(frozen=True)
 class MechanismEffect:
     """One candidate effect.
@@ -70,33 +73,26 @@ class MechanismEffect:
     family: str
     title: str
     equation: str
-    force: Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]
+    force: Force
     parameters: tuple[Parameter, ...]
     needs_normal: bool = False
     prior: tuple[float, ...] = ()
 
 
-def _parameters(unit: str, scale: float, *names: str) -> tuple[Parameter, ...]:
+def parameters(unit: str, scale: float, *names: str) -> tuple[Parameter, ...]:
+    """Parameters that are 0 without the effect and have no bounds."""
     return tuple(Parameter(name, unit, null=0.0, low=-np.inf, high=np.inf, scale=scale) for name in names)
 
 
-def _at_joints(model: BelievedModel, motion: MotionSteps, of_speed: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Q of forces at the driven joints, from their speeds."""
-    Q = np.zeros_like(motion.v)
-    Q[:, : model.joints] = of_speed(motion.v[:, : model.joints])
-    return Q
+def at_joints(of_joints: Callable[[np.ndarray, MotionSteps, int], np.ndarray]) -> Force:
+    """Force at the driven joints, from the parameters, the motion, and the number of joints."""
 
+    def force(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
+        Q = np.zeros_like(motion.v)
+        Q[:, : model.joints] = of_joints(p, motion, model.joints)
+        return Q
 
-def _viscous(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    return _at_joints(model, motion, lambda speed: -p * speed)
-
-
-def _coulomb(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    return _at_joints(model, motion, lambda speed: -p * np.tanh(speed / SMOOTH_JOINT))
-
-
-def _torque_offset(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    return _at_joints(model, motion, lambda speed: np.broadcast_to(p, speed.shape))
+    return force
 
 
 def _gravity(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
@@ -117,54 +113,58 @@ def _payload(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.nda
     return -p * of_unit
 
 
-def _rolling(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
+def _on_roller(of_spin: Callable[[BelievedModel, MotionSteps, np.ndarray], np.ndarray]) -> Force:
+    """Moment on the body that rolls, from its spin."""
+
+    def force(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
+        Q = np.zeros_like(motion.v)
+        Q[:, -1] = -p * of_spin(model, motion, motion.v[:, -1])
+        return Q
+
+    return force
+
+
+def _resisted(model: BelievedModel, motion: MotionSteps, spin: np.ndarray) -> np.ndarray:
     radius, pairs = model.roller
-    normal = motion.c_n[:, list(pairs)].sum(axis=1)
-    Q = np.zeros_like(motion.v)
-    Q[:, -1] = -p * radius * normal * np.tanh(motion.v[:, -1] / SMOOTH_ROLLING)
-    return Q
+    return radius * motion.c_n[:, list(pairs)].sum(axis=1) * np.tanh(spin / SMOOTH_ROLLING)
 
 
-def _rotation(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    Q = np.zeros_like(motion.v)
-    Q[:, -1] = -p * motion.v[:, -1]
-    return Q
-
-
+OFFSET = at_joints(lambda p, motion, n: p)
 GRAVITY = MechanismEffect(
     *("gravity_direction", "surface", "gravity in another direction than believed", "g → R(α) g"),
-    *(_gravity, _parameters("rad", 0.01, "alpha")),
+    *(_gravity, parameters("rad", 0.01, "alpha")),
 )
 PAYLOAD = MechanismEffect(
     *("payload", "inertia", "a payload that the model lacks", "π → π + m_p π_1"),
-    *(_payload, _parameters("kg", 0.01, "m_p")),
+    *(_payload, parameters("kg", 0.01, "m_p")),
 )
 ROLLING = MechanismEffect(
     *("rolling_resistance", "contact_law", "rolling resistance", "Q_θ = −c_rr ρ N sign(ω)"),
-    *(_rolling, _parameters("1", 0.01, "c_rr")),
+    *(_on_roller(_resisted), parameters("1", 0.01, "c_rr")),
     needs_normal=True,
 )
 CANDIDATES: dict[MechanismKind, tuple[MechanismEffect, ...]] = {
     "arm": (
         MechanismEffect(
             *("viscous_joint_friction", "joint", "viscous friction of the joints", "Q_i = −b_i q̇_i"),
-            *(_viscous, _parameters("N m s", 0.05, "b_1", "b_2")),
+            *(at_joints(lambda p, motion, n: -p * motion.v[:, :n]), parameters("N m s", 0.05, "b_1", "b_2")),
         ),
         MechanismEffect(
             *("coulomb_joint_friction", "joint", "Coulomb friction of the joints", "Q_i = −f_i sign(q̇_i)"),
-            *(_coulomb, _parameters("N m", 0.05, "f_1", "f_2")),
+            at_joints(lambda p, motion, n: -p * np.tanh(motion.v[:, :n] / SMOOTH_JOINT)),
+            parameters("N m", 0.05, "f_1", "f_2"),
         ),
         *(GRAVITY, PAYLOAD, ROLLING),
         MechanismEffect(
             *("torque_offset", "measurement", "an offset of the torque sensors", "Q_i = o_i"),
-            *(_torque_offset, _parameters("N m", 0.05, "o_1", "o_2")),
+            *(OFFSET, parameters("N m", 0.05, "o_1", "o_2")),
         ),
     ),
     "wheel": (
         *(GRAVITY, PAYLOAD, ROLLING),
         MechanismEffect(
             *("viscous_rotation", "joint", "a moment against rotation, proportional to it", "Q_θ = −b ω"),
-            *(_rotation, _parameters("N m s", 0.05, "b")),
+            *(_on_roller(lambda model, motion, spin: spin), parameters("N m s", 0.05, "b")),
         ),
     ),
 }

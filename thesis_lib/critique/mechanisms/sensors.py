@@ -21,12 +21,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.critique.mechanisms.effects import MechanismEffect, MotionSteps
+from thesis_lib.critique.mechanisms.effects import OFFSET, MechanismEffect, MotionSteps, at_joints, parameters
 from thesis_lib.critique.mechanisms.model import BelievedModel
-from thesis_lib.critique.mechanisms.steps import interpolation
-from thesis_lib.critique.mechanisms.trials import Trial
+from thesis_lib.critique.mechanisms.steps import Trial, interpolation
 from thesis_lib.datasets.recordings.header import Sampling
-from thesis_lib.effects.effect import Parameter
 
 HARMONICS = 32  # a turn; a window of 0.2 s at 1 rad/s spans a thirtieth of one
 OUTLIER = 2e-3  # m, beyond the noise of a gap
@@ -37,46 +35,40 @@ def sensor_errors(sampling: Sampling, joints: int) -> tuple[MechanismEffect, ...
     """Errors of the torques of a mechanism with `joints` driven joints, with their priors."""
     if not joints:
         return ()
-    errors = []
-    if sampling.delay:
-        d = (Parameter("d", "s", null=0.0, low=-np.inf, high=np.inf, scale=1e-3),)
-        what = ("sensor_delay", "measurement", "joints that are read late", "Q_i = −d τ̇_i")
-        errors.append(MechanismEffect(*what, _delay, d, prior=(sampling.delay,)))
-    if sampling.torque_offset:
-        names = [f"o_{i + 1}" for i in range(joints)]
-        what = ("sensor_offset", "measurement", "offsets of the torques", "Q_i = o_i")
-        errors.append(MechanismEffect(*what, _offset, _of("N m", names), prior=(sampling.torque_offset,) * joints))
-    if sampling.torque_ripple:
-        names = [f"{ab}_{i + 1}_{n}" for i in range(joints) for ab in "ab" for n in range(1, HARMONICS + 1)]
-        prior = (sampling.torque_ripple / np.sqrt(HARMONICS),) * len(names)
-        what = ("sensor_ripple", "measurement", "ripple of the torques", "Q_i = τ_i ρ(q_i)")
-        errors.append(MechanismEffect(*what, _ripple, _of("1", names), prior=prior))
-    return tuple(errors)
+    each = range(1, joints + 1)
+    of = {
+        "sensor_delay": ("joints that are read late", "Q_i = −d τ̇_i", _delay, parameters("s", 1e-3, "d")),
+        "sensor_offset": (
+            *("offsets of the torques", "Q_i = o_i", OFFSET),
+            parameters("N m", 0.01, *(f"o_{i}" for i in each)),
+        ),
+        "sensor_ripple": (
+            *("ripple of the torques", "Q_i = τ_i ρ(q_i)", _ripple),
+            parameters("1", 0.01, *(f"{ab}_{i}_{n}" for i in each for ab in "ab" for n in range(1, HARMONICS + 1))),
+        ),
+    }
+    stated = (sampling.delay, sampling.torque_offset, sampling.torque_ripple / np.sqrt(HARMONICS))
+    return tuple(
+        MechanismEffect(name, "measurement", *what, prior=(sigma,) * len(what[-1]))
+        for (name, what), sigma in zip(of.items(), stated)
+        if sigma
+    )
 
 
-def _of(unit: str, names: Sequence[str]) -> tuple[Parameter, ...]:
-    return tuple(Parameter(name, unit, null=0.0, low=-np.inf, high=np.inf, scale=0.01) for name in names)
+def _of_joints(samples: np.ndarray | None, joints: int) -> np.ndarray:
+    assert samples is not None
+    return samples[:, :joints]
 
 
-def _delay(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    assert motion.df is not None
-    return -p[0] * motion.df
+_delay = at_joints(lambda p, motion, n: -p[0] * _of_joints(motion.df, n))
 
 
-def _offset(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    Q = np.zeros_like(motion.v)
-    Q[:, : model.joints] = p
-    return Q
-
-
-def _ripple(model: BelievedModel, motion: MotionSteps, p: np.ndarray) -> np.ndarray:
-    Q = np.zeros_like(motion.v)
-    angles = np.arange(1, HARMONICS + 1) * motion.q[:, : model.joints, None]
+@at_joints
+def _ripple(p: np.ndarray, motion: MotionSteps, joints: int) -> np.ndarray:
+    angles = np.arange(1, HARMONICS + 1) * motion.q[:, :joints, None]
     waves = np.concatenate([np.cos(angles), np.sin(angles)], axis=2)
-    share = np.einsum("kjh,jh->kj", waves, np.reshape(p, (model.joints, -1)))
-    assert motion.f is not None
-    Q[:, : model.joints] = motion.f[:, : model.joints] * share
-    return Q
+    share = np.einsum("kjh,jh->kj", waves, np.reshape(p, (joints, -1)))
+    return _of_joints(motion.f, joints) * share
 
 
 def camera_delay(trials: Sequence[Trial], model: BelievedModel, delay: float) -> float:
@@ -130,16 +122,7 @@ def aligned(trials: Sequence[Trial], model: BelievedModel, late: float) -> list[
         q[:, model.joints :] = W @ q[:, model.joints :]
         first, last = max(0, int(np.ceil(-shift))), m - max(0, int(np.ceil(shift)))
         # joints keep their samples; `mixed` maps all samples of a trial to those that are left
-        out.append(
-            replace(t, q=q, mixed=dict.fromkeys(bodies, W))
-            if first == 0 and last == m
-            else _cut(replace(t, q=q, mixed=dict.fromkeys(bodies, W)), first, last)
-        )
+        kept = slice(first, last)
+        mixed = dict.fromkeys(bodies, W[kept, kept])
+        out.append(replace(t, q=q[kept], v=t.v[kept], f_ext=t.f_ext[first : last - 1], mixed=mixed))
     return out
-
-
-def _cut(t: Trial, first: int, last: int) -> Trial:
-    """Samples first..last-1 of a trial."""
-    kept = slice(first, last)
-    mixed = {channel: W[kept, kept] for channel, W in t.mixed.items()}
-    return replace(t, q=t.q[kept], v=t.v[kept], f_ext=t.f_ext[first : last - 1], mixed=mixed)

@@ -1,4 +1,4 @@
-"""From samples to steps: state, acceleration and known force of each step, as sums of neighbouring samples.
+"""Measured trials, and the state, acceleration and known force of each step as sums of neighbouring samples.
 
 A step needs q, v, v̇ and the known force f at one instant.  How they follow from samples depends on where velocities
 come from (`sampling` of recording.yaml):
@@ -23,15 +23,40 @@ Sources: A. Savitzky, M. J. E. Golay, Anal. Chem. 36 (1964), doi 10.1021/ac60214
 Multiscale Model. Simul. 19 (2021), doi 10.1137/20M1343166 (test functions).
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+
+from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
+from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 Velocities = Literal["measured", "derived", "time_stepping"]
 Stencil = tuple[tuple[str, int, float], ...]  # ("q" or "v", sample relative to k, weight)
 _HALF = 3  # samples of the parabola on each side
 _PARABOLA = (-2.0, 3.0, 6.0, 7.0, 6.0, 3.0, -2.0)  # over 21: value in the middle
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Measured motion: q, v (m+1, nv), f_ext (m, nv), and the noise `sigma` (2, nv) of q and v.
+
+    Attributes:
+        velocities: where v comes from, see the head of this module.
+        jitter: s, one sigma of the instant of a sample.
+        mixed: by coordinate, (m+1, m+1) weights with which q was interpolated from noisy samples.
+    """
+
+    h: float
+    q: np.ndarray
+    v: np.ndarray
+    f_ext: np.ndarray
+    sigma: np.ndarray
+    velocities: Velocities = "time_stepping"
+    jitter: float = 0.0
+    mixed: Mapping[int, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -116,3 +141,18 @@ def interpolation(m: int, shift: float) -> np.ndarray:
         others = [j for j in range(4) if j != i]
         W[np.arange(m), first + i] = np.prod([(x - j) / (i - j) for j in others], axis=0)
     return W
+
+
+def measured(
+    records: Sequence[SimulatedMotion], snr_db: float, rng: np.random.Generator, settings: EquationWindowSettings
+) -> tuple[Trial, ...]:
+    """Trials as measured at this signal-to-noise ratio; infinite: exact states."""
+    trials = []
+    for record in records:
+        noisy = add_noise(record, snr_db, rng)
+        sigma = noisy.sigma
+        if not np.isfinite(snr_db):
+            spread = np.stack([record.q.std(axis=0), record.v.std(axis=0)])
+            sigma = spread * 10.0 ** (-settings.exact_db / 20.0)
+        trials.append(Trial(record.h, noisy.q, noisy.v, record.f_ext, sigma))
+    return tuple(trials)

@@ -28,7 +28,7 @@ from thesis_lib.critique.mechanisms.effects import CANDIDATES, PAYLOAD
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, BelievedWheel
 from thesis_lib.critique.mechanisms.recovery import force_error, identify_parameters
 from thesis_lib.critique.mechanisms.settings import HiddenStudy
-from thesis_lib.critique.mechanisms.trials import measured
+from thesis_lib.critique.mechanisms.steps import measured
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import fit_effects
 from thesis_lib.foundation.randomness import streams

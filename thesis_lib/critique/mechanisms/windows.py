@@ -42,8 +42,7 @@ from scipy.linalg import solve_triangular
 from thesis_lib.critique.mechanisms.effects import SMOOTH_JOINT, MotionSteps
 from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
-from thesis_lib.critique.mechanisms.steps import StepRule, lasting, may_touch, rule_of
-from thesis_lib.critique.mechanisms.trials import Trial
+from thesis_lib.critique.mechanisms.steps import StepRule, Trial, lasting, may_touch, rule_of
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.multibody import ContactGeometry
 

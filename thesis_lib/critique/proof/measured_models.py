@@ -17,8 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thesis_lib.critique.drops.criticise import criticise_drops
-from thesis_lib.critique.engines.compare import LAWS, compare_models
-from thesis_lib.critique.engines.words import row_title
+from thesis_lib.critique.engines.compare import LAWS, compare_models, row_title
 from thesis_lib.critique.proof.engines import ENGINES
 from thesis_lib.critique.proof.store import COMMAND, STORE, stamped, with_effects
 from thesis_lib.critique.results.titles import effect_title

@@ -1,6 +1,12 @@
-"""What a critique leaves behind as data, computed once: what its folder, its page and its pictures are made of."""
+"""What a critique leaves behind as data, computed once: what its folder, its page and its pictures are made of.
+
+Of impacts that are too few for a verdict, diagnosis.json says restitution, friction, and what a verdict needs.  It has
+the keys of every diagnosis (`diagnosis`), with `verdict` null, no effects and errors null, and `restitution` with
+value, std, unit and the number of impacts; std is null where nothing shows it.
+"""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +15,104 @@ import pandas as pd
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.questions.where import where
-from thesis_lib.critique.results.diagnosis import diagnosis
-from thesis_lib.critique.results.few_impacts import few_diagnosis, few_parameters
+from thesis_lib.critique.likelihood.channels import ALWAYS
+from thesis_lib.critique.results.diagnosis import diagnosis, left_out, parameters
 from thesis_lib.critique.results.saved_model import SavedModel, saved
+from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.critique.results.tables import few_tables, tables
+from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
+from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.statistics.wording import bounded
+
+PLACES = 4  # decimals of a coefficient
+ERRORS = ("base", "augmented", "irb_bound", "irb_bound_augmented", "noise_floor", "noise_floor_single", "no_impact")
+
+
+def few_diagnosis(few: FewImpacts) -> dict:
+    """Content of diagnosis.json, rounded to six digits."""
+    o, (value, std) = few.observations, few.restitution
+    n, m = len(o), len(np.unique(o.trial))
+    model = {"name": few.fitted.base, "parameters": few_parameters(few)}
+    why = f"too few impacts ({n} in {m} {'trial' if m == 1 else 'trials'}; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
+    nothing: dict = dict.fromkeys((*ERRORS, "explained_share", *ALWAYS))
+    ends = {f"{name}_interval": [None, None] for name in ("base", "augmented")}
+    unknown = {"error": None, "interval": [None, None], "unit": "m/s"}
+    content = {
+        "schema": 1,
+        "dataset": few.dataset,
+        "n_impacts": n,
+        "n_trials": m,
+        "verdict": None,
+        "restitution": {"value": value, "std": std, "unit": "1", "n_impacts": len(few.each.epsilon) or n},
+        "base_model": model,
+        "augmented_model": model,
+        "effects": [],
+        "error": {"unit": "m/s", **nothing, **ends, "worst": []},
+        "remaining": {
+            "structured": False,
+            "channels": [],
+            **dict.fromkeys(("p_value", "error", "error_without_it", "restitution")),
+            **{name: [] for name in ("depends_on", "stand_ins")},
+        },
+        "not_testable": [{"name": name, "why": why} for name in EFFECTS],
+        "left_out": left_out(o),
+        "detectable": [],
+        "next_experiment": {"why": _what_is_needed(n, m), "states": []},
+        "laws": {name: {"parameters": parameters(fitted), **unknown} for name, fitted in few.laws.items()},
+    }
+    if (low_pass := o.found.low_pass) is not None:
+        content["low_pass"] = low_pass.content()
+    content["summary"] = _summary(content, why)
+    return six_digits(content)
+
+
+def few_parameters(few: FewImpacts) -> dict[str, dict]:
+    """Those of the law, with the restitution and the standard error of all impacts."""
+    value, std = few.restitution
+    found = parameters(few.fitted)
+    if "bound" not in found["epsilon"]:
+        found["epsilon"] |= {"value": value, "std": std if np.isfinite(std) else None}
+    return found
+
+
+def _summary(content: Mapping, why: str) -> list[str]:
+    of, found = content["restitution"], content["base_model"]["parameters"]
+    epsilon, mu = found["epsilon"], found["mu"]
+    scatter = "standard error, which counts how far trials differ"
+    if epsilon.get("bound"):
+        restitution = f"Restitution is {bounded(epsilon)}"
+    elif np.isfinite(of["std"]):
+        trials = content["n_trials"]
+        scatter = scatter if trials > 1 else "standard error; one trial does not show how far trials differ"
+        restitution = f"Restitution {with_error(of['value'], of['std'])} ({scatter})"
+    else:
+        restitution = f"Restitution {of['value']:.3g}, from one impact whose noise is not stated"
+    friction = (
+        f"Friction: mu {with_error(mu['value'], mu['std'])}." if mu["std"] else "These impacts do not show friction."
+    )
+    if mu.get("bound") and not (mu["bound"] == "lower" and mu["value"] <= mu["range"][0]):
+        friction = f"Friction: mu {bounded(mu)}" + (
+            ", the largest ratio of impulses." * (mu["bound"] == "lower") or "."
+        )
+    first = why.replace("too few impacts", "Too few impacts for a verdict")
+    return [f"{first}.", f"{restitution}.", friction, *much_left_out(content), content["next_experiment"]["why"]]
+
+
+def with_error(value: float, std: float) -> str:
+    """value ± standard error, to two digits of that, and no more than `PLACES`."""
+    places = int(np.clip(1 - np.floor(np.log10(std)), 0, PLACES)) if std > 0.0 else PLACES
+    return f"{value:.{places}f} ± {max(std, 10.0**-PLACES):.{places}f}"
+
+
+def _what_is_needed(n: int, m: int) -> str:
+    """How many more trials give enough for a verdict."""
+    trials = max(MIN_TRIALS, int(np.ceil(MIN_IMPACTS * m / n))) - m
+    each = f"{n / m:.2g} usable impact{'' if n == m else 's'}"
+    return (
+        f"For a verdict on the contact model record about {trials} more trials like these, with {each} in each; for "
+        "restitution alone these are enough."
+    )
 
 
 @dataclass(frozen=True)

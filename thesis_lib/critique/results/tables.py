@@ -31,7 +31,7 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.synthesis import synthesise
-from thesis_lib.critique.results.residual_numbers import contact_residuals, impact_errors
+from thesis_lib.critique.results.numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain

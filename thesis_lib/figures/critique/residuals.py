@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.questions import flight_residuals as flying
-from thesis_lib.critique.results.residual_numbers import bin_of, contact_residuals, dependence
+from thesis_lib.critique.results.numbers import bin_of, contact_residuals, dependence
 from thesis_lib.critique.results.titles import FEATURE_LABEL
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique.where import axis_label

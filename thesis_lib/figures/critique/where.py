@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.words import plain_rule
-from thesis_lib.critique.results.residual_numbers import energy_disc, impact_errors
+from thesis_lib.critique.results.numbers import energy_disc, impact_errors
 from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.marks import BLUE, note, white_box

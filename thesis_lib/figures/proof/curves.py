@@ -5,6 +5,10 @@ points of different sources are slightly offset.  Truths of the sources "mechani
 that describes them best, so that two causes of one effect share a point.  Recovery: the misfit before and after, and
 parameters against their bound; dots are medians over datasets, bars their middle 80 % (for a coverage, the 95 % Wilson
 interval).
+
+Real contacts: a panel for each figure; points are shares of one source, shape and contact time with 95 % Wilson
+intervals, slightly offset; the line is the share that is asked for.  Next drops: random ones against those in the
+states that are proposed, which settle a question between two effects.
 """
 
 from collections.abc import Iterable
@@ -15,12 +19,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
+from thesis_lib.critique.proof.by_contact import ASKED, COVERAGE, COVERED, EVERY
+from thesis_lib.critique.proof.cases import BODIES
+from thesis_lib.critique.proof.headline import TIMES
+from thesis_lib.critique.proof.next_drops import STEPS
 from thesis_lib.critique.proof.results import TABLE
 from thesis_lib.critique.proof.summary import TARGETS, WIDEST
 from thesis_lib.critique.results.titles import symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
-from thesis_lib.figures.marks import BLUE, GREEN, RED
+from thesis_lib.figures.marks import BLUE, GREEN, RED, YELLOW
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import wilson
 
@@ -238,3 +246,75 @@ def _log(ax: Axes, low: float, high: float, ticks: Iterable[float]) -> None:
     ax.xaxis.set_major_locator(FixedLocator([x for x in ticks if low <= x <= high]))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+
+
+TITLES = {
+    "mujoco": "MuJoCo",
+    "drake_point": "Drake, point contact",
+    "drake_hydroelastic": "Drake, hydroelastic",
+    "mechanism": "own simulator",
+}
+COLORS = dict(zip(TITLES, (BLUE, GREEN, YELLOW, RED)))
+MARKERS = dict(zip(BODIES, "os"))
+APART = 0.1  # between points, in distances between contact times
+
+
+@house_style
+def draw_real_contacts(table: pd.DataFrame) -> Drawn:
+    """Shares by source, shape and contact time; `table` is that of `critique.proof.by_contact`."""
+    figure = new_figure(height=4.6)
+    set_title(figure, "Right verdicts in contacts as long as real ones")
+    if table.empty:
+        say_not_run(figure, "real contacts")
+        return figure, table
+    asked = {name: share for name, *_, share in ASKED} | {COVERED: COVERAGE[0]}
+    axes = figure.subplots(2, 3, sharex=True, sharey=True)
+    places = {time: i for i, time in enumerate(sorted(TIMES))}
+    for (name, share), ax in zip(asked.items(), axes.flat):
+        part = table[(table["figure"] == name) & table["contact_time"].isin(TIMES)]
+        ax.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
+        for i, (source, shape) in enumerate((source, shape) for source in TITLES for shape in BODIES):
+            points = part[(part["source"] == source) & (part["shape"] == shape)]
+            x = points["contact_time"].map(places) + APART * (i - 0.5 * (len(TITLES) * len(BODIES) - 1))
+            middle, low, high = (100 * points[column] for column in ("share", "low", "high"))
+            look = {"color": COLORS[source], "marker": MARKERS[shape], "markersize": 3.2, "linestyle": ""}
+            label = f"{TITLES[source]}, {shape}"
+            ax.errorbar(x, middle, yerr=[middle - low, high - middle], elinewidth=0.6, label=label, **look)
+        whole = table[(table["figure"] == name) & (table["source"] == EVERY)]
+        count = f"\n{100 * whole['share'].iloc[0]:.0f} % of {whole['n'].iloc[0]}" if len(whole) else "\nnot run"
+        ax.set_title(name[0].upper() + name[1:] + count, fontsize=6.5, loc="left", pad=3)
+    axes[0, 0].set(xlim=(-0.5, len(places) - 0.5), ylim=(-4, 104), yticks=[0, 50, 100])
+    for ax in axes[-1]:
+        ax.set_xticks(list(places.values()), [f"{1e3 * time:g}" for time in places])
+        ax.set_xlabel("contact time (ms)", fontsize=7)
+    figure.supylabel("right verdicts (%)", fontsize=8)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=6.5)
+    return figure, table
+
+
+ROW = 0.17  # inches, height of a question
+
+
+@house_style
+def draw_next_drops(answers: pd.DataFrame) -> Drawn:
+    """A row for each open question, those that take random drops longest above; the axis is logarithmic."""
+    opened = answers[answers["open"]].sort_values(["random", "chosen"], ascending=[True, False], kind="stable")
+    table = opened[["cause", "effect", "rival", "random", "chosen"]].reset_index(drop=True)
+    figure = new_figure(height=1.0 + ROW * max(len(table), 4))
+    set_title(figure, "Drops that tell two effects apart, beyond the first 50")
+    if table.empty:
+        say_not_run(figure, "questions")
+        return figure, table
+    ax = figure.add_subplot()
+    rows = range(len(table))
+    ax.hlines(rows, table["chosen"], table["random"], color=GREY, linewidth=0.8)
+    ax.plot(table["random"] / 2.0, rows, "|", color=GREY, markersize=5, label="half as many")
+    ax.plot(table["random"], rows, "o", color=RED, markersize=4, label="random")
+    ax.plot(table["chosen"], rows, "s", color=BLUE, markersize=3.5, label="in the states proposed")
+    ax.set_xscale("log")
+    ax.set_xticks([1, 3, 10, 30, 100, STEPS[-1]], ["1", "3", "10", "30", "100", f"{STEPS[-1]} or more"])
+    ax.minorticks_off()
+    ax.set_yticks(list(rows), [f"{words(a.effect)} or {words(a.rival)}" for a in table.itertuples()], fontsize=6)
+    ax.set_xlabel("further drops until the scores are 3 nats apart")
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=6.5)
+    return figure, table

@@ -17,8 +17,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.proof import curves
-from thesis_lib.figures.proof.contacts import draw_real_contacts
-from thesis_lib.figures.proof.curves import SOURCE_TITLE, say_not_run, words
+from thesis_lib.figures.proof.curves import SOURCE_TITLE, draw_real_contacts, say_not_run, words
 from thesis_lib.figures.style import DARK, GREY, INK, SHADES, WIDTH, Drawn, house_style, new_figure
 
 NAMES = (*(f"matrix_{source}" for source in SOURCE_TITLE), "detection", "sizes", "misfits", "recovery", "real_contacts")

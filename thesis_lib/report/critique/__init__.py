@@ -4,8 +4,7 @@ Reading order:
 
 | file                               | holds                                                                       |
 |------------------------------------|-----------------------------------------------------------------------------|
-| `folder`, `whole_folder`           | writes a folder of results, which is complete or absent                     |
-| `skeleton`                         | what the pages of all critiques share                                       |
+| `folder`, `whole_folder`           | writes a folder of results; what the pages of all critiques share           |
 | `page`                             | the page of drops: its sections in order                                    |
 | `text`, `effects`                  | sentences: on data, laws and failures; on missing effects                   |
 | `tables`                           | tables, and the captions of the pictures                                    |

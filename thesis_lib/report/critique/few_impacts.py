@@ -7,11 +7,9 @@ import pandas as pd
 from markupsafe import Markup
 
 from thesis_lib.critique.drops.few_impacts import FewImpacts
-from thesis_lib.critique.results.few_impacts import with_error
-from thesis_lib.critique.results.findings import Findings
+from thesis_lib.critique.results.findings import Findings, with_error
 from thesis_lib.critique.results.titles import law_title, symbol
-from thesis_lib.report.critique.folder import Contents
-from thesis_lib.report.critique.skeleton import critique_page
+from thesis_lib.report.critique.folder import Contents, critique_page
 from thesis_lib.report.critique.tables import comparison_table, left_out_table
 from thesis_lib.report.elements import paragraph, sized, table
 from thesis_lib.statistics.wording import number

@@ -17,9 +17,8 @@ from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.numbers import ladder_table
 from thesis_lib.figures.style import Drawn, png_of
 from thesis_lib.foundation.terminal import visible
-from thesis_lib.report.critique import effects, impacts, proposal, tables, text
-from thesis_lib.report.critique.folder import Contents
-from thesis_lib.report.critique.skeleton import critique_page
+from thesis_lib.report.critique import effects, impacts, tables, text
+from thesis_lib.report.critique.folder import Contents, critique_page
 from thesis_lib.report.elements import amount, bullets, interval, paragraph, percent, picture
 
 
@@ -69,7 +68,7 @@ def report_html(
         "3. Which effect is missing": (
             *("which", effects.effects(d), tables.effects_table(d), effects.remaining(critique, d)),
         ),
-        "A term that is proposed": ("proposed", proposal.proposed(d)),
+        "A term that is proposed": ("proposed", effects.proposed(d)),
         "4. What adding it does" if d["effects"] else "4. Nothing was added": (
             *("added", effects.ladder_text(critique, d, ladder), drawn.get("ladder"), effects.moved(critique)),
             *(drawn.get("parameters"), tables.parameters_table(critique)),
@@ -103,7 +102,7 @@ def _models(made: Mapping[str, pd.DataFrame]) -> tuple[Markup, ...]:
     """The comparison of laws and engines, where it was asked for."""
     if "models" not in made:
         return ()
-    from thesis_lib.report.critique.models import models
+    from thesis_lib.report.critique.tables import models
 
     return (models(made["models"]),)
 
