@@ -11,8 +11,9 @@ from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.comparison import Comparison
-from thesis_lib.critique.likelihood.fit import cramer_rao, fit
+from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.sandwich import cramer_rao
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.likelihood.whitening import NU, Whitening, log_t, most_probable_scatter
 from thesis_lib.critique.proof.cases import Case, make

@@ -5,7 +5,7 @@ reported errors come.  These may only take an effect away with which one of thei
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
 from thesis_lib.critique.likelihood.channels import FLIGHT
-from thesis_lib.critique.likelihood.fit import Fit, fit
+from thesis_lib.critique.likelihood.fit import Fit, seeing
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
 from thesis_lib.critique.selection.search import search, split
@@ -162,7 +162,7 @@ def criticise_drops(
     world = Drops(training, settings)
     say(f"fitting {len(world.bases)} laws")
     discovery = search(world, settings, rng, effects, say)
-    discovery = _with_bounds_of_all(discovery, observations)
+    discovery = discovery.each(lambda fitted: seeing(fitted, observations))
     say("judging on held-out trials")
     unseen = Drops(held_out, settings)
     discovery, ladder, without = judge_held_out(world, unseen, discovery, settings, effects is not None)
@@ -197,26 +197,6 @@ def fit_model(
     observations = observations.counted_from(observations.middle)
     world = Drops(predictable(observations, observations, settings), settings)
     return world.fit(law, tuple(world.candidates[name] for name in effects))
-
-
-def _with_bounds_of_all(discovery: DropsDiscovery, observations: Observations) -> DropsDiscovery:
-    """What was chosen, with bounds of parameters from all impacts; estimates stay those of the training trials.
-
-    Where no impact of the training trials slips, but another one does, the model is fitted to all of them.
-    """
-
-    def with_all(fitted: Fit) -> Fit:
-        model = fitted.model
-        if fitted.values["mu"] == model.parameters["mu"].high:
-            start = {name: value for name, value in fitted.values.items() if name not in ("mu", "epsilon")}
-            again = fit(model, observations, start)
-            if again.values["mu"] < fitted.values["mu"]:
-                return again
-        return replace(fitted, seen=observations)
-
-    bases = {name: with_all(fitted) for name, fitted in discovery.bases.items()}
-    steps = tuple(replace(step, fitted=with_all(step.fitted)) for step in discovery.steps)
-    return replace(discovery, bases=bases, steps=steps)
 
 
 def _irb(fitted: Fit, observations: Observations) -> float:
@@ -255,8 +235,8 @@ def _observed(
     dataset: Dataset, effects: Sequence[str], settings: CritiqueSettings, arcs: ArcSettings | None
 ) -> Observations:
     """Impacts and flights of one planar rigid body, in which the named effects can be tested; UserError otherwise."""
-    require_known(effects, dataset.header.surfaces or ())
     _refuse_constant(dataset)
+    require_known(effects, dataset.header.surfaces or ())
     observations = observe(dataset, arcs, settings.episodes, settings.channels)
     for name, why in testable_effects(observations, settings.contact_time)[1].items():
         if name in effects:

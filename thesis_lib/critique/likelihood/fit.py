@@ -20,7 +20,7 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.sandwich import sandwich
-from thesis_lib.critique.likelihood.whitening import SIGMA_LOW, Parts, Whitening, robust, together, weight
+from thesis_lib.critique.likelihood.whitening import Parts, Whitening, robust, together, weight
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 
@@ -153,41 +153,20 @@ def fit(
             f"There is no impact to fit {model.law.title} to: none was found, or all were left out "
             "(python -m thesis_lib datasets check DATASET says which and why)."
         )
-    kind = kind_of(model)
-    if "tau" not in (start or {}) and (forerunner := kind.forerunner(model)):
-        start = fit(forerunner, observations, start, rounds=1).values
-    tries = [kind.admitted(start or {})]
-    if model.effects:
-        effect = model.effects[-1]
-        is_new = not any(key.startswith(f"{effect.name}.") for key in tries[0])
-        if is_new:
-            tries = _best_shapes(model, observations, tries[0]) or tries
-        for p in model.parameters_of(effect):
-            key = f"{effect.name}.{p.name}"
-            if p.discrete is not None:
-                tries = [{**t, key: p.discrete} for t in tries]
-            elif key not in tries[0]:
-                # off the null, where many effects have no slope
-                either_side = (p.null + p.scale, p.null - p.scale)
-                options = p.starts[:2] * kind.reaches(p) or either_side[: 2 if p.low < p.null < p.high else 1]
-                tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
-        if is_new and tries[0].get("mu") == model.parameters["mu"].high:
-            # what stuck without the effect may slip with it
-            tries = [t | basin for t in tries[:2] for basin in ({}, _basins(model, observations, t)[0])]
-    if "mu" not in tries[0]:
-        # single hits find the basin: an episode is far from linear while (μ, ε) are far off
-        simple = observations.single if len(observations.single) >= ENOUGH_SINGLE else observations
-        tries = [t | basin for t in tries for basin in _basins(model, simple, t)]
-        best = max(fit_each(model, [(simple, t) for t in tries], 1), key=lambda fitted: fitted.score)
-        tries = [best.values]
-    first = [noise if noise and _starts_small(model, t) else None for t in tries[:4]]
-    found = max(fit_each(model, [(observations, t) for t in tries[:4]], rounds, first), key=lambda fit: fit.score)
-    if rounds > 1 or "mu" not in (start or {}):
-        found = _stuck(found)
-    if back := kind.withdrawn(found.values):
-        again = fit_each(model, [(observations, found.values | back)], rounds)[0]
-        return max(found, again, key=lambda fitted: fitted.score)
-    return found
+    return _Search(model, observations).best(start or {}, rounds, noise)
+
+
+def seeing(fitted: Fit, observations: Observations) -> Fit:
+    """The fit with bounds of parameters from these impacts, which hold those that it was fitted to; all else stays.
+
+    Where none of the fitted impacts slips, but another one does, the model is fitted to all of them.
+    """
+    if fitted.values["mu"] == fitted.model.parameters["mu"].high:
+        start = {name: value for name, value in fitted.values.items() if name not in ("mu", "epsilon")}
+        again = fit(fitted.model, observations, start)
+        if again.values["mu"] < fitted.values["mu"]:
+            return again
+    return replace(fitted, seen=observations)
 
 
 def fit_each(
@@ -217,51 +196,6 @@ def fit_each(
     return [fits[i] for i in range(len(tasks))]
 
 
-def _starts_small(model: Model, start: Mapping[str, float]) -> bool:
-    """Whether the last effect has hardly begun at its start."""
-    effect = model.effects[-1]
-    return all(abs(start[f"{effect.name}.{p.name}"] - p.null) <= p.scale for p in model.parameters_of(effect))
-
-
-def _best_shapes(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
-    """Starts at the best of the last effect's `shapes`, with its other parameters as in their score test; [] if none.
-
-    `start` without (μ, ε) stands for the fit without that effect.
-    """
-    effect, o = model.effects[-1], observations
-    shapes = effect.shapes(o.lines(0), o.rig)
-    if not shapes:
-        return []
-    smaller = replace(model, effects=model.effects[:-1])
-    if "mu" not in start:
-        start = fit(smaller, o, start, rounds=1).values
-    at = {name: p.null for name, p in model.parameters.items()} | dict(start)
-    whitening = Whitening.at(model, at, o)
-    here = whitening(at)
-
-    free = [(name, inward(p, at[name], SLOPE_STEP * p.scale)) for name, p in smaller.fitted_parameters.items()]
-    sizes = {f"{effect.name}.{p.name}": p for p in model.parameters_of(effect) if p.name not in shapes[0]}
-    shaped = [at | {f"{effect.name}.{name}": value for name, value in shape.items()} for shape in shapes]
-    moves = [(at, *move) for move in free]
-    moves += [(values, name, p.scale) for values in shaped for name, p in sizes.items()]
-    moved = whitening.many([{**values, name: values[name] + step} for values, name, step in moves])
-    columns = [
-        np.concatenate([(weight(z) * (m - z) / step).ravel() for z, m in zip(here, there)])
-        for there, (_, _, step) in zip(moved, moves)
-    ]
-    residual = np.concatenate([(weight(z) * z).ravel() for z in here])
-    fitted, of_shapes = columns[: len(free)], iter(columns[len(free) :])
-    found = []
-    for values in shaped:
-        A = np.stack(fitted + [next(of_shapes) for _ in sizes], axis=1)
-        x = np.linalg.lstsq(A, -residual, rcond=None)[0]
-        best = {
-            name: float(np.clip(p.null + d, p.low, p.high)) for (name, p), d in zip(sizes.items(), x[len(fitted) :])
-        }
-        found.append((float(np.sum((residual + A @ x) ** 2)), values | best))
-    return [values for _, values in sorted(found, key=lambda pair: pair[0])[:SHAPES]]
-
-
 def _fitting(
     model: Model, observations: Observations, start: Mapping[str, float], rounds: int, noise: Noise | None
 ) -> Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], Fit]:
@@ -289,51 +223,125 @@ def _fitting(
     return Fit(model, values, score, len(observations), whitening)
 
 
-def _stuck(found: Fit) -> Fit:
-    """The fit; where every contact may as well stick, with friction at the end of its range, so that others do, too."""
-    model, most = found.model, found.model.parameters["mu"].high
-    if found.values["mu"] == most:
-        return found
-    here, sticking = found.whitening.many([found.values, {**found.values, "mu": most}])
-    costs = [sum(float(np.sum(robust(part) ** 2)) for part in z) for z in (here, sticking)]
-    if not 0.5 * (costs[1] - costs[0]) < FLAT:
-        return found
-    stuck = fit_each(model, [(found.whitening.observations, {**found.values, "mu": most})], 1)[0]
-    return stuck if stuck.values["mu"] == most and stuck.score > found.score - FLAT else found
+class _Search:
+    """Fits of one model to observations, from every start that is worth one."""
 
+    def __init__(self, model: Model, observations: Observations) -> None:
+        self.model, self.observations, self.kind = model, observations, kind_of(model)
+        # what was added last
+        self.sizes = {
+            f"{effect.name}.{p.name}": p for effect in model.effects[-1:] for p in model.parameters_of(effect)
+        }
 
-def _basins(model: Model, observations: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
-    """Starts (μ, ε): the best on a grid in the kinetic norm, and others with less friction, where more impacts slide.
+    def best(self, start: Mapping[str, float], rounds: int, noise: Noise | None) -> Fit:
+        """As `fit`."""
+        o, most = self.observations, self.model.parameters["mu"].high
+        if "tau" not in start and (forerunner := self.kind.forerunner(self.model)):
+            start = fit(forerunner, o, start, rounds=1).values
+        tries = self._with_sizes(self.kind.admitted(start))
+        if not self.sizes.keys() & start.keys() and self.sizes and tries[0].get("mu") == most:
+            # what stuck without the effect may slip with it
+            tries = [t | basin for t in tries[:2] for basin in ({}, self._basins(o, t)[0])]
+        if "mu" not in tries[0]:
+            # single hits find the basin: an episode is far from linear while (μ, ε) are far off
+            simple = o.single if len(o.single) >= ENOUGH_SINGLE else o
+            tries = [t | basin for t in tries for basin in self._basins(simple, t)]
+            tries = [self._best_of([(simple, t) for t in tries], 1).values]
+        # the noise of a fit without the last effect holds where that has hardly begun
+        small = [all(abs(t[name] - p.null) <= p.scale for name, p in self.sizes.items()) for t in tries[:4]]
+        first = [noise if is_small else None for is_small in small]
+        found = self._best_of([(o, t) for t in tries[:4]], rounds, first)
+        if rounds > 1 or "mu" not in start:
+            found = self._stuck(found, most)
+        back = self.kind.withdrawn(found.values)
+        again = fit_each(self.model, [(o, found.values | back)], rounds) if back else []
+        return max(found, *again, key=lambda fitted: fitted.score) if again else found
 
-    The cost is the mean over the better 90 % of the impacts.  A median would ignore μ if more than half of them stick,
-    and no step leads back from a μ at which all stick.
-    """
-    values = {name: p.null for name, p in model.parameters.items()} | dict(start)
-    k, d, m = observations.rig.k_told, observations.space.dimension, observations.space.motions
-    here = Comparison(model, values, observations)
-    states = here.before, here.after
+    def _best_of(self, tasks: Sequence, rounds: int, noise: Sequence[Noise | None] = ()) -> Fit:
+        """The best of fits as `fit_each` makes them."""
+        return max(fit_each(self.model, tasks, rounds, noise), key=lambda fitted: fitted.score)
 
-    def cost(mu: float, epsilon: float) -> float:
-        R = np.abs(Comparison(model, {**values, "mu": mu, "epsilon": epsilon}, observations, states).R)
-        error = np.sort(R[:, :d].sum(axis=1) + k * R[:, d:m].sum(axis=1))
-        return float(error[: max(1, round(0.9 * len(error)))].mean())
+    def _with_sizes(self, start: dict[str, float]) -> list[dict[str, float]]:
+        """Starts with the parameters of the last effect, where `start` lacks them."""
+        is_new = not self.sizes.keys() & start.keys()
+        tries = self._best_shapes(start) if is_new and self.sizes else []
+        tries = tries or [start]
+        for key, p in self.sizes.items():
+            if p.discrete is not None:
+                tries = [{**t, key: p.discrete} for t in tries]
+            elif key not in tries[0]:
+                # off the null, where many effects have no slope
+                either_side = (p.null + p.scale, p.null - p.scale)
+                options = p.starts[:2] * self.kind.reaches(p) or either_side[: 2 if p.low < p.null < p.high else 1]
+                tries = [{**t, key: float(np.clip(x, p.low, p.high))} for t in tries for x in options]
+        return tries
 
-    grid = product((0.02, 0.05, 0.1, 0.2, 0.4, 0.8), (0.2, 0.4, 0.6, 0.8))
-    mu, epsilon = min(grid, key=lambda pair: cost(*pair))
-    mu = min((mu * 2.0 ** (i / 4.0) for i in range(-4, 5)), key=lambda finer: cost(finer, epsilon))
-    return [{"mu": factor * mu, "epsilon": epsilon} for factor in (1.0, 0.5, 0.2)]
+    def _best_shapes(self, start: Mapping[str, float]) -> list[dict[str, float]]:
+        """Starts at the best of the last effect's `shapes`, its other parameters as in their score test; [] if none.
 
+        `start` without (μ, ε) stands for the fit without that effect.
+        """
+        model, o, effect = self.model, self.observations, self.model.effects[-1]
+        shapes = effect.shapes(o.lines(0), o.rig)
+        if not shapes:
+            return []
+        smaller = replace(model, effects=model.effects[:-1])
+        if "mu" not in start:
+            start = fit(smaller, o, start, rounds=1).values
+        at = {name: p.null for name, p in model.parameters.items()} | dict(start)
+        whitening = Whitening.at(model, at, o)
+        here = whitening(at)
 
-def cramer_rao(model: Model, true: Mapping[str, float], observations: Observations) -> dict[str, float]:
-    """Cramér-Rao bound on the std of each parameter, by name.
+        free = [(name, inward(p, at[name], SLOPE_STEP * p.scale)) for name, p in smaller.fitted_parameters.items()]
+        sizes = {name: p for name, p in self.sizes.items() if p.name not in shapes[0]}
+        shaped = [at | {f"{effect.name}.{name}": value for name, value in shape.items()} for shape in shapes]
+        moves = [(at, *move) for move in free]
+        moves += [(values, name, p.scale) for values in shaped for name, p in sizes.items()]
+        moved = whitening.many([{**values, name: values[name] + step} for values, name, step in moves])
+        columns = [
+            np.concatenate([(weight(z) * (m - z) / step).ravel() for z, m in zip(here, there)])
+            for there, (_, _, step) in zip(moved, moves)
+        ]
+        residual = np.concatenate([(weight(z) * z).ravel() for z in here])
+        fitted, of_shapes = columns[: len(free)], iter(columns[len(free) :])
+        found = []
+        for values in shaped:
+            A = np.stack(fitted + [next(of_shapes) for _ in sizes], axis=1)
+            x = np.linalg.lstsq(A, -residual, rcond=None)[0]
+            best = {
+                name: float(np.clip(p.null + d, p.low, p.high)) for (name, p), d in zip(sizes.items(), x[len(fitted) :])
+            }
+            found.append((float(np.sum((residual + A @ x) ** 2)), values | best))
+        return [values for _, values in sorted(found, key=lambda pair: pair[0])[:SHAPES]]
 
-    The Fisher information is JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
-    """
-    whitening = Whitening(model, observations, Comparison(model, true, observations).covariance(), SIGMA_LOW)
-    free, columns = model.fitted_parameters, []
-    for name, p in free.items():
-        h = SLOPE_STEP * p.scale
-        up, down = (whitening.stacked({**true, name: true[name] + step}) for step in (h, -h))
-        columns.append((up - down) / (2.0 * h))
-    J = np.stack(columns, axis=1)
-    return dict(zip(free, np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True))).tolist()))
+    def _stuck(self, found: Fit, most: float) -> Fit:
+        """The fit; where every contact may as well stick, that with the most friction, so that others stick, too."""
+        if found.values["mu"] == most:
+            return found
+        here, sticking = found.whitening.many([found.values, {**found.values, "mu": most}])
+        costs = [sum(float(np.sum(robust(part) ** 2)) for part in z) for z in (here, sticking)]
+        if not 0.5 * (costs[1] - costs[0]) < FLAT:
+            return found
+        stuck = fit_each(self.model, [(self.observations, {**found.values, "mu": most})], 1)[0]
+        return stuck if stuck.values["mu"] == most and stuck.score > found.score - FLAT else found
+
+    def _basins(self, o: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
+        """Starts (μ, ε): the best on a grid in the kinetic norm, and others with less friction, where more slide.
+
+        The cost is the mean over the better 90 % of the impacts.  A median would ignore μ if more than half of them
+        stick, and no step leads back from a μ at which all stick.
+        """
+        values = {name: p.null for name, p in self.model.parameters.items()} | dict(start)
+        k, d, m = o.rig.k_told, o.space.dimension, o.space.motions
+        here = Comparison(self.model, values, o)
+        states = here.before, here.after
+
+        def cost(mu: float, epsilon: float) -> float:
+            R = np.abs(Comparison(self.model, {**values, "mu": mu, "epsilon": epsilon}, o, states).R)
+            error = np.sort(R[:, :d].sum(axis=1) + k * R[:, d:m].sum(axis=1))
+            return float(error[: max(1, round(0.9 * len(error)))].mean())
+
+        grid = product((0.02, 0.05, 0.1, 0.2, 0.4, 0.8), (0.2, 0.4, 0.6, 0.8))
+        mu, epsilon = min(grid, key=lambda pair: cost(*pair))
+        mu = min((mu * 2.0 ** (i / 4.0) for i in range(-4, 5)), key=lambda finer: cost(finer, epsilon))
+        return [{"mu": factor * mu, "epsilon": epsilon} for factor in (1.0, 0.5, 0.2)]

@@ -9,12 +9,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from thesis_lib.critique.contacts.model import inward
-from thesis_lib.critique.likelihood.whitening import NU, Whitening
+from thesis_lib.critique.contacts.model import Model, inward
+from thesis_lib.critique.likelihood.comparison import Comparison
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.likelihood.whitening import NU, SIGMA_LOW, Whitening
 from thesis_lib.statistics.tails import chi_square_quantile
 
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
+STEP = 1e-3  # of a parameter's scale, for central differences
 
 
 def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -92,3 +95,18 @@ def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:
     w = (NU + m) / (NU + d2)
     a = max(float(np.mean(w - 2.0 * w / (NU + d2) * d2 / m)), LEAST_CURVATURE)
     return a, float(np.mean(w * w * d2 / m))
+
+
+def cramer_rao(model: Model, true: Mapping[str, float], observations: Observations) -> dict[str, float]:
+    """Cramér-Rao bound on the std of each parameter, by name.
+
+    The Fisher information is JᵀJ of the whitened residuals at the true values, with measured noise and no scatter.
+    """
+    whitening = Whitening(model, observations, Comparison(model, true, observations).covariance(), SIGMA_LOW)
+    free, columns = model.fitted_parameters, []
+    for name, p in free.items():
+        h = STEP * p.scale
+        up, down = (whitening.stacked({**true, name: true[name] + step}) for step in (h, -h))
+        columns.append((up - down) / (2.0 * h))
+    J = np.stack(columns, axis=1)
+    return dict(zip(free, np.sqrt(np.diag(np.linalg.pinv(J.T @ J, hermitian=True))).tolist()))

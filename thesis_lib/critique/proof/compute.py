@@ -25,7 +25,7 @@ import numpy as np
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
-from thesis_lib.critique.likelihood.fit import cramer_rao
+from thesis_lib.critique.likelihood.sandwich import cramer_rao
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.sizes import LAW
 from thesis_lib.critique.proof.store import (

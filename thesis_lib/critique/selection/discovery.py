@@ -1,6 +1,6 @@
 """What a search has chosen, and how it does on held-out data."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Generic, Literal
 
@@ -105,6 +105,11 @@ class Discovery(Generic[E, F, J]):
     def fitted(self) -> F:
         """The final model."""
         return self.steps[-1].fitted if self.steps else self.bases[self.base]
+
+    def each(self, change: Callable[[F], F]) -> "Discovery[E, F, J]":
+        """The same with each fit changed."""
+        bases = {name: change(fitted) for name, fitted in self.bases.items()}
+        return replace(self, bases=bases, steps=tuple(replace(s, fitted=change(s.fitted)) for s in self.steps))
 
     def verdict(self, is_structured: bool) -> str:
         """adequate, effects or unexplained; `is_structured`: something that matters remains."""
