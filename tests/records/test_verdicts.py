@@ -10,9 +10,8 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.summary import headline
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
-from thesis_lib.records import verdicts
 from thesis_lib.records.catalogue import records
-from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET, counted_claims, proof
+from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET
 
 
 def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: float | None = 0.1) -> dict:
@@ -37,7 +36,7 @@ def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: flo
 
 def verdict(content: dict) -> str:
     """What the record says of a diagnosis."""
-    return verdicts.verdict({**content, "headline": headline(content)})
+    return records()["verdict"].said({**content, "headline": headline(content)})
 
 
 def effect(name: str, family: str = "contact", clears: bool = True, others: tuple[str, ...] = ()) -> dict:
@@ -98,7 +97,7 @@ def summary(rows: dict[tuple[str, str], tuple[float, int]]) -> pd.DataFrame:
 
 def test_proof_tells_the_worst_source_and_leaves_out_what_was_not_run() -> None:
     law, mechanisms, pair = PROVEN
-    said = proof(
+    said = records()["proof"].said(
         summary(
             {
                 law: (0.9, 280),
@@ -130,16 +129,16 @@ def test_claims_are_counted_and_compared_by_chapter() -> None:
     table = pd.DataFrame(
         {"chapter": [2, 2, 3, 3], "status": ["reproduced", "deviates", "reproduced", "data not present"]}
     )
-    assert counted_claims(table) == (
+    assert records()["claims"].said(table) == (
         "Of 4 claims: 2 reproduced, 1 deviating, 1 without the data. Of those compared, reproduced are 1 of 2 in "
         "chapter 2 and 1 of 1 in chapter 3."
     )
-    assert "without" not in counted_claims(table.head(3))
+    assert "without" not in records()["claims"].said(table.head(3))
 
 
 def test_a_finding_reads_json_and_names_the_file_that_lacks_something(tmp_path: Path) -> None:
     write_json({"verdict": "adequate"}, tmp_path / "diagnosis.json")
     plain = replace(records()["verdict"], finding="{{ diagnosis.verdict }}")
     assert plain.found(tmp_path) == "adequate"
-    with pytest.raises(UserError, match=r"diagnosis\.json lack 'error'"):
+    with pytest.raises(UserError, match=r"diagnosis\.json lack .*'error'"):
         records()["verdict"].found(tmp_path)

@@ -15,7 +15,7 @@ from thesis_lib.critique.drops.own_restitution import OwnRestitution
 from thesis_lib.critique.results.saved_model import load_model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
-from thesis_lib.records.verdicts import verdict
+from thesis_lib.records.catalogue import records
 
 EPSILON = 0.7
 STANDARD_ERRORS = 4.0  # by chance once in 16,000
@@ -50,7 +50,9 @@ def test_restitution_is_told_with_its_error_and_no_verdict(folder, tmp_path, cap
     assert load_model(out / "model.json").parameters["epsilon"].value == found["value"]
     page = (out / "report.html").read_text()
     assert "No verdict: too few impacts" in page and "nan" not in page.split("</style>")[1].lower()
-    assert not content["summary"][0].startswith("The") and verdict(content) == " ".join(content["summary"])
+    assert not content["summary"][0].startswith("The") and records()["verdict"].said(content) == " ".join(
+        content["summary"]
+    )
 
 
 def test_json_batch_and_comparison_bear_no_verdict(folder, tmp_path, capsys):
