@@ -37,6 +37,8 @@ class Mesh(Section):
 
     @model_validator(mode="after")
     def _is_read(self, info: ValidationInfo) -> "Mesh":
+        if self._content:  # it was read before
+            return self
         folder = (info.context or {}).get("folder")
         if folder is None:
             raise ValueError("a mesh is a file in the folder of a dataset, and no folder is given")

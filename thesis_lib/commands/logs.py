@@ -23,11 +23,11 @@ Convert a rig's logs into a dataset folder, then check it. Which form a file has
                              TransformStamped, TFMessage, NamedPoseArray, RigidBodies, AlvarMarkers and more
                              (needs no ROS, but: pip install rosbags)
 
-All but the first two are motions in space. The plane of the motion is found from the free flights, or given; the
-energy out of it is told for each impact, and trials with more than 5 % are left out. Rotations that would fit if they
-were read otherwise (another order, a left-handed frame) are refused with the option that mends it. Stamps of arrival
-give way to the numbers of the pictures where the flights show that. One long recording is cut into drops: look at
-cuts.png in DIR.
+All but the first two are motions in space, and stay so if the shape is one of space. For a planar shape the plane of
+the motion is found from the free flights, or given; the energy out of it is told for each impact, and trials with more
+than 5 % are left out. Rotations that would fit if they were read otherwise (another order, a left-handed frame) are
+refused with the option that mends it. Stamps of arrival give way to the numbers of the pictures where the flights show
+that. One long recording is cut into drops: look at cuts.png in DIR.
 """
 EXAMPLES = """\
 examples:
@@ -55,6 +55,8 @@ examples:
     python -m thesis_lib datasets init take.csv -o data/my_drops --body plate --plane x --shape square:0.06
   a ball tracked in space in centimetres, z up:
     python -m thesis_lib datasets init ball.csv -o data/my_drops --units cm --up z --shape disk:0.02
+  a box that tumbles in space, with quaternions, z up:
+    python -m thesis_lib datasets init toss.csv -o data/my_tosses --quaternion xyzw --shape box:0.1,0.08,0.06
   a bag of ROS, the frame "plate" of /tf:
     python -m thesis_lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
 """
@@ -96,7 +98,8 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     init.add_argument("--frame", metavar="X,Y,ANGLE", help=f"{frame}; default: 0,0,0")
     cut = "cut each file into drops, or take it as one trial; default: cut motions in space that name no trials"
     init.add_argument("--cut", action=argparse.BooleanOptionalAction, help=cut)
-    shape = "ellipse:A,B | disk:R | square:SIDE | rect:W,H | polygon:'x1,y1;x2,y2;…' in m"
+    shape = "ellipse:A,B | disk:R | square:SIDE | rect:W,H | polygon:'x1,y1;x2,y2;…' in m; of a body in space, whose "
+    shape += "motion is kept: box:X,Y,Z | sphere:R | ellipsoid:A,B,C | cylinder:R,H | capsule:R,H | mesh:FILE,SCALE"
     init.add_argument("--shape", required=True, help=shape)
     init.add_argument("--mass", type=float, help="kg; optional")
     init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")

@@ -13,11 +13,14 @@ from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, median_step, unwrap
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header_file import Model
+from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.drops import Cuts
+from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
-_OPTIONS = {"size": "homogeneous"}  # keys of dataset.yaml whose option has another name
+_OPTIONS = {"size": "homogeneous", "body": "shape"}  # keys of dataset.yaml whose option has another name
 
 
 @dataclass
@@ -59,19 +62,49 @@ def as_dataset(
         notes.append(f"radius of gyration {lamina:.5g} m, that of a uniform lamina (--k-g to change)")
     if rig.walls and rig.gravity is None:
         notes.append("gravity 0, as of a motion seen from above (--gravity 9.81 for walls that are seen from the side)")
-    others = f" and {len(files) - 1} more" if len(files) > 1 else ""
     content = {
         "schema": 1,
-        "description": f"converted from {Path(files[0]).name}{others}",
+        "description": _description(files),
         "body": body,
         **({"surfaces": rig.walls} if rig.walls else {"surface": {"height": rig.surface_height}}),
         "gravity": rig.g,
         "rate": rig.rate if rig.rate is not None else (float(f"{1.0 / step:.6g}") if step > 0 else None),
     }
+    return Dataset(name, _validated(Header, content), poses, has_angle=has_angle)
+
+
+def solid_dataset(name: str, files: Sequence[str | Path], rig: RigOptions, up: np.ndarray, motion: Motion) -> Dataset:
+    """The dataset of a homogeneous body in space, without its tables; `up` (3,) is against gravity.
+
+    UserError if a value of the experiment is impossible, or a mesh is not closed.
+    """
+    body: dict = {"shape": rig.shape, "mass": rig.mass, "homogeneous": True}
+    if rig.size_uncertainty is not None:
+        body["uncertainty"] = {"size": rig.size_uncertainty}
+    step = np.diff(motion.t)
+    rate = float(f"{1.0 / np.median(step):.6g}") if len(step) else None
+    content = {
+        "schema": 2,
+        "description": _description(files),
+        "body": body,
+        "surface": {"point": tuple(rig.surface_height * up), "normal": tuple(up)},
+        "gravity": tuple(-rig.g * up),
+        "rate": rig.rate if rig.rate is not None else rate,
+    }
+    return Dataset(name, _validated(SpaceHeader, content))
+
+
+def _description(files: Sequence[str | Path]) -> str:
+    others = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    return f"converted from {Path(files[0]).name}{others}"
+
+
+def _validated(model: type[Model], content: dict) -> Model:
+    """The header with this content; UserError names the option whose value is impossible."""
     try:
-        header = Header.model_validate(content)
+        return model.model_validate(content)
     except ValidationError as error:
         mistake = error.errors()[0]
-        option = _OPTIONS.get(str(mistake["loc"][-1]), str(mistake["loc"][-1]).replace("_", "-"))
-        raise UserError(f"--{option}: {mistake['input']}: {mistake['msg']}.") from error
-    return Dataset(name, header, poses, has_angle=has_angle)
+        key = str(mistake["loc"][-1])
+        value = "" if isinstance(mistake["input"], dict) else f"{mistake['input']}: "
+        raise UserError(f"--{_OPTIONS.get(key, key.replace('_', '-'))}: {value}{mistake['msg']}.") from error

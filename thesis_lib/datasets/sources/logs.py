@@ -47,6 +47,8 @@ def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Re
     frame = _parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0)
     notes: list[str] = []
     warnings: list[str] = []
+    if rig.in_space:
+        _check_solid(paths[0], in_space, rig, reading)
     if not in_space and not reading.cut:
         return convert_logs(paths, name, reading, rig, frame)
     if not in_space:
@@ -128,6 +130,18 @@ def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, readi
         raise UserError("--body is for files that hold several bodies; of a table, name the columns with --columns.")
 
 
+def _check_solid(path: Path, in_space: bool, rig: RigOptions, reading: Reading) -> None:
+    """UserError for what a shape in space cannot have."""
+    if not in_space:
+        raise UserError(f"--shape: a {rig.shape.kind} is a body in space, but {path} is a planar table.")
+    given = {"plane": reading.plane, "frame": reading.frame, "k-g": rig.k_g}
+    if useless := [name for name, value in given.items() if value is not None]:
+        raise UserError(
+            f"--{useless[0]} is for planar shapes; of a {rig.shape.kind} in space, edit dataset.yaml after conversion: "
+            "inertia, tracked and surface stand there."
+        )
+
+
 def _view(form: str, reading: Reading, frame: tuple[float, float, float], named: bool) -> View:
     """How the motion is looked at; `named`: the recordings say which sample belongs to which trial."""
     return View(
@@ -136,6 +150,7 @@ def _view(form: str, reading: Reading, frame: tuple[float, float, float], named:
         frame=frame,
         cut=not (named or reading.per_trial_files) if reading.cut is None else reading.cut,
         left_handed=reading.left_handed,
+        up_is_given=reading.up is not None,
     )
 
 

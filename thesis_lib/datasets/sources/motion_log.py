@@ -8,18 +8,28 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.samples import Samples
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.samples.stamps import times_of_pictures
-from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
+from thesis_lib.datasets.sources.conversion import Conversion, as_dataset, solid_dataset
 from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions, needs_no_angle
 from thesis_lib.datasets.space.convention import Scene, check_reading, fit
-from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest, whole_pieces
+from thesis_lib.datasets.space.drops import (
+    IN_THE_AIR,
+    SPATIAL,
+    Cuts,
+    Drop,
+    cut_drops,
+    impact_shares,
+    lowest,
+    whole_pieces,
+)
 from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, handed, join, turning
 from thesis_lib.datasets.space.plane import AXES, Plane, find_plane, in_plane, share_out
+from thesis_lib.datasets.space.torque_free import SCALES, better_reading, falling
 from thesis_lib.foundation.errors import UserError
 
 MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
-SCALES = {"mm": 1e-3, "cm": 1e-2}  # units that lengths may have been in after all
 PART = 100  # samples within which a clock of arrival wanders by less than it jitters
 FEW_TRIALS = 10  # a critique asks for as many
 
@@ -38,6 +48,7 @@ class View:
     frame: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cut: bool = True
     left_handed: bool = False
+    up_is_given: bool = True  # else `up` is that of most such recordings
 
 
 def convert_motions(
@@ -45,8 +56,8 @@ def convert_motions(
 ) -> Conversion:
     """A dataset of trajectories from the motions of one body, one of each recording; adds to `notes`.
 
-    UserError if no free flight or no plane is found, rotations fit far better if they are read otherwise, or no drop
-    is left.
+    The motion stays in space if the shape is one of space; else it is projected.  UserError if no free flight or no
+    plane is found, rotations fit far better if they are read otherwise, or no drop is left.
     """
     samples = sum(map(len, motions))
     if not motions[0].oriented:
@@ -56,6 +67,8 @@ def convert_motions(
         notes.append(f"{samples - len(motion)} of {samples} samples left out: the body was not seen")
     motion, piece = _at_exposure(motion, piece, rig.rate, notes)
     try:
+        if rig.in_space:
+            return _keep_in_space(motion, piece, name, files, rig, view, notes)
         return _convert(motion, piece, name, files, rig, view, notes)
     except UserError as error:
         text = str(error)
@@ -91,6 +104,48 @@ def _long_period(t: np.ndarray, piece: np.ndarray) -> float:
         steps = np.maximum(np.round(step / period), 1.0) if period else float(span)
         period = float(np.median(step / steps)) if len(step) else float(np.median(np.diff(t)))
     return period
+
+
+def _keep_in_space(
+    motion: Motion,
+    piece: np.ndarray,
+    name: str,
+    files: Sequence[str | Path],
+    rig: RigOptions,
+    view: View,
+    notes: list[str],
+) -> Conversion:
+    size, up = GRAVITY if rig.gravity is None else rig.gravity, view.up
+    track = follow(motion.t, motion.position, size)
+    flights = find_flights(track, -size * up)
+    if not flights and not view.up_is_given and (found := falling(motion.t, motion.position, size)) and not found[0]:
+        up = -found[1]
+        flights = find_flights(track, -size * up)
+        shown = ", ".join(f"{value:.3f}" for value in up + 0.0)
+        notes.append(f"up is ({shown}) in the axes of the recording, against the fall in {len(flights)} free flights")
+    if not flights:
+        raise UserError(_no_flight(motion, size, view.up))
+    dataset = solid_dataset(name, files, rig, up, motion)
+    body = dataset.in_space.body
+    if motion.oriented and (other := better_reading(motion, track, flights, body.inertia_per_mass)):
+        raise UserError(
+            f"{motion.source}: read as stated, the body does not turn in free flight as a free body does. It does with "
+            f"{other}. Find out how the log was written, and say so."
+        )
+    attitude = motion.quaternion[:, [3, 0, 1, 2]].T
+    height = motion.position @ up + up @ body.solid.lowest(attitude, up[:, None]) - rig.surface_height
+    drops = cut_drops(track, height, flights, body.solid.extent) if view.cut else whole_pieces(piece, flights)
+    used = [drop for drop in drops if not drop.left_out]
+    if view.cut:
+        notes.append(f"{len(drops)} drops cut out of the recording, {len(drops) - len(used)} left out: {IN_THE_AIR}")
+    if not used:
+        raise UserError(_no_drop(drops, height, rig))
+    rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
+    count = [drop.stop - drop.start for drop in used]
+    start = np.repeat(motion.t[[drop.start for drop in used]], count)
+    columns = dict(zip(POSE_IN_SPACE, np.concatenate([motion.position.T, attitude])[:, rows]))
+    poses = pd.DataFrame({"trial": np.repeat([d.trial for d in used], count), "t": motion.t[rows] - start} | columns)
+    return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes)
 
 
 def _convert(
@@ -153,7 +208,7 @@ def _convert(
 
 def _no_flight(motion: Motion, gravity: float, up: np.ndarray) -> str:
     """What to do where nothing falls as it should."""
-    for unit, scale in ({"": 1.0} | SCALES).items():
+    for unit, scale in SCALES.items():
         track = follow(motion.t, scale * motion.position, gravity)
         for axis, vector in AXES.items():
             for sign, mark in ((1.0, ""), (-1.0, "-")):

@@ -1,11 +1,15 @@
 """What is believed of body and rig, as the options of `datasets init` say it."""
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
+from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
+from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Solid, Sphere
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.foundation.errors import UserError
 
@@ -18,10 +22,11 @@ class RigOptions:
 
     Mass in kg, k_g (by default that of a uniform lamina) and surface_height in m, gravity in m/s² (by default
     `GRAVITY`, and 0 between walls, as they are seen from above), rate in Hz (by default that of the times).
-    `size_uncertainty` (relative, one sigma) says that the body is homogeneous and how well its size is known.
+    `size_uncertainty` (relative, one sigma) says that the body is homogeneous and how well its size is known.  A shape
+    in space (box, sphere, …, mesh) is homogeneous, and keeps the motion in space.
     """
 
-    shape: Shape
+    shape: Shape | Any
     mass: float | None = None
     k_g: float | None = None
     size_uncertainty: float | None = None
@@ -37,6 +42,11 @@ class RigOptions:
             raise UserError(f"--rate: {self.rate} Hz is impossible; give a number above 0.")
 
     @property
+    def in_space(self) -> bool:
+        """Whether the shape is one in space."""
+        return not isinstance(self.shape, Ellipse | Disk | Polygon)
+
+    @property
     def radius(self) -> float:
         """Radius of gyration in m."""
         return self.shape.radius_of_gyration if self.k_g is None else self.k_g
@@ -47,10 +57,18 @@ class RigOptions:
         return (0.0 if self.walls else GRAVITY) if self.gravity is None else self.gravity
 
 
-def parse_shape(text: str) -> Shape:
-    """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'rect:W,H' | 'polygon:x1,y1;…' in m; UserError for anything else."""
+def parse_shape(text: str) -> Shape | Solid | Mesh:
+    """'ellipse:A,B' | 'disk:R' | 'square:SIDE' | 'rect:W,H' | 'polygon:x1,y1;…' in m, or a shape in space.
+
+    Those are 'box:X,Y,Z' (edges) | 'sphere:R' | 'ellipsoid:A,B,C' | 'cylinder:R,HEIGHT' | 'capsule:R,HEIGHT' (without
+    its caps) | 'mesh:FILE,SCALE'.  UserError for anything else.
+    """
     kind, _, rest = text.partition(":")
     try:
+        if kind == "mesh":
+            name, comma, scale = rest.rpartition(",")
+            path, factor = Path(name if comma else scale), float(scale) if comma else 1.0
+            return Mesh.model_validate({"file": path.name, "scale": factor}, context={"folder": path.parent})
         points = [tuple(float(value) for value in point.split(",")) for point in rest.split(";")]
         if kind == "ellipse":
             return Ellipse(semi_axes=points[0])  # pyright: ignore[reportArgumentType]
@@ -60,12 +78,22 @@ def parse_shape(text: str) -> Shape:
             width, height = points[0] * 2 if kind == "square" else points[0]
             w, h = width / 2.0, height / 2.0
             return Polygon(vertices=((w, h), (-w, h), (-w, -h), (w, -h)))
+        if kind == "box":
+            return Box(half_extents=tuple(0.5 * edge for edge in points[0]))  # pyright: ignore[reportArgumentType]
+        if kind == "sphere":
+            return Sphere(radius=points[0][0])
+        if kind == "ellipsoid":
+            return Ellipsoid(semi_axes=points[0])  # pyright: ignore[reportArgumentType]
+        if kind in ("cylinder", "capsule"):
+            radius, length = points[0]
+            return (Cylinder if kind == "cylinder" else Capsule)(radius=radius, half_length=0.5 * length)
         if kind == "polygon":
             return Polygon(vertices=tuple(points))  # pyright: ignore[reportArgumentType]
     except (ValueError, ValidationError) as error:
         reason = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
         raise UserError(f"--shape: '{text}' is not a shape ({reason}).") from error
-    known = "ellipse:A,B (semi-axes), disk:R, square:SIDE, rect:WIDTH,HEIGHT or polygon:x1,y1;x2,y2;…"
+    known = "ellipse:A,B (semi-axes), disk:R, square:SIDE, rect:WIDTH,HEIGHT, polygon:x1,y1;x2,y2;… or, in space, "
+    known += "box:X,Y,Z, sphere:R, ellipsoid:A,B,C, cylinder:R,HEIGHT, capsule:R,HEIGHT, mesh:FILE,SCALE"
     raise UserError(f"--shape: '{kind}' is unknown; give {known} in m.")
 
 
@@ -83,10 +111,11 @@ def parse_wall(text: str) -> Wall:
         ) from error
 
 
-def needs_no_angle(shape: Shape, where: str) -> None:
+def needs_no_angle(shape: Shape | Any, where: str) -> None:
     """UserError if a recording without an angle is one of a shape that needs it."""
-    if not isinstance(shape, Disk):
+    if not isinstance(shape, Disk | Sphere):
         raise UserError(
             f"{where}: no angle of the body is read from it (no theta, no orientation), and only a round body can do "
-            "without: give --shape disk:RADIUS, or say where the angle is (--columns theta=NAME, --quaternion)."
+            "without: give --shape disk:RADIUS (or sphere:RADIUS), or say where the angle is (--columns theta=NAME, "
+            "--quaternion)."
         )

@@ -1,0 +1,97 @@
+"""`datasets init` keeps a motion in space if the shape is one of space: units, up, order of quaternions, cutting."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from folders_in_space import mesh
+from tossed import flights
+
+from thesis_lib.commands.datasets import main
+from thesis_lib.datasets import read_dataset
+
+Q = ["qw", "qx", "qy", "qz"]
+SHAPE = ["--shape", "box:0.1,0.08,0.06"]
+
+
+def init(tmp_path, frame, *options: str) -> tuple[int, object]:
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    code = main(["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "made"), *options])
+    return code, read_dataset(tmp_path / "made") if code == 0 else None
+
+
+def test_tosses_stay_in_space(tmp_path, capsys):
+    frame = flights(trials=12)
+    code, made = init(
+        tmp_path, frame, "--quaternion", "wxyz", "--columns", "q1=qw,q2=qx,q3=qy,q4=qz", *SHAPE, "--mass", "0.25"
+    )
+    assert code == 0 and made.warnings == () and made.header.body.mass == 0.25
+    assert made.header.body.homogeneous and made.shape.half_extents == (0.05, 0.04, 0.03)
+    np.testing.assert_allclose(made.trajectories[["t", "x", "y", "z"]], frame[["t", "x", "y", "z"]], atol=1e-12)
+    dots = np.sum(made.trajectories[Q].to_numpy() * frame[Q].to_numpy(), axis=1)
+    np.testing.assert_allclose(np.abs(dots), 1.0, atol=1e-12)
+    assert "critique    not yet" in capsys.readouterr().out
+
+
+def test_units_and_the_axis_that_is_up_are_found_or_given(tmp_path, capsys):
+    frame = flights(trials=12)
+    log = frame.assign(x=1e3 * frame["y"], y=1e3 * frame["z"], z=1e3 * frame["x"])
+    log[Q] = frame[["qw", "qy", "qz", "qx"]]  # axes renamed x y z -> z x y
+    code, made = init(tmp_path, log, "--quaternion", "xyzw", "--units", "mm", *SHAPE)
+    assert code == 0 and "note: up is (" in capsys.readouterr().out
+    np.testing.assert_allclose(made.header.gravity, [0.0, -9.81, 0.0], atol=0.2)
+    code, made = init(tmp_path, log, "--quaternion", "xyzw", "--units", "mm", "--up", "y", "--force", *SHAPE)
+    assert made.header.gravity == (0.0, -9.81, 0.0) and made.header.planes[0][1].tolist() == [0.0, 1.0, 0.0]
+    assert init(tmp_path, log, "--quaternion", "xyzw", "--units", "mm", "--up", "x", "--force", *SHAPE)[0] == 2
+    assert "free flights with --up y" in capsys.readouterr().err
+
+
+def test_another_order_of_the_quaternion_is_refused_with_the_option(tmp_path, capsys):
+    code, _ = init(tmp_path, flights(trials=20), "--quaternion", "wxyz", "--columns", "q1=qx,q2=qy,q3=qz,q4=qw", *SHAPE)
+    assert code == 2 and "It does with --quaternion xyzw" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("shape", "options", "message"),
+    [
+        ("box:0.1,0.08", (), "--shape: 'box:0.1,0.08' is not a shape"),
+        ("cube:0.1", (), "box:X,Y,Z"),
+        ("box:0.1,0.08,0.06", ("--plane", "x"), "--plane is for planar shapes"),
+        ("box:0.1,0.08,0.06", ("--k-g", "0.03"), "--k-g is for planar shapes"),
+        ("mesh:missing.obj,0.001", (), "does not exist"),
+    ],
+)
+def test_options_that_do_not_fit(tmp_path, capsys, shape, options, message):
+    code, _ = init(tmp_path, flights(), "--quaternion", "xyzw", "--shape", shape, *options)
+    assert code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_planar_table_has_no_body_in_space(tmp_path, capsys):
+    frame = flights().drop(columns=[*Q, "y"]).rename(columns={"z": "y"}).assign(theta=0.0)
+    assert init(tmp_path, frame, *SHAPE)[0] == 2
+    assert "a box is a body in space" in capsys.readouterr().err
+
+
+def test_a_ball_and_a_mesh(tmp_path):
+    frame = flights(trials=12)
+    code, ball = init(tmp_path, frame.drop(columns=Q), "--shape", "sphere:0.03")
+    assert code == 0 and not ball.has_angle
+    (tmp_path / "body.stl").write_bytes(mesh((50.0, 40.0, 30.0), "stl"))
+    shape = f"mesh:{tmp_path / 'body.stl'},0.001"
+    code, made = init(tmp_path, frame, "--quaternion", "xyzw", "--force", "--shape", shape)
+    assert code == 0 and made.shape.extent == pytest.approx(np.sqrt(0.005), rel=1e-6)
+    assert (tmp_path / "made" / "body.stl").exists()
+
+
+def test_one_long_recording_is_cut_into_tosses(tmp_path):
+    """Each toss is followed by a pause at rest on the table, after which the next one begins."""
+    parts, start = [], 0.0
+    for _, toss in flights(trials=12, frames=100).groupby("trial"):
+        fall = toss[toss["z"] > 0.03]
+        rest = fall.iloc[[-1]].iloc[np.zeros(60, int)].assign(t=fall["t"].max() + np.arange(1, 61) / 240.0)
+        for part in (fall, rest):
+            parts.append(part.assign(t=part["t"] + start))
+        start += float(rest["t"].max()) + 1 / 240.0
+    log = pd.concat(parts).drop(columns="trial")
+    code, made = init(tmp_path, log, "--quaternion", "xyzw", *SHAPE)
+    assert code == 0 and len(made.trials) == 12
