@@ -24,12 +24,14 @@ def arrays(state: State) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class StagePrediction:
-    """What is measured: velocity after impact (n, 3), jump of the pose (n, 3), gap (n,), acceleration (n, 3)."""
+    """What is measured: velocity after impact (n, 3), jump of the pose (n, 3), gap (n,), acceleration (n, 3) in flight,
+    and (n,) along the surface, if it slides."""
 
     impact: np.ndarray
     meet: np.ndarray
     touch: np.ndarray
     flight: np.ndarray
+    slide: np.ndarray
     impulse: Impulse
     contact: Contact
     after: State
@@ -100,6 +102,9 @@ def predict(
     for effect, p in reversed(active):
         after = effect.from_contact(after, p, rig)
     seen_after = seen_by_camera(after)
+    slides = mus
+    for effect, p in active:
+        slides = effect.sliding(slides, contact, seen, p, rig)
 
     jump, gap = np.zeros((3, n)), np.zeros(n)
     a = np.tile([[0.0], [-rig.gravity], [0.0]], n)
@@ -112,6 +117,7 @@ def predict(
         impact=np.stack([seen_after.vx, seen_after.vy, seen_after.omega], axis=-1),
         meet=jump.T,
         touch=rig.shape.gap(true.y, true.theta, rig.height) - gap,
+        slide=a[0] - slides * np.maximum(-a[1], 0.0) * np.sign(contact.v_t),
         flight=np.stack([two.vx - one.vx, two.vy - one.vy, two.omega - one.omega], axis=-1) / (2.0 * STEP),
         impulse=impulse,
         contact=contact,

@@ -55,7 +55,7 @@ def test_names_are_unique() -> None:
 @pytest.mark.parametrize("law", list(LAWS))
 def test_all_nulls_together_change_no_law(law: str, rig: Rig, states: State) -> None:
     mu = 0.25 if LAWS[law].mu_unit == "1" else 0.5
-    everything = [(effect, null(effect)) for effect in EFFECTS.values()]
+    everything = [(effect, null(effect, mu=mu)) for effect in EFFECTS.values()]
     with_nulls, without = (predict(active, states, rig, law, mu) for active in (everything, []))
     for channel in CHANNELS:
         np.testing.assert_allclose(getattr(with_nulls, channel), getattr(without, channel), rtol=0, atol=ROUNDING)

@@ -103,7 +103,7 @@ def effects_text() -> str:
             if p.discrete is not None:
                 lines.append(f"      {p.name}: {p.null:g} or {p.discrete:g}")
             else:
-                lines.append(f"      {p.name}: {p.low:g} to {p.high:g}{unit}, absent at {p.null:g}")
+                lines.append(f"      {p.name}: {p.low:g} to {p.high:g}{unit}, absent at {p.of or format(p.null, 'g')}")
         if effect.reference:
             lines.append(f"      source: {effect.reference}")
         if origin := origin_of("effect", effect.name):

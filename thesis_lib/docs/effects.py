@@ -11,6 +11,7 @@ CHANNELS = {
     "meet": "pose after impact against pose before",
     "touch": "gap between body and surface at impact",
     "flight": "acceleration between impacts",
+    "slide": "deceleration of a body that slides on the surface",
 }
 KINDS = {
     "contact_law": "Contact law",
@@ -49,7 +50,7 @@ def _entry(effect: Effect) -> str:
 
 def _parameter(p: Parameter) -> tuple[str, str, str, str, str]:
     limits = f"{p.low:g} to {p.high:g}" if p.discrete is None else f"{p.null:g} or {p.discrete:g}"
-    return code(p.name), p.unit, f"{p.null:g}", limits, f"{size_that_matters(p):g}"
+    return code(p.name), p.unit, code(p.of) if p.of else f"{p.null:g}", limits, f"{size_that_matters(p):g}"
 
 
 def size_that_matters(p: Parameter) -> float:
@@ -71,4 +72,6 @@ def picture_text(effect: Effect) -> str:
         what, panels = "velocity after impact", f": {over}"
     elif "flight" in effect.channels:
         what, panels = "flight", ": left of the acceleration, right of the path over half a second"
+    elif "slide" in effect.channels:
+        what, panels = "deceleration in a slide", " over the speed before it"
     return f"Change of the {what} by {effect.title} ({sizes_text(effect)}){panels}"

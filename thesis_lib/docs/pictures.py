@@ -36,6 +36,7 @@ WHAT = {
     "curve": ("Δ velocity after impact (m/s)", 1.0),
     "flight": ("Δ acceleration (m/s²)", 1.0),
     "path": ("Δ path (mm)", 1e3),
+    "slide": ("Δ acceleration in a slide (m/s²)", 1.0),
     "gap": ("Δ gap (mm)", 1e3),
 }
 SYMBOLS = {"v_x": "$v_x$", "v_y": "$v_y$", "a_x": "$a_x$", "a_y": "$a_y$", "φ_n": "$φ_n$"}

@@ -8,6 +8,7 @@ One ellipse (a square where an effect needs corners) hits the surface once, by M
 | curve   | Δv_x, Δv_y, kΔω against what else they depend on most             | the velocity after impact        |
 | flight  | the same of the acceleration                                      | the flight only                  |
 | path    | Δx, Δy, kΔθ over half a second of flight                          | the flight only                  |
+| slide   | Δa_x over the velocity along the surface                          | slides only                      |
 | gap     | Δφ_n over the body angle or what else it depends on most          | the gap at impact only           |
 """
 
@@ -55,6 +56,8 @@ def signature(effect: Effect) -> pd.DataFrame:
         parts = [_plane(effect), _curve(effect, "curve", RANGES, impact_change, ("v_x", "v_y", "k ω"))]
     elif "flight" in effect.channels:
         parts = [_curve(effect, "flight", IN_FLIGHT, flight_change, ("a_x", "a_y", "k α")), _path(effect)]
+    elif "slide" in effect.channels:
+        parts = [_curve(effect, "slide", {"v_t": (-2.0, 2.0)}, slide_change, ("a_x",))]
     else:
         ranges = {name: RANGES[name] for name in ("theta", "x")} | {"v_n": (-3.5, -0.25)}
         parts = [_curve(effect, "gap", ranges, gap_change, ("φ_n",))]
@@ -82,6 +85,13 @@ def flight_change(effect: Effect, state: State) -> np.ndarray:
     rig, (with_it, values) = rig_for(effect), _model(effect)
     without, changed = (bind(model, values, rig).acceleration(state) for model in (Model(LAW), with_it))
     return (changed - without) * [1.0, 1.0, rig.k_g]
+
+
+def slide_change(effect: Effect, state: State) -> np.ndarray:
+    """Δa_x (n, 1) in m/s² of a body that slides on the surface."""
+    rig, (with_it, values) = rig_for(effect), _model(effect)
+    without, changed = (bind(model, values, rig).sliding(state) for model in (Model(LAW), with_it))
+    return (changed - without)[:, None]
 
 
 def gap_change(effect: Effect, state: State) -> np.ndarray:

@@ -9,7 +9,8 @@ any set of effects can be on at once; at its null parameters it changes nothing:
         coefficients ──► law ──► impulse         μ, ε before the law; impulse and couple after it
     v_post as measured ◄── to_measured ── v_post ◄── from_contact ── v⁺ = v + M⁻¹ Jᵀ c
 
-and between impacts `acceleration` gives the flight, `gap` the distance of body and surface at an impact.
+and between impacts `acceleration` gives the flight, `gap` the distance of body and surface at an impact, `sliding` the
+friction of a body that the surface supports.
 Up to `to_contact` a state is that of the body origin; `contact_point`, `contact_time`, `coefficients` and `impulse`
 get the state as the contact sees it.
 A measurement effect changes the prediction of what is measured, never the measurement itself.
@@ -50,7 +51,7 @@ from thesis_lib.mechanics.state import AS_FILMED, State
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
 FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface", "flight", "measurement")
-Channel = Literal["impact", "meet", "touch", "flight"]
+Channel = Literal["impact", "meet", "touch", "flight", "slide"]
 Coordinate = Literal["x", "t", "trial"]
 Parameters = Mapping[str, float]
 IN_PLANE, IN_SPACE = frozenset({2}), frozenset({2, 3})
@@ -69,6 +70,8 @@ class Parameter:
         starts: further starting values, for effects whose misfit has more than one minimum.
         discrete: the only other value, for effects that are on or off (a mirrored axis); else None.
         along: "x", "t" or "trial" of one that is itself a place, a time or a release, from `Rig.reference`; else "".
+        of: the parameter of the law in whose place it acts: the effect is absent where both are equal, and `null` is a
+            start; "" of one that is absent at its null.
     """
 
     name: str
@@ -80,6 +83,11 @@ class Parameter:
     starts: tuple[float, ...] = ()
     discrete: float | None = None
     along: Coordinate | Literal[""] = ""
+    of: str = ""
+
+    def absent_at(self, values: Mapping[str, float]) -> float:
+        """The value at which the effect is absent from a model with these values of the law."""
+        return values.get(self.of, self.null)
 
 
 @dataclass(frozen=True)
@@ -194,7 +202,7 @@ class Effect:
         equation: in plain text with the symbols of the glossary.
         parameters: see `Parameter`.
         channels: what it changes: impact (velocity after impact), meet (pose before against pose after), touch
-            (gap at impact), flight (acceleration between impacts).
+            (gap at impact), flight (acceleration between impacts), slide (friction while the surface supports it).
         needs_trajectories: whether impacts alone cannot test it.
         needs_contact_time: whether it is about nothing but the time that contacts take.
         needs_angle: whether only the angle or the spin shows it, or an unknown spin before the impact mimics it.
@@ -296,6 +304,10 @@ class Effect:
         `contact` has the contact point `r` (d, n) in m and the coefficients `mu` and `epsilon` (n,) of each impact.
         """
         return impulse
+
+    def sliding(self, mu: np.ndarray, contact: Contact, state: State, p: Parameters, rig: Rig) -> np.ndarray:
+        """Coefficient of friction (n,) of bodies that slide on the surface, given that of impacts at this place."""
+        return mu
 
     # flight -----------------------------------------------------------------------------------------------------
     def acceleration(self, a: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray:

@@ -34,13 +34,14 @@ from thesis_lib.mechanics.state import State
 
 N = 300  # states
 FEW = 40  # where a single one would do
-CHANNELS = ("impact", "meet", "touch", "flight")
+SLIDE = "slide"  # which all that changes friction changes, named or not
+CHANNELS = ("impact", "meet", "touch", "flight", SLIDE)
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
 IDENTITY = 1e-15  # a null effect may cost one rounding
 IN_SPACE = 1e-11  # of numbers of order 1 to 10 that a few turns have passed
 # velocities (m/s, with ω k_g), poses (m or rad) and accelerations (m/s²) that the rig of 0.3 mm and 3 mrad resolves in
 # about 100 impacts: what an effect changes at its scale must not lie far below
-RESOLVED = {"impact": 3e-3, "meet": 1e-3, "touch": 1e-4, "flight": 1e-2}
+RESOLVED = {"impact": 3e-3, "meet": 1e-3, "touch": 1e-4, "flight": 1e-2, SLIDE: 3e-2}
 UNCHANGED = 1e-9  # difference quotients of the flight lose three digits
 ELSEWHERE = Reference(x=3.0, t=1000.0, trial=1000.0)
 SHIFTED = 1e-9  # relative to 1: numbers near 1000 have lost three digits, and edges of 2 mm two more
@@ -251,7 +252,7 @@ def acts_in_its_channels(effect: Effect) -> str:
                 f"it names the channel {channel}, but null + scale changes it by {size:.2g} only, where data resolve "
                 f"{RESOLVED[channel]:g}: give a larger scale, or take the channel out"
             )
-        if channel not in effect.channels and not size < (RESOLVED[channel] if timed else UNCHANGED):
+        if channel not in (*effect.channels, SLIDE) and not size < (RESOLVED[channel] if timed else UNCHANGED):
             return f"it changes the channel {channel} (by {size:.2g}), which `channels` does not name"
     return ""
 
@@ -279,7 +280,7 @@ def mirror_difference(effect: Effect) -> float:
     active = [(effect, at_scale(effect))]
     there = ((states, rig), (mirrored, Rig(flipped, rig.k_g, rig.gravity, rig.height)))
     one, other = (predict(active, at, where, contact_time=TAU) for at, where in there)
-    odd = {"impact": [-1, 1, -1], "meet": [-1, 1, -1], "touch": 1, "flight": [-1, 1, -1]}
+    odd = {"impact": [-1, 1, -1], "meet": [-1, 1, -1], "touch": 1, "flight": [-1, 1, -1], SLIDE: -1}
     return max(
         float(np.max(np.abs(other[channel] * odd[channel] - one[channel]))) / RESOLVED[channel]
         for channel in effect.channels

@@ -34,9 +34,9 @@ Active = Sequence[tuple[Effect, Mapping[str, float]]]
 Calls = dict[str, tuple[tuple[object, ...], object]]
 
 
-def null(effect: Effect, space: Space = PLANE) -> dict[str, float]:
-    """Parameters at which the effect is absent."""
-    return {p.name: p.null for p in parameters_in(effect, space)}
+def null(effect: Effect, space: Space = PLANE, mu: float = MU) -> dict[str, float]:
+    """Parameters at which the effect is absent from a law with this friction."""
+    return {p.name: p.absent_at({"mu": mu}) for p in parameters_in(effect, space)}
 
 
 def at_scale(effect: Effect, space: Space = PLANE) -> dict[str, float]:
@@ -92,6 +92,7 @@ def hook_calls(effect: Effect, p: Mapping[str, Any], rig: Rig, states: State, gi
         "inertia": ((G,), effect.inertia(G, p)),
         "contact_time": ((tau,), effect.contact_time(tau, at, states, p, rig)),
         "coefficients": ((mu, epsilon), effect.coefficients(mu, epsilon, at, states, p, rig)),
+        "sliding": ((mu,), effect.sliding(mu, at, states, p, rig)),
         "impulse": ((sticks,), effect.impulse(sticks, at, states, p, rig)),
         "acceleration": ((a,), effect.acceleration(a, states, p, rig)),
     }
@@ -127,7 +128,8 @@ def differs(made: object, expected: object, rtol: float, atol: float = 0.0) -> s
 def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0) -> dict[str, np.ndarray]:
     """What the critique's model predicts in each channel, from measured states before the impact.
 
-    impact: velocity after it; meet: jump of the pose; flight: acceleration, (n, d + turns) each; touch: gap (n,) at it.
+    impact: velocity after it; meet: jump of the pose; flight: acceleration, (n, d + turns) each; touch: gap (n,) at it;
+    slide: acceleration (n,) along the surface, were the body supported.
     The effects act in their own order, whatever that of `active`; `contact_time` is τ in s.
     """
     model = Model(LAWS["anitescu_potra_newton"], tuple(effect for effect, _ in active), contact_time > 0.0)
@@ -140,4 +142,5 @@ def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0
         "meet": dynamics.jump(measured, after),
         "touch": dynamics.gap(dynamics.to_true(measured)) + depth,
         "flight": dynamics.acceleration(measured),
+        "slide": dynamics.sliding(dynamics.to_true(measured)),
     }

@@ -1,5 +1,6 @@
 """Bodies that lie still or slide on the surface: what they show that impacts do not, and only where it is asked for."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops import world
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.channels import CHANNELS, REST, SLIDE, concerned
@@ -38,7 +40,7 @@ BOTH = ("rest", "slide")
 
 
 @cache
-def that_end_at_rest(offset: float = 0.0, higher: float = 0.0, seed: int = 0) -> Dataset:
+def that_end_at_rest(offset: float = 0.0, higher: float = 0.0, seed: int = 0, sliding: float = MU) -> Dataset:
     """Simulated drops, each followed by 40 samples in which the body slides and 30 in which it lies."""
     rng = np.random.default_rng(seed)
     hidden = HiddenCauses(angle_offset=offset, surface_height=higher)
@@ -49,7 +51,7 @@ def that_end_at_rest(offset: float = 0.0, higher: float = 0.0, seed: int = 0) ->
         up, lean = rng.normal(0.0, SPREAD)
         pose = [last.x, HALF + higher + up, float(lying_angle(SQUARE.shape, np.array([last.theta]))[0]) + offset + lean]
         tau = np.arange(40) / RATE
-        way = rng.choice([-1.0, 1.0]) * (0.9 * tau - 0.5 * MU * GRAVITY * tau**2)
+        way = rng.choice([-1.0, 1.0]) * (0.9 * tau - 0.5 * sliding * GRAVITY * tau**2)
         for start, x in ((0.2, pose[0] + way), (1.0, np.full(30, pose[0] + way[-1]))):
             q = np.column_stack([x, np.full(len(x), pose[1]), np.full(len(x), pose[2])])
             q += rng.normal(size=q.shape) * [NOISE.position, NOISE.position, NOISE.angle]
@@ -117,9 +119,11 @@ def test_rests_tell_angle_height_and_mirror_and_nothing_of_rounding():
 def test_a_channel_concerns_the_effects_that_change_what_it_compares():
     named = {name: {c.name for c in (REST, SLIDE) if c.concerns(effect)} for name, effect in EFFECTS.items()}
     assert named["angle_offset"] == {"rest", "slide"} and named["surface_height"] == {"rest"}
-    assert named["position_dependent_friction"] == {"slide"} and named["wrong_inertia"] == set()
+    assert named["position_dependent_friction"] == named["sliding_friction"] == {"slide"}
+    assert named["wrong_inertia"] == set()
     for effect in EFFECTS.values():  # what effects declare stands as it did
-        assert set(concerned(effect)) - set(BOTH) == set(effect.channels) <= set(CHANNELS)
+        assert set(concerned(effect)) - set(BOTH) == set(effect.channels) - set(BOTH)
+        assert set(effect.channels) <= set(CHANNELS)
 
 
 def test_slides_tell_friction():
@@ -131,6 +135,42 @@ def test_slides_tell_friction():
     information = alone.std["mu"] ** -2 + float(np.sum(GRAVITY**2 / slide.variance))
     assert both.std["mu"] == pytest.approx(information**-0.5, rel=0.35)
     assert abs(both.values["mu"] - MU) < 3.0 * both.std["mu"]
+
+
+def test_a_friction_of_slides_alone_is_given_back_beside_that_of_impacts():
+    o = observe(that_end_at_rest(sliding=0.22), channels=("slide",))
+    effect, (slide,) = EFFECTS["sliding_friction"], o.supports
+    model, without = Model(LAWS["mirtich"], (effect,)), fit(Model(LAWS["mirtich"]), replace(o, supports=()))
+    found = fit(model, o)
+    assert abs(found.values["sliding_friction.mu_s"] - 0.22) < 3.0 * found.std["sliding_friction.mu_s"] < 0.03
+    # impacts are as they were, and where both frictions are equal the effect is absent
+    assert found.values["mu"] == pytest.approx(without.values["mu"], rel=1e-3)
+    at_null = without.values | {"sliding_friction.mu_s": without.values["mu"]}
+    models = bind(model, at_null, o.rig), bind(without.model, without.values, o.rig)
+    np.testing.assert_array_equal(*map(slide.residuals, models))
+    assert effect.parameters[0].absent_at(without.values) == without.values["mu"]
+
+
+def test_no_friction_of_slides_is_tested_where_nothing_slides():
+    data = that_end_at_rest()
+    for channels, testable in ((("rest",), False), (BOTH, True)):
+        names, why_not = world.testable_effects(observe(data, channels=channels), timed=True)
+        assert ("sliding_friction" in names) is testable
+        assert ("slides" in why_not.get("sliding_friction", "")) is not testable
+
+
+def test_rests_that_share_their_error_count_less():
+    """Where the camera moved between two sessions, the mean of all heights is known as that of few: here a sixth."""
+    data = that_end_at_rest()
+    table = data.trajectories
+    moved = table.assign(y=table.y + 2e-3 * (table.trial >= DROPS // 2))
+    (apart,), (still,) = (observe(replace(data, trajectories=t), channels=("rest",)).supports for t in (moved, table))
+    std = [np.sqrt(rest.variance[:, 0].mean() / DROPS) for rest in (apart, still)]
+    half = 1e-3  # m, of the step: the spread of all heights
+    assert 2.0 < std[0] / (half / np.sqrt(DROPS)) < 3.0
+    assert std[1] < 2.0 * SPREAD[0] / np.sqrt(DROPS)
+    turned = [rest.variance[:, 1] for rest in (apart, still)]
+    np.testing.assert_allclose(*turned, rtol=1e-9)
 
 
 def test_drawn_rests_and_slides_are_those_of_the_model():

@@ -247,6 +247,15 @@ class Dynamics:
             a = effect.acceleration(a, true, p, self.rig)
         return a.T
 
+    def sliding(self, true: State) -> np.ndarray:
+        """Acceleration (n,) in m/s² along the surface of planar bodies that slide on it."""
+        seen, at = self.contact(true)
+        mu, _ = self.coefficients(seen, at)
+        for effect, p in self.active:
+            mu = effect.sliding(mu, at, seen, p, self.rig)
+        a_t, a_n = self.true_acceleration(true)[:, :2].T
+        return a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
+
     def arc(self, tau: np.ndarray, measured: State) -> np.ndarray | None:
         """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
         return self._true_arc(tau, self.to_true(measured))

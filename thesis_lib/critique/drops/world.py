@@ -20,7 +20,7 @@ from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, joined, judge, spoilt_channels
 from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.likelihood.channels import concerned
+from thesis_lib.critique.likelihood.channels import SLIDE, concerned
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
 from thesis_lib.critique.likelihood.observations import Observations
@@ -192,11 +192,12 @@ class Drops(World[Effect, Fit, Judgement]):
         of_candidates = {}
         for effect in candidates:
             with_it = Whitening(model.with_effect(effect), self.observations, S, fitted.sigma_m)
-            values = fitted.values | {f"{effect.name}.{p.name}": p.null for p in effect.parameters}
+            values = fitted.values | {f"{effect.name}.{p.name}": p.absent_at(fitted.values) for p in effect.parameters}
             secants = []
             for p in effect.parameters:
-                step = inward(p, p.null, p.scale) if p.discrete is None else p.discrete - p.null
-                secants.append(slope(with_it, values, f"{effect.name}.{p.name}", step))
+                name = f"{effect.name}.{p.name}"
+                step = inward(p, values[name], p.scale) if p.discrete is None else p.discrete - p.null
+                secants.append(slope(with_it, values, name, step))
             of_candidates[effect.name] = np.stack(secants, axis=1)
         return Slopes(weights * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
 
@@ -204,6 +205,7 @@ class Drops(World[Effect, Fit, Judgement]):
 def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str, Effect], dict[str, str]]:
     """Testable effects by name, and by name why the others cannot be tested; `timed`: whether contacts take time."""
     testable, why_not, rig = {}, {}, observations.rig
+    slides = any(len(beside) for beside in observations.supports if beside.channel == SLIDE.name)
     for name, effect in [*EFFECTS.items(), *((effect.name, effect) for effect in effects_at(rig.walls))]:
         if not effect.applies_to(rig):
             flat = rig.gravity == 0.0 and effect.channels == ("flight",)
@@ -216,6 +218,8 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
             why_not[name] = "no trajectories"
         elif effect.needs_contact_time and not timed:
             why_not[name] = "contacts are taken as instants"
+        elif effect.channels == (SLIDE.name,) and not slides:
+            why_not[name] = "no body slides on the surface"
         else:
             testable[name] = effect
     return testable, why_not

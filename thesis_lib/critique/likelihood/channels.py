@@ -122,7 +122,7 @@ REST = _Derived("rest", "the poses in which the body lies still", hooks=("to_tru
 SLIDE = _Derived(
     "slide",
     "the friction of a body that slides on the surface",
-    hooks=("to_true", "to_contact", "coefficients", "acceleration"),
+    hooks=("to_true", "to_contact", "coefficients", "sliding", "acceleration"),
 )
 CHANNELS = {channel.name: channel for channel in (IMPACT, FLIGHT, MEET, TOUCH, REST, SLIDE)}
 ALWAYS = (FLIGHT.name, MEET.name, TOUCH.name)  # in every table, if as unknown

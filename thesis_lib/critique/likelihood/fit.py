@@ -88,7 +88,8 @@ class Fit:
         if self.values.get(CONTACT_TIME.name, 0.0) > BRIEF:
             for name, p in self.model.fitted_parameters.items():
                 if "." in name and not p.along:
-                    scatter[name] = float(np.hypot(scatter[name], OF_MODEL * (self.values[name] - p.null)))
+                    size = self.values[name] - p.absent_at(self.values)
+                    scatter[name] = float(np.hypot(scatter[name], OF_MODEL * size))
         return scatter
 
     @property

@@ -1,10 +1,11 @@
 """Evidence of bodies that lie or slide on the surface, beside impacts: no law of impacts has a say in where they lie.
 
     rest    (φ_n at the angle at which the body lies, θ − that angle),          of the true pose behind the measured one
-    slide   a − â,   â = a_t − μ a_n sgn(v_t),    a_t, a_n: acceleration in flight along and into the surface
+    slide   a − â,   â = a_t − μ_s a_n sgn(v_t),  a_t, a_n: acceleration in flight along and into the surface
 
 They are found by `thesis_lib/datasets/impacts/supports.py`.  Rests separate an angle offset from all that acts at
-impacts, and a surface at another height from rounded corners, which a body does not lie on; slides show friction.
+impacts, and a surface at another height from rounded corners, which a body does not lie on; slides show friction.  μ_s
+is that of impacts unless `sliding_friction` is on.
 
 | on paper  | in code                 | unit    | shape  |                                               |
 |-----------|-------------------------|---------|--------|-----------------------------------------------|
@@ -93,11 +94,7 @@ class Slides(_OnSurface):
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 1) in m/s²."""
         true = dynamics.to_true(self.state)
-        seen, at = dynamics.contact(true)
-        mu, _ = dynamics.coefficients(seen, at)
-        a_t, a_n = dynamics.true_acceleration(true)[:, :2].T
-        along = a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
-        later = true.moved(vx=true.vx + _H * along)
+        later = true.moved(vx=true.vx + _H * dynamics.sliding(true))
         seen_by_camera = (dynamics.to_measured(state).vx for state in (later, true))
         return self.acceleration - ((next(seen_by_camera) - next(seen_by_camera)) / _H)[:, None]
 

@@ -221,8 +221,9 @@ def truths(source: str) -> list[str]:
         return [NOTHING, *MUJOCO]
     if source == "mujoco_usual":
         return [NOTHING]
-    if source == "law":  # impacts of a law are instants
-        return [NOTHING, *(name for name, effect in EFFECTS.items() if not effect.needs_contact_time)]
+    if source == "law":  # impacts of a law are instants, and nothing slides after them
+        left_out = {name for name, e in EFFECTS.items() if e.needs_contact_time or e.channels == ("slide",)}
+        return [NOTHING, *(name for name in EFFECTS if name not in left_out)]
     return [NOTHING, *CAUSES]
 
 

@@ -4,14 +4,18 @@ A body *rests* where `ROWS` samples in a row stay within the noise of their mean
 surface and near an angle at which it lies.  It *slides* where height and angle stay so, but x does not.  What a hand
 holds above the surface is neither.
 
-Rests on one side of a body differ by more than the noise of many samples: by dust, by the camera at another place.
-That scatter is estimated without any model, as the spread of most rests about the median of their side; slides
-scatter about their median, taken against the motion.
+A rest of many samples is one measurement: rests on one side of a body differ by more than the noise of their means, by
+dust, by the camera at another place.  That scatter is estimated without any model, as the spread of most rests about
+the median of their side and a line along the surface, as of a camera that is turned; slides scatter about their
+median, taken against the motion.  Neighbouring trials share some of it where the camera was moved between sessions.
+The variance is then that of batch means, times their size: n rests tell their mean as well as n independent ones do.
+Source: batch means with √n rests a batch: Flegal and Jones 2010, doi:10.1214/09-AOS735.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import theilslopes
 
 from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.datasets.flights.parabolas import Hits
@@ -61,12 +65,20 @@ def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) 
     if len(q) < FEWEST:
         return None
     flat = lying_angle(header.body.shape, q[:, 2])
-    side = np.round(np.remainder(flat, 2.0 * np.pi), 6)
-    _, of = np.unique(side, return_inverse=True)
+    side = np.round(np.remainder(flat + LEANS, 2.0 * np.pi), 6)
+    sides, of = np.unique(side, return_inverse=True)
     measured = np.stack([q[:, 1], q[:, 2] - flat], axis=1)
-    centre = np.stack([np.median(measured[of == k], axis=0) for k in range(of.max() + 1)])[of]
-    freedom = len(q) / max(len(q) - len(np.unique(of)), 1)
-    scatter = quantile_std(measured - centre, MOST) ** 2 * freedom
+
+    def by_side(values: np.ndarray) -> np.ndarray:
+        return values - np.stack([np.median(values[of == k], axis=0) for k in range(len(sides))])[of]
+
+    slope = [theilslopes(column, by_side(q[:, 0]))[0] for column in by_side(measured).T]
+    freedom = len(q) / max(len(q) - len(sides) - 1, 1)
+    left = by_side(measured - np.outer(q[:, 0], slope))
+    size = int(np.sqrt(len(q)))
+    batches = left[: len(q) // size * size].reshape(-1, size, 2).mean(axis=1)
+    shared = np.maximum(size * batches.var(axis=0) / np.maximum(left.var(axis=0), np.finfo(float).tiny), 1.0)
+    scatter = quantile_std(left, MOST) ** 2 * freedom * shared
     variance = sigma[1:] ** 2 / count[:, None] + scatter
     return Supported(samples.trial[first], samples.t[first], q, np.zeros_like(q), measured, variance)
 

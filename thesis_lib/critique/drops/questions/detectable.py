@@ -126,7 +126,7 @@ def material_sizes(critique: DropsCritique) -> Sizes:
     for name, effect in testable_effects(o, final.model.takes_time)[0].items():
         inside = effect in final.model.effects
         model = final.model if inside else final.model.with_effect(effect)
-        values = {f"{name}.{p.name}": p.null for p in effect.parameters} | final.values
+        values = {f"{name}.{p.name}": p.absent_at(final.values) for p in effect.parameters} | final.values
         others = [column for other, column in slopes.items() if not other.startswith(f"{name}.")]
         sizes[name] = {}
         for p in effect.parameters:
