@@ -6,6 +6,7 @@ from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
 from thesis_lib.simulate.stepping.contact_modes import TOUCH
 from thesis_lib.simulate.stepping.lcp import LcpStatus
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody, Rod
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 
 RESIDUAL_TOL = 1e-9  # promised complementarity of every step, dimensionless; rounding leaves about 1e-15
@@ -63,3 +64,18 @@ def drops(name, n, seed=0):
 def contact_velocity(record: SimulatedMotion) -> tuple[np.ndarray, np.ndarray]:
     """J_n v⁺ and J_t v⁺, each (m, p) in m/s, with J at the start of the step."""
     return tuple(np.einsum("kpi,ki->kp", J, record.v[1:]) for J in (record.J_n, record.J_t))
+
+
+def limit_cycle(wheel: RimlessWheel) -> tuple[float, float]:
+    """Angular velocities (ω⁻, ω⁺) in rad/s before and after each step of steady rolling.
+
+    On spokes that neither slip nor rebound, a step from one to the next conserves the angular momentum about the new
+    tip, and the hub falls by 2 l sin(π/n) sin γ:
+
+        ω⁺ = r ω⁻,   r = (I + m l² cos(2π/n)) / (I + m l²),      ω⁻² (1 - r²) = 4 m g l sin(π/n) sin γ / (I + m l²)
+    """
+    ml2, half = wheel.mass * wheel.length**2, np.pi / wheel.spokes
+    ratio = (wheel.inertia + ml2 * np.cos(2.0 * half)) / (wheel.inertia + ml2)
+    energy = 4.0 * wheel.mass * wheel.g * wheel.length * np.sin(half) * np.sin(wheel.slope)
+    before = -np.sqrt(energy / (wheel.inertia + ml2) / (1.0 - ratio**2))
+    return float(before), float(ratio * before)

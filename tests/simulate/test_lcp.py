@@ -9,8 +9,8 @@ from thesis_lib.simulate.stepping.lcp import (
     LcpStatus,
     complementarity_residual,
     contact_lcp,
-    contact_lcp_matrices,
     impact,
+    lcp_matrices,
     solve_lcp_enumeration,
 )
 
@@ -58,7 +58,7 @@ def test_impulse_obeys_newton_coulomb_and_opposes_the_final_slip():
 def test_agrees_with_drake_moby():
     K, v_c, mu, epsilon = random_cases(3000, seed=2)
     out = contact_lcp(K, v_c, mu, epsilon)
-    M, q = contact_lcp_matrices(K, v_c, mu, epsilon, v_c[:, 1])
+    M, q = lcp_matrices(K, v_c, -(epsilon * v_c[:, 1])[:, None], mu[:, None])
     solver, solved, worst = MobyLcpSolver(), 0, 0.0
     for i in range(len(q)):
         program = MathematicalProgram()

@@ -6,8 +6,14 @@ from motions import BALANCE_TOL, BODIES, EPSILON, MU, RESIDUAL_TOL, G, H, balanc
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.stepping.contact_modes import several_lcp_matrices, solve_one, solve_several
-from thesis_lib.simulate.stepping.lcp import LcpStatus, complementarity_residual, contact_lcp, solve_lcp_enumeration
+from thesis_lib.simulate.stepping.contact_modes import solve_one, solve_several
+from thesis_lib.simulate.stepping.lcp import (
+    LcpStatus,
+    complementarity_residual,
+    contact_lcp,
+    lcp_matrices,
+    solve_lcp_enumeration,
+)
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import V_REBOUND, StateTerms, simulate, step_lcp
 
@@ -32,7 +38,7 @@ def test_the_checks_notice_a_wrong_force_and_a_wrong_mode():
     record.c_n[k, 0] *= 1.0 + 1e-6
     assert np.abs(balance(BODIES["ellipse"], record)).max() > BALANCE_TOL
     z = np.array([[1.0, 0.0, 0.0, 0.0]])
-    M, w = several_lcp_matrices(np.eye(2), np.array([0.0, -1.0]), np.zeros(1), np.array([0.5]))
+    M, w = lcp_matrices(np.eye(2), np.array([0.0, -1.0]), np.zeros(1), np.array([0.5]))
     assert complementarity_residual(M[None], w[None], z * (1 + 1e-8))[0] > RESIDUAL_TOL
 
 
@@ -227,7 +233,7 @@ def test_two_contacts_agree_with_enumeration_but_for_problems_with_several_solut
         b, mu = np.zeros(2), rng.uniform(0, 0.5, 2)
         c, residual = solve_several(K, v_c, b, mu)
         assert residual <= RESIDUAL_TOL
-        z, status = solve_lcp_enumeration(*(x[None] for x in several_lcp_matrices(K, v_c, b, mu)))
+        z, status = solve_lcp_enumeration(*(x[None] for x in lcp_matrices(K, v_c, b, mu)))
         assert status[0] == LcpStatus.SOLVED
         other = np.concatenate([z[0, 4:6] - z[0, 2:4], z[0, :2]])
         agree += np.allclose(c, other, rtol=AGREE, atol=AGREE)

@@ -177,7 +177,7 @@ def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
     settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu"))
     contacts = made_contacts(TRUTH, 500, twist=0.1)
     known, new = contacts.select(np.arange(250)), contacts.select(np.arange(250, 500))
-    missed = train_missed(TRUTH, known, settings, np.random.default_rng(0))
+    missed, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0))
     contact = contact_map("", TRUTH, missed, settings).contact
     body = TRUTH.body
     q = TRUTH.seen(new.q)
@@ -188,9 +188,8 @@ def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
     _, reached = fly(body, mean[:, :3], mean[:, 3:], new.span - t - took)
     metric = np.array([1.0, 1.0, TRUTH.k_g])
     left = (new.v_after - reached) * metric
-    plain = contact_map(
-        "", TRUTH, train_missed(TRUTH, known, settings, np.random.default_rng(0), False), settings
-    ).contact
+    scatter, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0), False)
+    plain = contact_map("", TRUTH, scatter, settings).contact
     bare, _, _, _ = plain.distribution(q, v, r, np.zeros(len(q), bool))
     _, without = fly(body, bare[:, :3], bare[:, 3:], new.span - t - took)
     before = (new.v_after - without) * metric

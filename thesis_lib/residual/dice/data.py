@@ -121,11 +121,10 @@ def read_throws(
             head, _ = _fit(t[start], pose[start], early, sigma, dataset.gravity, settings)
             fits.append((begin, end, early, head, t[inside[-1]], last, cov))
             if len(inside) >= settings.long_flight:
-                long.append((trial, *(last - head).T.ravel()))
+                long.append((trial, *(last - head).T))
         for (begin, end, _, _, t_0, before, _), (begin_next, _, t_1, after, *_) in pairwise(fits):
             if begin_next - end <= settings.longest_contact:
-                states = (*before.T.ravel(), *after.T.ravel())
-                contacts.append((trial, begin == -np.inf, *states, t_1 - t_0, begin_next - t_0))
+                contacts.append((trial, begin == -np.inf, *before.T, *after.T, t_1 - t_0, begin_next - t_0))
         tail = pose[-settings.last :]
         moved = np.ptp(tail * [1.0, 1.0, dataset.k_g], axis=0).max()
         if not fits or fits[0][0] != -np.inf:
@@ -134,19 +133,12 @@ def read_throws(
             left_out["not_at_rest"] += 1
         else:
             state, cov = fits[0][5:]
-            releases.append((trial, *state.T.ravel(), *cov.ravel(), *tail.mean(axis=0)))
+            releases.append((trial, *state.T, cov, tail.mean(axis=0)))
     if not releases or not contacts:
         raise UserError(f"{dataset.name} holds no throw with a first flight that comes to rest: nothing to study.")
-    a, c, f = np.array(releases), np.array(contacts), np.array(long).reshape(-1, 7)
-    return (
-        ThrowReleases(
-            a[:, 0].astype(int), a[:, 1:4], a[:, 4:7], a[:, 7:43].reshape(-1, 6, 6), a[:, 43:46], left_out, sigma
-        ),
-        MeasuredContacts(
-            c[:, 0].astype(int), c[:, 1] == 1.0, c[:, 2:5], c[:, 5:8], c[:, 8:11], c[:, 11:14], c[:, 14], c[:, 15]
-        ),
-        LongFlights(f[:, 0].astype(int), f[:, 1:4], f[:, 4:7]),
-    )
+    starts, met, flown = (map(np.array, zip(*rows)) for rows in (releases, contacts, long))
+    flights = LongFlights(*flown) if long else LongFlights(np.zeros(0, int), np.zeros((0, 3)), np.zeros((0, 3)))
+    return ThrowReleases(*starts, left_out=left_out, sigma=sigma), MeasuredContacts(*met), flights
 
 
 def _flights(t: np.ndarray, hits: np.ndarray, settings: DiceDataSettings) -> list[tuple[float, float, np.ndarray]]:

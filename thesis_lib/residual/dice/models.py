@@ -9,7 +9,6 @@ the flight after the contact is traced back to that time, and the difference is
 Its size (1.48 median |.|) is the scatter of a law; a Gaussian process of it is the contact map (`contact_map`).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -196,23 +195,17 @@ def scattered(name: str, model: DiceModel, contacts: MeasuredContacts, settings:
     return Thrower(name, model, ScatteredLaw(model.body, model.impact, relative=wrench), certain)
 
 
-@dataclass(frozen=True)
-class Missed:
-    """What a model misses of training contacts, for a contact map; `left_out` counts outliers."""
-
-    regimes: tuple[Regime, ...]
-    freedom: float
-    left_out: int
-
-
 def train_missed(
     model: DiceModel,
     contacts: MeasuredContacts,
     settings: DiceStudySettings,
     rng: np.random.Generator,
     learned: bool = True,
-) -> Missed:
-    """Processes of what a model misses (if not `learned`, its scatter alone), and Student's t of their residuals."""
+) -> tuple[dict, int]:
+    """Keywords of a contact map for what a model misses of training contacts, and the number of outliers.
+
+    `regimes` are processes (if not `learned`, the scatter alone), `freedom` is that of Student's t of their residuals.
+    """
     _, q_0, v_0, residual, _ = contact_residuals(model, contacts, settings)
     speed = velocity_error(v_0, model.k_g)
     edges = [edge for edge in settings.edges if min((speed <= edge).sum(), (speed > edge).sum()) >= FEWEST]
@@ -237,34 +230,22 @@ def train_missed(
             mean, variance = process.predict(contact_features(q_0[wild], v_0[wild], model.k_g), noise=True)
             parts[-1] = np.vstack([parts[-1], (residual[wild] - mean) / np.sqrt(variance)])
     scales, freedom = student(parts)
-    return Missed(tuple(map(Regime, edges, processes, scales)), freedom, outliers)
+    return {"regimes": tuple(map(Regime, edges, processes, scales)), "freedom": freedom}, outliers
 
 
-def contact_map(name: str, model: DiceModel, missed: Missed, settings: DiceStudySettings) -> Thrower:
-    """A thrower with the contact map of what `model` misses."""
+def contact_map(name: str, model: DiceModel, missed: dict, settings: DiceStudySettings) -> Thrower:
+    """A thrower with the contact map of what `model` misses (`train_missed`)."""
     path = partial(contact_path, model, settings=settings.throw)
-    parts = {"body": model.body, "law": model.impact, "path": path, "regimes": missed.regimes}
-    parts |= {"freedom": missed.freedom, "duration": settings.duration, "slowest": settings.slowest}
+    parts = {"body": model.body, "law": model.impact, "path": path, **missed}
+    parts |= {"duration": settings.duration, "slowest": settings.slowest}
     return Thrower(name, model, ContactMap(**parts), ContactMap(**parts, draws=1, deterministic=True))
 
 
-def slide_fitted(
-    make: Callable[[DiceModel], Thrower],
-    model: DiceModel,
-    releases: ThrowReleases,
-    side: float,
-    settings: DiceStudySettings,
-) -> Thrower:
-    """Thrower whose friction, in sliding and in its slowest contacts, gives the least |error| of training throws."""
-    best = None
-    for mu in settings.slide_grid:
-        thrower = make(replace(model, mu=mu))
-        rng = np.random.default_rng(0)
-        out = throw_starts(thrower.model, thrower.certain, releases.q, releases.v, settings.throw, rng)
-        error = float(np.mean(np.abs(releases.end[:, 0] - out.q[:, 0]))) / side
-        if best is None or error < best[0]:
-            best = (error, thrower)
-    return best[1]
+def mean_miss(thrower: Thrower, releases: ThrowReleases, settings: DiceStudySettings) -> float:
+    """Mean |error| in m of where training throws end, thrown without uncertainty."""
+    rng = np.random.default_rng(0)
+    out = throw_starts(thrower.model, thrower.certain, releases.q, releases.v, settings.throw, rng)
+    return float(np.mean(np.abs(releases.end[:, 0] - out.q[:, 0])))
 
 
 def throw_starts(

@@ -15,12 +15,13 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.residual.dice.data import MeasuredContacts
+from thesis_lib.residual.dice.data import MeasuredContacts, ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel, contact_path, touch_down
 from thesis_lib.residual.dice.mixture_belief import first_contact_summary
+from thesis_lib.residual.dice.models import Thrower, perturbed, throw_starts
 from thesis_lib.residual.dice.readings import readings
 from thesis_lib.residual.dice.settings import DiceStudySettings
-from thesis_lib.residual.dice.study import DiceStudy, first_contacts
+from thesis_lib.residual.dice.study import DiceStudy
 from thesis_lib.residual.dice.tables import difficulty, easy_and_hard, summary
 from thesis_lib.residual.dice.widths import belief_widths
 from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
@@ -161,6 +162,22 @@ def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np
         beliefs.append(pd.DataFrame({"case": case, "distance": (rest[case] - start) / side}))
         ends = (plain.certain.q[row, 0], held.end[row, 0])
         marks.append((case, *((x - start) / side for x in ends)))
-    samples = first_contacts(believed.thrower, held, hard, SAMPLES, settings, rng)
+    samples = _first_contacts(believed.thrower, held.select(held.trial == hard), settings, rng)
     ends = pd.DataFrame(marks, columns=["case", "law", "measured"])
     return Examples(easy, hard, samples, rest["hard"], pd.concat(beliefs, ignore_index=True), ends)
+
+
+def _first_contacts(
+    thrower: Thrower, release: ThrowReleases, settings: DiceStudySettings, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Samples of the belief over one throw: contact (0: start, 1, 2, ...), t (s), x, y (m), theta (rad), trial.
+
+    Rows are at the end of their contact; particles at rest before it are left out.
+    """
+    q, v = perturbed(release, SAMPLES, rng)
+    out = throw_starts(thrower.model, thrower.contact, q, v, settings.throw, rng)
+    parts = [np.column_stack([np.zeros((SAMPLES, 2)), q])]
+    for i, (pose, t) in enumerate(zip(out.snapshot_q, out.snapshot_t), start=1):
+        parts.append(np.column_stack([np.full(SAMPLES, i), t, pose + [0.0, 0.0, thrower.model.d_theta]]))
+    table = pd.DataFrame(np.vstack(parts), columns=["contact", "t", "x", "y", "theta"]).dropna()
+    return table.assign(contact=table["contact"].astype(int), trial=release.trial[0])

@@ -26,7 +26,6 @@ the other parts alone, and part 0 was opened after that.  docs/findings.md says 
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -46,11 +45,11 @@ from thesis_lib.residual.dice.models import (
     contact_map,
     critique_model,
     law_models,
+    mean_miss,
     noise_limit,
     perturbed,
     scattered,
     single_hits,
-    slide_fitted,
     throw_starts,
     train_missed,
 )
@@ -206,10 +205,9 @@ def _train(
     fitted, _ = fit_dice(start, training.contacts, stream("fit"), settings.fit, mechanisms)
     outliers = 0
     for name, learned in (("compliant", False), ("compliant_residual", True)):
-        missed = train_missed(fitted, training.contacts, settings, stream("missed", name), learned)
-        outliers = missed.left_out
-        make = partial(contact_map, name, missed=missed, settings=settings)
-        throwers.append(slide_fitted(make, fitted, training.releases, side, settings))
+        missed, outliers = train_missed(fitted, training.contacts, settings, stream("missed", name), learned)
+        made = [contact_map(name, replace(fitted, mu=mu), missed, settings) for mu in settings.slide_grid]
+        throwers.append(min(made, key=lambda thrower: mean_miss(thrower, training.releases, settings)))
     return throwers, law_errors, outliers
 
 
@@ -225,28 +223,6 @@ def throw_held_out(
     velocity = (out.snapshot_v[0] * np.array([1.0, 1.0, model.k_g])).reshape(*shape, 3)
     spread = np.sqrt(np.nanvar(velocity, axis=1).sum(-1))
     return HeldOutThrows(thrower, out.q[:, 0].reshape(shape), out.face.reshape(shape), certain, spread)
-
-
-def first_contacts(
-    thrower: Thrower,
-    releases: ThrowReleases,
-    trial: int,
-    count: int,
-    settings: DiceStudySettings,
-    rng: np.random.Generator,
-) -> pd.DataFrame:
-    """Samples of the belief over one throw: contact (0: start, 1, 2, ...), t (s), x, y (m), theta (rad), trial.
-
-    Rows are at the end of their contact; particles at rest before it are left out.
-    """
-    row = np.flatnonzero(releases.trial == trial)
-    q, v = perturbed(releases.select(row), count, rng)
-    out = throw_starts(thrower.model, thrower.contact, q, v, settings.throw, rng)
-    parts = [np.column_stack([np.zeros((count, 2)), q])]
-    for i, (pose, t) in enumerate(zip(out.snapshot_q, out.snapshot_t), start=1):
-        parts.append(np.column_stack([np.full(count, i), t, pose + [0.0, 0.0, thrower.model.d_theta]]))
-    table = pd.DataFrame(np.vstack(parts), columns=["contact", "t", "x", "y", "theta"]).dropna()
-    return table.assign(contact=table["contact"].astype(int), trial=trial)
 
 
 def side_of(dataset: Dataset) -> float:

@@ -33,11 +33,18 @@ def belief_widths(
     """
     start_rng, contact_rng, bootstrap_rng = rng.spawn(3)
     q, v = perturbed(held, settings.particles, start_rng)
-    wide, narrow = (
-        _widths(thrower, contact, q, v, side, len(held), settings, contact_rng)
-        for contact in (thrower.contact, thrower.certain)
-    )
-    rows = []
+
+    def widths(contact: Sampled) -> np.ndarray:
+        """Widths (states, throws), NaN where too few particles have the contact."""
+        out = throw_starts(thrower.model, contact, q, v, settings.throw, contact_rng)
+        x = np.stack([q[:, 0], out.snapshot_q[0, :, 0], out.snapshot_q[1, :, 0], out.q[:, 0]])
+        x = x.reshape(len(STATES), len(held), -1) / side
+        enough = np.isfinite(x).sum(axis=2) >= FEWEST
+        found = np.full(enough.shape, np.nan)
+        found[enough] = np.nanstd(x[enough], axis=1)
+        return found
+
+    wide, narrow, rows = widths(thrower.contact), widths(thrower.certain), []
     for i, state in enumerate(STATES):
         known = np.isfinite(wide[i]) & np.isfinite(narrow[i])
         row: dict[str, object] = {"state": state, "throws": int(known.sum())}
@@ -46,23 +53,3 @@ def belief_widths(
             row |= {name: float(np.median(values[known])), f"{name}_error": error}
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _widths(
-    thrower: Thrower,
-    contact: Sampled,
-    q: np.ndarray,
-    v: np.ndarray,
-    side: float,
-    throws: int,
-    settings: DiceStudySettings,
-    rng: np.random.Generator,
-) -> np.ndarray:
-    """Widths (states, throws) of particles from `q`, `v` (throws × particles, 3), NaN where too few have it."""
-    out = throw_starts(thrower.model, contact, q, v, settings.throw, rng)
-    x = np.stack([q[:, 0], out.snapshot_q[0, :, 0], out.snapshot_q[1, :, 0], out.q[:, 0]])
-    x = x.reshape(len(STATES), throws, -1) / side
-    enough = np.isfinite(x).sum(axis=2) >= FEWEST
-    widths = np.full(enough.shape, np.nan)
-    widths[enough] = np.nanstd(x[enough], axis=1)
-    return widths

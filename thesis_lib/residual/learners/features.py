@@ -59,13 +59,14 @@ def impulse_of(dv: np.ndarray, impacts: Impacts, *, wrench: bool) -> np.ndarray:
 
 def velocity_map(impacts: Impacts, *, wrench: bool) -> np.ndarray:
     """A = M⁻¹ Jᵀ, (n, 3, 2) or (n, 3, 3) in 1/kg, 1/(kg m), 1/(kg m²); columns are Δv by c_t, c_n and τ."""
-    n, w = len(impacts), 1.0 / impacts.mass
-    w_I = w / impacts.k_g**2
-    A = np.zeros((n, 3, 3 if wrench else 2))
-    A[:, 0, 0] = A[:, 1, 1] = w
-    A[:, 2, 0], A[:, 2, 1] = -w_I * impacts.r[:, 1], w_I * impacts.r[:, 0]
-    if wrench:
-        A[:, 2, 2] = w_I
+    A = wrench_map(impacts.r, impacts.k_g) / impacts.mass
+    return A if wrench else A[:, :, :2]
+
+
+def wrench_map(r: np.ndarray, k_g: float) -> np.ndarray:
+    """A = M⁻¹ Jᵀ (n, 3, 3) per unit mass: velocity change per component of (c_t, c_n, τ) at r (n, 2) in m."""
+    A, inverse = np.tile(np.eye(3), (len(r), 1, 1)), 1.0 / k_g**2
+    A[:, 2] = np.column_stack([-inverse * r[:, 1], inverse * r[:, 0], np.full(len(r), inverse)])
     return A
 
 

@@ -19,10 +19,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.residual.learners.features import wrench_map
 from thesis_lib.residual.learners.learners import ImpactLearner
 from thesis_lib.residual.throwing.belief import covariance_root, through_dynamics
 from thesis_lib.residual.throwing.flight import ThrownBody
-from thesis_lib.residual.throwing.throw import LawImpact, push
+from thesis_lib.residual.throwing.throw import LawImpact
 
 PENETRATION = 1e-3  # m; deeper poses are rejected, shallower ones lifted: contacts dent by a millimetre
 
@@ -192,9 +193,3 @@ class LearnedImpact(Sampled):
         if not self.deterministic:
             cov[np.ix_(rows, [3, 4, 5], [3, 4, 5])] = through_dynamics(out.jacobian, out.covariance)[known]
         return mean, cov, took, in_range
-
-
-def wrench_map(r: np.ndarray, k_g: float) -> np.ndarray:
-    """A = M⁻¹ Jᵀ (n, 3, 3) per unit mass: velocity change per component of (c_t, c_n, τ)."""
-    n = len(r)
-    return np.stack([push(np.zeros((n, 3)), r, np.tile(unit, (n, 1)), k_g) for unit in np.eye(3)], axis=2)

@@ -101,11 +101,6 @@ class LoadedWheel(RimlessWheel):
         return super().gravity(q) + np.array([self.payload * gx, self.payload * gy, px * gy - py * gx])
 
 
-def viscous_joint_friction(b: tuple[float, float]) -> Force:
-    """Q (5,) of the arm and disk with viscous friction b in N m s."""
-    return lambda t, q, v: np.array([-b[0] * v[0], -b[1] * v[1], 0.0, 0.0, 0.0])
-
-
 def coulomb_joint_friction(f: tuple[float, float], speed: float) -> Force:
     """Q (5,) of the arm and disk with Coulomb friction f in N m, smoothed over `speed` in rad/s."""
 
@@ -142,36 +137,6 @@ def gravity_direction(mechanism: ArmDisk | RimlessWheel, alpha: float) -> Force:
         outer = m2 * lever(second, coms[1])
         inner = m1 * lever(first, coms[0]) + m2 * lever(first, np.array([l1, 0.0]))
         return np.array([inner + outer, outer, mechanism.disk_mass * dx, mechanism.disk_mass * dy, 0.0])
-
-    return force
-
-
-def rolling_resistance(
-    mechanism: Mechanism,
-    f_ext: np.ndarray,
-    h: float,
-    mu: float,
-    epsilon: float,
-    c_rr: float,
-    radius: float,
-    pairs: tuple[int, ...],
-    speed: float,
-) -> Force:
-    """Q (nv,) on the last coordinate, -c_rr radius N tanh(ω / speed), with N of `pairs` in the same step.
-
-    `f_ext` (m, nv) holds the known forces of the steps in N, N m; `pairs` are those with the ground; `radius` is in m,
-    `speed` in rad/s.
-    """
-
-    ground = list(pairs)
-
-    def force(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        k = min(round(t / h), len(f_ext) - 1)
-        Q, terms = np.zeros(mechanism.nv), StateTerms.of(mechanism, q, v)
-        for _ in range(N_SOLVES):
-            normal = step_lcp(mechanism, q, v, f_ext[k] + Q, h, mu, epsilon, terms)[2].c_n[ground].sum() / h
-            Q[-1] = -c_rr * radius * normal * np.tanh(v[-1] / speed)
-        return Q
 
     return force
 
@@ -240,28 +205,41 @@ def run_with(
         mu, epsilon = settings.arm.mu, settings.arm.epsilon
         loaded = loaded_arm(settings, sizes.payload) if truth == "payload" else settings
         mechanism = chapter2.arm_disk(loaded)
-        radius, ground = mechanism.disk_radius, (1,)
+        radius, ground = mechanism.disk_radius, [1]
     else:
         mu, epsilon = settings.wheel.mu, settings.wheel.epsilon
         mechanism = chapter2.wheel(settings)
         if truth == "payload":
             mechanism = LoadedWheel(mechanism, sizes.wheel_payload, np.array([sizes.payload_radius, 0.0]))
-        radius, ground = mechanism.length, tuple(range(mechanism.spokes))
-    records = []
+        radius, ground = mechanism.length, list(range(mechanism.spokes))
+
+    def viscous(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return np.array([-sizes.viscous[0] * v[0], -sizes.viscous[1] * v[1], 0.0, 0.0, 0.0])
+
+    def rolling(plan: SimulatedMotion) -> Force:
+        """Q (nv,) on the last coordinate, with N of the ground in the same step."""
+
+        def force(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+            k = min(round(t / plan.h), plan.steps - 1)
+            Q, terms = np.zeros(mechanism.nv), StateTerms.of(mechanism, q, v)
+            for _ in range(N_SOLVES):
+                step = step_lcp(mechanism, q, v, plan.f_ext[k] + Q, plan.h, mu, epsilon, terms)[2]
+                normal = step.c_n[ground].sum() / plan.h
+                Q[-1] = -sizes.rolling * radius * normal * np.tanh(v[-1] / sizes.rolling_speed)
+            return Q
+
+        return force
+
     hidden = {
-        "viscous_joint_friction": lambda plan: viscous_joint_friction(sizes.viscous),
+        "viscous_joint_friction": lambda plan: viscous,
         "coulomb_joint_friction": lambda plan: coulomb_joint_friction(sizes.coulomb, sizes.coulomb_speed),
         "cogging": lambda plan: cogging(sizes.cogging, sizes.cogging_periods),
         "gravity_direction": lambda plan: gravity_direction(mechanism, sizes.tilt),
-        "rolling_resistance": lambda plan: rolling_resistance(
-            mechanism, plan.f_ext, plan.h, mu, epsilon, sizes.rolling, radius, ground, sizes.rolling_speed
-        ),
+        "rolling_resistance": rolling,
         "payload": lambda plan: None,
     }[truth]
-    for plan in plans:
-        record = simulate(
-            mechanism, plan.q[0], plan.v[0], plan.f_ext, plan.h, plan.steps, mu, epsilon, hidden=hidden(plan)
-        )
-        if record.solved:
-            records.append(record)
-    return tuple(records)
+    records = [
+        simulate(mechanism, plan.q[0], plan.v[0], plan.f_ext, plan.h, plan.steps, mu, epsilon, hidden=hidden(plan))
+        for plan in plans
+    ]
+    return tuple(record for record in records if record.solved)

@@ -14,13 +14,14 @@ A recording ends when the body comes to rest (`contacts`).
 not depend on the number of drops (except under wear, which counts them).  Sources: see `hidden_causes`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from thesis_lib.bodies.body import Body, Noise
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.compiled import MAX_CONTACTS, NO_LAW, falls
 from thesis_lib.simulate.compliant.contacts import LONGEST, TRUTH, contact_truth
 from thesis_lib.simulate.compliant.forces import Mechanics
@@ -146,6 +147,21 @@ def simulate_compliant_drops(
     dataset = as_dataset(poses, f"{n} drops", body, gravity, rate, noise, noise_rng, tracker)
     count = np.bincount(impacts["trial"], minlength=n)
     return DropsWithTruth(*dataset, impacts, trial_table(pose, velocity, contacts=count, t_end=made.t))
+
+
+def refuse_foreign(
+    engine: str, contact: CompliantContact, m: HiddenCauses, lacks: Iterable[str], can: Sequence[str], over: str = ""
+) -> None:
+    """Refuse, with a UserError, what an engine with a linear contact cannot make: causes that it `lacks`, and more."""
+    if asked := [name for name in lacks if getattr(m, name)]:
+        raise UserError(
+            f"Drops in {engine} cannot have {', '.join(asked)}{over}: {engine} has no such contact. "
+            f"Take our own simulator for it (OwnContact); {engine} makes {', '.join(can)}."
+        )
+    if contact.exponent != 1.0:
+        raise UserError(f"{engine}'s contact is linear: exponent must be 1, got {contact.exponent}.")
+    if m.plate_velocity and m.plate_amplitude:
+        raise UserError(f"Drops in {engine} have one carriage: give plate_velocity or plate_amplitude, not both.")
 
 
 @dataclass(frozen=True)

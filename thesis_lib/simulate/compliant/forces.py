@@ -15,8 +15,6 @@ second half of the drift.
 Impulses follow from integrating the forces, without an impact law.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import ConvexHull
 
@@ -27,15 +25,6 @@ from thesis_lib.simulate.compliant import compiled
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 _CAUSES = np.dtype([(name, float) for name in HiddenCauses.model_fields])
-
-
-@dataclass
-class Touch:
-    """Restitution, friction and stiffness (N/mⁿ) of the contact points (n, p) of n bodies, fixed as they touch."""
-
-    epsilon: np.ndarray
-    mu: np.ndarray
-    stiffness: np.ndarray
 
 
 class Mechanics:
@@ -134,14 +123,14 @@ class Mechanics:
             compiled.accelerate(self.world, one, motion, found)
         return a
 
-    def touch(self, q: np.ndarray, rows: np.ndarray) -> Touch:
-        """What the contact points of the drops `rows` meet that touch at poses q (n, 5)."""
+    def touch(self, q: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """ε, μ and stiffness in N/mⁿ (3, n, p) at the contact points of the drops `rows`, which touch at q (n, 5)."""
         of = np.empty((3, len(q), self.points))
         r_x, r_y = np.empty((2, self.points))
         for i, (pose, epsilon) in enumerate(zip(np.ascontiguousarray(q), self.epsilon[rows])):
             compiled.place(self.world, pose[2], pose[0], r_x, r_y)
             compiled.touch(self.world, pose, epsilon, r_x, r_y, *of[:, i])
-        return Touch(*of)
+        return of
 
 
 def rounded_centres(corners: np.ndarray, radius: float) -> np.ndarray:

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.contacts import LONGEST, Contacts
-from thesis_lib.simulate.compliant.drops import Falls, Instants
+from thesis_lib.simulate.compliant.drops import Falls, Instants, refuse_foreign
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.drake.clock import Clock, fly
 from thesis_lib.simulate.drake.hunt_crossley import spring
@@ -68,17 +68,8 @@ class DropsInDrake:
         contact, m = contact or CompliantContact(), hidden or HiddenCauses()
         if self.surface not in SURFACES:
             raise UserError(f"Drake has no surface {self.surface!r}; known are {', '.join(SURFACES)}.")
-        can = SURFACES[self.surface]
-        if asked := [name for name in CAUSES if name not in can and getattr(m, name)]:
-            over = "" if self.surface == "pad" else f" over the surface {self.surface!r}"
-            raise UserError(
-                f"Drops in Drake cannot have {', '.join(asked)}{over}: Drake has no such contact. "
-                f"Take our own simulator for it (OwnContact); Drake makes {', '.join(can)}."
-            )
-        if contact.exponent != 1.0:
-            raise UserError(f"Drake's contact is linear: exponent must be 1, got {contact.exponent}.")
-        if m.plate_velocity and m.plate_amplitude:
-            raise UserError("Drops in Drake have one carriage: give plate_velocity or plate_amplitude, not both.")
+        can, over = SURFACES[self.surface], "" if self.surface == "pad" else f" over the surface {self.surface!r}"
+        refuse_foreign("Drake", contact, m, [name for name in CAUSES if name not in can], can, over)
         return contact, m
 
     def fall(self, mechanics: Mechanics, pose: np.ndarray, velocity: np.ndarray, instants: Instants) -> Falls:

@@ -24,8 +24,6 @@ from pydrake.geometry import (
     GeometrySet,
     HalfSpace,
     ProximityProperties,
-    SceneGraph,
-    Shape,
     Sphere,
 )
 from pydrake.math import RigidTransform
@@ -36,7 +34,7 @@ from pydrake.multibody.plant import (
     DiscreteContactApproximation,
     MultibodyPlant,
 )
-from pydrake.multibody.tree import PlanarJoint, RigidBody, SpatialInertia
+from pydrake.multibody.tree import PlanarJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
@@ -69,10 +67,12 @@ def drake_motions(
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=contact.settings.dt)
     plant.set_contact_model(ContactModel.kPoint)
     plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
-    add = _add_arm if kind == "arm" else _add_wheel
-    slope = add(plant, scene_graph, truth, bodies, sizes, contact) + (
-        sizes.tilt if truth == "gravity_direction" else 0.0
-    )
+    if kind == "arm":
+        _add_arm(plant, scene_graph, truth, bodies, sizes, contact)
+    else:
+        _add_wheel(plant, truth, bodies, sizes, contact)
+    slope = bodies.wheel.slope if kind == "wheel" else 0.0
+    slope += sizes.tilt if truth == "gravity_direction" else 0.0
     plant.mutable_gravity_field().set_gravity_vector(bodies.gravity * np.array([np.sin(slope), -np.cos(slope), 0.0]))
     plant.Finalize()
     plant.set_stiction_tolerance(contact.settings.stiction)
@@ -138,14 +138,6 @@ def _properties(mu: float, contact: DrawnContact) -> ProximityProperties:
     return properties
 
 
-def _add(plant: MultibodyPlant, body: RigidBody, place: np.ndarray, shape: Shape, name: str, properties) -> None:
-    plant.RegisterCollisionGeometry(body, RigidTransform(place), shape, name, properties)
-
-
-def _geometries(plant: MultibodyPlant, body: str) -> list:
-    return plant.GetCollisionGeometriesForBody(plant.GetBodyByName(body))
-
-
 def _add_ground(plant: MultibodyPlant, properties: ProximityProperties) -> None:
     # a body of its own, so that its contacts are told from those of the arm
     ground = plant.AddRigidBody("ground", SpatialInertia.SolidSphereWithMass(1.0, 1.0))
@@ -154,14 +146,9 @@ def _add_ground(plant: MultibodyPlant, properties: ProximityProperties) -> None:
 
 
 def _add_arm(
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    truth: str,
-    bodies: Chapter2Bodies,
-    sizes: HiddenSizes,
-    contact: DrawnContact,
-) -> float:
-    """Arm, disk and ground; returns the slope in rad, 0."""
+    plant: MultibodyPlant, scene_graph, truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact
+) -> None:
+    """Arm, disk and ground."""
     a, properties = bodies.arm, _properties(bodies.arm.mu, contact)
     true = loaded_arm(bodies, sizes.payload) if truth == "payload" else bodies
     chapter2.arm_disk(true).add_bodies(plant)
@@ -169,25 +156,21 @@ def _add_arm(
         for i, b in enumerate(sizes.viscous):
             plant.GetJointByName(f"joint_{i + 1}").set_default_damping(b)
     length, depth = a.link_lengths[1], LINK_DEPTH
-    place = np.array([0.5 * length, 0.5 * depth, 0.0])
-    _add(plant, plant.GetBodyByName("link_2"), place, Box(length, depth, 0.2), "link", properties)
-    _add(plant, plant.GetBodyByName("disk"), np.zeros(3), Sphere(a.disk_radius), "disk", properties)
+    place = RigidTransform([0.5 * length, 0.5 * depth, 0.0])
+    link, disk = plant.GetBodyByName("link_2"), plant.GetBodyByName("disk")
+    plant.RegisterCollisionGeometry(link, place, Box(length, depth, 0.2), "link", properties)
+    plant.RegisterCollisionGeometry(disk, RigidTransform(), Sphere(a.disk_radius), "disk", properties)
     _add_ground(plant, properties)
     # the believed model has no contact of arm and ground
-    apart = GeometrySet([geometry for body in ("link_2", "ground") for geometry in _geometries(plant, body)])
+    both = (link, plant.GetBodyByName("ground"))
+    apart = GeometrySet([geometry for body in both for geometry in plant.GetCollisionGeometriesForBody(body)])
     scene_graph.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(apart))
-    return 0.0
 
 
 def _add_wheel(
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    truth: str,
-    bodies: Chapter2Bodies,
-    sizes: HiddenSizes,
-    contact: DrawnContact,
-) -> float:
-    """Wheel and ground in the axes of the slope; returns the slope in rad."""
+    plant: MultibodyPlant, truth: str, bodies: Chapter2Bodies, sizes: HiddenSizes, contact: DrawnContact
+) -> None:
+    """Wheel and ground in the axes of the slope."""
     w, made, properties = bodies.wheel, chapter2.wheel(bodies), _properties(bodies.wheel.mu, contact)
     load = sizes.wheel_payload if truth == "payload" else 0.0
     mass, radius = w.mass + load, sizes.payload_radius
@@ -197,6 +180,6 @@ def _add_wheel(
     plant.AddJoint(PlanarJoint("plane", plant.world_frame(), wheel.body_frame(), damping=np.zeros(3)))
     tips = made.contact_points(np.zeros(1))[0] * (1.0 - TIP_RADIUS / w.length)
     for i, tip in enumerate(tips):
-        _add(plant, wheel, np.array([*tip, 0.0]), Sphere(TIP_RADIUS), f"tip_{i}", properties)
+        pose = RigidTransform([*tip, 0.0])
+        plant.RegisterCollisionGeometry(wheel, pose, Sphere(TIP_RADIUS), f"tip_{i}", properties)
     _add_ground(plant, properties)
-    return w.slope

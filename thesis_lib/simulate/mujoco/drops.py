@@ -25,7 +25,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.bisection import bisected
 from thesis_lib.simulate.compliant.compiled import BISECTIONS
 from thesis_lib.simulate.compliant.contacts import LONGEST, Contacts
-from thesis_lib.simulate.compliant.drops import FLIGHT_STEP, Falls, Instants
+from thesis_lib.simulate.compliant.drops import FLIGHT_STEP, Falls, Instants, refuse_foreign
 from thesis_lib.simulate.compliant.forces import Mechanics
 from thesis_lib.simulate.mujoco.causes import SUPPORTED, WITHOUT_ELEMENT, MujocoCauses
 from thesis_lib.simulate.mujoco.contact import COARSEST, MujocoContact, solref
@@ -51,17 +51,9 @@ class DropsInMujoco:
         if not isinstance(contact, MujocoContact):
             contact = MujocoContact(**contact.model_dump() if contact else {})
         m = MujocoCauses(**(hidden or HiddenCauses()).model_dump())
-        if asked := [name for name in WITHOUT_ELEMENT if getattr(m, name)]:
-            raise UserError(
-                f"Drops in MuJoCo cannot have {', '.join(asked)}: MuJoCo has no such contact. "
-                f"Take our own simulator for it (OwnContact); MuJoCo makes {', '.join(SUPPORTED)}."
-            )
-        if contact.exponent != 1.0:
-            raise UserError(f"MuJoCo's contact is linear: exponent must be 1, got {contact.exponent}.")
+        refuse_foreign("MuJoCo", contact, m, WITHOUT_ELEMENT, SUPPORTED)
         if contact.steps < COARSEST:
             raise UserError(f"MuJoCo's contact needs at least {COARSEST} steps; got {contact.steps}.")
-        if m.plate_velocity and m.plate_amplitude:
-            raise UserError("Drops in MuJoCo have one carriage: give plate_velocity or plate_amplitude, not both.")
         if self.threads < 1:
             raise UserError(f"Drops in MuJoCo need at least one thread; got {self.threads}.")
         return contact, m
@@ -187,12 +179,12 @@ class _Run:
         if not self.hidden.by_place:
             return
         rows = rows[~np.isin(rows, list(self.open))]
-        memory = self.mechanics.touch(self._state(rows)[0], rows)
-        self.batch.expand("pair_friction")[rows, :, :2] = memory.mu[..., None]
+        epsilon, mu, stiffness = self.mechanics.touch(self._state(rows)[0], rows)
+        self.batch.expand("pair_friction")[rows, :, :2] = mu[..., None]
         # a softer place has the same damping ratio
-        lasting = self.contact.contact_time * np.sqrt(self.mechanics.stiffness / memory.stiffness)
+        lasting = self.contact.contact_time * np.sqrt(self.mechanics.stiffness / stiffness)
         of_central = share(self.model, self.contact)
-        self.batch.expand("pair_solref")[rows] = solref(memory.epsilon, lasting, of_central)
+        self.batch.expand("pair_solref")[rows] = solref(epsilon, lasting, of_central)
 
     # --- contacts ---
 

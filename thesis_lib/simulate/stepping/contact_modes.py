@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from thesis_lib.simulate.stepping.lcp import MAX_UNKNOWNS, LcpStatus, solve_lcp_enumeration
+from thesis_lib.simulate.stepping.lcp import MAX_UNKNOWNS, LcpStatus, lcp_matrices, solve_lcp_enumeration
 from thesis_lib.simulate.stepping.multibody import ContactGeometry, Mechanism
 
 MODE_TOL = 1e-12  # of the velocities and impulses of one contact: rounding at the border between two modes
@@ -155,7 +155,7 @@ def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray)
     if not (np.isfinite(K).all() and np.isfinite(v_c).all() and np.isfinite(b).all()):
         return np.full(2 * k, np.nan), np.inf
     k_scale, v_scale = np.trace(K) / (2 * k), max(np.abs(v_c).max(), np.abs(b).max()) or 1.0
-    M, q = several_lcp_matrices(K / k_scale, v_c / v_scale, b / v_scale, mu)
+    M, q = lcp_matrices(K / k_scale, v_c / v_scale, b / v_scale, mu)
     best, residual = np.full(4 * k, np.nan), np.inf
     for solve in (partial(_by_drake, "MobyLcpSolver"), _enumerate, partial(_by_drake, "UnrevisedLemkeSolver")):
         z = solve(M, q)
@@ -166,26 +166,6 @@ def solve_several(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray)
             break
     c_n, b_1, b_2 = best[:k], best[k : 2 * k], best[2 * k : 3 * k]
     return np.concatenate([b_2 - b_1, c_n]) * (v_scale / k_scale), residual
-
-
-def several_lcp_matrices(
-    K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """LCP data M (4k, 4k), q (4k,) for z = (c_n, b_1, b_2, λ); arguments as in `solve_several`."""
-    k = len(b)
-    K_tt, K_tn, K_nn = K[:k, :k], K[:k, k:], K[k:, k:]
-    zero, identity = np.zeros((k, k)), np.eye(k)
-    blocks = (
-        (K_nn, -K_tn.T, K_tn.T, zero),
-        (-K_tn, K_tt, -K_tt, identity),
-        (K_tn, -K_tt, K_tt, identity),
-        (np.diag(mu), -identity, -identity, zero),
-    )
-    M = np.empty((4, k, 4, k))  # np.block takes several times as long
-    for i, row in enumerate(blocks):
-        for j, block in enumerate(row):
-            M[i, :, j] = block
-    return M.reshape(4 * k, 4 * k), np.concatenate([v_c[k:] - b, -v_c[:k], v_c[:k], np.zeros(k)])
 
 
 def _polished(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, float]:

@@ -133,7 +133,8 @@ def contact_lcp(
     k_scale = np.trace(K, axis1=1, axis2=2) / 2.0
     v_scale = np.maximum(np.abs(v_c).max(axis=1), np.abs(v_n_pre))
     v_scale = np.where(v_scale == 0.0, 1.0, v_scale)
-    M, q = contact_lcp_matrices(K / k_scale[:, None, None], v_c / v_scale[:, None], mu, epsilon, v_n_pre / v_scale)
+    b = -epsilon * (v_n_pre / v_scale)
+    M, q = lcp_matrices(K / k_scale[:, None, None], v_c / v_scale[:, None], b[:, None], mu[:, None])
     z, status = solve_lcp_enumeration(M, q)
     c = np.stack([z[:, 2] - z[:, 1], z[:, 0]], axis=1) * (v_scale / k_scale)[:, None]
     return ContactImpulse(
@@ -141,24 +142,29 @@ def contact_lcp(
     )
 
 
-def contact_lcp_matrices(
-    K: np.ndarray, v_c: np.ndarray, mu: np.ndarray, epsilon: np.ndarray, v_n_pre: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """LCP data M (n, 4, 4), q (n, 4) of n contacts for z = (c_n, b_1, b_2, λ); arguments as in `contact_lcp`."""
-    n = len(v_c)
-    K_tt, K_tn, K_nn = K[:, 0, 0], K[:, 0, 1], K[:, 1, 1]
-    v_t, v_n = v_c[:, 0], v_c[:, 1]
-    zero, ones = np.zeros(n), np.ones(n)
-    M = np.array(
-        [
-            [K_nn, -K_tn, K_tn, zero],
-            [-K_tn, K_tt, -K_tt, ones],
-            [K_tn, -K_tt, K_tt, ones],
-            [mu * ones, -ones, -ones, zero],
-        ]
-    ).transpose(2, 0, 1)
-    q = np.stack([v_n + epsilon * v_n_pre, -v_t, v_t, zero], axis=1)
-    return M, q
+def lcp_matrices(K: np.ndarray, v_c: np.ndarray, b: np.ndarray, mu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """LCP data M (4k, 4k), q (4k,) of k contacts of a mechanism for z = (c_n, b_1, b_2, λ) of k each, or of n of them.
+
+    `K` (2k, 2k) and the velocities `v_c` (2k,) have tangential rows first; closed contacts leave with `b` (k,); `mu` is
+    (k,).  Of n mechanisms all have n as first axis.
+    """
+    k = b.shape[-1]
+    K = K.transpose(-2, -1, *range(b.ndim - 1))
+    K_tt, K_tn, K_nn = K[:k, :k], K[:k, k:], K[k:, k:]
+    K_nt, one = np.swapaxes(K_tn, 0, 1), np.eye(k).reshape(k, k, *[1] * (b.ndim - 1))
+    blocks = (
+        (K_nn, -K_nt, K_nt, 0.0),
+        (-K_tn, K_tt, -K_tt, one),
+        (K_tn, -K_tt, K_tt, one),
+        (one * mu.T, -one, -one, 0.0),
+    )
+    M = np.empty((4, k, 4, k, *b.shape[:-1]))  # np.block takes several times as long
+    for i, row in enumerate(blocks):
+        for j, block in enumerate(row):
+            M[i, :, j] = block
+    M = M.reshape(4 * k, 4 * k, *b.shape[:-1]).transpose(*range(2, b.ndim + 1), 0, 1)
+    v_t, v_n = v_c[..., :k], v_c[..., k:]
+    return M, np.concatenate([v_n - b, -v_t, v_t, np.zeros_like(b)], axis=-1)
 
 
 def _slack(M: np.ndarray, q: np.ndarray, z: np.ndarray) -> np.ndarray:

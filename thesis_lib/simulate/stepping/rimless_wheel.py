@@ -3,11 +3,6 @@
 The state q = (x, y, θ) is that of the hub in the axes of the slope, gravity is g (sin γ, -cos γ), and downhill is +x; a
 wheel that rolls downhill has ω < 0.  Spoke i points along θ + 2π i / n.
 
-On spokes that neither slip nor rebound, a step from one to the next conserves the angular momentum about the new tip,
-and the hub falls by 2 l sin(π/n) sin γ, which gives the limit cycle
-
-    ω⁺ = r ω⁻,   r = (I + m l² cos(2π/n)) / (I + m l²),      ω⁻² (1 - r²) = 4 m g l sin(π/n) sin γ / (I + m l²)
-
 Source: T. McGeer, Passive dynamic walking, Int. J. Robotics Research 9 (1990), doi 10.1177/027836499000900206.
 """
 
@@ -64,11 +59,3 @@ class RimlessWheel(PlanarFreeBody):
         theta = -0.5 * np.pi - lean - 2.0 * np.pi * spoke / self.spokes
         x, y = self.length * np.sin(lean), self.length * np.cos(lean)
         return np.array([x, y, theta]), np.array([-omega * y, omega * x, omega])
-
-    def limit_cycle(self) -> tuple[float, float]:
-        """Angular velocities (ω⁻, ω⁺) in rad/s before and after each step of steady rolling; see the module's head."""
-        ml2, half = self.mass * self.length**2, np.pi / self.spokes
-        ratio = (self.inertia + ml2 * np.cos(2.0 * half)) / (self.inertia + ml2)
-        energy = 4.0 * self.mass * self.g * self.length * np.sin(half) * np.sin(self.slope)
-        before = -np.sqrt(energy / (self.inertia + ml2) / (1.0 - ratio**2))
-        return float(before), float(ratio * before)
