@@ -43,7 +43,7 @@ def test_a_page_out_of_step_is_named_and_mended(tmp_path, capsys):
     assert main(["--check", "--docs", str(tmp_path)]) == 0
 
 
-@pytest.mark.parametrize("name, end", [("weather", "weather"), ("laws", "effects")])
+@pytest.mark.parametrize("name, end", [("weather", "weather"), ("dataset keys", "recording keys")])
 def test_a_broken_block_is_refused(name, end):
     with pytest.raises(UserError, match=f"my page: .*{name}"):
         rendered(_block(name, "").replace(f"end of {name}", f"end of {end}"), "my page")

@@ -5,8 +5,8 @@ A page is Markdown written by hand, except that `BLOCKS[NAME]` writes the text b
     <!-- written by python -m thesis_lib.docs: NAME -->
     <!-- end of NAME -->
 
-and that a page with a template (docs/templates/README.md, docs/templates/docs/findings.md) is filled from it, with
-numbers of stored tables (`templates`).
+and that a page with a template in docs/templates/ (README.md, docs/findings.md) is filled from it, with numbers of
+stored tables, laws, effects and columns (`templates`).
 """
 
 import re
@@ -24,36 +24,15 @@ from thesis_lib.critique.proof import (
 )
 from thesis_lib.critique.proof import engines as engine_proof
 from thesis_lib.critique.proof.results import outcomes, recovered
-from thesis_lib.docs import configuration, dataset_keys, effects, laws
+from thesis_lib.docs import configuration, dataset_keys
 from thesis_lib.docs.templates import filled
-from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.markdown import code, table
-
-COLUMN_HEAD = ("column", "unit", "meaning")
-
-
-def columns_text() -> str:
-    """Every column under results/: those with the same meaning everywhere, then those of single tables."""
-    everywhere, tables = meanings()
-    parts = ["## In every table", table(COLUMN_HEAD, _column_rows(everywhere)), "## In one table only"]
-    for name in sorted(tables):
-        parts += [f"### `{name}.csv`", table(COLUMN_HEAD, _column_rows(tables[name]))]
-    return "\n\n".join(parts)
-
-
-def _column_rows(columns: dict[str, list[str]]) -> list[tuple[str, str, str]]:
-    return [(code(name), unit, meaning) for name, (unit, meaning) in sorted(columns.items())]
-
 
 BLOCKS: dict[str, Callable[[], str]] = {
     "configuration": configuration.text,
-    "effects": effects.text,
-    "laws": laws.text,
     "dataset keys": dataset_keys.text,
     "dataset keys in space": dataset_keys.space_text,
     "recording keys": dataset_keys.recording_text,
-    "columns": columns_text,
     "headline": headline.as_markdown,
     "ages of the proof": headline.ages_as_markdown,
     "real contacts": lambda: by_contact.as_markdown(outcomes(), recovered(), folded=True).rstrip("\n"),

@@ -13,9 +13,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.contact import LAWS, Law
 from thesis_lib.critique.proof.next_drops import read_answers
-from thesis_lib.docs.effects import sizes_text
-from thesis_lib.docs.laws import published_twin
-from thesis_lib.docs.signatures import signature
+from thesis_lib.docs.signatures import signature, sizes_text
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.figures.proof.curves import draw_next_drops
 from thesis_lib.figures.style import GREY, INK, ImpulseAxis, house_style, new_figure
@@ -112,7 +110,7 @@ def draw_reach(law: Law) -> Figure:
     figure = new_figure(4.6, 2.6)
     ax = figure.add_subplot()
     draw_ellipse(ax, space, unit, labels=True)
-    published = published_twin(law)
+    published = LAWS.get(f"{law.name}_as_published")
     for variant, look in zip((law, published) if published else (law,), LOOKS):
         outline = unit.factor * region_outline(variant, space)
         ax.plot(*outline.T, **look, label="as published" if variant is published else law.title)

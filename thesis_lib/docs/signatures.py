@@ -24,8 +24,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.docs.effects import size_that_matters
-from thesis_lib.effects.effect import Effect, Rig
+from thesis_lib.effects.effect import Effect, Parameter, Rig
 from thesis_lib.mechanics.state import State
 
 LAW = LAWS["mirtich"]
@@ -43,6 +42,17 @@ POINTS = 121
 SPAN = 0.5  # s
 COLUMNS = ["effect", "panel", "over", "at", "at_n", "series", "value"]
 Change = Callable[[Effect, State], np.ndarray]
+
+
+def size_that_matters(p: Parameter) -> float:
+    """The value of the parameter in the pictures."""
+    return p.null + p.scale if p.discrete is None else p.discrete
+
+
+def sizes_text(effect: Effect) -> str:
+    """The parameter values of the picture in words."""
+    sizes = [f"{p.name} = {size_that_matters(p):g}{'' if p.unit == '1' else f' {p.unit}'}" for p in effect.parameters]
+    return ", ".join(sizes)
 
 
 def rig_for(effect: Effect) -> Rig:

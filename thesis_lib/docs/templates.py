@@ -16,16 +16,23 @@ makes after a run at the default scale (`keep_results`).
 import re
 from collections.abc import Callable
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import pandas as pd
 
+from thesis_lib.contact import LAWS, LAWS_IN_SPACE, Promise
 from thesis_lib.critique.proof import direct_fits, mechanisms
 from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.docs.signatures import size_that_matters, sizes_text
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import FAMILIES
+from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.markdown import docstring, with_links
 from thesis_lib.ledger.expected import read_expected
 from thesis_lib.ledger.format import read_ledger
 from thesis_lib.statistics.wording import MINUS
@@ -84,6 +91,17 @@ class StoredTable:
         return written(times * float(getattr(found, take)() if take else found.iloc[0]), as_)
 
 
+def _docstring(module: str) -> str:
+    return docstring(import_module(module))
+
+
+KNOWN = {  # to templates
+    **{"table": StoredTable, "meanings": meanings, "docstring": _docstring, "with_links": with_links},
+    **{"LAWS": LAWS, "LAWS_IN_SPACE": LAWS_IN_SPACE, "Promise": Promise, "EFFECTS": EFFECTS, "FAMILIES": FAMILIES},
+    **{"size_that_matters": size_that_matters, "sizes_text": sizes_text},
+}
+
+
 def written(value: Any, as_: str) -> str:
     """A value in Python's format `as_`, with a typographic minus sign, which a zero does not have."""
     return format(value, f"z{as_}" if isinstance(value, float) else as_).translate(MINUS)
@@ -94,9 +112,9 @@ def filled(template: str, where: str) -> str:
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
-    environment.filters["as"] = written
+    environment.filters.update({"as": written, "plain": "{:g}".format, "cell": lambda text: text.replace("|", "\\|")})
     try:
-        return environment.from_string(template, {"table": StoredTable}).render()
+        return environment.from_string(template, KNOWN).render()
     except (UserError, jinja2.TemplateError, KeyError, ValueError, SyntaxError, NameError, AttributeError) as error:
         raise UserError(f"{where}: {type(error).__name__}: {error}") from error
 
