@@ -16,14 +16,14 @@ def test_every_chapter_with_tables_can_be_asked_for():
 
 def test_values_and_meanings_are_printed(tmp_path, capsys):
     for k, shown in enumerate(chapters()["chapter2"]):
-        row = {column: [1000 * k + i] for i, column in enumerate(shown.columns)}
-        write_table(pd.DataFrame(row), tmp_path / shown.file)
+        row = {column: [1000 * k + i] for i, column in enumerate(shown["columns"].split())}
+        write_table(pd.DataFrame(row), tmp_path / shown["file"])
     assert main(["chapter2", "--results", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     for k, shown in enumerate(chapters()["chapter2"]):
-        assert shown.title in said
-        assert re.search(r"\s+".join(str(1000 * k + i) for i in range(len(shown.columns))), said)
-        for meaning in explain(shown.file.split("/")[-1].removesuffix(".csv"), shown.columns)["meaning"]:
+        assert shown["title"] in said
+        assert re.search(r"\s+".join(str(1000 * k + i) for i in range(len(shown["columns"].split()))), said)
+        for meaning in explain(shown["file"].split("/")[-1].removesuffix(".csv"), shown["columns"].split())["meaning"]:
             assert meaning in said
 
 

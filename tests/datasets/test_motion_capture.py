@@ -12,7 +12,7 @@ from thesis_lib.datasets import find_impacts, read_dataset
 from thesis_lib.datasets.sources.logs import convert
 from thesis_lib.datasets.sources.motion_capture.bags import read_bag
 from thesis_lib.datasets.sources.motion_capture.c3d import read_c3d
-from thesis_lib.datasets.sources.motion_capture.optitrack import is_optitrack, read_optitrack
+from thesis_lib.datasets.sources.motion_capture.optitrack import BEGINS, read_optitrack
 from thesis_lib.datasets.sources.motion_capture.qualisys import read_qualisys
 from thesis_lib.datasets.sources.motion_log import View, convert_motions
 from thesis_lib.datasets.sources.tables.options import Reading, parse_columns
@@ -60,7 +60,7 @@ def test_accents_and_decimal_commas_of_an_export(tmp_path, short):
 
 @pytest.mark.parametrize("first", ["frame,t,x,y,theta", "comment,t,x,y,theta", "info,t,x,y,theta"])
 def test_a_table_is_no_older_export(first):
-    assert not is_optitrack(first)
+    assert not BEGINS.match(first)
 
 
 @pytest.mark.parametrize(("left", "word"), [(False, "rigidbody"), (True, "trackable")])

@@ -4,8 +4,7 @@ python -m thesis_lib tables chapter2 [--results results]
 """
 
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from thesis_lib.foundation.command_line import Parser, command
@@ -18,49 +17,36 @@ examples:
 """
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A table to print: file below the results, title, and columns."""
-
-    file: str
-    title: str
-    columns: tuple[str, ...]
-
-
 CHAPTERS = ("chapter2", "chapter3", "chapter4", "chapter5")
 
 
 @functools.cache
-def chapters() -> dict[str, list[Shown]]:
-    """The tables of each chapter, in the order in which they are printed."""
+def chapters() -> dict[str, list[dict[str, str]]]:
+    """The tables of each chapter, in the order in which they are printed: title, file, columns."""
     from thesis_lib.foundation.yaml_file import read_yaml
 
-    content = read_yaml(Path(__file__).with_suffix(".yaml")).content
-    return {
-        chapter: [Shown(one["file"], one["title"], tuple(one["columns"].split())) for one in tables]
-        for chapter, tables in content.items()
-    }
+    return read_yaml(Path(__file__).with_suffix(".yaml")).content
 
 
-def as_text(shown: Shown, results: Path) -> str:
+def as_text(shown: Mapping[str, str], results: Path) -> str:
     """Title, table and the meaning of its columns; UserError if the table has not been written."""
     import pandas as pd
 
     from thesis_lib.foundation.columns import explain
     from thesis_lib.foundation.files import read_table
 
-    path = results / shown.file
+    path, columns = results / shown["file"], shown["columns"].split()
     if not path.is_file():
-        raise UserError(f"{path} does not exist yet; make it with: snakemake --cores 2 {shown.file.split('/')[0]}")
-    table = read_table(path, shown.columns)[list(shown.columns)]
-    meanings = explain(path.stem, shown.columns)
+        raise UserError(f"{path} does not exist yet; make it with: snakemake --cores 2 {shown['file'].split('/')[0]}")
+    table = read_table(path, columns)[columns]
+    meanings = explain(path.stem, columns)
     with pd.option_context("display.width", 250, "display.max_colwidth", 60):
         body = table.to_string(index=False, na_rep="-", float_format=lambda value: f"{value:.4g}")
     lines = [
         f"  {row.column}{f' ({row.unit})' if row.unit not in ('', '1') else ''}: {row.meaning}"
         for row in meanings.itertuples()
     ]
-    return "\n".join([shown.title, "=" * len(shown.title), "", body, "", *lines, ""])
+    return "\n".join([shown["title"], "=" * len(shown["title"]), "", body, "", *lines, ""])
 
 
 @command

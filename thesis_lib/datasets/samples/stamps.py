@@ -76,11 +76,11 @@ def times_of_pictures(
         return None
     sure = samples.select(clock.sure)
     t = sure.t - clock.late[clock.sure]
-    stamped, taken = _roughness(sure, sure.t, lengths), _roughness(sure, t, lengths)
-    fast = stamped.speed >= np.quantile(stamped.speed, FAST) if len(stamped.speed) else np.zeros(0, bool)
+    (speed, stamped), (_, taken) = (_roughness(sure, times, lengths) for times in (sure.t, t))
+    fast = speed >= np.quantile(speed, FAST) if len(speed) else np.zeros(0, bool)
     if fast.sum() < FEW:
         return None
-    ratio = float(np.median(stamped.squares[fast]) / max(np.median(taken.squares[fast]), 1e-300))
+    ratio = float(np.median(stamped[fast]) / max(np.median(taken[fast]), 1e-300))
     if ratio < STRAIGHTER:
         return None
     return clock.sure, t, _said(clock, ratio)
@@ -166,15 +166,8 @@ def _pictures(samples: Samples, period: float) -> tuple[np.ndarray, np.ndarray]:
     return picture, sure
 
 
-@dataclass(frozen=True)
-class _Roughness:
-    """Windows of rows: speed (w,) in m/s, and squares (w,) beyond a parabola, those of x, y, θ in units of each."""
-
-    speed: np.ndarray
-    squares: np.ndarray
-
-
-def _roughness(samples: Samples, t: np.ndarray, lengths: int) -> _Roughness:
+def _roughness(samples: Samples, t: np.ndarray, lengths: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of windows of rows speed (w,) in m/s, and squares (w,) beyond a parabola, those of x, y, θ in units of each."""
     start = np.arange(0, max(len(samples) - WINDOW + 1, 0), STRIDE)
     start = start[samples.trial[start] == samples.trial[start + WINDOW - 1]]
     rows = start[:, None] + np.arange(WINDOW)
@@ -189,4 +182,4 @@ def _roughness(samples: Samples, t: np.ndarray, lengths: int) -> _Roughness:
     moved = q - q.mean(axis=1, keepdims=True)
     speed = np.einsum("wk,wkc->wc", tau, moved[..., :lengths]) / np.sum(tau**2, axis=1)[:, None]
     scale = samples.q.std(axis=0) + 1e-12
-    return _Roughness(np.linalg.norm(speed, axis=1), (squares / scale**2).sum(axis=1))
+    return np.linalg.norm(speed, axis=1), (squares / scale**2).sum(axis=1)

@@ -20,11 +20,11 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
 TABLE, BAG, C3D = "a table", "a bag of ROS", "a C3D file"
-EXPORTS = {  # form of a text -> whether a file begins so, how it is read, which axis is up
-    "an export of Motive": (motive.is_motive, motive.read_motive, motive.UP),
-    "an export of Vicon": (vicon.is_vicon, vicon.read_vicon, vicon.UP),
-    "an export of Qualisys": (qualisys.is_qualisys, qualisys.read_qualisys, qualisys.UP),
-    "an older export of OptiTrack": (optitrack.is_optitrack, optitrack.read_optitrack, optitrack.UP),
+EXPORTS = {  # form of a text -> how a file begins, how it is read, which axis is up
+    "an export of Motive": (motive.BEGINS, motive.read_motive, motive.UP),
+    "an export of Vicon": (vicon.BEGINS, vicon.read_vicon, vicon.UP),
+    "an export of Qualisys": (qualisys.BEGINS, qualisys.read_qualisys, qualisys.UP),
+    "an older export of OptiTrack": (optitrack.BEGINS, optitrack.read_optitrack, optitrack.UP),
 }
 UP = {TABLE: "z", BAG: bags.UP, C3D: c3d.UP} | {form: up for form, (_, _, up) in EXPORTS.items()}
 # options that other forms have no use for
@@ -86,7 +86,7 @@ def form_of(path: Path) -> str:
     if c3d.is_c3d(path, raw):
         return C3D
     first = raw.decode("utf-8-sig", "replace")
-    return next((form for form, (is_form, _, _) in EXPORTS.items() if is_form(first)), TABLE)
+    return next((form for form, (begins, _, _) in EXPORTS.items() if begins.match(first)), TABLE)
 
 
 def _holds_points(path: Path, options: Reading) -> bool:

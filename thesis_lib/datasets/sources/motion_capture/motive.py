@@ -14,6 +14,7 @@ Euler angles are in degrees, about the body's own axes in the sequence that Rota
 export's axis convention says otherwise, which the file does not.
 """
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -33,13 +34,9 @@ from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
 UP = "y"
+BEGINS = re.compile('"*format version', re.I)  # the first line of such a file
 HEADER_ROWS = 20  # within which the line of the axes must stand
 MARKERS = ("marker", "rigid body marker")
-
-
-def is_motive(first_line: str) -> bool:
-    """Whether a file that begins so is an export of Motive."""
-    return first_line.lstrip('"').lower().startswith("format version")
 
 
 def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:

@@ -13,6 +13,7 @@ version 1.1 a body is a `trackable`.  Rows `rigidbody` with a number in the seco
 y is up.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +25,9 @@ from thesis_lib.foundation.errors import UserError
 
 UP = "y"
 KINDS = ("comment", "righthanded", "lefthanded", "info", "rigidbody", "trackable", "frame")
-BEGINNINGS = ('comment,"', "righthanded", "lefthanded", "info,version", "info,framecount")
+BEGINS = re.compile(r'\s*(comment,"|righthanded|lefthanded|info,version|info,framecount)', re.I)
 BODIES = ("rigidbody", "trackable")
 FIRST, WIDTH = 4, 11  # column of the first body in a frame, columns of a body
-
-
-def is_optitrack(first_line: str) -> bool:
-    """Whether a file that begins so is such an export."""
-    return first_line.strip().lower().startswith(BEGINNINGS)
 
 
 def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:

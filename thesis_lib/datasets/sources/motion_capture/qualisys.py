@@ -12,6 +12,7 @@ columns, too.  Positions are in mm; Rot is the rotation matrix, column by column
 or zeros throughout.  DATA_INCLUDED 3D has MARKER_NAMES and X, Y, Z of each.  z is up.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -31,16 +32,11 @@ from thesis_lib.foundation.errors import UserError
 
 UP = "z"
 MM = 1e-3
-KEYS = ("file_version", "no_of_frames", "no_of_cameras", "no_of_markers", "no_of_bodies")  # of first lines
+BEGINS = re.compile(r"[ \r]*(file_version|no_of_(frames|cameras|markers|bodies))\s*(\t|$)", re.I)
 MATRIX = [f"rot[{i}]" for i in range(9)]
 LAYOUTS = {"6d": ["x", "y", "z", "roll", "pitch", "yaw", "residual", *MATRIX], "3d": ["x", "y", "z"]}
 NAMES = {"6d": "body_names", "3d": "marker_names"}
 ORTHONORMAL = 0.02  # of the elements of R Rᵀ from those of 1: four digits and some
-
-
-def is_qualisys(first_line: str) -> bool:
-    """Whether a file that begins so is an export of QTM."""
-    return first_line.split("\t")[0].strip().lower() in KEYS
 
 
 def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: list[str]) -> Motion:

@@ -19,6 +19,7 @@ the file does not say which of the first two.  Trajectories have markers.  A bod
 throughout.  z is up.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,6 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import (
-    DELIMITERS,
     Row,
     columns_of,
     length_unit,
@@ -44,12 +44,8 @@ UP = "z"
 BODIES, MARKERS = ("segments", "objects"), ("trajectories",)
 # blocks that an export may begin with
 BLOCKS = (*BODIES, *MARKERS, "model outputs", "devices", "joints", "events", "global angle")
+BEGINS = re.compile(rf"""[\s",;]*({"|".join(BLOCKS)})[\s",;]*$""", re.I)
 ANGLES = {"deg": True, "rad": False}
-
-
-def is_vicon(first_line: str) -> bool:
-    """Whether a file that begins so is an export of Nexus or Tracker."""
-    return first_line.strip().strip("".join(DELIMITERS) + '"').lower() in BLOCKS
 
 
 @dataclass(frozen=True)
