@@ -32,6 +32,7 @@ from thesis_lib.foundation.settings import Section
 from thesis_lib.mechanics.space import SPACE
 
 UP = np.array([[0.0], [0.0], [1.0]])
+LEVELLED = 4e-3  # m above the lowest corner, within which another one hits with it
 LEVEL = 1e-12  # of a unit direction, or of the extent: less is rounding, and the points lie equally far
 BLOCK = 2**22  # vertices times directions that are compared at once: 32 MiB
 
@@ -354,6 +355,18 @@ def farthest(points: np.ndarray, direction: np.ndarray) -> np.ndarray:
     if np.count_nonzero(equal) == len(first):  # no two lie equally far
         return points[:, equal.argmax(axis=0)]
     return (points @ equal) / equal.sum(axis=0)
+
+
+def contact_kind(solid: Solid, attitude: np.ndarray) -> np.ndarray:
+    """What of the sharp solid hits a level surface at attitudes (4, n): "corner", "edge", "face", "" of a smooth one.
+
+    An edge has two corners within `LEVELLED` of the lowest one, a face three or more.
+    """
+    if not solid.corners.size:
+        return np.full(attitude.shape[1], "", dtype=object)
+    heights = np.stack([SPACE.turned(attitude, corner[:, None])[2] for corner in solid.corners.T])
+    low = (heights <= heights.min(axis=0) + LEVELLED).sum(axis=0)
+    return np.array(["corner", "edge", "face"], dtype=object)[np.minimum(low, 3) - 1]
 
 
 def _central(volume: float, principal: np.ndarray) -> Moments:

@@ -1,0 +1,134 @@
+"""Hits found in the trajectories of a tossed box are those that were, within their covariance."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tosses import simulate_tosses
+
+from thesis_lib.bodies.solids import Box, Sphere, contact_kind
+from thesis_lib.critique.likelihood.hits_in_space import beside, jump, observe_in_space
+from thesis_lib.datasets import dataset_of
+from thesis_lib.datasets.format.frames import surface_frames
+from thesis_lib.datasets.format.samples import ArcSettings
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import SPACE, of_rotation_vector
+from thesis_lib.mechanics.state import State
+
+BODY = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "mass": 0.25, "homogeneous": True}
+ALONE = 5e-3  # s to the next hit: two hits between two frames are seen as one
+TURN = Rotation.from_rotvec([0.4, -1.0, 0.7])
+SEEN = {  # tracked frame and camera's axes
+    "tracked at the centre, z up": {},
+    "tracked elsewhere, in a camera's axes": {
+        "tracked": {"position": [0.02, -0.01, 0.03], "quaternion": TURN.as_quat(scalar_first=True).tolist()},
+        "gravity": TURN.apply([0.0, 0.0, -9.81]).tolist(),
+        "surface": {"point": TURN.apply([0.3, 0.1, 0.2]).tolist()},
+    },
+}
+
+
+@pytest.fixture(scope="module", params=SEEN.values(), ids=SEEN)
+def tossed(request):
+    noise = {"position": 2e-4, "rotation": 3e-3}
+    content = {"schema": 2, "body": BODY, "rate": 240.0, "noise": noise} | request.param
+    header = SpaceHeader.model_validate(content)
+    (frame,) = surface_frames(header)
+    made = simulate_tosses(header, frame, 40, np.random.default_rng(3))
+    dataset = dataset_of(content, trajectories=made.trajectories)
+    found = observe_in_space(dataset)
+    true = made.hits
+    rows, alone = [], []
+    for trial, t in zip(found.trial, found.t):
+        apart = np.sort(np.abs(true.loc[true["trial"] == trial, "t"] - t))
+        rows.append((true["t"] - t).abs().where(true["trial"] == trial).idxmin())
+        alone.append(len(apart) < 2 or apart[1] > ALONE)
+    matched = true.loc[rows]
+    states = [
+        frame.seen(
+            State.of(
+                matched[list(POSE_IN_SPACE)].to_numpy(), matched[list(v)].to_numpy(), found.trial, found.t, space=SPACE
+            )
+        )
+        for v in (V_PRE_IN_SPACE, V_POST_IN_SPACE)
+    ]
+    return SimpleNamespace(
+        dataset=dataset, found=found, true=true, matched=matched, states=states, alone=np.array(alone)
+    )
+
+
+def test_motions_beside_a_hit_are_true_within_their_covariance(tossed):
+    assert tossed.alone.sum() > 60
+    for side in (0, 1):
+        found, true = beside(tossed.found, side), tossed.states[side]
+        variance = np.einsum("nii->ni", tossed.found.cov[:, side])
+        late = tossed.found.t - tossed.matched["t"].to_numpy()
+        there = (
+            true.motion + late * np.array([0.0, 0.0, -9.81, 0.0, 0.0, 0.0])[:, None]
+        )  # at the instant that was found
+        z = ((found.motion - there).T / np.sqrt(variance[:, 1::2]))[tossed.alone]
+        assert np.abs(z).max() < 6.0
+        np.testing.assert_allclose(z.std(axis=0), 1.0, atol=0.3)
+        off = found.position - true.position - late * true.velocity
+        assert np.all((36.0 * variance[:, [0, 2, 4]] > off.T**2)[tossed.alone])
+
+
+def test_instants_are_true_within_their_deviation(tossed):
+    z = ((tossed.found.t - tossed.matched["t"].to_numpy()) / tossed.found.t_std)[tossed.alone]
+    assert np.median(np.abs(z)) < 1.2 and np.abs(z).max() < 8.0
+
+
+def test_most_hits_are_found_and_the_others_have_a_reason(tossed):
+    out, made = tossed.found.found.left_out, len(tossed.true)
+    assert len(tossed.found) > 0.4 * made
+    assert set(out["reason"]) <= {"second_hit", "window_too_short", "no_approach"}
+    assert len(tossed.found) + len(out) <= made + 2
+    assert (jump(tossed.found) > 0.1).all()
+
+
+def test_noise_that_is_not_stated_is_found(tossed):
+    header = tossed.dataset.header.model_copy(update={"noise": None})
+    other = observe_in_space(type(tossed.dataset)("drops", header, tossed.dataset.trajectories))
+    noise = other.found.noise
+    assert noise.angle == pytest.approx(3e-3, rel=0.15) and len(other) > 0.9 * len(tossed.found)
+    assert noise.source == "differences"
+
+
+def test_the_corner_that_hits_is_the_lowest_one_of_the_believed_body(tossed):
+    """The gap of the believed body at the hits is what the noise of place and instant makes of 0."""
+    before = beside(tossed.found, 0)
+    gap = tossed.found.rig.gap(before)[tossed.alone]
+    assert np.median(np.abs(gap)) < 1e-3 and np.abs(np.median(gap)) < 3e-4
+
+
+@pytest.mark.parametrize(
+    ("turn", "kind"),
+    [((0.0, 0.0, 0.5), "face"), ((0.3, 0.0, 0.0), "edge"), ((0.6, 0.5, 0.2), "corner"), ((0.02, 0.02, 0.0), "face")],
+)
+def test_hits_are_told_by_the_corners_that_lie_within_4_mm(turn, kind):
+    attitude = of_rotation_vector(np.array(turn)[:, None])
+    box = Box(half_extents=(0.05, 0.04, 0.03))
+    assert contact_kind(box, attitude).tolist() == [kind]
+    assert contact_kind(box.about(np.array([0.01, 0.0, 0.0])), attitude).tolist() == [kind]
+    assert contact_kind(Sphere(radius=0.03), attitude).tolist() == [""]
+
+
+def test_what_cannot_be_searched_is_said(tossed):
+    floor = {"name": "floor", "point": (0, 0, 0), "normal": (0, 0, 1)}
+    content = {"schema": 2, "body": BODY, "surfaces": [floor]}
+    several = dataset_of(content, trajectories=tossed.dataset.trajectories.assign(z=tossed.dataset.trajectories["z"]))
+    with pytest.raises(UserError, match="on one surface"):
+        observe_in_space(several)
+    lost = type(tossed.dataset)(
+        "d", tossed.dataset.header.model_copy(update={"tracked": None}), tossed.dataset.trajectories
+    )
+    with pytest.raises(UserError, match="tracked: unknown"):
+        observe_in_space(lost)
+
+
+def test_longer_arcs_lose_hits_that_follow_too_soon(tossed):
+    fewer = observe_in_space(tossed.dataset, ArcSettings(min_window=12))
+    assert 0 < len(fewer) < len(tossed.found)

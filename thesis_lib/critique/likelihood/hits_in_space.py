@@ -1,0 +1,219 @@
+"""Observations of a body in space, from the samples of its trajectories.
+
+Everything is seen in the frame (t_1, t_2, n) of the surface.  The centre of mass of a free body moves on a parabola,
+whatever the body turns, so that hits are found as in the plane, in its three coordinates (`datasets.impacts.spikes`).
+The instant of a hit is where the arcs before and after come closest,
+
+    t_c = −m·Δv / |Δv|²,    m = p⁺ − p⁻ at the time from which t_c counts,
+
+and pose and motion beside it are those of `windows`: lines for the place, torque-free motion for the attitude.
+
+| on paper | in code | unit | shape     |                                                                  |
+|----------|---------|------|-----------|------------------------------------------------------------------|
+| p        |         | m    | (N, 3)    | believed centre of mass, in the order t_1, n, t_2 for detection   |
+|          | `noise` | m, rad |         | one sigma of a coordinate of p, and of each component of a turn   |
+"""
+
+import numpy as np
+import pandas as pd
+from scipy.stats import chi2
+
+from thesis_lib.critique.likelihood.flights import no_flights
+from thesis_lib.critique.likelihood.observations import Observations, rig_of
+from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows
+from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.noise import NoiseEstimate
+from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, ordinals
+from thesis_lib.datasets.impacts.spikes import detect
+from thesis_lib.effects.effect import Rig
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.free_motion import attitudes
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.spread import MAD_TO_STD
+
+FEWEST = 3  # samples on either side of a hit
+IMPROBABLE = 1e-6  # of χ² without another hit in the window
+ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
+TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
+
+
+def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
+    """Observations of the hits in the trajectories of a dataset in space; what cannot be used has a reason in `found`.
+
+    Raises:
+        UserError: there are no trajectories or no orientations, the tracked frame is unknown, or there are several
+            surfaces.
+    """
+    header = dataset.in_space
+    if dataset.trajectories is None or not dataset.has_angle or header.surfaces is not None:
+        raise UserError(f"{dataset.name}: hits in space are found in trajectories with orientation, on one surface.")
+    settings = settings or ArcSettings(min_window=FEWEST)
+    whole = dataset.trajectories[np.isfinite(dataset.trajectories["qw"].to_numpy(float))]
+    whole = whole.iloc[np.lexsort((whole["t"], whole["trial"]))]
+    (frame,) = surface_frames(header)
+    states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
+    clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
+        {"schema": 1, "body": {"shape": {"kind": "disk", "radius": 2.0}, "radius_of_gyration": 1.0}}
+        | {"gravity": dataset.gravity, "rate": dataset.rate}
+    )
+    samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
+    noise = _noise(samples, states, header)
+    at = detect(samples, clock, np.full(3, noise[0]), settings)
+    windows = windows_around(samples, at, settings.max_window)
+    t, t_std, side = _instants(windows, dataset.gravity, noise[0], settings)
+    trial, reason = samples.trial[at], np.full(len(at), "", object)
+    near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
+    short = side.sum(2).min(1) < settings.min_window
+    reason[short] = np.where(near[short], "second_hit", "window_too_short")
+    rows = np.flatnonzero(reason == "")
+    index = np.clip(at[rows, None] + np.arange(-settings.max_window, settings.max_window + 2), 0, len(samples) - 1)
+    pose, tau = np.moveaxis(states.pose[:, index], 0, -1), windows.t[rows] - t[rows, None]
+    used, G = side[rows] > 0.0, header.body.inertia_per_mass
+    fitted = fit_windows(pose, tau, used, G, noise)
+    off, dof = _off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise)
+    # noise beyond what is believed shows in most hits, another hit in a few
+    grown = np.maximum(np.median(off / dof, axis=0), 1.0) if len(rows) else np.ones(2)
+    hidden = (off / grown > chi2.isf(IMPROBABLE, dof)).any(axis=1)
+    reason[rows[hidden]], rows = "second_hit", rows[~hidden]
+    noise = (noise[0] * float(np.sqrt(grown[0])), noise[1] * float(np.sqrt(grown[1])))
+    fitted = fit_windows(pose[~hidden], tau[~hidden], used[~hidden], G, noise)
+    first = _first_sample(samples)[at[rows]]
+    observations = Observations(
+        rig=rig,
+        trial=trial[rows],
+        surface=np.zeros(len(rows), int),
+        impact=ordinals(trial)[rows],
+        hits=np.ones(len(rows), int),
+        t=t[rows] + windows.t_0[rows] - first,
+        span=np.zeros(len(rows)),
+        **{name: getattr(fitted, name) for name in ("value", "slope", "bow", "cov", "nodes", "weights")},
+        t_std=t_std[rows],
+        offset=np.zeros((len(rows), 3)),
+        arcs=True,
+        flights=no_flights(SPACE),
+        noise_known=True,
+        found=_found(rig, trial, t + windows.t_0, reason, noise, header),
+    )
+    moving = contact_velocity(beside(observations, 0), rig)[2] < 0.0
+    lost = pd.DataFrame({"trial": observations.trial, "impact": observations.impact, "t": observations.t})[~moving]
+    out = pd.concat([observations.found.left_out, lost.assign(reason="no_approach", detail="")], ignore_index=True)
+    object.__setattr__(observations.found, "left_out", out)
+    return observations.rows(np.flatnonzero(moving))
+
+
+def beside(o: Observations, side: int) -> State:
+    """Poses and motions at the hits, before (0) or after (1), under the believed acceleration."""
+    lines = o.lines(side)
+    a, (b_0, b_1) = o.rig.fall(lines)[:3], o.bow[:, side].T
+    return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)
+
+
+def contact_velocity(state: State, rig: Rig) -> np.ndarray:
+    """Velocity (3, n) in m/s of the lowest point of the believed body."""
+    return SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))
+
+
+def jump(o: Observations) -> np.ndarray:
+    """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s of each hit, G the believed inertia per mass."""
+    before, after = beside(o, 0), beside(o, 1)
+    of_body = SPACE.turned_back(before.attitude, after.spin - before.spin)
+    turning = np.einsum("in,ij,jn->n", of_body, o.rig.G[:, :, 0], of_body)  # pyright: ignore[reportIndexIssue]
+    return np.sqrt(np.sum((after.velocity - before.velocity) ** 2, axis=0) + turning)
+
+
+def _noise(samples: Samples, states: State, header: SpaceHeader) -> tuple[float, float]:
+    """One sigma of the centre of mass in m and of a turn in rad: as stated, and at least what the samples show."""
+    same = (samples.run[2:] == samples.run[:-2])[:, None]
+    turns = SPACE.turn_between(states.attitude[:, :-1], states.attitude[:, 1:]).T
+    seen = np.abs(np.diff(turns, axis=0))[same[:, 0]]
+    rotation = float(np.median(seen[seen > 0.0])) * MAD_TO_STD / np.sqrt(6.0) if (seen > 0.0).any() else 0.0
+    position = float(np.sqrt(np.nanmean(noise_from_differences(samples) ** 2)))
+    if (stated := header.noise) is not None:
+        rotation = stated.rotation or rotation
+        if stated.position is not None and header.tracked is not None:
+            arm = np.linalg.norm(header.body.centre - np.array(header.tracked.position))  # across which a turn is one
+            stated_position = np.sqrt(np.mean(np.square(stated.position)) + 2.0 / 3.0 * (arm * rotation) ** 2)
+            position = max(position, float(stated_position))
+    return max(position, 1e-7), max(rotation, 1e-7)
+
+
+def _instants(
+    windows: Windows, gravity: float, sigma: float, settings: ArcSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Instants (n,) in s from `t_0`, their standard deviation, and the samples used (n, 2, W), 0 or 1."""
+    t, n = np.zeros(len(windows.t_0)), len(windows.t_0)
+    side, lines = np.zeros((n, 2, windows.t.shape[1])), None
+    for _ in range(ROUNDS):
+        side = sides_of(windows, t, settings, None)
+        tau = windows.t - t[:, None]
+        lines = lines_through(side, tau, windows.q + 0.5 * gravity * (tau**2)[..., None] * [0.0, 1.0, 0.0])
+        dv, miss = lines.slope[:, 1] - lines.slope[:, 0], lines.value[:, 1] - lines.value[:, 0]
+        t = np.clip(t - (miss * dv).sum(1) / np.maximum((dv * dv).sum(1), 1e-9), windows.low, windows.high)
+    if lines is None:
+        return t, t, side
+    unit = 1.0 / np.maximum(lines.count, 1.0) + lines.mean**2 / np.where(lines.spread > 0.0, lines.spread, np.inf)
+    t_std = sigma * np.sqrt(unit.sum(1)) / np.maximum(np.linalg.norm(dv, axis=1), 1e-9)
+    return t, t_std, side
+
+
+def _off_free_motion(
+    fitted: SpaceWindows,
+    pose: np.ndarray,
+    tau: np.ndarray,
+    used: np.ndarray,
+    G: np.ndarray,
+    gravity: float,
+    noise: tuple[float, float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """χ² (n, 2) by which places and turns miss free motion on both sides and its meeting, and degrees of freedom (n,).
+
+    The places may not meet along Δv, which the instant takes up.
+    """
+    off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 of the places meet
+    if not len(tau):
+        return off, dof
+    fall = 0.5 * gravity * np.array([0.0, 0.0, 1.0])
+    places = lines_through(used * 1.0, tau, pose[:, :, :3] + fall * (tau**2)[..., None])
+    off[:, 0] = (used[..., None] * places.residual**2).sum((1, 2, 3)) / noise[0] ** 2
+    for side in (0, 1):
+        believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, tau.T)
+        left = SPACE.turn_between(believed, np.moveaxis(pose[:, :, 3:], -1, 0).swapaxes(1, 2))
+        off[:, 1] += ((left**2).sum(axis=0) * used[:, side].T).sum(axis=0) / noise[1] ** 2
+    miss, dv = (part[:, 1] - part[:, 0] for part in (places.value, places.slope))
+    aside = miss - (miss * dv).sum(1, keepdims=True) / np.maximum((dv * dv).sum(1, keepdims=True), 1e-9) * dv
+    place = fitted.cov[:, :, [0, 2, 4], [0, 2, 4]].sum(axis=1).mean(axis=1)
+    off[:, 0] += (aside**2).sum(axis=1) / place
+    turn = SPACE.turn_between(fitted.value[:, 0, 3:].T, fitted.value[:, 1, 3:].T).T
+    of_turn = fitted.cov[:, :, 6::2, 6::2].sum(axis=1)
+    off[:, 1] += np.einsum("ni,nij,nj->n", turn, np.linalg.inv(of_turn), turn)
+    return off, np.stack([dof, dof + 1.0], axis=1)
+
+
+def _first_sample(samples: Samples) -> np.ndarray:
+    """Time (N,) in s of the first sample of each sample's trial."""
+    first = np.flatnonzero(np.r_[True, samples.trial[1:] != samples.trial[:-1]])
+    return np.repeat(samples.t[first], np.diff(np.r_[first, len(samples)]))
+
+
+def _found(
+    rig: Rig, trial: np.ndarray, t: np.ndarray, reason: np.ndarray, noise: tuple[float, float], header: SpaceHeader
+) -> FoundImpacts:
+    none, out = np.zeros(0), reason != ""
+    cells = (trial[out], ordinals(trial)[out], t[out], reason[out], np.full(int(out.sum()), "", object))
+    sigma = np.array([noise[0], noise[0], noise[1]])
+    empty = Impacts(none, none, none.reshape(0, 7), none.reshape(0, 6), none.reshape(0, 6), none.reshape(0, 3), rig.k_g)
+    return FoundImpacts(
+        impacts=empty,
+        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, cells))),
+        arcs=pd.DataFrame(columns=ARC_COLUMNS),
+        noise=NoiseEstimate(*noise, sigma, sigma, "differences" if header.noise is None else "header"),
+        glitches=pd.DataFrame(columns=["trial", "t"]),
+    )
