@@ -24,7 +24,7 @@ EACH_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 
 
 def test_pages_are_in_step_with_the_code():
-    assert not stale_pages(DOCS), "python -m thesis_lib.docs writes them anew"
+    assert not stale_pages(DOCS), "python -m thesis_lib.docs writes them anew, from docs/templates/ where they have one"
 
 
 def test_every_block_is_on_a_page():

@@ -17,7 +17,8 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import contact_space, energy_ellipse, line_of_maximum_compression, line_of_sticking
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.law_style import style_of
-from thesis_lib.figures.marks import BLUE, GREEN, RED, arrow, turned, unit
+from thesis_lib.figures.marks import BLUE, GREEN, RED, turned, unit
+from thesis_lib.figures.planar_drawing import Sketch
 from thesis_lib.figures.style import GREY, INK, PANELS, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.predictive_range import admissible_outline, region
@@ -77,35 +78,27 @@ def figure_3_1(body: Body) -> Drawn:
     }
 
     figure = new_figure(4.0, 2.3)
-    ax = figure.add_subplot()
     left, right = outline[:, 0].min() - 1.1 * size, outline[:, 0].max() + 0.9 * size
-    draw_body(ax, outline, left, right, 0.16 * size)
+    sketch = body_on_surface(figure.add_subplot(), outline, {"centre of mass": centre, "C": contact})
+    ax = sketch.ax
     ax.plot(*axis.T, color=GREY, linestyle=(0, (6, 3)), linewidth=0.8)
     ax.plot([centre[0], centre[0] + 1.35 * size], [centre[1]] * 2, color=GREY, linewidth=0.8)
     turn = sorted((0.0, np.degrees(EXAMPLE.theta)))
     ax.add_patch(Arc(centre, 2.0 * size, 2.0 * size, theta1=turn[0], theta2=turn[1], color=INK, linewidth=0.8))
-    _label(ax, centre + 1.12 * size * unit(0.5 * EXAMPLE.theta), r"$\theta$")
+    sketch.label(centre + 1.12 * size * unit(0.5 * EXAMPLE.theta), r"$\theta$")
     looks = {"r": (BLUE, (-0.13, 0.1)), "t": (RED, (0.05, 0.13)), "n": (RED, (0.12, 0.0)), "v": (GREEN, (0.14, 0.0))}
     for name, (start, vector) in vectors.items():
         color, beside = looks[name]
-        arrow(ax, start, start + vector, color, linewidth=1.4)
+        sketch.arrow(name, start, vector, color)
         share = 0.5 if name == "r" else 1.0
-        _label(ax, start + share * vector + size * np.array(beside), rf"$\mathbf{{{name}}}$", color)
-    ax.plot(*centre, "o", color=INK, markersize=4)
-    ax.plot(*contact, "o", color=INK, markersize=4)
-    _label(ax, contact + size * np.array([-0.32, 0.1]), "$C$")
-    _label(ax, centre + size * np.array([-0.5, 0.16]), r"$m,\ I$")
-    corner = np.array([left + 0.12 * size, 0.35 * size])
-    for name, vector in (("x", (0.4 * size, 0.0)), ("y", (0.0, 0.4 * size))):
-        tip = corner + np.array(vector)
-        arrow(ax, corner, tip, style="->")
-        _label(ax, tip + 0.25 * np.array(vector), f"${name}$")
+        sketch.label(start + share * vector + size * np.array(beside), rf"$\mathbf{{{name}}}$", color)
+    sketch.label(contact + size * np.array([-0.32, 0.1]), "$C$")
+    sketch.label(centre + size * np.array([-0.5, 0.16]), r"$m,\ I$")
+    table = sketch.table()[["series", "x", "y"]]
+    sketch.ground(left, right, 0.16 * size)
+    sketch.axes_cross(np.array([left + 0.12 * size, 0.35 * size]), 0.4 * size)
     ax.set_xlim(left, right)
-
-    rows = [("outline", *point) for point in outline]
-    rows += [("centre of mass", *centre), ("C", *contact)]
-    rows += [(name, *point) for name, (start, v) in vectors.items() for point in (start, start + v)]
-    return figure, pd.DataFrame(rows, columns=["series", "x", "y"])
+    return figure, table
 
 
 @house_style
@@ -246,14 +239,10 @@ def draw_ellipse(ax: Axes, space: Contact, axis: ImpulseAxis, *, labels: bool = 
     return pd.concat(tables, ignore_index=True)[["series", "c_t", "c_n"]]
 
 
-def draw_body(ax: Axes, outline: np.ndarray, left: float, right: float, depth: float) -> None:
-    """Outline (n, 2) of a body on the surface from `left` to `right`, hatched down to `depth`, without axes."""
-    ax.set_axis_off()
-    ax.set_aspect("equal")
-    ax.fill(*outline.T, facecolor=SHADE, edgecolor=INK, linewidth=1.2)
-    ax.fill([left, right, right, left], [0, 0, -depth, -depth], fill=False, linewidth=0, hatch="////")
-    ax.plot([left, right], [0, 0], color=INK, linewidth=1.2)
-
-
-def _label(ax: Axes, at: np.ndarray, text: str, color: str = INK) -> None:
-    ax.text(*at, text, color=color, ha="center", va="center", fontsize=10)
+def body_on_surface(ax: Axes, outline: np.ndarray, points: dict[str, np.ndarray]) -> Sketch:
+    """Sketch of a body with outline (n, 2) and with some points (2,) by name."""
+    sketch = Sketch(ax)
+    sketch.fill("outline", outline)
+    for name, at in points.items():
+        sketch.point(name, at, zorder=4)
+    return sketch

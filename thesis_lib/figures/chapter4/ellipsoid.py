@@ -15,8 +15,8 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.figures.chapter3.contact_space import EXAMPLE, draw_body, draw_ellipse
-from thesis_lib.figures.marks import BLUE, GREEN, RED, arrow, turned
+from thesis_lib.figures.chapter3.contact_space import EXAMPLE, body_on_surface, draw_ellipse
+from thesis_lib.figures.marks import BLUE, GREEN, RED, turned
 from thesis_lib.figures.style import GREY, INK, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.residual.learners.features import impulse_of
 
@@ -52,19 +52,18 @@ def _draw_body(ax: Axes, body: Body) -> pd.DataFrame:
         r"$\mathbf{r}$": (centre, contact - centre, BLUE),
     }
     left, right = outline[:, 0].min() - 0.5 * size, outline[:, 0].max() + 0.5 * size
-    draw_body(ax, outline, left, right, 0.15 * size)
+    sketch = body_on_surface(ax, outline, {"centre of mass": centre, "C": contact})
     for name, (start, vector, color) in arrows.items():
-        arrow(ax, start, start + vector, color, linewidth=1.4)
+        sketch.arrow(name.strip("$"), start, vector, color)
         side = np.array([vector[1], -vector[0]]) / np.hypot(*vector)
         side *= (np.sign(side[0]) or 1.0) * (-1.0 if "r" in name else 1.0)  # r and v are nearly parallel
-        ax.text(*(start + 0.6 * vector + 0.16 * size * side), name, color=color, ha="center", va="center")
-    ax.plot(*np.stack([centre, contact], axis=1), "o", color=INK, markersize=4)
-    ax.text(*(contact + size * np.array([-0.17, 0.12])), "$C$", ha="center", va="center")
+        sketch.label(start + 0.6 * vector + 0.16 * size * side, name, color)
+    sketch.label(contact + size * np.array([-0.17, 0.12]), "$C$")
+    table = sketch.table()
+    sketch.ground(left, right, 0.15 * size)
     bottom = min(-0.2 * size, (contact + scale * v_c)[1] - 0.1 * size)
     ax.set(xlim=(left, right), ylim=(bottom, outline[:, 1].max() + 0.15 * size))
-    rows = [("outline", *point) for point in outline]
-    rows += [(name.strip("$"), *point) for name, (start, v, _) in arrows.items() for point in (start, start + v)]
-    return pd.DataFrame(rows, columns=["series", "x", "y"])
+    return table.loc[~table["series"].isin(["centre of mass", "C"]), ["series", "x", "y"]]
 
 
 @house_style
