@@ -37,9 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     stale = stale_pages(args.docs)
     if args.check:
         for path in stale:
-            print(
-                f"{path} is out of step; python -m thesis_lib.docs writes it anew (its template, if any: docs/templates/)"
-            )
+            print(f"{path} is out of step; python -m thesis_lib.docs writes it anew (its template: docs/templates/)")
         return FAILED if stale else 0
     from thesis_lib.foundation.files import write_text
 
