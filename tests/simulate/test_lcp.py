@@ -143,13 +143,6 @@ def test_separating_and_resting_contacts_get_no_impulse():
     np.testing.assert_allclose(out.c, 0.0, atol=AGREEMENT_TOL)
 
 
-def test_restitution_refers_to_the_velocity_before_the_free_step():
-    K, v_c, mu, _ = random_cases(500, seed=6)
-    v_n_pre = v_c[:, 1] + 0.01  # gravity has already acted on v_c
-    out = contact_lcp(K, v_c, mu, 0.5, v_n_pre)
-    np.testing.assert_allclose(out.v_c_post[:, 1], np.maximum(-0.5 * v_n_pre, v_c[:, 1]), atol=AGREEMENT_TOL)
-
-
 def test_impact_changes_momentum_by_the_impulse():
     rng = np.random.default_rng(7)
     n, mass, k2 = 500, 0.3, 0.07

@@ -95,9 +95,8 @@ def test_resting_beliefs_and_calibration_can_be_drawn():
     _, drawn = figure_4_10(beliefs, marks)
     assert drawn.groupby("case")["measured"].first().to_dict() == {"easy": -3.1, "hard": -4.0}
     pit = rng.uniform(size=300)
-    _, table = figure_calibration(
-        pit_histogram(pit).assign(model="law"), coverage_table(pit, central=True).assign(model="law")
-    )
+    coverage = coverage_table(pit, np.arange(len(pit)), rng, central=True)
+    _, table = figure_calibration(pit_histogram(pit).assign(model="law"), coverage.assign(model="law"))
     assert table.loc[table["panel"] == "pit", "value"].sum() == pytest.approx(1.0)
 
 

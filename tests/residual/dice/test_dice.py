@@ -53,7 +53,7 @@ def recorded() -> tuple[Dataset, pd.DataFrame, np.ndarray, np.ndarray]:
     parts, v_t = [q], v
     short = ThrowSettings(max_contacts=30)
     for _ in t[1:]:
-        q_t, v_t, _ = state_at(MODEL.body, parts[-1], v_t, 0.004, MODEL.impact, short, rng)
+        q_t, v_t = state_at(MODEL.body, parts[-1], v_t, 0.004, MODEL.impact, short, rng)
         # chatter at rest has no end
         v_t = np.where(np.isfinite(v_t), v_t, 0.0)
         parts.append(np.where(np.isfinite(q_t), q_t, parts[-1]))
@@ -89,7 +89,7 @@ def test_starts_are_found_within_their_covariance(recorded):
     z = []
     for i, trial in enumerate(releases.trial):
         at = np.floor((first[trial] - 0.002) / 0.004) * 0.004
-        true_q, true_v, _ = state_at(
+        true_q, true_v = state_at(
             MODEL.body, q[[trial]], v[[trial]], np.array([at]), MODEL.impact, ThrowSettings(), np.random.default_rng(0)
         )
         away = np.r_[releases.q[i] - true_q[0], releases.v[i] - true_v[0]]
@@ -103,7 +103,7 @@ def test_starts_are_found_within_their_covariance(recorded):
 def test_contacts_reach_from_flight_to_flight(recorded):
     dataset, hits, _, _ = recorded
     _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
-    _, after, _ = state_at(
+    _, after = state_at(
         MODEL.body,
         MODEL.seen(contacts.q),
         contacts.v,

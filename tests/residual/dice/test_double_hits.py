@@ -69,7 +69,7 @@ def test_without_double_hits_fewer_learned_impulses_are_infeasible():
     settings = ThrowSettings()
     given = impacts(500, np.pi / 4, seed=1)
     span = np.full(len(given), 0.02)
-    _, v, _ = state_at(BODY, given.q, given.v_pre, span, LAW, settings, np.random.default_rng(0))
+    _, v = state_at(BODY, given.q, given.v_pre, span, LAW, settings, np.random.default_rng(0))
     v[:, 1] += BODY.gravity * span
     known = np.isfinite(v).all(axis=1)
     given = replace(given.select(known), v_post=v[known])

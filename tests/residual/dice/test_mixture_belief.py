@@ -72,17 +72,8 @@ def test_moments_are_those_of_independently_thrown_particles(after):
     mean = belief.mean[0].mean(0)
     std = np.sqrt(np.einsum("mii->i", belief.cov[0]) / 4000 + belief.mean[0].var(0))
     q_s, v_s = (x[0] for x in samples(q, v, 20_000, np.random.default_rng(1)))
-    end = np.hstack(
-        state_at(
-            BODY,
-            q_s,
-            v_s,
-            np.full(len(q_s), span[0]),
-            contact,
-            ThrowSettings(max_contacts=100),
-            np.random.default_rng(2),
-        )[:2]
-    )
+    settings, until = ThrowSettings(max_contacts=100), np.full(len(q_s), span[0])
+    end = np.hstack(state_at(BODY, q_s, v_s, until, contact, settings, np.random.default_rng(2)))
     end = end[np.isfinite(end).all(1)]
     assert mean == pytest.approx(end.mean(0), abs=0.1 * end.std(0).max())
     if after < 0.1:  # later a Gaussian also holds what would have hit once more
@@ -108,7 +99,7 @@ def measured(n, scatter):
     t, _ = first_touch(BODY, q, v)
     span = t + 0.015
     contact = ScatteredLaw(BODY, LAW, relative=scatter)
-    q_end, v_end, _ = state_at(BODY, q, v, span, contact, ThrowSettings(max_contacts=60), rng)
+    q_end, v_end = state_at(BODY, q, v, span, contact, ThrowSettings(max_contacts=60), rng)
     turn = [0.0, 0.0, MODEL.d_theta]
     state, end = (
         np.hstack(x) + rng.multivariate_normal(np.zeros(6), START, n) for x in ((q + turn, v), (q_end + turn, v_end))

@@ -114,7 +114,7 @@ def contact_path(
         end_q, end_v = compliant_path(model.body, model.contact, q, v, until)
     else:
         rng = np.random.default_rng(0)  # laws do not use it
-        end_q, end_v, _ = state_at(model.body, q, v, until, model.impact, settings, rng)
+        end_q, end_v = state_at(model.body, q, v, until, model.impact, settings, rng)
     stuck = ~np.isfinite(end_v).all(1)
     end_q[stuck], end_v[stuck] = q[stuck], 0.0
     return end_q, end_v

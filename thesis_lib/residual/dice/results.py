@@ -55,9 +55,9 @@ def dice_tables(
     stream = streams(rng)
     whole = {name: stacked([study.tables[name] for study in studies]) for name in studies[0].tables}
     coverages = [
-        coverage_table(
-            part["pit"].to_numpy(), central=central, groups=part["trial"].to_numpy(), rng=stream(kind, model)
-        ).assign(model=model, kind=kind)
+        coverage_table(part["pit"].to_numpy(), part["trial"].to_numpy(), stream(kind, model), central=central).assign(
+            model=model, kind=kind
+        )
         for kind, table, central in (("roll", whole["throws"], True), ("contact", whole.pop("contact_pits"), False))
         for model, part in table.groupby("model", sort=False)
     ]

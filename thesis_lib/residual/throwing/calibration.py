@@ -9,12 +9,11 @@ For a scalar y predicted by samples y_1 … y_M, with F their distribution,
                a(μ, σ) = μ (2 Φ(μ/σ) − 1) + 2 σ φ(μ/σ), the mean of |N(μ, σ²)|
 
 For a vector with a Gaussian prediction N(m, S) in d dimensions, u = χ²_d(z), z² = (y − m)ᵀ S⁻¹ (y − m), and the region
-of a level is the ellipsoid u ≤ level.  The interval of a coverage is Wilson's at 95 %.  Held-out outcomes of one trial
-are dependent, so with `groups` it is a bootstrap over them.  A level passes if |coverage − level| is at most `MARGIN`
-or the level lies within the interval.
+of a level is the ellipsoid u ≤ level.  Held-out outcomes of one trial are dependent, so the interval of a coverage is
+that of a bootstrap over trials.  A level passes if |coverage − level| is at most `MARGIN` or the level lies within it.
 
-Sources: Gneiting and Raftery 2007, doi:10.1198/016214506000001437; Wilson 1927, doi:10.1080/01621459.1927.10502953;
-Grimit, Gneiting, Berrocal and Johnson 2006, doi:10.1256/qj.05.235 (CRPS of mixtures).
+Sources: Gneiting and Raftery 2007, doi:10.1198/016214506000001437; Grimit, Gneiting, Berrocal and Johnson 2006,
+doi:10.1256/qj.05.235 (CRPS of mixtures).
 """
 
 import numpy as np
@@ -23,10 +22,11 @@ from scipy.special import ndtr
 from scipy.stats import binom, chi2, f
 
 from thesis_lib.statistics.bootstrap import central_95, resampled
-from thesis_lib.statistics.intervals import wilson
 
 LEVELS = (0.5, 0.8, 0.95)
 MARGIN = 0.03
+REPLICATES = 1000  # of the bootstrap
+BINS = 10  # of a histogram
 
 
 def pit_of_samples(outcome: np.ndarray, samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -74,43 +74,32 @@ def crps_of_mixture(outcome: np.ndarray, mean: np.ndarray, std: np.ndarray, weig
     return away - 0.5 * np.einsum("nij,i,j->n", pairs, weight, weight)
 
 
-def coverage_table(
-    pit: np.ndarray,
-    *,
-    central: bool,
-    groups: np.ndarray | None = None,
-    rng: np.random.Generator | None = None,
-    bootstrap: int = 1000,
-) -> pd.DataFrame:
+def coverage_table(pit: np.ndarray, groups: np.ndarray, rng: np.random.Generator, *, central: bool) -> pd.DataFrame:
     """Coverage of the regions of `LEVELS`: level, coverage, low, high, passes (1 or 0), n, left_out.
 
     NaN values of `pit` (n,) are excluded and counted.  `central` is True for a scalar's PIT (regions about the median),
-    False for χ² probabilities.  `groups` (n,) are trials for an interval by `bootstrap` replicates, which need `rng`
-    (else ValueError); without them it is Wilson's.
+    False for χ² probabilities.  `groups` (n,) are the trials over which the bootstrap of the interval draws.
     """
     kept = np.isfinite(pit)
     inside = 2.0 * np.abs(pit[kept] - 0.5) if central else pit[kept]
-    if groups is not None and rng is None:
-        raise ValueError("a bootstrap over groups needs rng")
+    _, index = np.unique(groups[kept], return_inverse=True)
     rows = []
     for level in LEVELS:
         hit = inside <= level
         n = len(hit)
-        share = float(hit.mean()) if n else np.nan
-        low, high = wilson(hit.sum(), n)
-        if groups is not None and n:
-            _, index = np.unique(groups[kept], return_inverse=True)
+        share, low, high = float(hit.mean()) if n else np.nan, np.nan, np.nan
+        if n:
             by_group = np.stack([np.bincount(index, weights=hit), np.bincount(index)], axis=1)
-            low, high = central_95(resampled(by_group, lambda drawn: np.divide(*drawn.sum(axis=0)), bootstrap, rng))
+            low, high = central_95(resampled(by_group, lambda drawn: np.divide(*drawn.sum(axis=0)), REPLICATES, rng))
         passes = abs(share - level) <= MARGIN or low <= level <= high
         rows.append((level, share, low, high, int(passes), n, int((~kept).sum())))
     return pd.DataFrame(rows, columns=["level", "coverage", "low", "high", "passes", "n", "left_out"])
 
 
-def pit_histogram(pit: np.ndarray, bins: int = 10) -> pd.DataFrame:
-    """Shares of PITs in equal bins with the 95 % band of a calibrated prediction: pit, share, low, high."""
+def pit_histogram(pit: np.ndarray) -> pd.DataFrame:
+    """Shares of PITs in `BINS` equal bins with the 95 % band of a calibrated prediction: pit, share, low, high."""
     u = pit[np.isfinite(pit)]
-    count, edges = np.histogram(u, bins, (0.0, 1.0))
+    count, edges = np.histogram(u, BINS, (0.0, 1.0))
     n = max(len(u), 1)
-    low, high = binom.ppf([0.025, 0.975], n, 1.0 / bins) / n
+    low, high = binom.ppf([0.025, 0.975], n, 1.0 / BINS) / n
     return pd.DataFrame({"pit": 0.5 * (edges[1:] + edges[:-1]), "share": count / n, "low": low, "high": high})

@@ -152,21 +152,20 @@ def state_at(
     impact: LawImpact,
     settings: ThrowSettings,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pose and velocity (n, 3) at the times `until` (n,) in s, NaN beyond `max_contacts`, and hits by then (n,)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pose and velocity (n, 3) at the times `until` (n,) in s, NaN beyond `max_contacts`."""
     n = len(q)
     q, v, remaining = np.array(q, float), np.array(v, float), np.array(np.broadcast_to(until, n), float)
-    hits, moving = np.zeros(n, int), np.arange(n)
+    moving = np.arange(n)
     for _ in range(settings.max_contacts):
         if not len(moving):
             break
         states = q[moving], v[moving], remaining[moving]
         q[moving], v[moving], t, touches = _next_contact(body, *states, impact, settings, rng)
         remaining[moving] -= t
-        hits[moving] += touches
         moving = moving[touches]
     q[moving], v[moving] = np.nan, np.nan
-    return q, v, hits
+    return q, v
 
 
 def _next_contact(

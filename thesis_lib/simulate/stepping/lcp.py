@@ -10,12 +10,12 @@ zero, and solve M_SS z_S = -q_S.  All sixteen of a planar contact are tried, in 
 The contact impulse is that of Anitescu and Potra with Newton's restitution: unknowns z = (c_n, b_1, b_2, λ), friction
 directions D = (-J_t, J_t), and with K = J M⁻¹ J' the inverse contact-space inertia
 
-    M = [[ K_nn, -K_tn,  K_tn, 0],        q = ( v_n + ε v_n_pre,
+    M = [[ K_nn, -K_tn,  K_tn, 0],        q = ( v_n + ε v_n,
          [-K_tn,  K_tt, -K_tt, 1],             -v_t,
          [ K_tn, -K_tt,  K_tt, 1],              v_t,
          [ μ,    -1,    -1,    0]]              0 ),          c_t = b_2 - b_1.
 
-The first row makes a closed contact leave at v_n = -ε v_n_pre, the last is Coulomb's cone |c_t| <= μ c_n, and λ is the
+The first row makes a closed contact leave at -ε v_n, the last is Coulomb's cone |c_t| <= μ c_n, and λ is the
 sliding speed.  Energy need not be lost: with ε > 0 and friction it can grow (Kane's paradox).
 
 Sources: M. Anitescu, F. A. Potra, Nonlinear Dynamics 14 (1997), doi 10.1023/A:1008292328909; R. W. Cottle, J.-S. Pang,
@@ -112,28 +112,21 @@ def impact(
     return out, v + (M_inv_Jt @ out.c[:, :, None])[:, :, 0]
 
 
-def contact_lcp(
-    K: np.ndarray,
-    v_c: np.ndarray,
-    mu: np.ndarray | float,
-    epsilon: np.ndarray | float,
-    v_n_pre: np.ndarray | None = None,
-) -> ContactImpulse:
+def contact_lcp(K: np.ndarray, v_c: np.ndarray, mu: np.ndarray | float, epsilon: np.ndarray | float) -> ContactImpulse:
     """Impulse of n independent planar contacts from the Anitescu-Potra LCP with Newton restitution.
 
-    `K` (n, 2, 2) in 1/kg, order (t, n), is positive definite; `v_c` (n, 2) is (v_t, v_n) in m/s after the free step;
-    `mu`, `epsilon` are scalars or (n,); restitution refers to `v_n_pre` (n,), by default v_n (an isolated impact).
+    `K` (n, 2, 2) in 1/kg, order (t, n), is positive definite; `v_c` (n, 2) is (v_t, v_n) in m/s before the impact;
+    `mu`, `epsilon` are scalars or (n,).
     """
     K, v_c = np.asarray(K, dtype=float), np.asarray(v_c, dtype=float)
     n = len(v_c)
     mu, epsilon = np.broadcast_to(mu, n), np.broadcast_to(epsilon, n)
-    v_n_pre = v_c[:, 1] if v_n_pre is None else np.asarray(v_n_pre, dtype=float)
 
     # dimensionless data (K / k_scale, v / v_scale), so that one tolerance serves grams and tonnes
     k_scale = np.trace(K, axis1=1, axis2=2) / 2.0
-    v_scale = np.maximum(np.abs(v_c).max(axis=1), np.abs(v_n_pre))
+    v_scale = np.abs(v_c).max(axis=1)
     v_scale = np.where(v_scale == 0.0, 1.0, v_scale)
-    b = -epsilon * (v_n_pre / v_scale)
+    b = -epsilon * (v_c[:, 1] / v_scale)
     M, q = lcp_matrices(K / k_scale[:, None, None], v_c / v_scale[:, None], b[:, None], mu[:, None])
     z, status = solve_lcp_enumeration(M, q)
     c = np.stack([z[:, 2] - z[:, 1], z[:, 0]], axis=1) * (v_scale / k_scale)[:, None]
