@@ -53,7 +53,7 @@ def test_kinds_of_pushes_with_words_of_their_own_are_found() -> None:
     words = [[[0, 0, 0, 0, 0]], [[3, 0, 0, 0, 0]], [[0, 3, 3, 0, 0]]]
     features, push, kind = _pushes(words, [5, 4, 4], rng)
     mixture = fit_mixture(features, push, SETTINGS, rng)
-    assert mixture.n_abstractions == 3
+    assert len(mixture.topics) == 3
     found = mixture.resp.argmax(axis=1)
     assert all(len(set(found[kind == k])) == 1 for k in range(3))
     np.testing.assert_allclose(np.sort(mixture.shares), np.sort([4, 4, 5]) / 13, atol=0.04)
@@ -84,7 +84,7 @@ def test_abstractions_may_share_a_word() -> None:
     start = [0, 0, 0, 0, 0]
     features, push, kind = _pushes([[start, [4, 0, 0, 0, 0]], [start, [0, 4, 0, 0, 0]]], [5, 5], rng)
     mixture = fit_mixture(features, push, SETTINGS, rng)
-    assert mixture.n_abstractions == 2
+    assert len(mixture.topics) == 2
     found = mixture.resp.argmax(axis=1)
     assert len(set(found[kind == 0])) == 1 and set(found[kind == 0]) != set(found[kind == 1])
     shared = np.abs(mixture.means * mixture.spread + mixture.centre).max(axis=1).argmin()

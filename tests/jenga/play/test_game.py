@@ -98,13 +98,13 @@ class MadeGripper:
     def extract(self, block, rng):
         self.errors[block] = float(rng.random())
         if self.tower.kind(block) == LOST:
-            return PrimitiveOutcome(False, "lost from the jaws", 0.0, 0.0, True)
+            return PrimitiveOutcome("lost from the jaws", True)
         self.held = block
-        return PrimitiveOutcome(True, "", 0.0, 0.0, False)
+        return PrimitiveOutcome("", False)
 
     def place(self, rng):
         self.held = None
-        return PrimitiveOutcome(True, "", 0.0, 0.0, False)
+        return PrimitiveOutcome("", False)
 
 
 @pytest.fixture

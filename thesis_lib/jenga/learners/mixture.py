@@ -60,11 +60,6 @@ class WindowMixture:
     shares: np.ndarray
     resp: np.ndarray
 
-    @property
-    def n_abstractions(self) -> int:
-        """Number of abstractions K."""
-        return len(self.topics)
-
     def log_density(self, features: np.ndarray, names: tuple[str, ...] = FEATURES) -> np.ndarray:
         """log p(x | k) (n, K) of features (n, 5), or of the named ones alone; up to a constant."""
         use = [FEATURES.index(name) for name in names]

@@ -8,7 +8,7 @@ Damage (thesis, section 5.5.3): the primitive displaces another block by more th
 degrees.  A run ends when a block has fallen, on or off the tower.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -31,15 +31,15 @@ JAWS = ("jaw_left", "jaw_right")
 LOST, FELL_FROM_TOP = "lost from the jaws", "fell from the top"
 
 
-@dataclass(frozen=True)
-class PrimitiveOutcome:
-    """Success, reason of failure, and largest displacement (m) and rotation (rad) of any other block."""
+class PrimitiveOutcome(NamedTuple):
+    """Reason of failure, "" for success, and whether a block has fallen."""
 
-    success: bool
     reason: str
-    displacement: float
-    rotation: float
     ends_run: bool
+
+    @property
+    def success(self) -> bool:
+        return not self.reason
 
 
 class Gripper:
@@ -65,7 +65,7 @@ class Gripper:
             raise UserError(f"block {block} stands out by {1e3 * out:.0f} mm: push it further before it is extracted.")
         before = tower.poses()
         if block in tower.settings.hidden.glued:  # the jaws pull in vain: three blocks do not come out as one
-            return PrimitiveOutcome(False, "it does not come out", *tower.perturbation(block, before), False)
+            return PrimitiveOutcome("it does not come out", False)
         self._grasp(block, rng)
         distance = tower.sizes[block, 0] - out + BEYOND
         inside = self._in_hand()
@@ -76,10 +76,9 @@ class Gripper:
             reason = self._damage(block, before)
         # a held block may hang askew: that is no fall
         ends = tower.toppled(block) or (reason == LOST and block in tower.fallen())
-        outcome = PrimitiveOutcome(reason == "", reason, *tower.perturbation(block, before), ends)
         if reason == LOST:
             self.let_go()
-        return outcome
+        return PrimitiveOutcome(reason, ends)
 
     def place(self, rng: np.random.Generator) -> PrimitiveOutcome:
         """Put the held block on a random free place of the top layer.  Errors as in `extract`."""
@@ -100,9 +99,7 @@ class Gripper:
         low = pose[2] - tower.position(block)[2]
         reason = FELL_FROM_TOP if low > tower.settings.topple_drop / 2 else self._damage(block, before)
         tower.reference[block] = tower.poses()[block]
-        return PrimitiveOutcome(
-            reason == "", reason, *tower.perturbation(block, before), reason == FELL_FROM_TOP or tower.toppled(block)
-        )
+        return PrimitiveOutcome(reason, reason == FELL_FROM_TOP or tower.toppled(block))
 
     def _grasp(self, block: int, rng: np.random.Generator | None) -> None:
         tower, matrix = self.tower, self.tower.matrix(block)
