@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from thesis_lib.effects.effect import Impulse
-from thesis_lib.effects.impulse_path import STEPS, NormalPath, friction, whole_impulse
+from thesis_lib.effects.impulse_path import STEPS, NormalPath, added, friction, whole_impulse
 from thesis_lib.mechanics.contact import Contact
 
 LARGEST = 1.0  # of |l|/k and |s|: what exceeds the normal force is no correction of a contact any more
@@ -67,10 +67,4 @@ def driven(
             v_t = kicked + contact.K_tt * rubbed
             turning = turning + turn_n * dp - turn_t * (rubbed + push) + d_tau / k2
             path.step(dp, rubbed + push, d_tau)
-        ends = path.end(contact.epsilon)
-        d_t, d_n, d_tau = (pair[0] - pair[1] for pair in (ends.c_t, ends.c_n, ends.couple))
-    d_t, d_n, d_tau = (np.where(np.isfinite(part), part, 0.0) for part in (d_t, d_n, d_tau))
-    c_n = np.maximum(impulse.c_n + d_n, 0.0)
-    limit = np.maximum((mu * factors + pushes) * c_n, np.abs(impulse.c_t))
-    c_t = np.maximum(np.minimum(impulse.c_t + d_t, limit), -limit)
-    return Impulse.planar(c_t, c_n, impulse.couple + np.clip(d_tau, -levers * c_n, levers * c_n))
+        return added(impulse, path.end(contact.epsilon), mu * factors + pushes, levers)

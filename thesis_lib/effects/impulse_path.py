@@ -130,19 +130,17 @@ def _advance(K_nn, K_tn, lift, dp, d_t, d_tau, v_n, low, compression, work, c_t,
             v_n[k, i], low[k, i], rise[k, i] = then, below, up
 
 
-def added(
-    impulse: Impulse, paths: Impulse, mu: np.ndarray, highest: float | np.ndarray = 1.0, lever: float = 0.0
-) -> Impulse:
+def added(impulse: Impulse, paths: Impulse, mu: np.ndarray, lever: np.ndarray | float = 0.0) -> Impulse:
     """`impulse` (n,) plus the difference of two `paths` (2, n), the first less the second.
 
-    The contact still pushes, friction stays inside the cone of μ `highest`, and the couple within `lever` (m) times
-    c_n.  Where the law itself leaves the cone, the sum may leave it as far.
+    The contact still pushes, friction stays inside the cone of the largest `mu` (n,) on the way, and the couple within
+    `lever` (m) times c_n.  Where the law itself leaves the cone, the sum may leave it as far.
     """
     d_t, d_n, d_tau = (
         np.where(np.isfinite(pair[0] - pair[1]), pair[0] - pair[1], 0.0)
         for pair in (paths.c_t, paths.c_n, paths.couple)
     )
     c_n = np.maximum(impulse.c_n + d_n, 0.0)
-    limit = np.maximum(mu * highest * c_n, np.abs(impulse.c_t))
+    limit = np.maximum(mu * c_n, np.abs(impulse.c_t))
     c_t = np.maximum(np.minimum(impulse.c_t + d_t, limit), -limit)
     return Impulse.planar(c_t, c_n, impulse.couple + np.clip(d_tau, -lever * c_n, lever * c_n))

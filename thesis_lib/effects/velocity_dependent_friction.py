@@ -39,7 +39,7 @@ class VelocityDependentFriction(Effect):
         def factor(v_t: np.ndarray) -> np.ndarray:
             return 1.0 + s * np.exp(-((v_t / v_s) ** 2))
 
-        return added(impulse, walk(contact, factor), contact.mu, 1.0 + np.maximum(s, 0.0))
+        return added(impulse, walk(contact, factor), contact.mu * (1.0 + np.maximum(s, 0.0)))
 
 
 EFFECT = VelocityDependentFriction()

@@ -53,12 +53,9 @@ def budget(
     stream, rows = streams(rng), []
 
     def add(model: str, k: int, error: np.ndarray, right: np.ndarray, *at_start: np.ndarray) -> None:
-        draws = settings.bootstrap
-        std, face = (
-            spread(error, np.std, draws, stream(model, k, "std")),
-            spread(right, np.mean, draws, stream(model, k)),
-        )
-        values = (np.std(error), std[0], np.median(np.abs(error)), np.mean(right), face[0])
+        std_error, *_ = spread(error, np.std, settings.bootstrap, stream(model, k, "std"))
+        face_error, *_ = spread(right, np.mean, settings.bootstrap, stream(model, k))
+        values = (np.std(error), std_error, np.median(np.abs(error)), np.mean(right), face_error)
         start_error, start_right = at_start or (error, right)
         rows.append((model, k, len(error), *values, np.std(start_error), np.mean(start_right)))
 
@@ -73,11 +70,8 @@ def budget(
                 again = _ends(thrower, part.q, part.v, held.select(of), side, settings)
                 add(thrower.name, k, *again, *(values[of] for values in start))
     body = throwers[0].model
-    for name, outcome in (
-        ("nearest", _nearest(body, training, held, side)),
-        ("pairs", _pairs(body, (training, held), side)),
-    ):
-        add(name, 0, *outcome)
+    add("nearest", 0, *_nearest(body, training, held, side))
+    add("pairs", 0, *_pairs(body, (training, held), side))
     columns = ["model", "contact", "throws", "std", "std_error", "median_abs", "face_right", "face_error"]
     return pd.DataFrame(rows, columns=[*columns, "std_start", "face_start"])
 

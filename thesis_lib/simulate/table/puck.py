@@ -201,22 +201,15 @@ def slide(q: np.ndarray, v: np.ndarray, omega: np.ndarray, table: Cushions, time
         v[moving[stops]] = 0.0
         hits, wall = moving[~stops], wall[~stops]
         if len(hits):
-            _strike(hits, wall, q, v, omega, now, table, times, path)
+            _strike(hits, wall, [q, v, omega, now], table, times, path)
     return path
 
 
 def _strike(
-    rows: np.ndarray,
-    wall: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    omega: np.ndarray,
-    now: np.ndarray,
-    table: Cushions,
-    times: np.ndarray,
-    path: np.ndarray,
+    rows: np.ndarray, wall: np.ndarray, states: list[np.ndarray], table: Cushions, times: np.ndarray, path: np.ndarray
 ) -> None:
     """Integrate the contacts of the pucks `rows` with the cushions `wall`; changes the states and the path."""
+    q, v, omega, now = states
     normal = np.stack([one.n for one in CUSHIONS])[wall]
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]])
     v_n, v_t = (np.einsum("nk,nk->n", v[rows], axis) for axis in (normal, tangent))
