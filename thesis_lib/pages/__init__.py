@@ -11,11 +11,10 @@ import base64
 import functools
 import hashlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-    from markupsafe import Markup
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 FOLDER = Path(__file__).parent
 SHEET = FOLDER / "page.css"
@@ -37,22 +36,18 @@ def page(template: Path, title: str, *, script: str = "", kind: str = "", **cont
     return render(template, title=title, script=script, kind=kind, policy=policy, style=style, **content)
 
 
-def render(template: Path, **content: Any) -> "Markup":
+def render(template: Path, **content: Any) -> Markup:
     """A template filled with its content, as HTML that is not escaped again."""
-    from markupsafe import Markup
-
     return Markup(_environment().get_template(template.relative_to(FOLDER.parent).as_posix()).render(**content))
 
 
-def element(name: str, *content: Any) -> "Markup":
+def element(name: str, *content: Any) -> Markup:
     """The macro `name` of elements.html applied to its arguments, as HTML that is not escaped again."""
     return getattr(_environment().get_template("pages/elements.html").module, name)(*content)
 
 
 @functools.cache
-def _environment() -> "Environment":
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
+def _environment() -> Environment:
     return Environment(
         loader=FileSystemLoader(FOLDER.parent),
         autoescape=True,

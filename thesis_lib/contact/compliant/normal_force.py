@@ -95,6 +95,11 @@ class NormalForce:
         epsilon = np.sqrt(loss)
         return (epsilon * self.duration(loss) + (1.0 - loss) * self._depth) / (1.0 + epsilon)
 
+    def lasting(self, epsilon: float) -> float:
+        """T/τ of a central contact with the restitution ε."""
+        loss = self.loss(np.array([epsilon]))
+        return float((self.duration(loss) / self.centroid(loss))[0])
+
     @property
     def _depth(self) -> float:
         """Greatest x without loss: xⁿ⁺¹/(n + 1) = 1/2."""

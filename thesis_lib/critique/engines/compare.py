@@ -29,10 +29,9 @@ from thesis_lib.critique.contacts.engine_contact import (
 )
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.engines.fit import fit_engine
-from thesis_lib.critique.likelihood.bounds import Bound
+from thesis_lib.critique.engines.fit import EngineFit, fit_engine
 from thesis_lib.critique.likelihood.comparison import Comparison
-from thesis_lib.critique.likelihood.fit import ROUNDS, fit
+from thesis_lib.critique.likelihood.fit import ROUNDS, Fit, fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.titles import effect_title, law_title
 from thesis_lib.effects.effect import Effect
@@ -78,18 +77,24 @@ def compare_models(
     """
     engines = [name for name in names if name in STAND_INS]
     final = critique.ladder[-1][1]
+    laws = list(dict.fromkeys([*CANDIDATE_LAWS, *added_laws(), final.base]))  # and what stands at the end
     sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
     parts = []
     for label, effects in sets.items():
-        start = {name: final.values[name] for name in _of_effects(final.values, effects)}
         rows, errors = [], []
-        for name in [*_laws(critique) * (LAWS in names), *engines]:
+        for name in [*laws * (LAWS in names), *engines]:
             say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
-            found = [_row(critique, name, label, effects, start)]
+            missing = lacks(name, effects) if name in STAND_INS else []
+            own = tuple(effect for effect in effects if effect.name not in missing)
+            kept = {effect.name for effect in own}
+            start = {key: value for key, value in final.values.items() if key.split(".")[0] in kept}
+            found = [("engine" if name in STAND_INS else "law", _fitted(critique, name, own, start))]
             if name in WITH_DEFAULT and critique.observations.arcs:
-                found += _default(critique, name, label, effects, start)
-            rows += [row for row, _ in found]
-            errors += [error for _, error in found]
+                found += zip(("default", "friction"), _default(critique, name, own, start))
+            for kind, fitted in found:
+                row, error = _judged(critique, fitted)
+                rows.append(row | {"kind": kind, "effects": label, "lacks": " + ".join(missing)})
+                errors.append(error)
         best = errors[int(np.argmin([error.mean() for error in errors]))]
         behind = [clustered_mean(error - best, critique.held_out.trial) for error in errors]
         part = pd.DataFrame(rows).assign(noise_floor=critique.ladder[-1][2].floor)
@@ -98,75 +103,40 @@ def compare_models(
     return pd.concat(parts, ignore_index=True)[list(COLUMNS)]
 
 
-def _laws(critique: DropsCritique) -> list[str]:
-    """Candidate laws, and what stands at the end of the critique."""
-    return list(dict.fromkeys([*CANDIDATE_LAWS, *added_laws(), critique.ladder[-1][1].base]))
-
-
-def _of_effects(values: Mapping[str, float], effects: Sequence[Effect]) -> list[str]:
-    return [key for key in values if key.split(".")[0] in {effect.name for effect in effects}]
-
-
-def _row(
-    critique: DropsCritique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
-) -> tuple[dict[str, object], np.ndarray]:
-    """One model fitted to the training trials, and its errors (n,) in m/s on the others."""
-    timed = critique.ladder[-1][1].model.takes_time
-    missing = lacks(name, effects) if name in STAND_INS else []
-    own = tuple(effect for effect in effects if effect.name not in missing)
-    kept = {key: value for key, value in start.items() if key.split(".")[0] not in missing}
+def _fitted(
+    critique: DropsCritique, name: str, effects: tuple[Effect, ...], start: Mapping[str, float]
+) -> Fit | EngineFit:
+    """One model fitted to the training trials."""
     base = STAND_INS[name][0] if name in STAND_INS else name
-    law = fit(Model(BASES[base], own, timed), critique.training, kept, rounds=ROUNDS)
-    law = replace(law, seen=critique.observations)
-    fitted = fit_engine(name, law, critique.training) if name in STAND_INS else law
-    row: dict[str, object] = {"kind": "engine" if name in STAND_INS else "law", "effects": label}
-    return _judged(
-        critique, row | {"lacks": " + ".join(missing)}, fitted.model, fitted.values, fitted.std, fitted.bounds
-    )
+    model = Model(BASES[base], effects, critique.ladder[-1][1].model.takes_time)
+    law = replace(fit(model, critique.training, start, rounds=ROUNDS), seen=critique.observations)
+    return fit_engine(name, law, critique.training) if name in STAND_INS else law
 
 
 def _default(
-    critique: DropsCritique, name: str, label: str, effects: tuple[Effect, ...], start: Mapping[str, float]
-) -> list[tuple[dict[str, object], np.ndarray]]:
+    critique: DropsCritique, name: str, effects: tuple[Effect, ...], start: Mapping[str, float]
+) -> list[EngineFit]:
     """An engine with its default contact, at its default friction and with the one that suits the training trials
     best; the effects are as the critique fitted them."""
-    missing = lacks(name, effects)
-    own = tuple(effect for effect in effects if effect.name not in missing)
     body = critique.source.header.body if critique.source else None
-    values = default_values(name, (body.mass if body else None) or MASS)
-    values |= {key: value for key, value in start.items() if key.split(".")[0] not in missing}
-    model = Model(engine_law(f"{name}{DEFAULT}"), own, takes_time=True)
-    row: dict[str, object] = {"effects": label, "lacks": " + ".join(missing)}
-    fitted = values | {"mu": best_friction(model, values, critique.training)}
-    unknown = dict.fromkeys(values, 0.0)
-    return [
-        _judged(critique, row | {"kind": kind}, model, numbers, unknown)
-        for kind, numbers in (("default", values), ("friction", fitted))
-    ]
+    values = {**default_values(name, (body.mass if body else None) or MASS), **start}
+    model = Model(engine_law(f"{name}{DEFAULT}"), effects, takes_time=True)
+    suited = values | {"mu": best_friction(model, values, critique.training)}
+    return [EngineFit(model, numbers, dict.fromkeys(values, 0.0)) for numbers in (values, suited)]
 
 
-def _judged(
-    critique: DropsCritique,
-    row: dict[str, object],
-    model: Model,
-    values: Mapping[str, float],
-    std: Mapping[str, float],
-    bounds: Mapping[str, Bound] | None = None,
-) -> tuple[dict[str, object], np.ndarray]:
-    """The row of a model, with its numbers and its held-out error, and the errors (n,) in m/s."""
-    error, lasting = held_out_error(model, values, critique.held_out), np.nan
+def _judged(critique: DropsCritique, fitted: Fit | EngineFit) -> tuple[dict[str, object], np.ndarray]:
+    """The numbers of a model with its held-out error, and the errors (n,) in m/s."""
+    model, values = fitted.model, fitted.values
+    error = held_out_error(model, values, critique.held_out)
+    row: dict[str, object] = {"model": model.law.name, "contact_time": np.nan}
     if model.takes_time:
-        force = model.law.force or NormalForce()
-        loss = force.loss(np.array([values["epsilon"]]))
-        lasting = float(values["tau"] * (force.duration(loss) / force.centroid(loss))[0])
-    row = {"model": model.law.name, **row}
+        row["contact_time"] = values["tau"] * (model.law.force or NormalForce()).lasting(values["epsilon"])
     for one in ("mu", "epsilon"):
-        bound = (bounds or {}).get(one)
-        told = (values[one], std[one], None) if bound is None else (bound.value, np.nan, bound.kind)
+        bound = fitted.bounds.get(one)
+        told = (values[one], fitted.std[one], None) if bound is None else (bound.value, np.nan, bound.kind)
         row |= dict(zip((one, f"{one}_std", f"{one}_bound"), told))
-    row["contact_time"] = lasting
-    row |= dict(zip(("error", "error_low", "error_high"), clustered_mean(error, critique.held_out.trial)))
-    return row, error
+    return row | dict(zip(("error", "error_low", "error_high"), clustered_mean(error, critique.held_out.trial))), error
 
 
 def best_friction(model: Model, values: Mapping[str, float], observations: Observations) -> float:

@@ -5,7 +5,8 @@ covariance of the residuals, which hang on the law far less than the residuals d
 engine's own, with steps wide enough for its integrator.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,16 +26,15 @@ SETTLED, NEGLIGIBLE = 0.2, 1e-3  # 1, m/s
 
 @dataclass(frozen=True)
 class EngineFit:
-    """An engine fitted to drops; `values` and standard errors `std` by full parameter name, `scatter` in m/s.
+    """An engine fitted to drops; `values` and standard errors `std` by full parameter name.
 
-    `bounds` are those of parameters of which the drops give no more (`drops.bounds`); their `std` is NaN.
+    `bounds` are those of parameters of which the drops give no more (`likelihood.bounds`); their `std` is NaN.
     """
 
     model: Model
     values: dict[str, float]
     std: dict[str, float]
-    scatter: float
-    bounds: dict[str, Bound]
+    bounds: Mapping[str, Bound] = field(default_factory=dict)
 
 
 def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
@@ -79,7 +79,7 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
         said = profiled(whitening, at_end, key)
         std[key] = np.nan if isinstance(said, Bound) else said
         bounds |= {key: said} if isinstance(said, Bound) else {}
-    return EngineFit(model, at_end, dict.fromkeys(values, 0.0) | std, scatter, bounds)
+    return EngineFit(model, at_end, dict.fromkeys(values, 0.0) | std, bounds)
 
 
 def _residuals(whitening: Whitening, values: dict[str, float]) -> np.ndarray:

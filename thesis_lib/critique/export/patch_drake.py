@@ -7,6 +7,7 @@ Numbers stand in attributes of URDF and in the text of SDF.
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.critique.export import drake_files
 from thesis_lib.critique.export.drake_files import NAMESPACE, ROOTS
@@ -82,7 +83,7 @@ def _inertial(file: Patch, link: Element, solid: ExportedBody, target: str) -> N
             found[name] = spot, entry[0]
         elif i == j:
             raise UserError(f"{where} has no {name} in its <inertia>.")
-    R = _rotation(turn)
+    R = Rotation.from_euler("xyz", turn).as_matrix()  # roll, pitch, yaw about fixed axes
     factor = file.inertia_factor(R @ tensor @ R.T, solid, where)
     for name, (spot, value) in found.items():
         if value:
@@ -117,10 +118,3 @@ def _pose(file: Patch, element: Element, target: str) -> tuple[list[float], list
     if len(place) != 3 or len(turn) != 3:
         raise UserError(f"{file.where(element)}: the pose of <{element.tag}> needs three and three numbers.")
     return place, turn
-
-
-def _rotation(turn: list[float]) -> np.ndarray:
-    """R (3, 3) of roll, pitch, yaw in rad about fixed axes."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("xyz", turn).as_matrix()

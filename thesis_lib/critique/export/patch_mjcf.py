@@ -5,6 +5,7 @@ Classes and files that the model includes are not looked into: what is written s
 """
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.export import mjcf
@@ -93,7 +94,9 @@ def _inertial(file: Patch, body: Element, solid: ExportedBody) -> None:
     for (i, j), value in zip(entries, old):
         tensor[i, j] = tensor[j, i] = value
     if quat := file.numbers(inertial, "quat"):
-        R = _rotation(quat, where)
+        if len(quat) != 4 or not any(quat):
+            raise UserError(f"{where}: quat must be four numbers, not all 0.")
+        R = Rotation.from_quat(quat, scalar_first=True).as_matrix()
         tensor = R @ tensor @ R.T
     factor = file.inertia_factor(tensor, solid, where)
     # principal axes stay, and with them a quat: all moments have the same factor
@@ -131,11 +134,3 @@ def _options(file: Patch, solid: ExportedBody, made: MujocoNumbers) -> list[str]
     if abs(ratio - made.impratio) > 1e-6 * made.impratio:
         asked.append(f'option impratio {n(ratio)}: the contact was made for impratio="{n(made.impratio)}"')
     return asked
-
-
-def _rotation(quat: list[float], where: str) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    if len(quat) != 4 or not any(quat):
-        raise UserError(f"{where}: quat must be four numbers, not all 0.")
-    return Rotation.from_quat(quat, scalar_first=True).as_matrix()

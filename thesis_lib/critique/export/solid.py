@@ -221,10 +221,7 @@ def _contact_time(model: SavedModel) -> tuple[float, float | None]:
     tau, epsilon = model.values.get(CONTACT_TIME.name, 0.0), max(model.values["epsilon"], LEAST)
     force = model.model.law.force
     speed = SPEED if isinstance(force, HuntCrossley) else None
-    if not tau or force is None:
-        return duration(tau, epsilon), speed
-    loss = np.atleast_1d(force.loss(np.array([epsilon])))
-    return tau * float((force.duration(loss) / force.centroid(loss))[0]), speed
+    return (duration(tau, epsilon) if not tau or force is None else tau * force.lasting(epsilon)), speed
 
 
 def _grown(shape: Shape, factor: float) -> Shape:

@@ -17,9 +17,9 @@
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependence, smallest_sizes, states_of_windows
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
@@ -28,9 +28,6 @@ from thesis_lib.critique.selection.discovery import Step
 from thesis_lib.critique.selection.settings import SearchSettings, search_ended
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import listed, number
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 STATED = 4  # more parameters of one sensor error are told by their rms over the stated one
 STATES = 3  # proposed for the next experiment
@@ -234,19 +231,15 @@ def _summary(d: Mapping) -> list[str]:
     return [s for s in sentences if s]
 
 
-def misfit_table(critique: MechanismCritique) -> "pd.DataFrame":
+def misfit_table(critique: MechanismCritique) -> pd.DataFrame:
     """Held-out misfit with its 95 % interval: of the believed model, and after each effect."""
-    import pandas as pd
-
     labels = ["believed_parameters", *(step.effect.name for step in critique.steps)]
     rows = [(label, *rung) for label, rung in zip(labels, critique.ladder)]
     return pd.DataFrame(rows, columns=["label", "misfit", "misfit_low", "misfit_high"])
 
 
-def residual_tables(critique: MechanismCritique) -> tuple["pd.DataFrame", "pd.DataFrame", float]:
+def residual_tables(critique: MechanismCritique) -> tuple[pd.DataFrame, pd.DataFrame, float]:
     """Held-out residuals, gains, and the 1 % limit in nats, as `figures.chapter2_hidden.figure_residuals` draws."""
-    import pandas as pd
-
     held, names = critique.held_out, critique.model.coordinates
     base = critique.discovery.bases[critique.discovery.base]
     residuals = pd.DataFrame(

@@ -19,9 +19,9 @@ are relative root mean squares over the base parameters.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.critique.mechanisms.critique import GROUP, MechanismCritique, criticise_mechanism
 from thesis_lib.critique.mechanisms.effects import CANDIDATES, PAYLOAD
@@ -38,11 +38,8 @@ from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 from thesis_lib.statistics.intervals import wilson
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 OUTSIDE = "cogging"  # hidden, but in no library
-Tables = dict[str, "pd.DataFrame"]
+Tables = dict[str, pd.DataFrame]
 
 
 def believed(kind: MechanismKind, bodies: Chapter2Bodies, sizes: HiddenSizes) -> BelievedModel:
@@ -86,8 +83,6 @@ def hidden_effect_study(
     Raises:
         UserError: the settings leave too few trials.
     """
-    import pandas as pd
-
     effects, parameters, forces = [], [], pd.DataFrame()
     shown: dict[str, MechanismCritique] = {}
     ratios = [np.inf if db is None else db for db in settings.snr_db]
@@ -133,7 +128,7 @@ def _effects_row(
     records: tuple[SimulatedMotion, ...],
     truth: str,
     true_sizes: dict[str, float],
-) -> tuple[dict, "pd.DataFrame"]:
+) -> tuple[dict, pd.DataFrame]:
     first, tests = critique.steps[0] if critique.steps else None, critique.discovery.first_scan
     believed = fit_effects(critique.training, ())
     before, estimate, reference = force_error(exact, records[-1:], believed)
@@ -179,24 +174,19 @@ def _parameter_rows(truth: str, critique: MechanismCritique, true: dict[str, flo
 
 def _force_table(
     model: BelievedModel, weak: WeakForm, before: np.ndarray, after: np.ndarray, true: np.ndarray
-) -> "pd.DataFrame":
+) -> pd.DataFrame:
     """Forces in N of steps and pairs in contact: t, pair, component, true, without, with_effects."""
-    import pandas as pd
-
-    rows = []
-    for j, pair in enumerate(model.mechanism.pairs):
-        for i, component in enumerate(("normal", "tangential")):
-            on = np.flatnonzero(np.isfinite(true[:, i, j]))
-            rows += [
-                (weak.h * weak.step[k], pair, component, true[k, i, j], before[k, i, j], after[k, i, j]) for k in on
-            ]
+    rows = [
+        (weak.h * weak.step[k], pair, component, true[k, i, j], before[k, i, j], after[k, i, j])
+        for j, pair in enumerate(model.mechanism.pairs)
+        for i, component in enumerate(("normal", "tangential"))
+        for k in np.flatnonzero(np.isfinite(true[:, i, j]))
+    ]
     return pd.DataFrame(rows, columns=["t", "pair", "component", "true", "without", "with_effects"])
 
 
-def _summary_table(effects: "pd.DataFrame") -> "pd.DataFrame":
+def _summary_table(effects: pd.DataFrame) -> pd.DataFrame:
     """Share of right answers by mechanism, truth and noise with 95 % Wilson interval, and median errors."""
-    import pandas as pd
-
     rows = []
     medians = [name for name in effects.columns if name.startswith(("misfit_", "force_error_", "theta_error_"))]
     for key, datasets in effects.groupby(["mechanism", "truth", "snr_db"], sort=False):

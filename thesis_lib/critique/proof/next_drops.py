@@ -35,7 +35,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -249,38 +248,22 @@ def _answer(cells: dict[str, str]) -> dict[str, object]:
     return {**cells, **numbers, **counts, "open": bool(cells["rival"]) and not math.isnan(numbers["chosen"])}
 
 
-class Saved(NamedTuple):
-    """Of n open questions: how many need at most half as many drops, sums of drops, median ratio, all looked at."""
-
-    n: int
-    halved: int
-    random: float
-    chosen: float
-    median: float
-    looked_at: int
-
-
-def saved(answers: pd.DataFrame) -> Saved:
-    """Shares over the open questions among `answers`; ValueError if there is none."""
+def as_markdown(answers: pd.DataFrame | None = None) -> str:
+    """What the stored questions show, and a table of the open ones; ValueError if none is open."""
+    answers = read_answers() if answers is None else answers
     opened = answers[answers["open"]]
     if not len(opened):
         raise ValueError("no question is open")
-    ratio = opened["chosen"] / opened["random"]
-    by_chance, chosen = (float(opened[name].sum()) for name in ("random", "chosen"))
-    return Saved(len(opened), int((ratio <= HALF).sum()), by_chance, chosen, float(ratio.median()), len(answers))
-
-
-def as_markdown(answers: pd.DataFrame | None = None) -> str:
-    """What the stored questions show, and a table of them."""
-    answers = read_answers() if answers is None else answers
-    of, opened = saved(answers), answers[answers["open"]]
-    low, high = wilson(of.halved, of.n)
+    ratio, n = opened["chosen"] / opened["random"], len(opened)
+    halved = int((ratio <= HALF).sum())
+    low, high = wilson(halved, n)
+    random, chosen = (opened[way].sum() for way in ("random", "chosen"))
     wrong = [answers[f"wrong_{way}"].sum() for way in ("random", "chosen")]
     words = (
-        f"Of {of.looked_at} datasets of {FIRST} random drops {of.n} leave two effects that they cannot tell. "
-        f"{of.halved} of these {of.n} questions ({100 * of.halved / of.n:.0f} %, 95 %: {100 * low:.0f} to "
+        f"Of {len(answers)} datasets of {FIRST} random drops {n} leave two effects that they cannot tell. "
+        f"{halved} of these {n} questions ({100 * halved / n:.0f} %, 95 %: {100 * low:.0f} to "
         f"{100 * high:.0f} %) are settled with at most half as many chosen drops as random ones. The median question "
-        f"takes {of.median:.2g} times as many; all together take {of.chosen:.0f} instead of {of.random:.0f}, where one "
+        f"takes {ratio.median():.2g} times as many; all together take {chosen:.0f} instead of {random:.0f}, where one "
         f"that is settled wrongly (random: {wrong[0]}, chosen: {wrong[1]}) counts as {STEPS[-1]}. Chosen drops take "
         f"more than random ones in {(opened['chosen'] > opened['random']).sum()}."
     )

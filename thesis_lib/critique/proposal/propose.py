@@ -69,20 +69,22 @@ class Proposal:
         return tuple(effect for effect in self.fitted.effects if effect.name not in own)
 
 
-@dataclass(frozen=True)
-class _Try:
+class _Try(NamedTuple):
     """A quick fit with one more term or effect, and the regression from which it came."""
 
     fitted: Fit
-    term: Term | None
     tests: Scan
-    share: float
-    score: float  # nats, less one for each parameter
+    share: float = 0.0
 
     @property
     def name(self) -> str:
         """Of the term or effect."""
         return self.fitted.effects[-1].name
+
+    @property
+    def score(self) -> float:
+        """In nats, less one for each parameter."""
+        return self.fitted.score - len(self.fitted.values)
 
 
 @threadpool_limits.wrap(limits=1)
@@ -122,9 +124,8 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         is_full = len(self.own(path.steps)) == settings.max_terms and path.judged.excess > settings.excess_scatter
         found = replace(found, base=path.base, steps=tuple(path.steps), below=None, rejected=())
         found, ladder, _ = judge_held_out(self.world, Drops(critique.held_out, settings), found, settings)
-        terms = tuple(
-            Accepted(self.terms[name], self.shares[name], step) for name, step in self.own(found.steps).items()
-        )
+        own = self.own(found.steps).items()
+        terms = tuple(Accepted(self.terms[name], self.shares[name], step) for name, step in own)
         if not terms:
             return None
         before, after = critique.ladder[-1][2], ladder[-1][2]
@@ -149,7 +150,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         finalists = self.with_every_law(tries)
         best = self.simplest(finalists)
         self.shares[best.name] = best.share
-        alike = [one for one in finalists if one.score > best.score - settings.tell_apart and one.term]
+        alike = [one for one in finalists if one.score > best.score - settings.tell_apart and one.name in self.terms]
         alike = sorted((one for one in alike if one is not best), key=lambda one: -one.score)
         fitted = best.fitted
         without = self.world.fit(fitted.base, fitted.effects[:-1], fitted.values, "near")
@@ -175,39 +176,32 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
 
     def tries(self, start: Fit, with_terms: bool, dropped: Set[str]) -> list[_Try]:
         """Quick fits with one more term, or one of the effects that the critique named."""
-        on, found = {effect.name for effect in start.effects}, []
+        on, found = {effect.name for effect in start.effects}, list[_Try]()
         key = (start.base, *sorted(on))
         gone = on | dropped
         if with_terms:
             terms = [term for name, term in self.terms.items() if name not in gone]
-            regression = regress(self.screen, start, terms, self.stream("terms", *key))
-            gain, share = regression.tests.gain, regression.share
-            ranked = sorted(gain, key=lambda name: -gain[name])[: self.choice.fitted]
+            tests, share = regress(self.screen, start, terms, self.stream("terms", *key))
+            ranked = sorted(tests.gain, key=lambda name: -tests.gain[name])[: self.choice.fitted]
             ranked += [name for name in list(share)[: self.choice.fitted] if share[name] > 0.0]
-            cheap = {term.name for term in terms if len(term.factors) == 1 and not term.follows}
-            chosen = [term for term in terms if term.name in cheap.union(ranked)]
-            for term in chosen:
-                fitted = self.with_effect(start, effect_of(term))
-                found.append(self.one_try(fitted, term, regression.tests, share.get(term.name, 0.0)))
+            chosen = [t for t in terms if t.name in ranked or (len(t.factors) == 1 and not t.follows)]
+            found = [_Try(self.with_effect(start, effect_of(t)), tests, share.get(t.name, 0.0)) for t in chosen]
         others = [effect for effect in self.named if effect.name not in gone]
         if others and any(name in self.terms for name in on):
             tests = scan(self.screen.slopes(start, others), self.world.resamples, self.stream("named", *key))
             fits, least = [self.with_effect(start, effect) for effect in others], start.score + self.choice.named
-            found += [self.one_try(fit, None, tests, 0.0) for fit in fits if fit.score > least]
+            found += [_Try(fit, tests) for fit in fits if fit.score > least]
         return found
 
     def with_effect(self, start: Fit, effect: Effect) -> Fit:
         return self.world.fit(start.base, (*start.effects, effect), start.values, "quick")
 
-    @staticmethod
-    def one_try(fitted: Fit, term: Term | None, tests: Scan, share: float) -> _Try:
-        return _Try(fitted, term, tests, share, fitted.score - len(fitted.values))
-
     def simplest(self, tries: Sequence[_Try]) -> _Try:
         """The best; a single factor that explains as much as the best product is taken instead."""
         best = max(tries, key=lambda one: one.score)
         least = best.score - self.choice.simpler
-        close = [one for one in tries if one.score > least and one.term and len(one.term.factors) == 1]
+        single = {name for name, term in self.terms.items() if len(term.factors) == 1}
+        close = [one for one in tries if one.score > least and one.name in single]
         return max(close, key=lambda one: one.score, default=best)
 
     def with_every_law(self, tries: Sequence[_Try]) -> list[_Try]:
@@ -220,5 +214,5 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
             others = [base for base in self.world.bases if base != one.fitted.base]
             fits = [self.world.fit(base, one.fitted.effects, one.fitted.values, "quick") for base in others]
             fitted = max([one.fitted, *fits], key=lambda fit: fit.score)
-            moved.append(replace(one, fitted=fitted, score=fitted.score - len(fitted.values)))
+            moved.append(one._replace(fitted=fitted))
         return moved

@@ -10,7 +10,6 @@ Meinshausen and Bühlmann 2010, doi:10.1111/j.1467-9868.2010.00740.x (stability 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,32 +24,25 @@ CHOSEN = 2  # terms chosen in each
 TRIED = 60  # terms that gain most are what the halves choose from
 
 
-@dataclass(frozen=True)
-class Regression:
-    """What sparse regression says at one fitted model.
+def regress(
+    world: Drops, fitted: Fit, terms: Sequence[Term], rng: np.random.Generator
+) -> tuple[Scan, dict[str, float]]:
+    """Score tests of all terms at `fitted`, whose null counts all that were tried, and how often each is chosen.
 
-    Attributes:
-        tests: score tests of all terms, whose null counts all that were tried.
-        share: by name of the term, share of the halves in which it was chosen, the largest first.
+    The latter is the share of the halves by name of the term, the largest first.
     """
-
-    tests: Scan
-    share: dict[str, float]
-
-
-def regress(world: Drops, fitted: Fit, terms: Sequence[Term], rng: np.random.Generator) -> Regression:
-    """Score tests of all terms at `fitted`, and how often each is chosen."""
-    effects = [effect_of(term) for term in terms]
-    slopes = world.slopes(fitted, effects)
+    slopes = world.slopes(fitted, [effect_of(term) for term in terms])
     tests = scan(slopes, world.resamples, rng)
     names = sorted(tests.gain, key=lambda name: -tests.gain[name])[:TRIED]
     Q = orthonormal(slopes.fitted)
     X = np.concatenate([slopes.candidates[name] for name in names], axis=1)
     X, z = (part - Q @ (Q.T @ part) for part in (X, slopes.residual))
-    share = dict.fromkeys(names, 0.0)
-    for name, count in _chosen(X, -z, _trial_of(world, len(z)), names, rng).items():
-        share[name] = count / HALVES
-    return Regression(tests, dict(sorted(share.items(), key=lambda pair: (-pair[1], -tests.gain[pair[0]]))))
+    # the trial of each whitened residual: impacts first, then flights
+    o = world.observations
+    of_flights = np.repeat(o.flights.state.trial, 3)
+    trial = np.concatenate([np.repeat(o.trial, (len(z) - len(of_flights)) // len(o)), of_flights])
+    share = {name: count / HALVES for name, count in _chosen(X, -z, trial, names, rng).items()}
+    return tests, dict(sorted(share.items(), key=lambda pair: (-pair[1], -tests.gain[pair[0]])))
 
 
 def _chosen(
@@ -74,11 +66,3 @@ def _chosen(
         for column in np.flatnonzero(chosen):
             counts[str(names[int(keep[column])])] += 1
     return counts
-
-
-def _trial_of(world: Drops, count: int) -> np.ndarray:
-    """The trial of each whitened residual (N,), impacts first."""
-    o = world.observations
-    of_flights = np.repeat(o.flights.state.trial, 3)
-    of_impacts = np.repeat(o.trial, (count - len(of_flights)) // len(o))
-    return np.concatenate([of_impacts, of_flights])

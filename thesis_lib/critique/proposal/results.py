@@ -20,6 +20,7 @@ from pathlib import Path
 from thesis_lib.critique.proposal.effect_file import source
 from thesis_lib.critique.proposal.propose import Proposal
 from thesis_lib.critique.proposal.terms import testable_terms
+from thesis_lib.critique.results.effect_sentences import speed
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.datasets.format.folder import holds_data
 from thesis_lib.foundation.files import write_text
@@ -102,7 +103,7 @@ def sentences(d: Mapping) -> list[str]:
     floor = error["noise_floor"]
     beside = f" (noise floor {number(floor)} m/s)" if floor is not None and floor == floor else ""
     many = "terms" if len(terms) > 1 else "term"
-    fall = f"the held-out error {SearchSettings().change(error['before'], error['after'], floor, _speed)}{beside}"
+    fall = f"the held-out error {SearchSettings().change(error['before'], error['after'], floor, speed)}{beside}"
     same = [name for one in terms for name in one["indistinguishable_from"]]
     doubt = [f"These data cannot tell it from {listed(same[:MOST_SAID])}."] if same else []
     ended = f"The search for terms ended at max_terms = {found['limit']}, although more than noise is left; "
@@ -120,10 +121,6 @@ def sentences(d: Mapping) -> list[str]:
     ]
 
 
-def _speed(error: float) -> str:
-    return f"{error:.3g} m/s"
-
-
 def sized(term: Mapping) -> str:
     """a = value ± standard error, or its bound."""
     a = term["parameters"]["a"]
@@ -138,7 +135,7 @@ def text_of(proposal: Proposal) -> str:
         for one in proposal.terms
     ]
     before, after = proposal.before.error.mean(), proposal.after.error.mean()
-    change = SearchSettings().change(float(before), float(after), proposal.after.floor, _speed)
+    change = SearchSettings().change(float(before), float(after), proposal.after.floor, speed)
     found.append(f"With it the held-out error {change}.")
     return source([one.term for one in proposal.terms], "\n".join(found))
 

@@ -210,9 +210,7 @@ def _contact_time(content: Mapping) -> list[str]:
     tau, epsilon = (model["parameters"].get(name, {"value": 0.0, "std": 0.0}) for name in ("tau", "epsilon"))
     if tau["std"] is None or tau["value"] <= SEEN * tau["std"]:
         return []
-    force = BASES[model["name"]].force or NormalForce()
-    loss = force.loss(np.asarray(epsilon["value"]))
-    per_tau = float(force.duration(loss) / force.centroid(loss))
+    per_tau = (BASES[model["name"]].force or NormalForce()).lasting(epsilon["value"])
     value, std = per_tau * 1e3 * tau["value"], per_tau * 1e3 * tau["std"]
     return [f"Contacts last about {value:.2g} ms (standard error {std:.1g} ms), which the model takes into account."]
 
