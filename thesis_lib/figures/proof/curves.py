@@ -256,7 +256,7 @@ TITLES = {
 }
 COLORS = dict(zip(TITLES, (BLUE, GREEN, YELLOW, RED)))
 MARKERS = dict(zip(BODIES, "os"))
-APART = 0.1  # between points, in distances between contact times
+TIMES_APART = 0.1  # between points, in distances between contact times
 
 
 @house_style
@@ -275,7 +275,7 @@ def draw_real_contacts(table: pd.DataFrame) -> Drawn:
         ax.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
         for i, (source, shape) in enumerate((source, shape) for source in TITLES for shape in BODIES):
             points = part[(part["source"] == source) & (part["shape"] == shape)]
-            x = points["contact_time"].map(places) + APART * (i - 0.5 * (len(TITLES) * len(BODIES) - 1))
+            x = points["contact_time"].map(places) + TIMES_APART * (i - 0.5 * (len(TITLES) * len(BODIES) - 1))
             middle, low, high = (100 * points[column] for column in ("share", "low", "high"))
             look = {"color": COLORS[source], "marker": MARKERS[shape], "markersize": 3.2, "linestyle": ""}
             label = f"{TITLES[source]}, {shape}"
@@ -292,7 +292,7 @@ def draw_real_contacts(table: pd.DataFrame) -> Drawn:
     return figure, table
 
 
-ROW = 0.17  # inches, height of a question
+QUESTION = 0.17  # inches, height of a question
 
 
 @house_style
@@ -300,7 +300,7 @@ def draw_next_drops(answers: pd.DataFrame) -> Drawn:
     """A row for each open question, those that take random drops longest above; the axis is logarithmic."""
     opened = answers[answers["open"]].sort_values(["random", "chosen"], ascending=[True, False], kind="stable")
     table = opened[["cause", "effect", "rival", "random", "chosen"]].reset_index(drop=True)
-    figure = new_figure(height=1.0 + ROW * max(len(table), 4))
+    figure = new_figure(height=1.0 + QUESTION * max(len(table), 4))
     set_title(figure, "Drops that tell two effects apart, beyond the first 50")
     if table.empty:
         say_not_run(figure, "questions")
