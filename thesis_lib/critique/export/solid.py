@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
+from thesis_lib.bodies.solids import Cylinder, Ellipsoid, Hull
 from thesis_lib.contact.compliant.compiled import SPEED
 from thesis_lib.contact.compliant.normal_force import HuntCrossley
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, DAMPING_RATIO, IMPEDANCE, duration
@@ -147,9 +148,8 @@ class ExportedBody:
     @property
     def inertia(self) -> np.ndarray:
         """I (3, 3) in kg m² about the centre of mass."""
-        S = _second_moments(self.shape, self.depth)
-        S *= self.k_g**2 / (S[0, 0] + S[2, 2])
-        return self.mass * (np.trace(S) * np.eye(3) - S)
+        uniform = _inertia_per_mass(self.shape, self.depth)
+        return self.mass * self.k_g**2 / uniform[1, 1] * uniform
 
     @property
     def centre(self) -> np.ndarray:
@@ -240,26 +240,16 @@ def _half_width(shape: Shape) -> float:
     return shape.radius if isinstance(shape, Disk) else 0.5 * float(np.ptp(shape.corners, axis=0).max())
 
 
-def _second_moments(shape: Shape, depth: float) -> np.ndarray:
-    """∫ x xᵀ over the uniform solid per its volume (3, 3) in m², about its centroid."""
-    S = np.zeros((3, 3))
+def _inertia_per_mass(shape: Shape, depth: float) -> np.ndarray:
+    """(3, 3) in m² of the uniform solid about its centre of mass."""
+    half = 0.5 * depth
     if isinstance(shape, Ellipse):
         a, b = shape.semi_axes
-        return np.diag([a * a, 0.25 * depth * depth, b * b]) / 5.0
-    S[1, 1] = depth * depth / 12.0
-    if isinstance(shape, Disk):
-        S[0, 0] = S[2, 2] = 0.25 * shape.radius**2
-        return S
-    # over triangles from the first corner: the mean of x xᵀ is (Σ v vᵀ + s sᵀ)/12 with s = Σ v
-    p = shape.corners - shape.centroid
-    area, plane = 0.0, np.zeros((2, 2))
-    for one, two in zip(p, np.roll(p, -1, axis=0)):
-        part = 0.5 * (one[0] * two[1] - one[1] * two[0])
-        both = one + two
-        area += part
-        plane += part * (np.outer(one, one) + np.outer(two, two) + np.outer(both, both)) / 12.0
-    S[np.ix_([0, 2], [0, 2])] = plane / area
-    return S
+        return Ellipsoid(semi_axes=(a, half, b)).moments.inertia_per_mass
+    if isinstance(shape, Disk):  # its axis is y here, not z
+        return Cylinder(radius=shape.radius, half_length=half).moments.inertia_per_mass[np.ix_([0, 2, 1], [0, 2, 1])]
+    prism = tuple((float(x), y, float(z)) for y in (-half, half) for x, z in shape.corners)
+    return Hull(vertices=prism).moments.inertia_per_mass
 
 
 WIDTH = 110  # characters of a comment's line

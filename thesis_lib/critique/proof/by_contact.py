@@ -23,11 +23,7 @@ ASKED = (
     ("one cause, named alone, 50 drops", "single", 50, 0.75),
 )
 COVERED = "parameter inside its 95 % interval"
-# the figures as heads of columns
-SHORT: dict[str, str] = dict(
-    zip((name for name, *_ in ASKED), ("nothing hidden", "one cause", "pair", "outside", "50 drops"))
-)
-SHORT[COVERED] = "parameter"
+SHORT = ("nothing hidden", "one cause", "pair", "outside", "50 drops", "parameter")  # the figures as heads of columns
 COVERAGE = (0.90, 0.98)
 PLACE = ("source", "shape", "contact_time")
 CONTACTS = ("figure", *PLACE, "at_least", "share", "low", "high", "n", "met")
@@ -130,5 +126,5 @@ def as_markdown(outcomes: pd.DataFrame, recovered: pd.DataFrame, folded: bool = 
     missed = [*misses(outcomes), *outside(recovered)]
     if folded:
         missed = ["", "<details>", "<summary>Every miss by name</summary>", *missed, "", "</details>"]
-    text = markdown(("source", "shape", "ms", *(SHORT[figure] for figure in figures)), lines)
+    text = markdown(("source", "shape", "ms", *SHORT), lines)
     return "\n".join([text, *accuracy(recovered), *missed]) + "\n"

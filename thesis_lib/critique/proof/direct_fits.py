@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.questions.floor import floor
@@ -40,7 +41,6 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.proof.cases import BODIES, SEEDS, Case, make
-from thesis_lib.critique.proof.law_free import nearest_face
 from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, stamped
 from thesis_lib.critique.selection.search import split
 from thesis_lib.datasets.format.dataset import Dataset
@@ -180,7 +180,7 @@ def _errors(fitted: Fit, o: Observations) -> dict[str, float]:
     if isinstance(o.rig.shape, Polygon):
         here = fitted.on(o)
         true = here.dynamics.to_true(here.before)
-        is_flat = is_single & (np.abs(nearest_face(o.rig.shape, true.theta)[1]) < FLAT)
+        is_flat = is_single & (np.abs(true.theta - lying_angle(o.rig.shape, true.theta)) < FLAT)
     kinds = {"single": is_single, "episodes": ~is_single, "flat": is_flat}
     means = {kind: float(judged.error[rows].mean()) if rows.any() else np.nan for kind, rows in kinds.items()}
     whole = {"error": float(judged.error.mean()), "median": float(np.median(judged.error))}

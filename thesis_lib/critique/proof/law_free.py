@@ -15,7 +15,8 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.shapes import Polygon, Shape
+from thesis_lib.bodies.lying import lying_angle
+from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE
 from thesis_lib.datasets.impacts.detect import find_impacts
@@ -34,33 +35,23 @@ DRAWS = 100
 SEED = 0
 
 
-def nearest_face(shape: Shape, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The face of a polygon that is nearest to the surface, by its index, and its angle from it in rad, (n,) each.
-
-    UserError for a body without faces.
-    """
-    if not isinstance(shape, Polygon):
-        raise UserError(f"A body of shape {shape.kind} has no faces.")
-    face = np.roll(shape.corners, -1, axis=0) - shape.corners
-    turned = np.arctan2(face[:, 1], face[:, 0]) + theta[:, None]
-    angle = np.arctan2(np.sin(turned), np.cos(turned))
-    nearest = np.abs(angle).argmin(axis=1)
-    return nearest, angle[np.arange(len(theta)), nearest]
-
-
 def at_rest(dataset: Dataset) -> pd.DataFrame:
-    """Throws at the end of which the body lies still: face, angle from flat in rad, x and height y in m.
+    """Throws at the end of which the body lies still: angle of the face in °, angle from it in rad, x, height y in m.
 
-    UserError without trajectories.
+    UserError without trajectories, and for a body without faces.
     """
+    if not isinstance(dataset.shape, Polygon):
+        raise UserError(f"A body of shape {dataset.shape.kind} has no faces.")
     if dataset.trajectories is None:
         raise UserError(f"{dataset.name} has no trajectories: no body is seen at rest.")
     ends = dataset.trajectories.groupby("trial")[list(POSE)].apply(lambda poses: poses.tail(LAST))
     by_trial = ends.groupby("trial")
     still = ((by_trial.max() - by_trial.min()) < STILL).all(axis=1)
     pose = by_trial.mean()[still]
-    face, angle = nearest_face(dataset.shape, pose["theta"].to_numpy())
-    return pd.DataFrame({"face": face, "angle": angle, "x": pose["x"], "y": pose["y"] - dataset.height})
+    theta = pose["theta"].to_numpy()
+    flat = lying_angle(dataset.shape, theta)
+    face = np.round(np.degrees(flat)).astype(int) % 360
+    return pd.DataFrame({"face": face, "angle": theta - flat, "x": pose["x"], "y": pose["y"] - dataset.height})
 
 
 def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
@@ -72,7 +63,8 @@ def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
     impacts = find_impacts(dataset).impacts
     impacts = impacts.select(~has_flag(impacts, BENT))
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
-    angle = np.degrees(np.abs(nearest_face(rig.shape, impacts.q[:, 2] - camera)[1]))
+    theta = impacts.q[:, 2] - camera
+    angle = np.degrees(np.abs(theta - lying_angle(rig.shape, theta)))
     rows = []
     for low, high in [*pairwise(RANGES), (0.0, RANGES[-1])]:
         inside = impacts.select((angle >= low) & (angle <= high))

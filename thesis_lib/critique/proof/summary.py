@@ -118,10 +118,6 @@ def _share(target: SummaryTarget, hits: pd.Series) -> dict:
     return of | {"measured": of["share"], "met": target.met(of["share"])}
 
 
-def _right(target: SummaryTarget, rows: pd.DataFrame) -> dict:
-    return _share(target, rows["right"])
-
-
 def _coverage(target: SummaryTarget, values: pd.DataFrame) -> dict:
     found, width = _share(target, values["inside"]), float(values["width"].median())
     if not width <= WIDEST:  # so is an unknown width
@@ -142,7 +138,7 @@ def _misfit(target: SummaryTarget, rows: pd.DataFrame) -> dict:
     return {"n": len(rows), "measured": median, "low": low, "high": high, "met": target.met(median), "note": note}
 
 
-_MEASURES = {"right": _right, "coverage": _coverage, "misfit": _misfit}
+_MEASURES = {"right": lambda target, rows: _share(target, rows["right"]), "coverage": _coverage, "misfit": _misfit}
 
 
 def _asked(target: SummaryTarget, group: Sequence[str]) -> float:

@@ -138,7 +138,6 @@ def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
             rows += [("path", "arc", a, b, np.nan, trial) for a, b in zip(q[:, 0], height)]
     margin = o.rig.shape.extent
     if walls:
-        ax.set_aspect("equal", adjustable="box")
         for wall in walls:
             other = np.add(wall.point, [wall.n[1], -wall.n[0]])
             ax.axline(wall.point, (float(other[0]), float(other[1])), color=GREY, linewidth=0.8)
@@ -146,21 +145,18 @@ def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
         seen = np.concatenate([np.column_stack([x[shown], y[shown]]), [wall.point for wall in walls]])
         (left, low), (right, high) = seen.min(axis=0) - margin, seen.max(axis=0) + margin
         ax.set(xlim=(left, right), ylim=(low, high))
-        ax.set_xlabel("position $x$ (m)")
-        ax.set_title(f"trial {trial}", fontsize=7.5)
-        ax.locator_params(nbins=4)
-        return rows
-    low, high = o.rig.height - 0.4 * margin, y[shown].max() + margin
-    left, right = x[shown].min() - margin, x[shown].max() + margin
-    # both axes have one scale in a panel of proportions `PANEL`
-    wide = max(right - left, PANEL * (high - low))
-    ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
-    ax.axhline(o.rig.height, color=GREY, linewidth=0.8, zorder=0)
-    ax.set(xlim=(0.5 * (left + right - wide), 0.5 * (left + right + wide)), ylim=(low, low + wide / PANEL))
+    else:
+        low, high = o.rig.height - 0.4 * margin, y[shown].max() + margin
+        left, right = x[shown].min() - margin, x[shown].max() + margin
+        # both axes have one scale in a panel of proportions `PANEL`
+        wide = max(right - left, PANEL * (high - low))
+        ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
+        ax.axhline(o.rig.height, color=GREY, linewidth=0.8, zorder=0)
+        ax.set(xlim=(0.5 * (left + right - wide), 0.5 * (left + right + wide)), ylim=(low, low + wide / PANEL))
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlabel("position $x$ (m)")
     ax.set_title(f"trial {trial}", fontsize=7.5)
-    ax.locator_params(nbins=5)
+    ax.locator_params(nbins=4 if walls else 5)
     return rows
 
 

@@ -24,13 +24,13 @@ from thesis_lib.critique.proof.cases import BODIES
 from thesis_lib.critique.proof.headline import TIMES
 from thesis_lib.critique.proof.next_drops import STEPS
 from thesis_lib.critique.proof.results import TABLE
+from thesis_lib.critique.proof.store import share
 from thesis_lib.critique.proof.summary import TARGETS, WIDEST
 from thesis_lib.critique.results.titles import symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.marks import BLUE, GREEN, RED, YELLOW
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
-from thesis_lib.statistics.intervals import wilson
 
 SOURCE_TITLE = {"law": "laws injected", "mechanism": "mechanisms", "drake": "mechanisms in Drake"}
 SOURCE_LOOK = {"law": (BLUE, "o"), "mechanism": (RED, "s"), "drake": (GREEN, "^")}
@@ -85,10 +85,8 @@ def draw_sizes(outcomes: pd.DataFrame) -> Drawn:
 
 def _shares(outcomes: pd.DataFrame) -> pd.DataFrame:
     """Share of right answers with its interval, for each effect, source and size: columns `DRAWN`."""
-    rows = []
-    for key, group in outcomes.groupby(list(DRAWN[:5])):
-        k, n = int(group["right"].sum()), len(group)
-        rows.append((*key, n, k / n, *wilson(k, n)))
+    found = ((key, share(group["right"])) for key, group in outcomes.groupby(list(DRAWN[:5])))
+    rows = [(*key, of["n"], of["share"], of["low"], of["high"]) for key, of in found]
     return pd.DataFrame(rows, columns=list(DRAWN))
 
 
@@ -125,10 +123,10 @@ def _draw_panel(ax: Axes, shares: pd.DataFrame, along: str) -> None:
         noisy = along == "drops" and key[1] != TABLE["noise"]
         line = line.sort_values(along)
         x = line[along] * APART ** (order.index(key[0]) - 1 + 0.33 * noisy)
-        share, low, high = (100 * line[name] for name in ("right", "right_low", "right_high"))
+        middle, low, high = (100 * line[name] for name in ("right", "right_low", "right_high"))
         look = {"color": color, "marker": marker, "markersize": 3.2, "linewidth": 0.9, "elinewidth": 0.6}
         look |= {"linestyle": ":", "markerfacecolor": "white"} if noisy else {"linestyle": "-"}
-        ax.errorbar(x, share, yerr=np.abs([share - low, high - share]), **look)
+        ax.errorbar(x, middle, yerr=np.abs([middle - low, high - middle]), **look)
 
 
 def _title(ax: Axes, text: str) -> None:
@@ -202,9 +200,9 @@ def draw_parameters(recovered: pd.DataFrame) -> Drawn:
     """
     rows = []
     for (effect, name), group in recovered.groupby(["effect", "parameter"]):
-        k, n = int(group["inside"].sum()), len(group)
-        widths = group["width"].astype(float)
-        rows.append((effect, name, n, k / n, *wilson(k, n), widths.median(), *widths.quantile(MIDDLE)))
+        of, widths = share(group["inside"]), group["width"].astype(float)
+        covered = (of["n"], of["share"], of["low"], of["high"])
+        rows.append((effect, name, *covered, widths.median(), *widths.quantile(MIDDLE)))
     columns = ["effect", "parameter", "n", "coverage", "coverage_low", "coverage_high"]
     table = pd.DataFrame(rows, columns=[*columns, "width", "width_low", "width_high"])
     effects = in_order(table["effect"])
@@ -217,14 +215,12 @@ def draw_parameters(recovered: pd.DataFrame) -> Drawn:
         return figure, table
     left, right = figure.subplots(1, 2, sharey=True)
     y = np.arange(len(table))
-    left.axvline(95, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
-    left.hlines(y, 100 * table["coverage_low"], 100 * table["coverage_high"], color=INK, linewidth=0.8)
-    left.plot(100 * table["coverage"], y, "o", color=INK)
+    for ax, name, factor, line in ((left, "coverage", 100, 95), (right, "width", 1, WIDEST)):
+        ax.axvline(line, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
+        ax.hlines(y, factor * table[f"{name}_low"], factor * table[f"{name}_high"], color=INK, linewidth=0.8)
+        ax.plot(factor * table[name], y, "o", color=INK)
     left.set(xlabel="within their 95 % interval (%)", xlim=(min(95 * table["coverage_low"].min(), 60), 102))
     right.axvline(1.0, color=GREY, linewidth=0.9)
-    right.axvline(WIDEST, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
-    right.hlines(y, table["width_low"], table["width_high"], color=INK, linewidth=0.8)
-    right.plot(table["width"], y, "o", color=INK)
     right.set_xlabel("width over the Cramér-Rao bound")
     lowest, highest = np.nanmin([*table["width_low"], 1.0]), np.nanmax([*table["width_high"], WIDEST])
     if highest > 4.0 or lowest < 0.25:
@@ -267,12 +263,12 @@ def draw_real_contacts(table: pd.DataFrame) -> Drawn:
     if table.empty:
         say_not_run(figure, "real contacts")
         return figure, table
-    asked = {name: share for name, *_, share in ASKED} | {COVERED: COVERAGE[0]}
+    asked = {name: least for name, *_, least in ASKED} | {COVERED: COVERAGE[0]}
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     places = {time: i for i, time in enumerate(sorted(TIMES))}
-    for (name, share), ax in zip(asked.items(), axes.flat):
+    for (name, least), ax in zip(asked.items(), axes.flat):
         part = table[(table["figure"] == name) & table["contact_time"].isin(TIMES)]
-        ax.axhline(100 * share, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
+        ax.axhline(100 * least, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)))
         for i, (source, shape) in enumerate((source, shape) for source in TITLES for shape in BODIES):
             points = part[(part["source"] == source) & (part["shape"] == shape)]
             x = points["contact_time"].map(places) + TIMES_APART * (i - 0.5 * (len(TITLES) * len(BODIES) - 1))

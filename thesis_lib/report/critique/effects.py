@@ -11,6 +11,7 @@ from markupsafe import Markup
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED, alternatives_listed, feature_text
 from thesis_lib.critique.likelihood.channels import CHANNELS
+from thesis_lib.critique.proposal.effect_file import capital
 from thesis_lib.critique.proposal.results import UNTESTABLE, sized
 from thesis_lib.critique.results.clock_and_size import said
 from thesis_lib.critique.results.effect_sentences import (
@@ -218,10 +219,6 @@ def untold(d: Mapping) -> Markup:
             "Each effect that was found predicts these data better than any other in the library could in its place."
         )
     return content + table("Effects that these data cannot test", ("effect", "why"), rows)
-
-
-def capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def proposed(d: Mapping) -> Markup:

@@ -9,12 +9,12 @@ from markupsafe import Markup
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
+from thesis_lib.critique.proposal.effect_file import capital
 from thesis_lib.critique.results.numbers import law_errors
 from thesis_lib.critique.results.summary import MUCH_LEFT_OUT, much_left_out
 from thesis_lib.critique.results.titles import addition_title, law_title, origin_text
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
-from thesis_lib.report.critique.effects import capital
 from thesis_lib.report.critique.tables import states_table
 from thesis_lib.report.elements import amount, bullets, fitted, heading, interval, paragraph, percent
 from thesis_lib.statistics.wording import listed, number
