@@ -24,7 +24,7 @@ from pydantic import Field
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.settings import Section
-from thesis_lib.simulate.rig.release import Spread
+from thesis_lib.simulate.rig.release import Release, Spread
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody, Rod
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
@@ -36,25 +36,15 @@ MAX_TRIES = 50
 FILTERS = ("not solved", "too fast", "arm below the ground", "too little contact")
 
 
-class Releases(Section):
+class Releases(Release):
     """States from which a body is let go, at x = 0; x and y along and normal to the surface."""
 
     height: Spread = Field(description="m, centre of mass above the surface")
-    theta: Spread = Field(Spread(low=-np.pi, high=np.pi), description="rad; all orientations")
     vx: Spread = Field(
         Spread(low=-1.0, high=1.0), description="m/s, like the speed of the fall's last part of a second"
     )
     vy: Spread = Field(Spread(low=-1.0, high=1.0), description="m/s")
     omega: Spread = Field(Spread(low=-3.0, high=3.0), description="rad/s, up to a turn in a drop")
-
-    def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """q and v (n, 3) of n releases; a larger n keeps the first ones."""
-        u = rng.random((n, 5))  # row by row: one row per drop
-        q, v = np.zeros((n, 3)), np.zeros((n, 3))
-        q[:, 1], q[:, 2] = self.height.quantile(u[:, 0]), self.theta.quantile(u[:, 1])
-        for i, spread in enumerate((self.vx, self.vy, self.omega)):
-            v[:, i] = spread.quantile(u[:, 2 + i])
-        return q, v
 
 
 class WheelSettings(Section):

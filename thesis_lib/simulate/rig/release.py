@@ -9,6 +9,7 @@ from scipy.special import ndtr, ndtri
 from thesis_lib.foundation.settings import Section
 
 Finite = Field(allow_inf_nan=False)
+MOTION = ("vx", "vy", "omega")
 
 
 class Spread(Section):
@@ -49,8 +50,10 @@ class Release(Section):
 
     def draw(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Poses q (n, 3) and velocities v (n, 3) of n releases; the first ones do not depend on n."""
-        u = rng.random((n, 4))  # row by row: one row per drop
+        moving = [i for i, name in enumerate(MOTION) if hasattr(self, name)]
+        u = rng.random((n, 2 + len(moving)))  # row by row: one row per drop
         q, v = np.zeros((n, 3)), np.zeros((n, 3))
         q[:, 1], q[:, 2] = self.height.quantile(u[:, 0]), self.theta.quantile(u[:, 1])
-        v[:, 0], v[:, 2] = self.vx.quantile(u[:, 2]), self.omega.quantile(u[:, 3])
+        for column, i in enumerate(moving, start=2):
+            v[:, i] = getattr(self, MOTION[i]).quantile(u[:, column])
         return q, v
