@@ -81,38 +81,39 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
     off, dof = _off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise)
     # noise beyond what is believed shows in most hits, another hit in a few
     grown = np.maximum(np.median(off / dof, axis=0), 1.0) if len(rows) else np.ones(2)
-    hidden = (off / grown > chi2.isf(IMPROBABLE, dof)).any(axis=1)
-    reason[rows[hidden]], rows = "second_hit", rows[~hidden]
-    noise = (noise[0] * float(np.sqrt(grown[0])), noise[1] * float(np.sqrt(grown[1])))
-    fitted = fit_windows(pose[~hidden], tau[~hidden], used[~hidden], G, noise)
-    first = _first_sample(samples)[at[rows]]
-    observations = Observations(
+    reason[rows[(off / grown > chi2.isf(IMPROBABLE, dof)).any(axis=1)]] = "second_hit"
+    lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
+    leaves = contact_velocity(_under_gravity(lines, fitted.bow[:, 0], rig), rig)[2] >= 0.0
+    reason[rows[leaves & (reason[rows] == "")]] = "no_approach"
+    kept = reason[rows] == ""
+    rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
+    return Observations(
         rig=rig,
         trial=trial[rows],
         surface=np.zeros(len(rows), int),
         impact=ordinals(trial)[rows],
         hits=np.ones(len(rows), int),
-        t=t[rows] + windows.t_0[rows] - first,
+        t=t[rows] + windows.t_0[rows] - _first_sample(samples)[at[rows]],
         span=np.zeros(len(rows)),
-        **{name: getattr(fitted, name) for name in ("value", "slope", "bow", "cov", "nodes", "weights")},
+        **{name: getattr(fitted, name)[kept] for name in ("value", "slope", "bow", "nodes", "weights")},
+        cov=fitted.cov[kept] * np.outer(sigma, sigma),
         t_std=t_std[rows],
         offset=np.zeros((len(rows), 3)),
         arcs=True,
         flights=no_flights(SPACE),
         noise_known=True,
-        found=_found(rig, trial, t + windows.t_0, reason, noise, header),
+        found=_found(rig, trial, t + windows.t_0, reason, (noise[0] * sigma[0], noise[1] * sigma[-1]), header),
     )
-    moving = contact_velocity(beside(observations, 0), rig)[2] < 0.0
-    lost = pd.DataFrame({"trial": observations.trial, "impact": observations.impact, "t": observations.t})[~moving]
-    out = pd.concat([observations.found.left_out, lost.assign(reason="no_approach", detail="")], ignore_index=True)
-    object.__setattr__(observations.found, "left_out", out)
-    return observations.rows(np.flatnonzero(moving))
 
 
 def beside(o: Observations, side: int) -> State:
     """Poses and motions at the hits, before (0) or after (1), under the believed acceleration."""
-    lines = o.lines(side)
-    a, (b_0, b_1) = o.rig.fall(lines)[:3], o.bow[:, side].T
+    return _under_gravity(o.lines(side), o.bow[:, side], o.rig)
+
+
+def _under_gravity(lines: State, bow: np.ndarray, rig: Rig) -> State:
+    """Poses and motions of lines (`lines`) with a bow (n, 2), under the believed acceleration."""
+    a, (b_0, b_1) = rig.fall(lines)[:3], bow.T
     return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)
 
 
