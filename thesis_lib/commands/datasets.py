@@ -50,6 +50,7 @@ examples:
   python -m thesis_lib datasets example -o data/fine --hidden nothing --seed 7
   python -m thesis_lib datasets example -o data/soft --hidden nothing --shape square --contact-time 3
   python -m thesis_lib datasets example -o data/other --engine mujoco         the same drops, in MuJoCo's own contact
+  python -m thesis_lib datasets example -o data/box --space --hidden com_offset        a box that tumbles in space
   python -m thesis_lib datasets example -o data/puck --shape puck              one cushion unlike the others
   python -m thesis_lib datasets example -o data/arm --mechanism arm --hidden payload --size 0.1
   python -m thesis_lib datasets example -o data/wheel --mechanism wheel --hidden payload --engine mujoco
@@ -97,20 +98,27 @@ def build_parser() -> Parser:
     )
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
+    space = (
+        "a body that tumbles in space, in MuJoCo, with quaternions (schema 2); --shape box (default), sphere, "
+        "ellipsoid, cylinder or capsule; --hidden nothing (default), com_offset, wrong_inertia, wrong_gravity or wrong_size"
+    )
+    example.add_argument("--space", action="store_true", help=space)
     hidden = (
         "see below; default: com_offset_x, of a puck quick_cushion (in MuJoCo dead_cushion), in a mechanism "
         "rolling_resistance"
     )
     example.add_argument("--hidden", metavar="NAME", help=hidden)
     engine = (
-        "which simulator: this program's own, MuJoCo, or Drake (drops: its point contact); default: %(default)s. A "
-        "mechanism in another simulator than our own has sensors as rigs have them"
+        "which simulator: this program's own, MuJoCo, or Drake (drops: its point contact); default: own, with --space "
+        "mujoco. A mechanism in another simulator than our own has sensors as rigs have them"
     )
-    example.add_argument("--engine", choices=["own", "mujoco", "drake"], default="own", help=engine)
+    example.add_argument("--engine", choices=["own", "mujoco", "drake"], help=engine)
     example.add_argument("--size", type=float, help="of the hidden cause, in its unit; default: see below")
-    example.add_argument("--drops", type=int, help="releases; default: 150, of a puck 60, of a mechanism 16 trials")
+    example.add_argument(
+        "--drops", type=int, help="releases; default: 150, of a puck or in space 60, of a mechanism 16 trials"
+    )
     shape = "of the body that is dropped; default: ellipse. A puck slides over a table between cushions"
-    example.add_argument("--shape", choices=["ellipse", "square", "puck"], help=shape)
+    example.add_argument("--shape", help=f"{shape} (ellipse, square or puck)")
     lasting = (
         "how long a central impact at 2.5 m/s lasts, at most 5 ms; default: 1 ms, as of hard plastic on metal; rubber "
         "takes 3 ms and more, and with 0.02 ms drops are nearly those of a rigid body"
@@ -184,9 +192,12 @@ def _check(args: argparse.Namespace) -> int:
 
 
 def _example(args: argparse.Namespace) -> int:
-    out, other = Path(args.out), "--mechanism" if args.mechanism else "a puck"
+    other = "--mechanism" if args.mechanism else "--space" if args.space else "a puck"
+    out, args.engine = Path(args.out), args.engine or ("mujoco" if args.space else "own")
     given: dict = {"size": args.size, "seed": args.seed}
-    write = _recording if args.mechanism else _puck if args.shape == "puck" else _drops
+    write = _recording if args.mechanism else _tosses if args.space else _puck if args.shape == "puck" else _drops
+    if args.shape not in (None, "ellipse", "square", "puck") and write is not _tosses:
+        raise UserError(f"--shape {args.shape}: it is ellipse, square or puck; bodies in space need --space.")
     of_drops = (*(["shape"] if args.mechanism else []), "contact_time", "filter", "cutoff")
     if write is not _drops and any(getattr(args, name) is not None for name in of_drops):
         from thesis_lib.statistics.wording import listed
@@ -194,9 +205,10 @@ def _example(args: argparse.Namespace) -> int:
         options = [f"--{name.replace('_', '-')}" for name in of_drops]
         raise UserError(f"{listed(options)} are for drops; leave them out with {other}.")
     if args.drops is not None:
-        given["drops" if write is _drops else "trials"] = args.drops
+        given["drops" if write in (_drops, _tosses) else "trials"] = args.drops
     further = write(args, out, given)
-    print(f"{_described(out)}\nwritten to {out}{further}. Next: python -m thesis_lib critique {out}")
+    following = "datasets check" if args.space else "critique"
+    print(f"{_described(out)}\nwritten to {out}{further}. Next: python -m thesis_lib {following} {out}")
     return 0
 
 
@@ -208,6 +220,20 @@ def _drops(args: argparse.Namespace, out: Path, given: dict) -> str:
     example = simulate_example(out.resolve().name, args.hidden or "com_offset_x", **given)
     write_example(example, out)
     return f", with {len(example.new_impacts)} further impacts in {out / NEW_IMPACTS}"
+
+
+def _tosses(args: argparse.Namespace, out: Path, given: dict) -> str:
+    from importlib.util import find_spec
+
+    from thesis_lib.datasets.format.write import write_dataset
+
+    if args.engine != "mujoco" or find_spec("mujoco") is None:
+        raise UserError("A body in space is tossed in MuJoCo: give --engine mujoco, or pip install mujoco.")
+    from thesis_lib.simulate.mujoco.tosses import simulate_tosses
+
+    shape, hidden = args.shape or "box", args.hidden or "nothing"
+    write_dataset(simulate_tosses(out.resolve().name, shape, hidden, **given), out)
+    return ""
 
 
 def _puck(args: argparse.Namespace, out: Path, given: dict) -> str:
