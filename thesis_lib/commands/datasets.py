@@ -100,7 +100,8 @@ def build_parser() -> Parser:
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
     space = (
         "a body that tumbles in space, in MuJoCo, with quaternions (schema 2); --shape box (default), sphere, "
-        "ellipsoid, cylinder or capsule; --hidden nothing (default), com_offset, wrong_inertia, wrong_gravity or wrong_size"
+        "ellipsoid, cylinder or capsule; --hidden nothing (default), com_offset, wrong_inertia, wrong_gravity or "
+        "wrong_size"
     )
     example.add_argument("--space", action="store_true", help=space)
     hidden = (
