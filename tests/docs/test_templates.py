@@ -4,6 +4,7 @@ import pytest
 
 from thesis_lib.docs.templates import filled, keep_results
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.wording import formatted
 
 STORED = "config/figures/default/planar_impact/figure_measured_ratio.csv"
 TEMPLATE = f"""\
@@ -20,6 +21,14 @@ def test_numbers_are_written_and_words_stay():
     assert filled(TEMPLATE, "page.md") == (
         "Our m/I is 2,661 ± −14.3 1/m² once mirrored,\nof 4 readings.\n| mirrored_rotation | −2.7e+03 |\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("value", "as_", "text"),
+    [(-1.26, ".1f", "−1.3"), (-0.04, ".1f", "0.0"), (2.0, "+.0f", "+2"), (-0.0, "+g", "+0"), (1234, ",", "1,234")],
+)
+def test_a_zero_has_no_minus_sign(value, as_, text):
+    assert formatted(value, as_) == text
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.markdown import docstring, with_links
 from thesis_lib.ledger.expected import read_expected
 from thesis_lib.ledger.format import read_ledger
-from thesis_lib.statistics.wording import MINUS
+from thesis_lib.statistics.wording import formatted
 
 ROOT = Path(__file__).resolve().parents[2]
 TEMPLATES = ROOT / "docs" / "templates"
@@ -88,7 +88,7 @@ class StoredTable:
         found = (self.rows.query(where) if where else self.rows).eval(column)
         if not take and len(found) != 1:
             raise UserError(f"{self.name}: {where!r} leaves {len(found)} rows for {column!r}, not one.")
-        return written(times * float(getattr(found, take)() if take else found.iloc[0]), as_)
+        return formatted(times * float(getattr(found, take)() if take else found.iloc[0]), as_)
 
 
 def _docstring(module: str) -> str:
@@ -102,17 +102,12 @@ KNOWN = {  # to templates
 }
 
 
-def written(value: Any, as_: str) -> str:
-    """A value in Python's format `as_`, with a typographic minus sign, which a zero does not have."""
-    return format(value, f"z{as_}" if isinstance(value, float) else as_).translate(MINUS)
-
-
 def filled(template: str, where: str) -> str:
     """The page of a template; UserError with its name `where` if a number or a table is not to be had."""
     environment = jinja2.Environment(
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
     )
-    environment.filters.update({"as": written, "plain": "{:g}".format, "cell": lambda text: text.replace("|", "\\|")})
+    environment.filters.update({"as": formatted, "plain": "{:g}".format, "cell": lambda text: text.replace("|", "\\|")})
     try:
         return environment.from_string(template, KNOWN).render()
     except (UserError, jinja2.TemplateError, KeyError, ValueError, SyntaxError, NameError, AttributeError) as error:

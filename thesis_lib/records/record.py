@@ -67,7 +67,7 @@ def sentences() -> "jinja2.Environment":
         undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.do"]
     )
     environment.globals.update(public(wording) | public(rows))
-    environment.filters.update({"as": format} | public(wording))
+    environment.filters.update({"as": wording.formatted} | public(wording))
     return environment
 
 

@@ -29,6 +29,12 @@ def number(value: float | None, digits: int = 3, unit: str = "") -> str:
     return text.translate(MINUS) + (f"{NBSP}{unit}" if unit else "")
 
 
+def formatted(value: Any, as_: str) -> str:
+    """A value in Python's format `as_`, with a typographic minus sign, which a zero does not have."""
+    sign = "+" * as_.startswith("+")
+    return format(value, f"{sign}z{as_.removeprefix('+')}" if isinstance(value, float) else as_).translate(MINUS)
+
+
 def interval(value: float, low: float, high: float, unit: str = "") -> str:
     """0.083 (0.079 to 0.087) m/s, to the digits in which the bounds differ."""
     width = abs(high - low)
