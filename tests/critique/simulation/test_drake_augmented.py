@@ -7,10 +7,9 @@ from thesis_lib.bodies.body import Noise
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in_drake
-from thesis_lib.critique.simulation.law_drops import simulate_law_drops
+from thesis_lib.critique.simulation.drake_augmented import drake_poses
+from thesis_lib.critique.simulation.law_drops import own_poses, simulate_law_drops
 from thesis_lib.effects import EFFECTS
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE
 
 N, RATE = 6, 250
@@ -35,12 +34,16 @@ def saved(*names, height=0.0, tau=None):
 def both(*names, seed=0, tau=None):
     """Poses in Drake and in the program's own simulator, side by side."""
     model = saved(*names, tau=tau)
-    rngs = [np.random.default_rng(seed) for _ in range(2)]
-    drake = simulate_augmented_in_drake(model, PROOF_RELEASE, N, duration=0.5, rng=rngs[0]).trajectories
-    own = simulate_law_drops(
-        ELLIPSE_BODY, PROOF_RELEASE, N, model.model, model.values, duration=0.5, noise=NONE, rng=rngs[1]
-    ).trajectories
-    return drake, own
+    given = {"duration": 0.5, "noise": NONE}
+    return tuple(
+        simulate_law_drops(
+            *(ELLIPSE_BODY, PROOF_RELEASE, N, model.model, model.values),
+            **given,
+            rng=np.random.default_rng(seed),
+            poses=poses,
+        ).trajectories
+        for poses in (drake_poses, own_poses)
+    )
 
 
 @pytest.mark.parametrize("names", [(), ("tangential_restitution",), ("linear_drag",), ("mirrored_rotation",)])
@@ -66,28 +69,3 @@ def test_the_effect_acts_far_beyond_the_tolerance(name):
     with_it, without = (both(*names)[0].set_index(["trial", "t"]) for names in ((name,), ()))
     moved = (with_it - without).dropna().abs()
     assert moved["x"].max() > 10.0 * OWN_FLIGHT
-
-
-def test_noise_is_added_and_seeded():
-    model, noise = saved(), Noise(position=3e-4, angle=3e-3)
-    one, two, plain = (
-        simulate_augmented_in_drake(model, PROOF_RELEASE, 2, noise=given, rng=np.random.default_rng(3))
-        for given in (noise, noise, None)
-    )
-    np.testing.assert_array_equal(one.trajectories, two.trajectories)
-    assert (one.trajectories["x"] - plain.trajectories["x"]).std() == pytest.approx(3e-4, rel=0.2)
-
-
-def test_refuses_what_cannot_be():
-    with pytest.raises(UserError, match="duration"):
-        simulate_augmented_in_drake(saved(), PROOF_RELEASE, 2, duration=-1.0, rng=np.random.default_rng(0))
-
-
-def test_the_surface_is_where_the_model_has_it():
-    one, two = (
-        simulate_augmented_in_drake(saved(height=height), PROOF_RELEASE, 2, duration=0.4, rng=np.random.default_rng(3))
-        for height in (0.0, 0.5)
-    )
-    assert two.height == 0.5
-    np.testing.assert_allclose(two.trajectories["y"], one.trajectories["y"] + 0.5, atol=SAME_FLIGHT)
-    np.testing.assert_allclose(two.trajectories["x"], one.trajectories["x"], atol=SAME_FLIGHT)

@@ -18,17 +18,13 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from thesis_lib.bodies.body import Body, Noise, Surface
+from thesis_lib.bodies.body import Body
 from thesis_lib.critique.contacts.dynamics import Dynamics
-from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.critique.simulation.law_drops import REST, ReleaseDistribution, between, camera_and_body
-from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.critique.simulation.law_drops import REST, between, camera_and_body
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.drake.clock import Clock, fly
 from thesis_lib.simulate.drake.plant import drop_plant
 from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
-from thesis_lib.simulate.rig.record import as_dataset
 
 FLIGHT_STEP = 1e-3  # s
 ACCURACY = 1e-6  # relative, of Drake's error control
@@ -36,46 +32,25 @@ SAY_EVERY = 10  # drops
 MAX_TOUCHES = 50  # of one drop; its impacts are slower than REST, and its record ends, before that
 
 
-def simulate_augmented_in_drake(
-    model: SavedModel,
-    release: ReleaseDistribution,
-    n: int,
-    *,
-    duration: float = 0.6,
-    rate: float = 250.0,
-    noise: Noise | None = None,
-    rng: np.random.Generator,
+def drake_poses(
+    dynamics: Dynamics,
+    q: np.ndarray,
+    v: np.ndarray,
+    samples: int,
+    rate: float,
     say: Callable[[str], None] = lambda text: None,
-) -> Dataset:
-    """Trajectories of n drops that Drake flies and a saved model resolves the touches of.
+) -> np.ndarray:
+    """Poses as `own_poses`, of drops that Drake flies and a model resolves the touches of.
 
-    Args:
-        release: distribution of the true release states.
-        duration: s; a record ends there or when the body comes to rest.
-        rate: samples per s.
-        rng: spawns the streams for releases and noise, as in `simulate_law_drops`.
-        say: receives the number of finished drops.
-
-    Raises:
-        UserError: duration, rate or n is not positive.
+    `say` receives the number of finished drops.
     """
-    for name, value in {"n": n, "duration": duration, "rate": rate}.items():
-        if not 0 < value < np.inf:
-            raise UserError(f"Drops in Drake need a positive {name}; got {value}.")
-    body = Body(shape=model.rig.shape, radius_of_gyration=model.rig.radius_of_gyration)
-    release_rng, noise_rng = rng.spawn(2)
-    q, v = release.draw(n, release_rng)
-    q[:, 1] += model.rig.height
-    # planar motion does not depend on the mass
-    drops = _Drops(model, body.model_copy(update={"mass": 1.0}))
-    samples = np.arange(round(duration * rate) + 1) / rate
-    poses = np.full((n, len(samples), 3), np.nan)
-    for i in range(n):
-        drops.run(i, q[i], v[i], samples, poses[i])
+    drops, times = _Drops(dynamics), np.arange(samples) / rate
+    poses = np.full((len(q), samples, 3), np.nan)
+    for i in range(len(q)):
+        drops.run(i, q[i], v[i], times, poses[i])
         if (i + 1) % SAY_EVERY == 0:
-            say(f"{i + 1} of {n} drops")
-    header, table = as_dataset(poses, f"{n} drops", body, model.rig.gravity, rate, noise, noise_rng)
-    return Dataset("drops", header.model_copy(update={"surface": Surface(height=model.rig.height)}), table)
+            say(f"{i + 1} of {len(q)} drops")
+    return poses
 
 
 class _Air(LeafSystem):
@@ -98,12 +73,14 @@ class _Air(LeafSystem):
 class _Drops:
     """Drake's simulator of the free body, and the model that acts on it."""
 
-    def __init__(self, saved: SavedModel, body: Body) -> None:
+    def __init__(self, dynamics: Dynamics) -> None:
         # faults of the camera act on the record only
-        self.camera, self.inner = camera_and_body(saved.dynamics)
+        self.camera, self.inner = camera_and_body(dynamics)
         self.rig = self.inner.rig
         self._trial = [0]
         air = _Air(self.inner, self._trial) if self.inner.model.effects else None
+        # planar motion does not depend on the mass
+        body = Body(shape=self.rig.shape, radius_of_gyration=self.rig.k_g, mass=1.0)
         plant = drop_plant(body, CompliantContact(), HiddenCauses(), self.rig.gravity, air=air)
         self.clock = Clock(plant, FLIGHT_STEP, ACCURACY)
 

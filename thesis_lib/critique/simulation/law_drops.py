@@ -8,7 +8,7 @@ A contact that takes time goes from touch to its end as `episodes.contact` says.
 the record has the cubic that joins poses and velocities of both ends, which sinks in as a body does.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Protocol
 
@@ -27,6 +27,7 @@ from thesis_lib.simulate.rig.record import as_dataset
 SUBSTEPS = 4  # per sampling period of 4 ms: a drag of 1/s then errs by 1e-7 m per flight
 REST = 0.15  # m/s; a slower impact counts as rest, and the record ends
 _NOW = 1e-9  # s
+Poses = Callable[[Dynamics, np.ndarray, np.ndarray, int, float], np.ndarray]  # as `own_poses`
 
 
 class ReleaseDistribution(Protocol):
@@ -50,18 +51,24 @@ def simulate_law_drops(
     noise: Noise,
     rng: np.random.Generator,
     reference: Reference = ORIGIN,
+    poses: Poses | None = None,
 ) -> Dataset:
     """Trajectories of n drops, numbered from 0, as a camera records them; gravity in m/s², duration in s, rate in Hz.
 
-    The effects count from `reference`.
+    The effects count from `reference`.  `poses` are those of `own_poses`, or of another simulator.
     """
     rig = Rig(body.shape, body.radius_of_gyration, gravity, 0.0, reference=reference)
-    camera, inner = camera_and_body(bind(model, values, rig))
     release_rng, noise_rng = rng.spawn(2)
     q, v = release.draw(n, release_rng)
-    trial, zero = np.arange(n), np.zeros(n)
-    touch = state = State.of(q, v, trial, zero)
-    samples = round(duration * rate) + 1
+    pose = (poses or own_poses)(bind(model, values, rig), q, v, round(duration * rate) + 1, rate)
+    return Dataset("drops", *as_dataset(pose, "simulated drops", body, gravity, rate, noise, noise_rng))
+
+
+def own_poses(dynamics: Dynamics, q: np.ndarray, v: np.ndarray, samples: int, rate: float) -> np.ndarray:
+    """What a camera sees (n, samples, 3) of drops released at q, v (n, 3) over y = 0; NaN after a drop has ended."""
+    camera, inner = camera_and_body(dynamics)
+    n = len(q)
+    touch = state = State.of(q, v, np.arange(n), np.zeros(n))
     h = 1.0 / (rate * SUBSTEPS)
     alive = np.ones(n, bool)
     pose = np.full((n, samples, 3), np.nan)
@@ -70,7 +77,7 @@ def simulate_law_drops(
         pose[alive, k] = measured.q[alive]
         for step in range(1, SUBSTEPS + 1):
             touch, state = _step(inner, touch, state, (k + step / SUBSTEPS) / rate, h, alive)
-    return Dataset("drops", *as_dataset(pose, "simulated drops", body, gravity, rate, noise, noise_rng))
+    return pose
 
 
 def camera_and_body(dynamics: Dynamics) -> tuple[ByImpulse, ByImpulse]:

@@ -13,6 +13,7 @@ acceleration in flight a (m, 3):
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
-from thesis_lib.critique.simulation.law_drops import ReleaseDistribution, simulate_law_drops
+from thesis_lib.critique.simulation.law_drops import ReleaseDistribution, own_poses, simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.state import State
@@ -87,28 +88,25 @@ def simulate_model(
         n = n or len(releases.q)
     model = _recounted(model, n, duration, model.rig.reference.x if like else 0.0)
     say(f"simulating {n} drops of {duration:.2f} s, engine {engine}")
-    options = {"duration": duration, "rate": rate, "noise": noise, "rng": rng}
+    poses = own_poses
     if engine == "drake":
         try:
-            from thesis_lib.critique.simulation.drake_augmented import simulate_augmented_in_drake
+            from thesis_lib.critique.simulation.drake_augmented import drake_poses
         except ImportError as error:
             raise UserError(
                 f"Drake cannot be used here ({error}): install it (pip install drake), or use --engine own."
             ) from error
-        dataset = simulate_augmented_in_drake(model, releases, n, say=say, **options)
-    else:
-        body = Body(shape=model.rig.shape, radius_of_gyration=model.rig.radius_of_gyration)
-        values, gravity, height = model.values, model.rig.gravity, model.rig.height
-        dataset = simulate_law_drops(
-            body, releases, n, model.model, values, gravity=gravity, reference=model.believed.reference, **options
-        )
-        # simulated over y = 0
-        table = dataset.trajectories.assign(y=dataset.trajectories["y"] + height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
-        header = dataset.header.model_copy(update={"surface": Surface(height=height)})
-        dataset = replace(dataset, header=header, trajectories=table)
+        poses = partial(drake_poses, say=say)
+    body = Body(shape=model.rig.shape, radius_of_gyration=model.rig.radius_of_gyration)
+    believed = {"gravity": model.rig.gravity, "reference": model.believed.reference}
+    recorded = {"duration": duration, "rate": rate, "noise": noise, "rng": rng}
+    made = simulate_law_drops(body, releases, n, model.model, model.values, **believed, **recorded, poses=poses)
     effects = ", ".join(model.effects) or "no effects"
     text = f"simulated, not measured: {n} drops by {model.law} with {effects}, engine {engine}"
-    return replace(dataset, name="simulated", header=dataset.header.model_copy(update={"description": text}))
+    height = model.rig.height  # they were simulated over y = 0
+    header = made.header.model_copy(update={"surface": Surface(height=height), "description": text})
+    table = made.trajectories.assign(y=made.trajectories["y"] + height)  # pyright: ignore[reportOptionalMemberAccess, reportOptionalSubscript]
+    return replace(made, name="simulated", header=header, trajectories=table)
 
 
 def _recounted(model: SavedModel, n: int, duration: float, x: float) -> SavedModel:
