@@ -4,7 +4,7 @@ Every error is the held-out mean of √(δv_x² + δv_y² + (k δω)²) in m/s u
 """
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -313,9 +313,13 @@ def readable_log(ax: Axes, low, high) -> None:
     if not len(low) or not len(high):
         return
     first, last = low.min() / 1.25, high.max() * 1.25
-    ax.set(xscale="log", xlim=(first, last))
     digits = (1.0, 2.0, 5.0) if last / first < 3000 else (1.0,)
-    ticks = [d * 10.0**k for k in range(-9, 9) for d in digits]
+    log_axis(ax, first, last, (d * 10.0**k for k in range(-9, 9) for d in digits))
+
+
+def log_axis(ax: Axes, first: float, last: float, ticks: Iterable[float]) -> None:
+    """A logarithmic axis from `first` to `last` with plain numbers at those of the ticks that lie on it."""
+    ax.set(xscale="log", xlim=(first, last))
     ax.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if first <= tick <= last]))
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

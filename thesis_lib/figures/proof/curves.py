@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
 
 from thesis_lib.critique.proof.by_contact import ASKED, COVERAGE, COVERED, EVERY
 from thesis_lib.critique.proof.cases import BODIES
@@ -28,7 +27,7 @@ from thesis_lib.critique.proof.store import share
 from thesis_lib.critique.proof.summary import TARGETS, WIDEST
 from thesis_lib.critique.results.titles import symbol
 from thesis_lib.effects import EFFECTS
-from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
+from thesis_lib.figures.critique.errors import AFTER, BEFORE, log_axis, set_title
 from thesis_lib.figures.marks import BLUE, GREEN, RED, YELLOW
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 
@@ -106,7 +105,7 @@ def _panels(table: pd.DataFrame, along: str, label: str, title: str) -> Drawn:
     for ax in axes.flat[len(effects) :]:
         ax.set_axis_off()
     first = axes[0, 0]
-    _log(first, ticks[0] / 1.25, ticks[-1] * 1.25, ticks)
+    log_axis(first, ticks[0] / 1.25, ticks[-1] * 1.25, ticks)
     first.set(ylim=(-4, 104), yticks=[0, 50, 100])
     for ax in axes.flat[max(len(effects) - COLUMNS, 0) : len(effects)]:
         ax.tick_params(labelbottom=True)
@@ -187,7 +186,7 @@ def draw_misfits(outcomes: pd.DataFrame) -> Drawn:
         ax.set(title=SOURCE_TITLE[name], xlabel="misfit over its floor")
     _rows(axes[0], effects)
     low, high = table["low"].min() / 1.15, table["high"].max() * 1.15
-    _log(axes[0], low, high, (0.5, 1, 2, 3, 5, 10, 20, 50, 100))
+    log_axis(axes[0], low, high, (0.5, 1, 2, 3, 5, 10, 20, 50, 100))
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure, table
 
@@ -224,7 +223,7 @@ def draw_parameters(recovered: pd.DataFrame) -> Drawn:
     right.set_xlabel("width over the Cramér-Rao bound")
     lowest, highest = np.nanmin([*table["width_low"], 1.0]), np.nanmax([*table["width_high"], WIDEST])
     if highest > 4.0 or lowest < 0.25:
-        _log(right, lowest / 1.15, highest * 1.15, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100))
+        log_axis(right, lowest / 1.15, highest * 1.15, (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100))
     else:
         right.set_xlim(min(0.95 * lowest, 0.8), 1.05 * highest)
     _rows(left, [f"{words(e)}, {symbol(p)}" for e, p in zip(table["effect"], table["parameter"])])
@@ -235,13 +234,6 @@ def _rows(ax: Axes, labels: list[str]) -> None:
     ax.set_yticks(range(len(labels)), [words(label) if " " not in label else label for label in labels])
     ax.tick_params(axis="y", labelsize=6.5, length=0)
     ax.set_ylim(len(labels) - 0.4, -0.6)
-
-
-def _log(ax: Axes, low: float, high: float, ticks: Iterable[float]) -> None:
-    ax.set(xscale="log", xlim=(low, high))
-    ax.xaxis.set_major_locator(FixedLocator([x for x in ticks if low <= x <= high]))
-    ax.xaxis.set_minor_locator(NullLocator())
-    ax.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
 
 
 TITLES = {
