@@ -86,11 +86,9 @@ def flight_drag(flights: LongFlights) -> tuple[float, float]:
     drags = []
     for i in (0, 2):
         dq, dv = flights.dq[:, i], flights.dv[:, i]
-        used = np.abs(dq) > 0.0
-        ratio, weight = -dv[used] / dq[used], np.abs(dq[used])
-        order = np.argsort(ratio)
-        half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
-        drags.append(max(0.0, float(ratio[order][half])) if used.any() else 0.0)
+        used = np.flatnonzero(dq)
+        weighted = {"weights": np.abs(dq[used]), "method": "inverted_cdf"}
+        drags.append(max(0.0, float(np.quantile(-dv[used] / dq[used], 0.5, **weighted))) if len(used) else 0.0)
     return drags[0], drags[1]
 
 

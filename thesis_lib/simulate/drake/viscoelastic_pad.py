@@ -45,14 +45,14 @@ class Pad:
         return 1.0 / self.k_contact + sum(1.0 / k for k, _ in self.layers)
 
 
-def rebound(mass: float, layers: Sequence[tuple[float, float]], share: float = LAYER_SHARE) -> tuple[float, float]:
+def rebound(mass: float, layers: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """Restitution (1) and duration (s) of a contact, in units with k_0 = 1 N/m and m = 1 kg.
 
-    `mass` is the effective mass of the contact, `layers` are springs and dampers, and `share` is p.
+    `mass` is the effective mass of the contact, `layers` are springs and dampers.
     """
     n = len(layers) + 1
     k, c = np.array([(1.0, 0.0), *layers]).T
-    m = np.r_[mass, np.full(n - 1, share)]
+    m = np.r_[mass, np.full(n - 1, LAYER_SHARE)]
     stretch = np.eye(n) - np.eye(n, k=1)  # u_i − u_{i+1}
     K, C = (stretch.T @ np.diag(each) @ stretch for each in (k, c))
     system = np.block([[np.zeros((n, n)), np.eye(n)], [-K / m[:, None], -C / m[:, None]]])
