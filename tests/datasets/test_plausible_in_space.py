@@ -13,6 +13,7 @@ from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.checks.in_space import motion_facts
 from thesis_lib.datasets.format.validate import DatasetError
+from thesis_lib.datasets.summary import summarise, summary_text
 
 Q = ["qw", "qx", "qy", "qz"]
 
@@ -125,3 +126,34 @@ def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
     facts = json.loads(capsys.readouterr().out)
     assert facts["dimensions"] == 3 and facts["motion"]["flights"] == 8 and facts["motion"]["reading"] == "as stated"
     assert facts["surfaces"]["surface"]["normal"] == [0.0, 0.0, 1.0]
+
+
+SPOILT = {
+    "scaled": lambda frame, rng: frame.assign(
+        **{name: frame[name] * 10.0 ** rng.integers(-12, 9) for name in ["x", "z"]}
+    ),
+    "times": lambda frame, rng: frame.assign(t=frame["t"] * 10.0 ** rng.integers(-6, 6)),
+    "unoriented": lambda frame, rng: frame.assign(
+        **{name: frame[name].where(rng.random(len(frame)) < 0.0) for name in Q}
+    ),
+    "still": lambda frame, rng: frame.assign(x=0.0, y=0.0, z=0.0),
+    "unturned": lambda frame, rng: frame.assign(qw=1.0, qx=0.0, qy=0.0, qz=0.0),
+    "thin": lambda frame, rng: frame[rng.random(len(frame)) < 0.5],
+    "short": lambda frame, rng: frame.groupby("trial").head(rng.integers(1, 14)),
+    "one of many": lambda frame, rng: frame.assign(trial=frame["trial"] + 10**12),
+}
+
+
+@pytest.mark.parametrize("spoilt", SPOILT)
+def test_whatever_the_numbers_are_a_set_is_described_or_refused(spoilt):
+    rng = np.random.default_rng(len(spoilt))
+    for seed in range(6):
+        frame = SPOILT[spoilt](flights(3, frames=int(rng.integers(14, 40)), seed=seed), rng)
+        gravity = [[0.0, 0.0, -9.81], [0.0, 0.0, 0.0], [0.0, 1e-6, 0.0], [9.81, 0.0, 0.0]][seed % 4]
+        tracked = [None, "unknown", {"position": [0.1, 0.0, 0.0]}][seed % 3]
+        try:
+            made = dataset_of(header(gravity=gravity, tracked=tracked), trajectories=frame)
+        except DatasetError:
+            continue
+        json.dumps(summarise(made), allow_nan=False)
+        assert "flights" in summary_text(made)

@@ -161,8 +161,13 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
 
 def _nothing_falls(table: UsableRows, header: SpaceHeader) -> None:
     turned = np.isfinite(table.data["qw"].to_numpy(float))
-    size = float(np.linalg.norm(header.gravity))
-    found = falling(*centre_path(table.data[turned if turned.any() else ~turned], header), size)
+    size, path = (
+        float(np.linalg.norm(header.gravity)),
+        centre_path(table.data[turned if turned.any() else ~turned], header),
+    )
+    if len(path[0]) < FEWEST:
+        return None
+    found = falling(*path, size)
     if found is None:
         what = f"no free flight is seen: nowhere does the body accelerate by {size:.3g} m/s²"
         return table.warn("columns x, y, z", what, "check the units of length and time, and gravity")
