@@ -12,7 +12,7 @@ from importlib import import_module
 
 _FACE = {
     "Critique": "thesis_lib.critique.result",
-    "TooFew": "thesis_lib.critique.drops.criticise",
+    "TooFew": "thesis_lib.critique.drops.few_impacts",
     "criticise": "thesis_lib.critique.run",
     "fit": "thesis_lib.critique.run",
 }

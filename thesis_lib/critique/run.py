@@ -8,8 +8,8 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from thesis_lib.critique.drops.criticise import TooFew, criticise_drops, fit_model
-from thesis_lib.critique.drops.few_impacts import few_impacts
+from thesis_lib.critique.drops.criticise import criticise_drops, fit_model
+from thesis_lib.critique.drops.few_impacts import TooFew, few_impacts
 from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.result import Critique, OfDrops, OfFewImpacts, OfMechanism

@@ -11,7 +11,7 @@ from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.at_impact import state_beside
 from thesis_lib.critique.likelihood.flights import Flights
-from thesis_lib.critique.likelihood.lines import side_lines
+from thesis_lib.datasets.flights.lines import side_lines
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig

@@ -15,6 +15,7 @@ from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.features import remaining
+from thesis_lib.critique.drops.few_impacts import too_few
 from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.planar.one_body import refuse_what_is_not_one_body
@@ -116,14 +117,6 @@ class DropsCritique:
         return paired_gain(self.ladder[-1][2], self.without[effect], rng)
 
 
-class TooFew(UserError):
-    """Too few usable impacts for what was asked; they are in `observations`."""
-
-    def __init__(self, text: str, observations: Observations) -> None:
-        super().__init__(text)
-        self.observations = observations
-
-
 # for these small matrices BLAS threads are no faster, and their number changes last digits
 @threadpool_limits.wrap(limits=1)
 def criticise_drops(
@@ -154,7 +147,7 @@ def criticise_drops(
     trials = np.unique(observations.trial)
     if not are_enough(len(observations), len(trials)):
         needs = f"the critique needs {MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart"
-        raise _too_few(dataset, observations, needs)
+        raise too_few(dataset, observations, needs)
     training, held_out = map(observations.select, split(trials, settings.held_out_share, rng))
     observations, training = (part.counted_from(training.middle) for part in (observations, training))
     observations = predictable(observations, training, settings)
@@ -193,7 +186,7 @@ def fit_model(
     settings = settings or CritiqueSettings()
     observations = _observed(dataset, effects, settings, arcs)
     if not len(observations):
-        raise _too_few(dataset, observations, "a fit needs one or more")
+        raise too_few(dataset, observations, "a fit needs one or more")
     observations = observations.counted_from(observations.middle)
     world = Drops(predictable(observations, observations, settings), settings)
     return world.fit(law, tuple(world.candidates[name] for name in effects))
@@ -245,16 +238,3 @@ def _observed(
         raise UserError(f"{dataset.name} cannot be compared with impact laws. {observations.found.soft.sentence()}")
     refuse_what_is_not_one_body(dataset.name, observations, settings.one_body)
     return observations
-
-
-def _too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
-    """The error, with what was left out and what was noticed."""
-    found, n = observations.found, len(observations)
-    reasons = found.left_out["reason"].value_counts().to_dict()
-    why = "; ".join(f"{count} {name}" for name, count in reasons.items())
-    why = why or ("none" if n else "none, because not one was detected")
-    noticed = " ".join([*map(str, dataset.warnings), *found.warnings])
-    noticed = f"What was noticed: {noticed} " if noticed else ""
-    advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
-    text = f"{dataset.name} has {n} usable impacts in {len(np.unique(observations.trial))} trials; {needs}. "
-    return TooFew(text + f"Left out: {why}. {noticed}{'' if found.remarks else advice}".rstrip(), observations)

@@ -7,6 +7,8 @@ impact shows (`own_restitution`), and its standard error counts how far trials d
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.own_restitution import OwnRestitution, own_restitution
@@ -15,8 +17,17 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit, fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.foundation.errors import UserError
 
 LAW = "mirtich"  # energetic restitution, which friction changes least
+
+
+class TooFew(UserError):
+    """Too few usable impacts for what was asked; they are in `observations`."""
+
+    def __init__(self, text: str, observations: Observations) -> None:
+        super().__init__(text)
+        self.observations = observations
 
 
 @dataclass(frozen=True)
@@ -62,3 +73,16 @@ def few_impacts(dataset: Dataset, observations: Observations, settings: Critique
     models = {name: Model(BASES[name], (), world.timed, world.always) for name in world.bases}
     laws = {name: fit(model, observations) for name, model in models.items()}
     return FewImpacts(dataset.name, observations, laws, dataset)
+
+
+def too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
+    """The error, with what was left out and what was noticed."""
+    found, n = observations.found, len(observations)
+    reasons = found.left_out["reason"].value_counts().to_dict()
+    why = "; ".join(f"{count} {name}" for name, count in reasons.items())
+    why = why or ("none" if n else "none, because not one was detected")
+    noticed = " ".join([*map(str, dataset.warnings), *found.warnings])
+    noticed = f"What was noticed: {noticed} " if noticed else ""
+    advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
+    text = f"{dataset.name} has {n} usable impacts in {len(np.unique(observations.trial))} trials; {needs}. "
+    return TooFew(text + f"Left out: {why}. {noticed}{'' if found.remarks else advice}".rstrip(), observations)

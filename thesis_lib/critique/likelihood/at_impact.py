@@ -1,7 +1,7 @@
 """Measured states just before and after impact, extrapolated with a model's flight.
 
-Lines through samples (`lines`) have value and slope Σ w_k f(τ_k) of any path f; what a model's flight adds to a
-straight line is taken off.
+Lines through samples (`datasets/flights/lines.py`) have value and slope Σ w_k f(τ_k) of any path f; what a model's
+flight adds to a straight line is taken off.
 """
 
 from collections.abc import Callable

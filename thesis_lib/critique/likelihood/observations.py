@@ -1,24 +1,26 @@
 """Observations of impacts and flights with covariance: the data of the critique.
 
-A straight line is fitted to the samples on either side of each impact separately (`lines`), because how the arcs meet
-is itself to be tested.  The lines give pose and velocity at the impact for *any* acceleration of a model (gravity,
-drag, tilt, ...).  Flights that are long enough also give their acceleration (`flights`).
+A straight line is fitted to the samples on either side of each impact separately (`datasets/flights/lines.py`), because
+how the arcs meet is itself to be tested.  The lines give pose and velocity at the impact for *any* acceleration of a
+model (gravity, drag, tilt, ...).  Flights that are long enough also give their acceleration (`flights`).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns
 from thesis_lib.critique.likelihood.beside import Beside
 from thesis_lib.critique.likelihood.flights import Flights, flights_of, no_flights
-from thesis_lib.critique.likelihood.lines import NODES, edges_of, later, side_lines
 from thesis_lib.critique.likelihood.supports import supports_of
+from thesis_lib.datasets.flights.lines import NODES, side_lines
+from thesis_lib.datasets.flights.parabolas import later
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
@@ -61,7 +63,7 @@ class Observations:
         impact, hits: (n,) number of the (first) hit in its trial, and number of hits detected in it.
         span: (n,) s from `t` to the instant of the state after, within the flight after the last hit; 0 for a single
             hit, which both states belong to.
-        value, slope, bow, nodes, weights: as in `lines`; `value` has no NaN.
+        value, slope, bow, nodes, weights: as in `datasets/flights/lines.py`; `value` has no NaN.
         cov: (n, 2, 3, 2, 2) covariance of (value, slope), by side and channel; in space (n, 2, 12, 12), of the value
             and slope of each channel in turn, as the turns about all axes are known together.
         t_std: (n,) standard deviation of the instant t_c, s.
@@ -181,18 +183,20 @@ def observe(
     `episodes`: also hits that follow each other too quickly to see the flight between (`datasets.impacts.episodes`);
     `channels`: further evidence, "rest" and "slide" (`supports`).
     """
+    rig, header = rig_of(dataset), dataset.header
     found = find_impacts(dataset, settings)
-    walls, rig = dataset.header.surfaces or (), rig_of(dataset)
     if found.samples is None:
         return _from_impacts(found, rig)
-    single = replace(_from_samples(found.samples, found, rig), supports=supports_of(found, dataset.header, channels))
-    if walls:
-        single, episodes = _on_floors(single, walls), False  # what touches two walls at once is left out
-    if not dataset.has_angle:
-        episodes = False
-        single = _without_angle(single, unseen_spin(found.impacts, dataset.header))
+    single = replace(_from_samples(found.samples, found, rig), supports=supports_of(found, header, channels))
+    if rig.walls:
+        single = _on_floors(single, rig.walls)
+    if not rig.has_angle:
+        single = _without_angle(single, unseen_spin(found.impacts, header))
+    # what touches two walls at once is left out
+    if not episodes or rig.walls or not rig.has_angle:
+        return single
     settings = (settings or ArcSettings()).model_copy(update={"guard": found.guard})
-    return _with_episodes(single, found.samples, dataset.header, settings) if episodes else single
+    return _with_episodes(single, found.samples, header, settings)
 
 
 def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
@@ -208,6 +212,12 @@ def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
     return Rig(shape, dataset.k_g, g, 0.0, has_angle=dataset.has_angle, tensor=tensor, down=down)
 
 
+def _single(n: int) -> dict[str, Any]:
+    """What the n impacts have by default: single hits on one surface, with the contact point of the shape."""
+    arrays = {"surface": np.zeros(n, int), "hits": np.ones(n, int), "offset": np.zeros((n, 2))}
+    return arrays | {"span": np.zeros(n), "t_std": np.zeros(n)}
+
+
 def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
     impacts = found.impacts
     n = len(impacts)
@@ -216,27 +226,21 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         variance = np.einsum("nii->ni", impacts.cov)
         cov[:, 0, :, 0, 0] = cov[:, 1, :, 0, 0] = variance[:, 0:3]
         cov[:, 0, :, 1, 1], cov[:, 1, :, 1, 1] = variance[:, 3:6], variance[:, 6:9]
-    return Observations(
-        rig=rig,
-        trial=impacts.trial,
-        surface=impacts.surface,
-        impact=impacts.impact,
-        hits=np.ones(n, int),
-        t=np.where(np.isfinite(impacts.t), impacts.t, _mean_of_known(impacts.t)),
-        span=np.zeros(n),
-        value=np.stack([impacts.q, impacts.q], axis=1),
-        slope=np.stack([impacts.v_pre, impacts.v_post], axis=1),
-        bow=np.zeros((n, 2, 2)),
-        cov=cov,
-        nodes=np.zeros((n, 2, NODES)),
-        weights=np.zeros((n, 2, 2, NODES)),
-        t_std=np.zeros(n),
-        offset=impacts.r - rig.shape.contact_point(impacts.q[:, 2]),
-        arcs=False,
-        flights=no_flights(),
-        noise_known=impacts.cov is not None,
-        found=found,
-    )
+    arrays = {
+        "trial": impacts.trial,
+        "surface": impacts.surface,
+        "impact": impacts.impact,
+        "t": np.where(np.isfinite(impacts.t), impacts.t, _mean_of_known(impacts.t)),
+        "value": np.stack([impacts.q, impacts.q], axis=1),
+        "slope": np.stack([impacts.v_pre, impacts.v_post], axis=1),
+        "bow": np.zeros((n, 2, 2)),
+        "cov": cov,
+        "nodes": np.zeros((n, 2, NODES)),
+        "weights": np.zeros((n, 2, 2, NODES)),
+        "offset": impacts.r - rig.shape.contact_point(impacts.q[:, 2]),
+    }
+    known = impacts.cov is not None
+    return Observations(rig, **_single(n) | arrays, arcs=False, flights=no_flights(), noise_known=known, found=found)
 
 
 def _mean_of_known(t: np.ndarray) -> float:
@@ -245,30 +249,21 @@ def _mean_of_known(t: np.ndarray) -> float:
 
 
 def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observations:
-    impacts = found.impacts
+    impacts, arcs = found.impacts, found.used_arcs
     # a window that detection cut short at a bent arc stays short
-    most = found.used_arcs[["n_pre", "n_post"]].to_numpy()
-    lines = side_lines(
-        samples, impacts.trial, impacts.t, edges_of(found.hits, impacts.trial, impacts.t, found.guard), most
-    )
-    variance = found.noise.variance(bool(rig.walls))
-    cov = lines.unit_cov[:, :, None] * variance[None, None, :, None, None]
-    rows = np.flatnonzero(np.isfinite(cov).all(axis=(1, 2, 3, 4)) & np.isfinite(lines.value).all(axis=(1, 2)))
+    most = arcs[["n_pre", "n_post"]].to_numpy()
+    lines = side_lines(samples, impacts.trial, impacts.t, found.hits.edges(impacts.trial, impacts.t, found.guard), most)
+    arrays: dict[str, Any] = _single(len(impacts)) | lines.arrays(found.noise.variance(bool(rig.walls)))
+    arrays |= {name: getattr(impacts, name) for name in ("trial", "surface", "impact", "t")}
+    arrays["t_std"] = arcs["t_std"].to_numpy()
+    finite = np.isfinite(arrays["cov"]).all(axis=(1, 2, 3, 4)) & np.isfinite(arrays["value"]).all(axis=(1, 2))
+    rows = np.flatnonzero(finite)
     flights = flights_of(found.parabolas)
     if found.step:
         flights = replace(flights, variance=flights.variance + (OF_STEPS * rig.gravity) ** 2)
     return Observations(
-        rig=rig,
-        trial=impacts.trial[rows],
-        surface=impacts.surface[rows],
-        impact=impacts.impact[rows],
-        hits=np.ones(len(rows), int),
-        t=impacts.t[rows],
-        span=np.zeros(len(rows)),
-        **{name: getattr(lines, name)[rows] for name in ("value", "slope", "bow", "nodes", "weights")},
-        cov=cov[rows],
-        t_std=found.used_arcs["t_std"].to_numpy()[rows],
-        offset=np.zeros((len(rows), 2)),
+        rig,
+        **{name: array[rows] for name, array in arrays.items()},
         arcs=True,
         flights=flights,
         noise_known=True,
@@ -303,9 +298,9 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     found, rig = single.found, single.rig
     left_out = found.left_out
     names = ["trial", "impact"]
-    hits = found.arcs[[*names, "t", "gap"]].merge(left_out[[*names, "reason"]], how="left", on=names)
-    hits = hits.fillna({"reason": ""}).sort_values(["trial", "t"], ignore_index=True)
-    table = find_episodes(samples, hits, found.noise, header, settings)
+    all_hits = found.arcs[[*names, "t", "gap"]].merge(left_out[[*names, "reason"]], how="left", on=names)
+    all_hits = all_hits.fillna({"reason": ""}).sort_values(["trial", "t"], ignore_index=True)
+    table = find_episodes(samples, all_hits, found.noise, header, settings)
     if not len(table):
         return single
     trial, start, end = (table[name].to_numpy() for name in ("trial", "start", "end"))
@@ -314,28 +309,12 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     edges = np.stack([-open_ends, later(start), -later(-end), open_ends], axis=1)
     t = _touch(samples, trial, start, edges, most, rig)
     # a hit that a model makes a little late, because its start is noisy, must not fall behind the state after
-    middle = position(samples.trial, samples.t, trial, end) + (most[:, 1] - 1) // 2
+    middle = samples.position(trial, end) + (most[:, 1] - 1) // 2
     end = np.minimum(end + LATE, samples.t[middle])
-    before, after = (side_lines(samples, trial, at, edges, most) for at in (t, end))
-    lines = {
-        name: np.stack([getattr(before, name)[:, 0], getattr(after, name)[:, 1]], axis=1)
-        for name in ("value", "slope", "bow", "unit_cov", "nodes", "weights")
-    }
-    variance = found.noise.variance(False)
-    cov = lines.pop("unit_cov")[:, :, None] * variance[None, None, :, None, None]
-    n = len(table)
-    episodes = {
-        "trial": trial,
-        "surface": np.zeros(n, int),
-        "impact": table["impact"].to_numpy(),
-        "hits": (table["last"] - table["impact"] + 1).to_numpy(),
-        "t": t,
-        "span": end - t,
-        "cov": cov,
-        "t_std": np.zeros(n),
-        "offset": np.zeros((n, 2)),
-        **lines,
-    }
+    lines = side_lines(samples, trial, t, edges, most).with_after(side_lines(samples, trial, end, edges, most))
+    episodes = _single(len(table)) | lines.arrays(found.noise.variance(False))
+    episodes |= {"trial": trial, "impact": table["impact"].to_numpy(), "t": t, "span": end - t}
+    episodes["hits"] = (table["last"] - table["impact"] + 1).to_numpy()
     order = np.lexsort((np.concatenate([single.t, t]), np.concatenate([single.trial, trial])))
     arrays = {name: np.concatenate([getattr(single, name), episodes[name]])[order] for name in ROWS}
     held = {(i, k) for i, first, last in table[["trial", "impact", "last"]].to_numpy() for k in range(first, last + 1)}

@@ -1,7 +1,8 @@
 """Positions, attitudes and their rates beside impacts in space, from samples on either side.
 
-Positions are lines through the samples, as in the plane (`lines`).  Attitudes turn too far for lines: the attitude and
-the spin at the impact are fitted to the believed torque-free flight, by Gauss and Newton on its columns,
+Positions are lines through the samples, as in the plane (`datasets/flights/lines.py`).  Attitudes turn too far for
+lines: the attitude and the spin at the impact are fitted to the believed torque-free flight, by Gauss and Newton on its
+columns,
 
     φ_k = Φ_q(τ_k) δφ + Φ_ω(τ_k) δω,    φ_k the turn from the believed to the measured attitude at τ_k.
 
@@ -19,8 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.critique.likelihood.lines import bows, nodes_of, unit_covariance
-from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.lines import bows, lines_through, nodes_of, unit_covariance
 from thesis_lib.mechanics.free_motion import attitudes, columns
 from thesis_lib.mechanics.space import SPACE
 
@@ -34,7 +34,7 @@ class SpaceWindows:
 
     Attributes:
         value: (n, 2, 7) m and quaternion; slope: (n, 2, 6) m/s and rad/s.
-        bow, nodes, weights: as in `lines`.
+        bow, nodes, weights: as in `datasets/flights/lines.py`.
         cov: (n, 2, 12, 12), as in `Observations`; NaN with too few samples.
     """
 

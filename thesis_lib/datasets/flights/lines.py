@@ -2,11 +2,29 @@
 
 Of W samples around an impact, `side` (n, 2, W) is 1 for those used before and after it, else 0.  The line of a side
 without samples is 0, with spread 0; callers look at `count` and `spread`.
+
+A line through a parabola with acceleration a has
+
+    value(0) = q(t_c) + a b_0,    slope = v(t_c) + a b_1,     (b_0, b_1): the line through τ²/2
+
+and for any smooth path f(τ) it has value and slope Σ_k w_k f(τ_k) over a few nodes τ_k, which replace all samples.
+
+| on paper     | in code            | unit          | shape      |                                             |
+|--------------|--------------------|---------------|------------|---------------------------------------------|
+| value, slope | `value`, `slope`   | m, rad; m/s, rad/s | (n, 2, 3) | of the lines before and after at t_c     |
+| b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | see above                                   |
+| C / σ²       | `unit_cov`         | 1, 1/s, 1/s²  | (n, 2, 2, 2) | covariance of (value, slope) for unit noise |
+| τ_k, w_k     | `nodes`, `weights` | s; 1, 1/s     | (n, 2, K), (n, 2, 2, K) | first, last node: ends of samples |
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from thesis_lib.datasets.format.samples import Samples
+
+NODES = 8  # exact to 1e-6 of its size for a path that turns by 2.5 rad in a window of 0.1 s
 
 
 def rank(side: np.ndarray) -> np.ndarray:
@@ -43,3 +61,75 @@ def lines_through(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> Lines:
     value = level - slope * mean[..., None]
     residual = q[:, None] - value[:, :, None] - slope[:, :, None] * tau[:, None, :, None]
     return Lines(value, slope, count, mean, spread, residual)
+
+
+@dataclass(frozen=True)
+class SideLines:
+    """Lines on both sides of n impacts, as in the module's table; `unit_cov` is NaN with too few samples."""
+
+    value: np.ndarray
+    slope: np.ndarray
+    bow: np.ndarray
+    unit_cov: np.ndarray
+    nodes: np.ndarray
+    weights: np.ndarray
+
+    def arrays(self, variance: np.ndarray) -> dict[str, np.ndarray]:
+        """The lines by name, and their covariance `cov` (n, 2, 3, 2, 2) for samples of `variance` (3,)."""
+        arrays = {name: getattr(self, name) for name in ("value", "slope", "bow", "nodes", "weights")}
+        return arrays | {"cov": self.unit_cov[:, :, None] * variance[None, None, :, None, None]}
+
+    def with_after(self, others: "SideLines") -> "SideLines":
+        """The lines before, with those after of `others`."""
+        pairs = ((getattr(self, field.name), getattr(others, field.name)) for field in fields(self))
+        return SideLines(*(np.stack([before[:, 0], after[:, 1]], axis=1) for before, after in pairs))
+
+
+def side_lines(samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.ndarray, most: np.ndarray) -> SideLines:
+    """Lines at instants (trial, t), (n,), through at most `most` (n, 2) samples within `edges` (n, 4) of flights."""
+    width = int(most.max(initial=1)) + 1
+    index, inside = samples.around(samples.position(trial, t), trial, -width, width)
+    time = samples.t[index]
+    tau = time - t[:, None]
+    low, last, first, high = edges.T[:, :, None]
+    side = np.stack([inside & (time > low) & (time < last), inside & (time > first) & (time < high)], axis=1)
+    side = side.astype(float)
+    side *= rank(side) <= most[:, :, None]
+
+    lines = lines_through(side, tau, samples.q[index])
+    return SideLines(lines.value, lines.slope, bows(side, tau), unit_covariance(lines), *nodes_of(side, tau, lines))
+
+
+def unit_covariance(lines: Lines) -> np.ndarray:
+    """Covariance (n, 2, 2, 2) of (value, slope) of lines for unit noise; NaN with too few samples."""
+    usable = (lines.count >= 3) & (lines.spread > 0)
+    count, spread = (np.where(usable, a, np.nan) for a in (lines.count, lines.spread))
+    unit_cov = np.empty((*count.shape, 2, 2))
+    unit_cov[..., 0, 0] = 1.0 / count + lines.mean**2 / spread
+    unit_cov[..., 1, 1] = 1.0 / spread
+    unit_cov[..., 0, 1] = unit_cov[..., 1, 0] = -lines.mean / spread
+    return unit_cov
+
+
+def bows(side: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """(b_0, b_1) (n, 2, 2) of the lines through τ²/2."""
+    parabola = lines_through(side, tau, 0.5 * tau[..., None] ** 2)
+    return np.concatenate([parabola.value, parabola.slope], axis=2)
+
+
+def nodes_of(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights that replace all samples: exact for polynomials of degree `NODES` − 1."""
+    low = np.where(side > 0, tau[:, None], np.inf).min(axis=2, initial=np.inf)
+    high = np.where(side > 0, tau[:, None], -np.inf).max(axis=2, initial=-np.inf)
+    low, high = (np.where(np.isfinite(a), a, 0.0) for a in (low, high))
+    half = np.maximum(0.5 * (high - low), 1e-9)[..., None]
+    middle = 0.5 * (low + high)[..., None]
+    # weights of the samples in slope and value of the line
+    spread = np.where(lines.spread > 0, lines.spread, 1.0)[..., None]
+    slope = (tau[:, None] - lines.mean[..., None]) * side / spread
+    value = side / np.maximum(lines.count, 1.0)[..., None] - slope * lines.mean[..., None]
+    # the same for polynomials, and from these for their values at the nodes
+    at = np.where(side > 0, (tau[:, None] - middle) / half, 0.0)
+    moments = np.einsum("nskw,nswl->nskl", np.stack([value, slope], axis=2), legvander(at, NODES - 1))
+    unit = -np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+    return middle + half * unit, moments @ np.linalg.inv(legvander(unit, NODES - 1))

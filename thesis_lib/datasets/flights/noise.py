@@ -22,7 +22,6 @@ import pandas as pd
 from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.flights.colour import long_flights, slope_variance
 from thesis_lib.datasets.flights.lines import norm
-from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.statistics.spread import robust_std
 
@@ -66,14 +65,6 @@ class NoiseEstimate:
         if walls:
             found[:2] = found[:2].mean()  # whichever way a wall stands
         return found
-
-
-def stated_sigma(header: Header) -> np.ndarray:
-    """The header's noise (3,) of x, y, θ in m, m, rad; NaN if it states none."""
-    noise = header.noise
-    values = (None, None) if noise is None else (noise.position, noise.angle)
-    position, angle = (np.nan if value is None else value for value in values)
-    return np.array([position, position, angle])
 
 
 def noise_from_arcs(fits: ArcFits, rough: np.ndarray, stated: np.ndarray, on_table: bool = False) -> NoiseEstimate:

@@ -17,11 +17,17 @@ import pandas as pd
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.samples import Samples, position
 
+LATER = 1e-9  # s; an instant this much after a hit counts as after it
 GUARD = 1e-3  # s; samples this near to an impact may lie in the contact
 MIN_FLIGHT = 12  # samples: noise dominates the acceleration of a shorter flight
 MAX_CHI2 = 2.5  # reduced; a flight above it is not a parabola
 MOST = 0.5  # share of the flights that are parabolas unless something bends them all
 FEW, SOME = 0.05, 3  # share and number of flights that are not parabolas which need no mention: undetected hits
+
+
+def later(t: np.ndarray) -> np.ndarray:
+    """Instants (n,) in s that count as after t: by a nanosecond, or by the last digit of a clock that has less."""
+    return t + np.maximum(LATER, np.spacing(np.abs(t)))
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,15 @@ class Hits:
         rows = rows[self.trial[number[rows]] == trial[rows]]
         times[rows] = self.t[number[rows]]
         return times
+
+    def edges(self, trial: np.ndarray, t: np.ndarray, guard: float = GUARD) -> np.ndarray:
+        """Edges (n, 4) in s of the flights before and after single hits at (trial, t): neighbouring hits end a flight.
+
+        Samples within `guard` (s) of a hit belong to no flight.
+        """
+        after = self.before(trial, later(t))  # number of the first hit after the impact
+        earliest, latest = self.instants(after - 2, trial, -np.inf), self.instants(after, trial, np.inf)
+        return np.stack([earliest + guard, t - guard, t + guard, latest - guard], axis=1)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from thesis_lib.bodies.body import Body, Noise, Positive, Surface
@@ -27,6 +28,13 @@ class Header(Section):
     spin: Positive | None = Field(
         None, description="rad/s, one sigma of the spin before an impact, where theta is not measured"
     )
+
+    @property
+    def stated_sigma(self) -> np.ndarray:
+        """Noise (3,) of a sample of x, y, θ in m, m, rad; NaN if none is stated."""
+        values = (None, None) if self.noise is None else (self.noise.position, self.noise.angle)
+        position, angle = (np.nan if value is None else value for value in values)
+        return np.array([position, position, angle])
 
     @model_validator(mode="after")
     def _surroundings_agree(self) -> "Header":

@@ -71,6 +71,17 @@ class Samples:
         """The samples at `rows` (mask or indices)."""
         return Samples(self.trial[rows], self.t[rows], self.q[rows], self.run[rows], self.air)
 
+    def position(self, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Number (n,) of the first sample that is not before each instant (trial, t)."""
+        return position(self.trial, self.t, trial, t)
+
+    def around(self, at: np.ndarray, trial: np.ndarray, low: int, high: int) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers (n, W) of the samples from `at` (n,) + `low` to below `at` + `high`, and which of them are of
+        `trial` (n,); the others are any."""
+        wanted = at[:, None] + np.arange(low, high)
+        index = np.clip(wanted, 0, len(self) - 1)
+        return index, (wanted == index) & (self.trial[index] == trial[:, None])
+
     def raised(self, height: float) -> "Samples":
         """The samples with `height` (m) added to y."""
         return replace(self, q=self.q + [0.0, height, 0.0])

@@ -26,7 +26,6 @@ from thesis_lib.datasets.flights.noise import (
     noise_from_arcs,
     noise_warnings,
     overstated,
-    stated_sigma,
     with_colour,
 )
 from thesis_lib.datasets.flights.parabolas import bent_sentence, hits_of, parabolas
@@ -111,7 +110,7 @@ def find_in_arrays(
     # pictures that were taken at a lower rate than stated may have been shown late
     clock = header.model_copy(update={"rate": None}) if copied else header
     everything, stamped = exposure_times(everything, clock, settings)
-    stated, on_table = stated_sigma(header) if believed is None else believed, header.gravity == 0.0
+    stated, on_table = header.stated_sigma if believed is None else believed, header.gravity == 0.0
     rough = np.fmax(noise_from_differences(everything), SIGMA_FLOOR)
     if on_table:
         everything = without_rests(everything, np.fmax(stated, rough))
@@ -238,7 +237,7 @@ def find_in_arrays(
         step=step,
         gain=gain,
         air=air,
-        warnings=(*warnings, *noise_warnings(noise, stated_sigma(header), glitches, settings, header.gravity > 0.0)),
+        warnings=(*warnings, *noise_warnings(noise, header.stated_sigma, glitches, settings, header.gravity > 0.0)),
     )
 
 
@@ -349,7 +348,7 @@ def _impossible(given: Impacts) -> np.ndarray:
 
 
 def _from_given(given: Impacts, header: Header, settings: ArcSettings) -> FoundImpacts:
-    noise, sigma = header.noise, stated_sigma(header)
+    noise, sigma = header.noise, header.stated_sigma
     speeds = (None, None) if noise is None else (noise.velocity, noise.angular_velocity)
     if given.cov is None and np.isfinite(sigma).all() and None not in speeds:
         velocity = [speeds[0], speeds[0], speeds[1]]

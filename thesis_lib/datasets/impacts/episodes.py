@@ -19,7 +19,7 @@ from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.misfits import bow, with_stray
 from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.samples import ArcSettings, Samples, position
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
 
 EPISODE_COLUMNS = ("trial", "impact", "last", "t_first", "t_last", "start", "end", "n_pre", "n_post")
 DOUBTFUL = ("second_hit", "not_ballistic", "stays_down")
@@ -54,10 +54,13 @@ def find_episodes(
     ("" = used alone).
     """
     gravity, sigma, stray = header.gravity, noise.used * np.sqrt(noise.colour), noise.stray
-    groups = _groups(samples, hits, settings)
+    trial, t = (hits[name].to_numpy() for name in ("trial", "t"))
+    number, reach = samples.position(trial, t), settings.max_window + MOST_SKIPPED + 1
+    index, near = samples.around(number, trial, -reach, reach + 1)
+    paths = samples.without_air()
+    groups = _groups(hits, number)
     if not len(groups):
         return pd.DataFrame(columns=EPISODE_COLUMNS)
-    trial, t = (hits[name].to_numpy() for name in ("trial", "t"))
     first, last = groups.T
     before, after = first - 1, np.minimum(last + 1, len(hits) - 1)
     low = np.where((before >= 0) & (trial[before] == trial[first]), t[before], -np.inf) + settings.guard
@@ -65,8 +68,8 @@ def find_episodes(
     alone = hits["gap"][hits["reason"] == ""]
     level = float(alone.median()) if len(alone) else 0.0
     sides, good = [], np.ones(len(groups), bool)
-    for edge, bound, way in ((t[first], low, -1), (t[last], high, 1)):
-        side = _flight(samples, trial[first], edge, bound, way, sigma, gravity, settings)
+    for hit, bound, way in ((first, low, -1), (last, high, 1)):
+        side = _flight(samples, paths, index[hit], near[hit], t[hit], bound, way, sigma, gravity, settings)
         side = _straight(side, way, sigma, stray, settings)
         good &= _is_flight(side, sigma, stray, gravity, settings) & _is_clear(side, way, gravity, header, level, sigma)
         sides.append(side)
@@ -88,12 +91,14 @@ def find_episodes(
     return table[good].reset_index(drop=True)
 
 
-def _groups(samples: Samples, hits: pd.DataFrame, settings: ArcSettings) -> np.ndarray:
-    """First and last row (g, 2) of each run of hits with too few samples between; those used alone are left alone."""
-    trial, t, reason = (hits[name].to_numpy() for name in ("trial", "t", "reason"))
+def _groups(hits: pd.DataFrame, number: np.ndarray) -> np.ndarray:
+    """First and last row (g, 2) of each run of hits with too few samples between; those used alone are left alone.
+
+    `number` (h,): that of the first sample after each hit.
+    """
+    trial, reason = (hits[name].to_numpy() for name in ("trial", "reason"))
     if not len(hits):
         return np.zeros((0, 2), int)
-    number = position(samples.trial, samples.t, trial, t)
     close = (trial[1:] == trial[:-1]) & (np.diff(number) < MIN_FLIGHT)
     alone = reason == ""
     close &= ~alone[1:] & ~alone[:-1]
@@ -105,7 +110,9 @@ def _groups(samples: Samples, hits: pd.DataFrame, settings: ArcSettings) -> np.n
 
 def _flight(
     samples: Samples,
-    trial: np.ndarray,
+    paths: np.ndarray,
+    index: np.ndarray,
+    near: np.ndarray,
     edge: np.ndarray,
     bound: np.ndarray,
     way: int,
@@ -113,19 +120,18 @@ def _flight(
     gravity: float,
     settings: ArcSettings,
 ) -> _Side:
-    """Samples from `edge` (m,) towards `bound` (m,), in s; `way` is −1 before an episode and 1 after it."""
-    at = position(samples.trial, samples.t, trial, edge)
-    reach = settings.max_window + MOST_SKIPPED + 1
-    wanted = at[:, None] + np.arange(-reach, reach + 1)
-    index = np.clip(wanted, 0, len(samples) - 1)
+    """Samples from `edge` (m,) towards `bound` (m,), in s; `way` is −1 before an episode and 1 after it.
+
+    `paths` (N, 3) are poses without what the air made of them, `index`, `near` (m, W) as `Samples.around` gives them.
+    """
     t = samples.t[index] - edge[:, None]
-    inside = (wanted == index) & (samples.trial[index] == trial[:, None]) & (way * t > settings.guard)
+    inside = near & (way * t > settings.guard)
     inside &= way * (samples.t[index] - bound[:, None]) < 0.0
     # a gap in time ends the flight
     nearest = np.where(inside, np.abs(t), np.inf).argmin(1)
     rows = np.arange(len(edge))
     inside &= samples.run[index] == samples.run[index[rows, nearest]][:, None]
-    q = samples.without_air()[index]
+    q = paths[index]
     q[..., 1] += 0.5 * gravity * t * t
     used = inside * 1.0
     used *= _ranked(used, way) <= settings.max_window + MOST_SKIPPED
@@ -150,33 +156,32 @@ def _off(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarray, way:
     return beside * ((off.sum(-1) > _NEAR * reach) & (line.count >= 3))
 
 
-def _chi2(side: _Side, used: np.ndarray, sigma: np.ndarray, stray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Count (m,) of samples, and chi² (m, 3) of a line through them that allows for stray acceleration."""
-    line = lines_through(used[:, None], side.t, side.q)
-    _, ss, _, curvature, norm2 = bow(used[:, None], side.t, line)
-    return line.count[:, 0], with_stray(ss, curvature, norm2, 1.0 / sigma**2, stray)[0][:, 0] / sigma**2
+def _line(side: _Side, sigma: np.ndarray, stray: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a line through the samples used that allows for stray acceleration: their count (m,), chi² (m, 3), and whether
+    the path is bent (m,), as it holds a hit that was not detected."""
+    line = lines_through(side.used[:, None], side.t, side.q)
+    _, ss, _, curvature, norm2 = bow(side.used[:, None], side.t, line)
+    count = line.count[:, 0]
+    chi2 = with_stray(ss, curvature, norm2, 1.0 / sigma**2, stray)[0][:, 0] / sigma**2
+    return count, chi2, bends(chi2.sum(1), count, limit)
 
 
 def _straight(side: _Side, way: int, sigma: np.ndarray, stray: np.ndarray, settings: ArcSettings) -> _Side:
     """The side cut to the half beside the episode, and again, while its path is bent."""
-    used = side.used
     for _ in range(_CUTS):
-        count, chi2 = _chi2(side, used, sigma, stray)
-        most = np.where(
-            bends(chi2.sum(1), count, settings.arc_deviation), np.maximum(count // 2 + 1, MIN_FLIGHT), np.inf
-        )
-        used = used * (_ranked(used, way) <= most[:, None])
-    return replace(side, used=used)
+        count, _, bent = _line(side, sigma, stray, settings.arc_deviation)
+        most = np.where(bent, np.maximum(count // 2 + 1, MIN_FLIGHT), np.inf)
+        side = replace(side, used=side.used * (_ranked(side.used, way) <= most[:, None]))
+    return side
 
 
 def _is_flight(side: _Side, sigma: np.ndarray, stray: np.ndarray, gravity: float, settings: ArcSettings) -> np.ndarray:
     """Mask (m,) of sides with enough samples that lie on a parabola and fall."""
-    count, chi2 = _chi2(side, side.used, sigma, stray)
     resting = side.q.copy()
     resting[..., 1] -= 0.5 * gravity * side.t**2
-    rest = _chi2(replace(side, q=resting), side.used, sigma, 0.0 * stray)[1][:, 1]
-    bent = bends(chi2.sum(1), count, settings.arc_deviation)  # it holds a hit that was not detected
-    return (count >= MIN_FLIGHT) & ~bent & (rest - chi2[:, 1] > -_REST)
+    count, chi2, bent = _line(side, sigma, stray, settings.arc_deviation)
+    rest = _line(replace(side, q=resting), sigma, 0.0 * stray, settings.arc_deviation)[1]
+    return (count >= MIN_FLIGHT) & ~bent & (rest[:, 1] - chi2[:, 1] > -_REST)
 
 
 def _is_clear(side: _Side, way: int, gravity: float, header: Header, level: float, sigma: np.ndarray) -> np.ndarray:
