@@ -62,21 +62,6 @@ def test_scales_that_disagree_say_that_the_quick_one_cannot_tell(statuses):
     assert {name for name in quick if name in statuses and quick[name] != statuses[name]} <= undecided
 
 
-def test_shares_of_the_proof_are_those_of_the_stored_results():
-    from thesis_lib.critique.proof.summary import summary
-
-    table = summary().query("n > 0")
-    said = re.findall(
-        r"^\| .+? \| (law|mechanism|drake) \| ([\d.]+) % \| ([\d.]+) to ([\d.]+) % \| (\d+) \|", FINDINGS, re.M
-    )
-    found = {
-        (r.source, int(r.n), *(round(100 * x, 1) for x in (r.measured, r.low, r.high))) for r in table.itertuples()
-    }
-    assert len(said) >= 6
-    for source, share, low, high, n in said:
-        assert (source, int(n), float(share), float(low), float(high)) in found
-
-
 # --- words that judge numbers, where a template fills the numbers in ---
 
 

@@ -26,6 +26,7 @@ import pandas as pd
 from thesis_lib.contact import LAWS, LAWS_IN_SPACE, Promise
 from thesis_lib.critique.proof import direct_fits, mechanisms
 from thesis_lib.critique.proof.results import outcomes, recovered
+from thesis_lib.critique.proof.summary import summary
 from thesis_lib.docs.signatures import size_that_matters, sizes_text
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
@@ -55,6 +56,7 @@ def _claims() -> pd.DataFrame:
 TABLES: dict[str, Callable[[], pd.DataFrame]] = {
     "real contacts: parameters": lambda: recovered().query("contact_time >= 3e-4 and drops == 150"),
     "proof: outcomes": outcomes,
+    "proof: summary": summary,
     "direct fits: parameters": direct_fits.parameters,
     "arm and wheel: parameters": lambda: mechanisms.within(mechanisms.read()),
     "claims": _claims,
