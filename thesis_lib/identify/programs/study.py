@@ -172,20 +172,15 @@ def study(
     what: ProgramRun, kind: str, windows: Sequence[TrueWindow], starts: int, rng: np.random.Generator
 ) -> dict[str, float | str]:
     """A row of the table: successes, errors and CPU seconds of a program over windows and starts."""
-    theta_error, force_error, cpu = [], [], []
-    n_solved = n_success = n_claims = n_false = 0
+    runs = []
     for case in windows:
         for result in _answers(what, case.window, starts, rng):
-            theta, force = np.nan_to_num(case.errors(result), nan=np.inf)  # no answer: infinitely wrong
-            success = result.solved and theta <= SUCCESS and force <= SUCCESS
-            theta_error.append(theta)
-            force_error.append(force)
-            cpu.append(result.cpu_s)
-            n_solved += result.solved
-            n_success += success
-            n_claims += result.claimed
-            n_false += result.claimed and not success
-    n = len(cpu)
+            errors = np.nan_to_num(case.errors(result), nan=np.inf)  # no answer: infinitely wrong
+            success = result.solved and bool((errors <= SUCCESS).all())
+            runs.append((result.solved, success, result.claimed, result.claimed and not success, *errors, result.cpu_s))
+    *counts, theta, force, cpu = np.array(runs, dtype=float).T
+    names = ("n_solved", "n_success", "n_claims", "n_false_claims")
+    measures = {"theta_error": theta, "force_error": force, "cpu_s": cpu}
     return {
         "program": what.program,
         "solver": what.solver,
@@ -193,17 +188,9 @@ def study(
         "mechanism": kind,
         "n_steps": len(windows[0].window),
         "n_windows": len(windows),
-        "n_starts": n,
-        "n_solved": n_solved,
-        "n_success": n_success,
-        "n_claims": n_claims,
-        "n_false_claims": n_false,
-        "theta_error_median": float(np.median(theta_error)),
-        "theta_error_max": float(np.max(theta_error)),
-        "force_error_median": float(np.median(force_error)),
-        "force_error_max": float(np.max(force_error)),
-        "cpu_s_median": float(np.median(cpu)),
-        "cpu_s_max": float(np.max(cpu)),
+        "n_starts": len(runs),
+        **{name: int(flags.sum()) for name, flags in zip(names, counts)},
+        **{f"{name}_{of.__name__}": float(of(x)) for name, x in measures.items() for of in (np.median, np.max)},
     }
 
 
