@@ -25,11 +25,12 @@ from thesis_lib.datasets.space.drops import (
 )
 from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, handed, join, turning
-from thesis_lib.datasets.space.plane import AXES, Plane, find_plane, in_plane, share_out
-from thesis_lib.datasets.space.torque_free import SCALES, better_reading, falling
+from thesis_lib.datasets.space.plane import Plane, find_plane, in_plane, share_out
+from thesis_lib.datasets.space.torque_free import better_reading, falling
 from thesis_lib.foundation.errors import UserError
 
 MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
+STRAIGHT = 0.99  # share of a direction along an axis, from which on it is that axis
 PART = 100  # samples within which a clock of arrival wanders by less than it jitters
 FEW_TRIALS = 10  # a critique asks for as many
 
@@ -124,7 +125,7 @@ def _keep_in_space(
         shown = ", ".join(f"{value:.3f}" for value in up + 0.0)
         notes.append(f"up is ({shown}) in the axes of the recording, against the fall in {len(flights)} free flights")
     if not flights:
-        raise UserError(_no_flight(motion, size, view.up))
+        raise UserError(_no_flight(motion, size))
     dataset = solid_dataset(name, files, rig, up, motion)
     body = dataset.in_space.body
     if motion.oriented and (other := better_reading(motion, track, flights, body.inertia_per_mass)):
@@ -163,7 +164,7 @@ def _convert(
     track = follow(motion.t, motion.position, size)
     flights = find_flights(track, falls)
     if not flights:
-        raise UserError(_no_flight(motion, size, view.up))
+        raise UserError(_no_flight(motion, size))
     scene = Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2])
     check_reading(motion, scene)
     omega = smoothed_turning(turning(motion), motion.t, track.half)
@@ -206,19 +207,16 @@ def _convert(
     return Conversion(dataset, notes, [], Cuts(motion.t - motion.t[0], height, tuple(drops), impacts))
 
 
-def _no_flight(motion: Motion, gravity: float, up: np.ndarray) -> str:
+def _no_flight(motion: Motion, gravity: float) -> str:
     """What to do where nothing falls as it should."""
-    for unit, scale in SCALES.items():
-        track = follow(motion.t, scale * motion.position, gravity)
-        for axis, vector in AXES.items():
-            for sign, mark in ((1.0, ""), (-1.0, "-")):
-                if scale == 1.0 and sign * up @ vector > 0.99:
-                    continue
-                if number := len(find_flights(track, -sign * gravity * np.array(vector))):
-                    options = f"--up {mark}{axis}" + (f" and --units {unit}" if unit else "")
-                    return (
-                        f"nothing falls along the axis said to be up; there are {number} free flights with {options}."
-                    )
+    if found := falling(motion.t, motion.position, gravity):
+        unit, down, number = found
+        axis = int(np.abs(down).argmax())
+        direction = ",".join(f"{value:.3f}" for value in -down + 0.0)
+        if abs(down[axis]) > STRAIGHT:
+            direction = ("-" if down[axis] > 0.0 else "") + "xyz"[axis]
+        options = f"--up {direction}" + (f" and --units {unit}" if unit else "")
+        return f"nothing falls along the axis said to be up; there are {number} free flights with {options}."
     return (
         f"no free flight is in it: nowhere does the body accelerate by {gravity:g} m/s² along an axis. Check "
         "the units of length and time; on an inclined plane give --plane, and its own --gravity if that differs."
