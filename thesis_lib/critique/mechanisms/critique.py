@@ -105,11 +105,7 @@ class MechanismCritique:
 
 
 def criticise_recording(
-    recording: Recording,
-    rng: np.random.Generator,
-    *,
-    effects: Sequence[str] | None = None,
-    settings: MechanismSettings | None = None,
+    recording: Recording, rng: np.random.Generator, *, effects: Sequence[str] | None = None
 ) -> MechanismCritique:
     """Criticise the believed model of a recording: its header is the model, its samples are the trials.
 
@@ -127,7 +123,7 @@ def criticise_recording(
             raise UserError(f"There is no effect {name!r} of the {kind}; known are {', '.join(library)}.")
     candidates = [library[name] for name in (library if effects is None else effects)]
     model, sampling = believed_model(recording.header), recording.header.sampling
-    return criticise_mechanism(trials_of(recording), model, candidates, rng, settings, sampling)
+    return criticise_mechanism(trials_of(recording), model, candidates, rng, sampling=sampling)
 
 
 def believed_model(header: RecordingHeader) -> BelievedModel:

@@ -142,15 +142,8 @@ def _run_other(proof: Any, options: argparse.Namespace) -> bool:
 def _run_measured(options: argparse.Namespace) -> None:
     dataset = read_dataset(options.folder).first_trials(options.trials)
     with Progress(dataset.name) as say:
-        new = measured.compute(dataset, say, options.single, options.effects)
-    tell("\n".join(f"{name}: {value}" for name, value in new.items()))
-
-
-def _run_models(options: argparse.Namespace) -> None:
-    dataset = read_dataset(options.folder).first_trials(options.trials)
-    with Progress(dataset.name) as say:
-        measured_models.compute(dataset, say)
-    tell(measured_models.as_markdown())
+        options.compute(dataset, say, **{name: getattr(options, name) for name in options.given})
+    tell(options.table())
 
 
 def _run_fits(options: argparse.Namespace) -> None:
@@ -233,21 +226,15 @@ def _parser() -> Parser:
         run.add_argument("--again", action="store_true", help="then compute stored rows again")
         add_jobs(run)
     run = add_stored("measured", measured, _run_measured, "criticise a measured set and store its row")
-    models = add_stored("measured-models", measured_models, _run_models, "compare laws and engines on a measured set")
-    for one in (run, models):
+    models = add_stored("measured-models", measured_models, _run_measured, "compare laws and engines on a measured set")
+    for one, proof, given in ((run, measured, ("single", "effects")), (models, measured_models, ())):
+        one.set_defaults(compute=proof.compute, table=proof.as_markdown, given=given)
         one.add_argument("folder")
         one.add_argument("--trials", type=int, help="the first ones; default: all")
     run.add_argument("--single", action="store_true", help="single hits only, no episodes")
     run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
-    run = add_stored(
-        *(
-            "direct-fits",
-            direct_fits,
-            lambda options: direct_fits.compute(options.drops or direct_fits.SERIES, options.measured, tell),
-        ),
-        "fit the models and store their rows; a minute or more each",
-    )
-    series = tuple(direct_fits.SERIES)
+    how, series = "fit the models and store their rows; a minute or more each", tuple(direct_fits.SERIES)
+    run = add_stored("direct-fits", direct_fits, _run_fits, how)
     run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
     about = "what measured throws of a body with faces say without any contact law"

@@ -79,7 +79,7 @@ def store(new: dict, rows: Rows = ROWS) -> None:
     replace(rows, key=(*KEY, *by_hand)).put(stamped(new, row))
 
 
-def compute(dataset: Dataset, say: Callable[[str], None], single: bool = False, effects: str = "") -> dict:
+def compute(dataset: Dataset, say: Callable[[str], None], single: bool = False, effects: str = "") -> None:
     """Criticise a measured set, with all hits or `single` ones, and store its row.
 
     `effects` to switch on by hand instead of the search, with commas.
@@ -88,9 +88,7 @@ def compute(dataset: Dataset, say: Callable[[str], None], single: bool = False, 
     by_hand = list(filter(None, effects.split(","))) or None
     own = generator(SEED, dataset.name)
     critique = criticise_drops(dataset, rng=own, settings=settings, effects=by_hand, say=say)
-    new = row(critique, "single" if single else "all", "by hand" if by_hand else "searched")
-    store(new)
-    return new
+    store(row(critique, "single" if single else "all", "by hand" if by_hand else "searched"))
 
 
 def as_markdown(rows: Rows = ROWS) -> str:

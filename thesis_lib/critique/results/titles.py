@@ -22,6 +22,11 @@ _NAMES = "mu epsilon eps phi theta omega eta zeta rho tau alpha beta gamma kappa
 GREEK: dict[str, str] = dict(zip(_NAMES.split(), "μεεφθωηζρταβγκ"))
 
 
+def plain(label: str) -> str:
+    """A label of a figure without its mathematical notation."""
+    return label.replace("$", "").replace(r"\omega", "ω").replace(r"\theta", "θ")
+
+
 def handy_unit(size: float, unit: str) -> tuple[float, str]:
     """Factor and unit for a length, an angle or a time of this size: below 0.1 in mm, mrad and ms."""
     small = unit in ("m", "rad", "s") and 0.0 < abs(size) < 0.1

@@ -16,7 +16,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.questions import flight_residuals as flying
 from thesis_lib.critique.results.numbers import bin_of, contact_residuals, dependence
-from thesis_lib.critique.results.titles import FEATURE_LABEL
+from thesis_lib.critique.results.titles import FEATURE_LABEL, plain
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique.where import axis_label
 from thesis_lib.figures.marks import white_box
@@ -163,7 +163,7 @@ def _strongest(shown: Residuals) -> str:
     share = float(shares.loc[component, name])
     if share < LITTLE:
         return ""
-    words = shown.labels[name].split(" (")[0].replace("$", "").replace(r"\omega", "ω").replace(r"\theta", "θ")
+    words = plain(shown.labels[name].split(" (")[0])
     text = f"The {component} residual depends most on the {words}: {100 * share:.0f}\u00a0% of its variance"
     if "after" in shown.values:
         i = list(shown.components).index(component)

@@ -27,6 +27,7 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.results.titles import plain
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
 from thesis_lib.pages import FOLDER, render
@@ -70,7 +71,7 @@ def explorer(critique: DropsCritique, where: Mapping) -> Markup:
         TEMPLATE,
         keys=KEYS,
         map=_map(x, y, errors["base"][shown], labels),
-        axes=[_plain(axis_label(name)) for name in over],
+        axes=[plain(axis_label(name)) for name in over],
         finding=finding,
         caption=f"{finding} {_reading(len(shown), len(o))}",
         # it holds no text of strangers
@@ -182,8 +183,3 @@ def _scale(values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, li
     ticks = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high)
     inside = ticks[(ticks >= low) & (ticks <= high)]
     return place(values), [(float(place(t)), f"{t:.6g}".replace("-", "−")) for t in inside]
-
-
-def _plain(label: str) -> str:
-    """A label of a figure without its mathematical notation."""
-    return label.replace("$", "").replace(r"\omega", "ω").replace(r"\theta", "θ")
