@@ -120,6 +120,11 @@ class Polygon(_Shape):
         """Corners of the convex hull (k, 2) in m, counter-clockwise, without points on its sides."""
         return _hull(self.vertices)
 
+    def gaps(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
+        """Gap (k, n) in m of each corner, as `gap`."""
+        x, across = self.corners.T[:, :, None]
+        return y + (np.sin(theta) * x + np.cos(theta) * across) - height
+
     def _cross(self) -> np.ndarray:
         """Cross product of each vertex with the next (k,) in m²; half their sum is the signed area."""
         p = np.array(self.vertices)

@@ -39,6 +39,7 @@ class CameraPose(Effect):
         Parameter("h", "m", null=0.0, low=-0.2, high=0.2, scale=1e-3, starts=(0.0,)),
     )
     channels = ("impact", "touch", "flight")
+    even = True
     needs_one_surface = True
     includes = ("surface_tilt", "surface_height")
     reference = "rigid rotation; inclined plane"

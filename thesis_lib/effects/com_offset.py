@@ -34,6 +34,7 @@ class ComOffset(Effect):
         Parameter("c_y", "m", null=0.0, low=-0.02, high=0.02, scale=5e-4),
     )
     channels = ("impact", "flight")
+    even = True
     denies = "centre of mass"
     needs_angle = True
     rank = 6

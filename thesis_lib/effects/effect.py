@@ -210,6 +210,7 @@ class Effect:
         includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
         bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
+        even: whether what it adds to the acceleration in flight depends on angle and spin alone, and changes no spin.
         along: which of x, t and trial it counts from `rig.reference`.
         rank: its place among the effects that act together; see `in_order`.
         dimensions: 2 where it lives in the plane, 3 where it lives in space.
@@ -232,6 +233,7 @@ class Effect:
     includes: tuple[str, ...] = ()
     breaks_mirror: bool = False
     bends: bool = False
+    even: bool = False
     along: tuple[Coordinate, ...] = ()
     rank: int = 0
     dimensions: frozenset[int] = IN_PLANE

@@ -23,6 +23,7 @@ class SurfaceTilt(Effect):
     equation = "a = g (sin φ, −cos φ)"
     parameters = (Parameter("phi", "rad", null=0.0, low=-0.5, high=0.5, scale=0.01),)
     channels = ("flight",)
+    even = True
     needs_trajectories = True
     needs_one_surface = True
     reference = "inclined plane"

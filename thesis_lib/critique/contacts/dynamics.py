@@ -256,6 +256,36 @@ class Dynamics:
         a_t, a_n = self.true_acceleration(true)[:, :2].T
         return a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
 
+    def flown(self, true: State, h: np.ndarray) -> State:
+        """The states after times h (n,) in s of flight."""
+        return true.flown(self.middle_acceleration(true, h), h)
+
+    def middle_acceleration(self, true: State, h: np.ndarray) -> np.ndarray:
+        """Acceleration (n, 3), m/s² and rad/s², in the middle of flights of h (n,) in s."""
+        a = self.rig.fall(true).T if self.model.spins_evenly else self.true_acceleration(true)
+        return self.true_acceleration(true.flown(a, 0.5 * h)) if self.model.has_varying_flight else a
+
+    def stepped(self, true: State, h: np.ndarray, steps: int) -> State:
+        """The states now and after 1, 2, ... `steps` flights of h (n,) in s, one set after the other, as `flown`."""
+        if not self.model.spins_evenly:
+            path = [true]
+            for _ in range(steps):
+                path.append(self.flown(path[-1], h))
+            return State.joined(path)
+
+        def summed(first: np.ndarray, changes: np.ndarray) -> np.ndarray:
+            return np.cumsum(np.concatenate([first[:, None], changes], axis=1), axis=1)
+
+        turns = np.repeat((h * true.spin)[:, None], steps, axis=1)
+        middle = summed(true.attitude, turns)[:, :-1] + 0.5 * h * true.spin[:, None]
+        turned = true.tiled(steps).changed(attitude=middle.reshape(1, -1))
+        a = self.tiled(steps, len(true)).true_acceleration(turned).T.reshape(-1, steps, len(true))
+        motion = summed(true.motion, h * a)
+        pose = summed(true.pose, h * motion[:, :-1] + 0.5 * h * h * a)
+        end = true.tiled(steps + 1)
+        t = end.t + np.multiply.outer(np.arange(steps + 1), h).ravel()
+        return end.with_pose(pose.reshape(3, -1)).with_motion(motion.reshape(3, -1)).moved(t=t)
+
     def arc(self, tau: np.ndarray, measured: State) -> np.ndarray | None:
         """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""
         return self._true_arc(tau, self.to_true(measured))

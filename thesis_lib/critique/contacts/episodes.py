@@ -66,7 +66,7 @@ def contact(dynamics: Dynamics, touch: State) -> State:
         played = _Play(dynamics, down, span, MOST_HITS, touches=True)
         end = played.outcome().after
         left = np.maximum(np.where(played.hits > 0, played.over, 0.0) - span, 0.0)
-        end = end.flown(played.acceleration(end, left, np.arange(len(left))), left)
+        end = dynamics.flown(end, left)
         a, rise = played.rise(end)
         end, span = end.flown(a, rise), span + left + rise
     comes = dynamics.approaches(down) & (played.hits > 0)
@@ -99,18 +99,16 @@ class _Play:
         self.rests = (self.hits >= MOST_HITS) | (self.over > self.span)
         off = np.flatnonzero(np.abs(self.t - span) > _NOW)
         if len(off):
-            state, h = self._state(off), (span - self.t)[off]
-            self._set(off, state.flown(self.acceleration(state, h, off), h))
+            self._set(off, self.dynamics.select(off).flown(self._state(off), (span - self.t)[off]))
             self.t[off] = span[off]
 
     def _rewind(self) -> None:
         """Fly back to where no contact point that comes down has reached the surface."""
         rows = np.arange(len(self.t))
         for _ in range(MOST_BACK):
-            state, back = self._state(rows), np.full(len(rows), -LEAD)
-            self._set(rows, state.flown(self.acceleration(state, back, rows), back))
+            self._set(rows, self.dynamics.select(rows).flown(self._state(rows), np.full(len(rows), -LEAD)))
             self.t[rows] -= LEAD
-            rows = rows[_lands(*self._gaps(self._state(rows), rows)).any(axis=0)]
+            rows = rows[self._lands(self._state(rows), rows)]
             if not len(rows):
                 return
 
@@ -137,7 +135,7 @@ class _Play:
         if not len(hit):
             return
         rows, h = rows[hit], h[hit]
-        a = self.acceleration(start, h, rows)
+        a = self.dynamics.select(rows).middle_acceleration(start, h)
         t = self._instant(start, a, h, rows)
         self._set(rows, start.flown(a, t))
         self.t[rows] = self.span[rows] - left[hit] + step * h + t
@@ -159,13 +157,14 @@ class _Play:
             path = self._path(origin, state, h[at], done, ahead, rows[at])
             looked = path if first else path.select(slice(len(at), None))
             count = ahead + first
-            lands = _lands(*self._gaps(looked, np.tile(rows[at], count))).any(axis=0).reshape(count, len(at))
-            hit = np.flatnonzero(lands.any(axis=0))
+            lands = self._lands(looked, np.tile(rows[at], count)).reshape(count, len(at))
+            any_lands = lands.any(axis=0)
+            hit = np.flatnonzero(any_lands)
             before = np.maximum(lands[:, hit].argmax(axis=0) - first, 0)
             landed.append(at[hit])
             after.append(done + before)
             starts.append(path.select(before * len(at) + hit))
-            fly = np.flatnonzero(~lands.any(axis=0))
+            fly = np.flatnonzero(~any_lands)
             state, origin = path.select(ahead * len(at) + fly), origin.select(fly)
             at, done, first = at[fly], done + ahead, False
         self._set(rows[at], state)
@@ -177,13 +176,10 @@ class _Play:
         They are in `origin` after no step and in `state` after `done`.
         """
         dynamics = self.dynamics.select(rows)
-        if not dynamics.model.has_varying_flight:
-            times = np.multiply.outer(np.arange(done, done + ahead + 1), h).ravel()
-            return origin.tiled(ahead + 1).flown(np.array([[0.0, -dynamics.rig.gravity, 0.0]]), times)
-        path = [state]
-        for _ in range(ahead):
-            path.append(path[-1].flown(_acceleration(dynamics, path[-1], h), h))
-        return State.joined(path)
+        if dynamics.model.has_varying_flight:
+            return dynamics.stepped(state, h, ahead)
+        path, times = origin.tiled(ahead + 1), np.multiply.outer(np.arange(done, done + ahead + 1), h).ravel()
+        return path.flown(dynamics.rig.fall(path).T, times)
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Times (n,) in s after `start` at which the first point touches; after `h` it has."""
@@ -200,8 +196,8 @@ class _Play:
 
         0 s for bodies that are, and for those that do not come out within `LONGEST`.
         """
-        rows, h = np.arange(len(state.x)), np.zeros(len(state.x))
-        a = self.acceleration(state, h, rows)
+        rows, a = np.arange(len(state)), self.dynamics.true_acceleration(state)
+        h = np.zeros(len(state))
         for _ in range(NEWTON):
             gap, v_n = self._gaps(state.flown(a, h), rows)
             point = np.where(v_n > 0.0, gap, np.inf).argmin(axis=0)  # of those that rise
@@ -209,17 +205,33 @@ class _Play:
             h = np.maximum(h - np.divide(gap, v_n, out=np.zeros_like(h), where=v_n > 0.0), 0.0)
         return a, np.where((h < LONGEST) & (v_n > 0.0), h, 0.0)
 
-    def acceleration(self, state: State, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """By row (n, 3) in m/s², m/s², rad/s², of the bodies `rows` in the middle of h (n,) in s."""
-        return _acceleration(self.dynamics.select(rows), state, h)
+    def _lands(self, state: State, rows: np.ndarray) -> np.ndarray:
+        """Mask (n,) of the bodies `rows` of which a point has reached the surface in states (n,) and comes down."""
+        dynamics, rig, lands = self.dynamics, self.dynamics.rig, np.zeros(len(rows), bool)
+        if self.points == 1:
+            gap = dynamics.select(rows).gap(state)[None]
+        elif dynamics.model.acting("gap"):
+            every, states = self._of_points(state, rows)
+            gap = every.gap(states).reshape(self.points, -1)
+        else:
+            gap = rig.shape.gaps(state.y, state.theta, rig.height)  # pyright: ignore[reportAttributeAccessIssue]
+        point, low = np.nonzero(gap <= 0.0)
+        if len(low):
+            at = dynamics.select(rows[low]).on(one_point(rig, point)).contact(state.select(low))[1]
+            lands[low[at.v_n < 0.0]] = True
+        return lands
 
     def _gaps(self, state: State, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gap in m and v_n in m/s of all contact points of the bodies `rows` in states (n,), each (p, n)."""
-        n, p = len(state.x), self.points
-        dynamics = self.dynamics.select(rows) if p == 1 else self.dynamics.select(np.tile(rows, p))
-        dynamics = dynamics.on(all_points(dynamics.rig, n))
-        state = state if p == 1 else state.tiled(p)
-        return dynamics.gap(state).reshape(p, n), dynamics.contact(state)[1].v_n.reshape(p, n)
+        every, states = self._of_points(state, rows)
+        gap, v_n = every.gap(states), every.contact(states)[1].v_n
+        return gap.reshape(self.points, -1), v_n.reshape(self.points, -1)
+
+    def _of_points(self, state: State, rows: np.ndarray) -> tuple[Dynamics, State]:
+        """Dynamics and states (p n,) of the bodies `rows`, with their first contact points, then the second, ..."""
+        n, p = len(state), self.points
+        every = self.dynamics.select(rows if p == 1 else np.tile(rows, p))
+        return every.on(all_points(every.rig, n)), state if p == 1 else state.tiled(p)
 
     def _hit(self, rows: np.ndarray) -> None:
         """Resolve the hits of the bodies `rows`, which touch now."""
@@ -239,7 +251,7 @@ class _Play:
         touch, dynamics = self._state(rows), self.dynamics.select(rows)
         struck = dynamics.on(one_point(dynamics.rig, point))
         delay = struck.delay(touch)
-        after, _ = struck.collide(touch.flown(_acceleration(dynamics, touch, delay), delay))
+        after, _ = struck.collide(dynamics.flown(touch, delay))
         self._set(rows, after)
         self.t[rows] += delay
         if dynamics.model.takes_time:
@@ -255,19 +267,6 @@ class _Play:
         after, elapsed = self.dynamics.select(rows).press(touch, left)
         self._set(rows, after)
         self.t[rows] = self.over[rows] = t + elapsed
-
-
-def _acceleration(dynamics: Dynamics, state: State, h: np.ndarray) -> np.ndarray:
-    """By row (n, 3) in m/s², m/s², rad/s², in the middle of h (n,) in s."""
-    a = dynamics.true_acceleration(state)
-    if dynamics.model.has_varying_flight:
-        a = dynamics.true_acceleration(state.flown(a, 0.5 * h))
-    return a
-
-
-def _lands(gap: np.ndarray, v_n: np.ndarray) -> np.ndarray:
-    """Mask (p, n) of points that have reached the surface and come down."""
-    return (gap <= 0.0) & (v_n < 0.0)
 
 
 def _first(gap: np.ndarray, v_n: np.ndarray) -> np.ndarray:

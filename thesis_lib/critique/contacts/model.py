@@ -84,6 +84,11 @@ class Model:
         return bool(self.acting("acceleration"))
 
     @cached_property
+    def spins_evenly(self) -> bool:
+        """Whether the true acceleration in flight follows from angle and spin alone, and the spin stays."""
+        return self.space.is_plane and all(effect.even for effect in self.acting("acceleration"))
+
+    @cached_property
     def camera_is_exact(self) -> bool:
         """Whether measured states are true ones."""
         return not self.acting("to_true", "to_measured")

@@ -7,6 +7,7 @@ model (gravity, drag, tilt, ...).  Flights that are long enough also give their 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,11 @@ class Observations:
         )
         std = np.sqrt(variance)
         return np.where(std > 0.0, std, 1e-6)
+
+    @cached_property
+    def noisy(self) -> list:
+        """What `Comparison.noisy` found last: models, their values, and the residuals."""
+        return []
 
     def select(self, trials: np.ndarray) -> "Observations":
         """Impacts and flights of the given trials."""
