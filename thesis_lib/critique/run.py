@@ -121,7 +121,8 @@ def _of_drops(
     dataset.require_plane("a critique")
     if models:
         require_falling(dataset.gravity, dataset.has_angle, dataset.header.surfaces or (), "--models")
-    rng, settings = generator(seed, "critique", dataset.digest()), settings or CritiqueSettings()
+    settings, content = settings or CritiqueSettings(), dataset.digest()
+    rng = generator(seed, "critique", content)
     try:
         found = criticise_drops(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
     except TooFew as few:
@@ -141,7 +142,7 @@ def _of_drops(
     if propose and found.verdict == "unexplained" and found.is_structured and found.settings.max_terms:
         from thesis_lib.critique.proposal.propose import propose as propose_term
 
-        proposals = [propose_term(found, generator(seed, "proposal", dataset.digest()), say)]
+        proposals = [propose_term(found, generator(seed, "proposal", content), say)]
     return OfDrops(found, rng, compared, proposals, say)
 
 

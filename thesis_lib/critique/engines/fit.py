@@ -13,11 +13,10 @@ import numpy as np
 from thesis_lib.critique.contacts.engine_contact import engine_law
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled
-from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.levenberg_marquardt import NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.whitening import Whitening, most_probable_scatter, robust
+from thesis_lib.critique.likelihood.whitening import Whitening, robust
 
 STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
 ROUNDS = 2  # of the scatter beyond noise, unless it stays, within this factor as a logarithm, or is far below noise
@@ -44,19 +43,17 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
     installed or fails.
     """
     model = replace(near.model, law=engine_law(name))
-    S = near.on(observations).covariance()
+    whitening = Whitening(model, observations, near.on(observations).covariance(), near.sigma_m)
     free = model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     x = np.clip([near.values[key] for key in free], low, high)
     step = np.array([abs(inward(p, value, STEP * p.scale)) for value, p in zip(x.tolist(), free.values())])
-    scatter, values = near.sigma_m, dict(near.values)
+    values = dict(near.values)
 
     def at(point: np.ndarray) -> dict[str, float]:
         return values | dict(zip(free, point.tolist()))
 
-    known = None
     for _ in range(ROUNDS):
-        whitening = Whitening(model, observations, S, scatter, known)
         search = levenberg_marquardt(x, low, high, step, NEAR)
         points = next(search)
         while points:
@@ -65,11 +62,10 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
                 points = search.send(found)
             except StopIteration as end:
                 x, points = end.value, []
-        known = at(x), Comparison(model, at(x), observations).R
-        before, scatter = scatter, most_probable_scatter(known[1], S, observations)
+        before, whitening = whitening.sigma_m, whitening.settled(at(x))
+        scatter = whitening.sigma_m
         if abs(np.log(scatter / before)) < SETTLED or max(scatter, before) < NEGLIGIBLE:
             break
-    whitening = Whitening(model, observations, S, scatter, known)
     here = _residuals(whitening, at(x))
     h = np.where(x + step <= high, step, -step)
     J = np.stack([(_residuals(whitening, at(point)) - here) / d for point, d in zip(x + np.diag(h), h)], axis=1)

@@ -60,6 +60,12 @@ class Whitening:
         sigma_m = most_probable_scatter(noisy.value, S, observations)
         return cls(model, observations, S, sigma_m, (dict(values), noisy.value))
 
+    def settled(self, values: Mapping[str, float]) -> "Whitening":
+        """The same with the σ_m that is most probable at `values`."""
+        R = Comparison(self.model, values, self.observations).R
+        sigma_m = most_probable_scatter(R, self.S, self.observations)
+        return Whitening(self.model, self.observations, self.S, sigma_m, (dict(values), R))
+
     def __call__(self, values: Mapping[str, float]) -> Parts:
         """Whitened residuals of impacts (n, m), flights (f, 3), and whatever else is measured beside impacts."""
         return self.many([values])[0]
