@@ -41,6 +41,7 @@ from thesis_lib.statistics.spread import MAD_TO_STD
 
 FEWEST = 3  # samples on either side of a hit
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
+CLEAN = 0.25  # share of the hits that have no other one in their window, at least
 ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
@@ -79,8 +80,8 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
     used, G = side[rows] > 0.0, header.body.inertia_per_mass
     fitted = fit_windows(pose, tau, used, G, noise)
     off, dof = _off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise)
-    # noise beyond what is believed shows in most hits, another hit in a few
-    grown = np.maximum(np.median(off / dof, axis=0), 1.0) if len(rows) else np.ones(2)
+    # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
+    grown = np.maximum(np.quantile(off / dof, CLEAN, axis=0), 1.0) if len(rows) else np.ones(2)
     reason[rows[(off / grown > chi2.isf(IMPROBABLE, dof)).any(axis=1)]] = "second_hit"
     lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
     leaves = contact_velocity(_under_gravity(lines, fitted.bow[:, 0], rig), rig)[2] >= 0.0
