@@ -147,9 +147,8 @@ def test_a_gross_contradiction_is_refused_with_its_factor_and_cause(flights: Fli
     def refusal(a: float = 0.035, b: float = 0.025, height: float = 0.012) -> str:
         shape = {"kind": "ellipse", "semi_axes": [a, b]}
         head = ellipse_header(body={"shape": shape, "radius_of_gyration": 0.0192}, surface={"height": height})
-        dataset = SimpleNamespace(name="drops", header=head, trajectories=poses, has_angle=True, impacts=None)
         try:
-            find_impacts(dataset)
+            find_impacts(Dataset("drops", head, poses))
         except UserError as error:
             return str(error)
         return ""
@@ -240,13 +239,12 @@ def test_impacts_given_by_the_user_win():
 def test_driver_takes_a_dataset_and_refuses_an_empty_one(flights: Flights, found: FoundImpacts):
     poses = pd.DataFrame(np.c_[flights.t, flights.q], columns=["t", "x", "y", "theta"])
     poses.insert(0, "trial", flights.trial)
-    dataset = SimpleNamespace(name="drops", header=flights.header, trajectories=poses, has_angle=True, impacts=None)
+    dataset = Dataset("drops", flights.header, poses)
     np.testing.assert_array_equal(find_impacts(dataset).impacts.t, found.impacts.t)
     summary = found.summary()
     assert len(found.arcs) == summary["used"] + sum(summary["left_out"].values())
-    empty = SimpleNamespace(name="drops", header=flights.header, trajectories=None, has_angle=True, impacts=None)
     with pytest.raises(UserError, match="neither"):
-        find_impacts(empty)
+        find_impacts(Dataset("drops", flights.header))
 
 
 @pytest.mark.slow
