@@ -196,3 +196,14 @@ def test_a_turned_frame_is_named_through_rests():
     final = critique.ladder[-1][1]
     assert abs(final.values["angle_offset.d_theta"] - OFFSET) < 3.0 * final.std["angle_offset.d_theta"]
     assert "rest" not in found[()][1]["error"]
+
+
+@pytest.mark.slow
+def test_a_friction_of_slides_alone_is_named():
+    settings = CritiqueSettings(channels=BOTH, episodes=False)
+    critique = criticise_drops(that_end_at_rest(sliding=0.22), rng=np.random.default_rng(1), settings=settings)
+    final = critique.ladder[-1][1]
+    assert [effect.name for effect in final.effects] == ["sliding_friction"] and critique.verdict == "effects"
+    content = diagnosis(critique, np.random.default_rng(0))["effects"][0]
+    assert content["material_in"] == ["slide"] and abs(content["parameters"]["mu_s"]["value"] - 0.22) < 0.01
+    assert abs(final.values["mu"] - MU) < 3.0 * final.std["mu"]

@@ -155,6 +155,8 @@ class Drops(World[Effect, Fit, Judgement]):
             channels.add("impact")  # a contact time that made up for the touch erred in the velocities
         if better.integrated and worse.integrated and "touch" in channels:
             channels.add("meet")  # where a contact begins decides where it ends
+        if any(p.of for p in candidate.parameters):
+            channels.add("impact")  # a μ that served slides, too, erred in the velocities
         return any(channel_is_material(better, worse, channel, settings) for channel in channels)
 
     def includes(self, candidate: str, other: str) -> bool:
