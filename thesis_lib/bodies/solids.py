@@ -23,8 +23,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from thesis_lib.bodies.moments import Moments, moments_within
 from thesis_lib.bodies.shapes import Coordinate, Length
@@ -246,6 +244,8 @@ class Hull(Edged):
     @cached_property
     def _hull(self):
         """The hull by qhull; `equations` (f, 4) are unit normals that point out, and offsets, of its triangles."""
+        from scipy.spatial import ConvexHull, QhullError  # half a second, which planar data do not need
+
         points = np.array(self.vertices)
         if np.ptp(points, axis=0).min() == 0.0:
             raise ValueError("the vertices lie in a plane: the solid has no volume")
@@ -270,6 +270,8 @@ class Hull(Edged):
     @cached_property
     def _ball(self) -> tuple[np.ndarray, float]:
         """Centre (3,) and radius in m of the largest ball inside: the linear program of Chebyshev's centre."""
+        from scipy.optimize import linprog
+
         planes = self._planes
         found = linprog(
             [0.0, 0.0, 0.0, -1.0],
@@ -284,6 +286,8 @@ class Hull(Edged):
         """Corners (3, k) in m of the hull that is moved in by the edge radius: its faces, each moved by ρ."""
         if not self.edge_radius:
             return self.corners
+        from scipy.spatial import HalfspaceIntersection
+
         centre, radius = self._ball
         if self.edge_radius > radius * (1.0 - 1e-9):  # nothing but the centre of the ball is left
             return centre[:, None]

@@ -5,6 +5,7 @@ page and pictures are computed when they are first asked for, and once: the orde
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -150,7 +151,6 @@ class OfDrops(Critique):
 
     Args:
         rng: in the state in which the search left it.
-        models: table of `compare_models`, where models were compared.
         proposals: what was proposed where nothing fits: one `Proposal` or None; empty where nothing was looked for.
         say: receives a line for each step.
     """
@@ -162,12 +162,30 @@ class OfDrops(Critique):
         self,
         found: DropsCritique,
         rng: np.random.Generator,
-        models: pd.DataFrame | None = None,
         proposals: "Sequence[Proposal | None]" = (),
         say: Say = lambda text: None,
     ) -> None:
-        self.name, self.found, self.models, self._proposals = found.dataset, found, models, tuple(proposals)
+        self.name, self.found, self._proposals = found.dataset, found, tuple(proposals)
         self._rng, self._say = rng, say
+        self.models: pd.DataFrame | None = None
+
+    def compare(self, models: Sequence[str]) -> pd.DataFrame:
+        """Laws and engines fitted to the same training trials and judged on the same held-out ones, the best first.
+
+        Args:
+            models: of `thesis_lib.critique.engines.compare.MODELS`: "laws", "mujoco", "drake", ...
+
+        Returns:
+            The table of `compare_models`, which diagnosis.json and the page then hold, too (`models`).
+
+        Raises:
+            UserError: an engine is not installed, or the body slides on a table, has no angle or falls between walls.
+        """
+        from thesis_lib.critique.engines.compare import compare_models
+
+        self.models = compare_models(self.found, models, self._say)
+        self.__dict__.pop("_findings", None)
+        return self.models
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -180,7 +198,7 @@ class OfDrops(Critique):
 
     @cached_property
     def _findings(self) -> Findings:
-        return findings(self.found, self._rng, self.models)
+        return findings(self.found, deepcopy(self._rng), self.models)
 
     def _diagnosis(self, file: str) -> dict:
         content = self._findings.diagnosis

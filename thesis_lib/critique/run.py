@@ -130,12 +130,7 @@ def _of_drops(
             raise
         say("too few impacts for a verdict: fitting restitution and friction")
         with threadpool_limits(limits=1):  # as `criticise_drops`
-            return OfFewImpacts(few_impacts(dataset, few.observations, settings), say)
-    compared = None
-    if models:
-        from thesis_lib.critique.engines.compare import compare_models
-
-        compared = compare_models(found, models, say)
+            return OfFewImpacts(few_impacts(few, settings), say)
     proposals = []
     if propose is None:
         propose = effects is None
@@ -143,7 +138,10 @@ def _of_drops(
         from thesis_lib.critique.proposal.propose import propose as propose_term
 
         proposals = [propose_term(found, generator(seed, "proposal", content), say)]
-    return OfDrops(found, rng, compared, proposals, say)
+    critique = OfDrops(found, rng, proposals, say)
+    if models:
+        critique.compare(models)
+    return critique
 
 
 def _of_mechanism(

@@ -50,6 +50,17 @@ def test_it_predicts_as_its_file_does(found, tmp_path):
         found.predict({"x": [0.0]})
 
 
+def test_models_are_compared_afterwards_and_then_stand_in_the_diagnosis(found, monkeypatch):
+    table = pd.DataFrame({"model": ["mirtich"], "error": [0.1]})
+    asked = []
+    monkeypatch.setattr("thesis_lib.critique.engines.compare.compare_models", lambda *args: asked.append(args) or table)
+    critique = OfDrops(found.found, np.random.default_rng(0))
+    before = critique.to_dict()
+    assert critique.compare(["laws"]) is table and asked[0][:2] == (found.found, ["laws"])
+    after = critique.to_dict()
+    assert after.pop("models") == [{"model": "mirtich", "error": 0.1}] and after == before
+
+
 def test_it_draws_the_ladder_and_the_map_and_says_what_it_has(found):
     assert isinstance(found.plot(), Figure) and isinstance(found.plot("map"), Figure)
     with pytest.raises(UserError, match="no picture 'lader'; there are ladder, map"):

@@ -23,11 +23,11 @@ LAW = "mirtich"  # energetic restitution, which friction changes least
 
 
 class TooFew(UserError):
-    """Too few usable impacts for what was asked; they are in `observations`."""
+    """Too few usable impacts of `dataset` for what was asked; they are in `observations`."""
 
-    def __init__(self, text: str, observations: Observations) -> None:
+    def __init__(self, text: str, dataset: Dataset, observations: Observations) -> None:
         super().__init__(text)
-        self.observations = observations
+        self.dataset, self.observations = dataset, observations
 
 
 @dataclass(frozen=True)
@@ -67,12 +67,13 @@ class FewImpacts:
         return self.each.mean()
 
 
-def few_impacts(dataset: Dataset, observations: Observations, settings: CritiqueSettings) -> FewImpacts:
-    """Fit all laws to impacts, of which there is at least one."""
+def few_impacts(few: TooFew, settings: CritiqueSettings) -> FewImpacts:
+    """All laws fitted to too few impacts, of which there is at least one."""
+    observations, source = few.observations, few.dataset
     world = Drops(observations, settings)
     models = {name: Model(BASES[name], (), world.timed, world.always) for name in world.bases}
     laws = {name: fit(model, observations) for name, model in models.items()}
-    return FewImpacts(dataset.name, observations, laws, dataset)
+    return FewImpacts(source.name, observations, laws, source)
 
 
 def too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
@@ -85,4 +86,5 @@ def too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
     noticed = f"What was noticed: {noticed} " if noticed else ""
     advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
     text = f"{dataset.name} has {n} usable impacts in {len(np.unique(observations.trial))} trials; {needs}. "
-    return TooFew(text + f"Left out: {why}. {noticed}{'' if found.remarks else advice}".rstrip(), observations)
+    text += f"Left out: {why}. {noticed}{'' if found.remarks else advice}".rstrip()
+    return TooFew(text, dataset, observations)

@@ -117,6 +117,16 @@ def bows(side: np.ndarray, tau: np.ndarray) -> np.ndarray:
     return np.concatenate([parabola.value, parabola.slope], axis=2)
 
 
+def bow(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, ...]:
+    """Of the samples used: residuals of lines (n, 2, W, 3), their sums of squares (n, 2, 3), b (n, 2, W, 1), the
+    best-fitting acceleration (n, 2, 3), and Σ b² (n, 2, 1), 0 with fewer than three samples."""
+    residual = lines.residual * side[..., None]
+    b = lines_through(side, tau, 0.5 * tau[..., None] ** 2).residual * side[..., None]
+    norm2 = np.where((lines.count >= 3)[..., None], (b**2).sum(2), 0.0)
+    curvature = (b * residual).sum(2) / np.where(norm2 > 0, norm2, np.inf)
+    return residual, (residual**2).sum(2), b, curvature, norm2
+
+
 def nodes_of(side: np.ndarray, tau: np.ndarray, lines: Lines) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights that replace all samples: exact for polynomials of degree `NODES` − 1."""
     low = np.where(side > 0, tau[:, None], np.inf).min(axis=2, initial=np.inf)

@@ -121,16 +121,13 @@ class Dataset:
         without: Any = _NOT_DATA if self.space.is_plane else _NOT_DATA_IN_SPACE
         content = self.header.model_dump(mode="json", by_alias=True, exclude=without)
         content = {key: value for key, value in content.items() if key not in _ABSENT or value is not None}
-        sha = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
+        parts = [json.dumps(content, sort_keys=True).encode()]
         if isinstance(self.header.body.shape, Mesh):
-            sha.update(self.header.body.shape.content)
+            parts.append(self.header.body.shape.content)
         for kind, table in (("trajectories", self.trajectories), ("impacts", self.impacts)):
-            if table is None:
-                continue
-            for column in sorted(set(table.columns) - {"flags"}):
-                sha.update(f"{kind}.{column}".encode())
-                sha.update(np.ascontiguousarray(table[column].to_numpy(float)).tobytes())
-        return sha.hexdigest()
+            for column in sorted(set(() if table is None else table.columns) - {"flags"}):
+                parts += [f"{kind}.{column}".encode(), table[column].to_numpy(float).tobytes()]
+        return hashlib.sha256(b"".join(parts)).hexdigest()
 
 
 def median_step(trajectories: pd.DataFrame) -> float:

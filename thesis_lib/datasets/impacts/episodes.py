@@ -15,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.flights.arcs import bends
-from thesis_lib.datasets.flights.lines import lines_through
-from thesis_lib.datasets.flights.misfits import bow, with_stray
+from thesis_lib.datasets.flights.lines import bow, lines_through
+from thesis_lib.datasets.flights.misfits import with_stray
 from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
