@@ -32,7 +32,7 @@ MEAN = "mean_cpu_s"  # of the jobs of a rule at a scale, where these are several
 MACHINE = "machine"  # what was measured of each scale as a whole: `PACE` of the machine and CPU time of all jobs
 PACE, TOTAL = "pace_s", "total_cpu_s"
 Measured = Mapping[str, Mapping[str, Mapping[str, float]]]  # rule, or `MACHINE` -> scale -> number by name
-FORM = TypeAdapter(
+FORM: TypeAdapter = TypeAdapter(
     dict[str, dict[str, dict[Literal["peak_mb", "cpu_s", "mean_cpu_s", "pace_s", "total_cpu_s"], float]]]
 )
 
@@ -100,7 +100,7 @@ def read_measured(path: str | Path = MEASURED) -> dict[str, dict[str, dict[str, 
     if not path.is_file():
         raise UserError(f"{path} does not exist; get it back with git checkout {path}.")
     try:
-        return {**FORM.validate_python(yaml.safe_load(path.read_text(encoding="utf-8")) or {})}
+        return FORM.validate_python(yaml.safe_load(path.read_text(encoding="utf-8")) or {})
     except (yaml.YAMLError, ValueError) as error:
         raise UserError(
             f"{path} must hold `rule: {{scale: {{peak_mb: …, cpu_s: …, mean_cpu_s: …}}}}` ({error}); "

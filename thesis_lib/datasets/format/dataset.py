@@ -125,7 +125,9 @@ class Dataset:
         if isinstance(self.header.body.shape, Mesh):
             parts.append(self.header.body.shape.content)
         for kind, table in (("trajectories", self.trajectories), ("impacts", self.impacts)):
-            for column in sorted(set(() if table is None else table.columns) - {"flags"}):
+            if table is None:
+                continue
+            for column in sorted(set(table.columns) - {"flags"}):
                 parts += [f"{kind}.{column}".encode(), table[column].to_numpy(float).tobytes()]
         return hashlib.sha256(b"".join(parts)).hexdigest()
 
