@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from tests.docs.tutorial_runner import compare
-from thesis_lib.critique.results.saved_model import load_model
+from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.ledger.format import read_ledger
 from thesis_lib.resources import MACHINE, MEASURED, TOTAL, read_measured

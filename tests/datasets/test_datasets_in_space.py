@@ -433,12 +433,13 @@ def test_neither_table_and_no_positions(tmp_path):
 
 
 def test_a_critique_of_a_dataset_in_space_says_what_is_there(tmp_path):
-    from thesis_lib.critique import criticise, fit
+    from thesis_lib.critique import TooFew, criticise, fit
 
     made = dataset_of(header(), trajectories=trajectories())
-    for call in (criticise, fit):
-        with pytest.raises(UserError, match="It can be read, written and checked"):
-            call(made)
+    with pytest.raises(UserError, match="It can be read, written, checked and criticised"):
+        fit(made)
+    with pytest.raises(TooFew, match="0 usable impacts"):
+        criticise(made)
 
 
 def test_links_among_the_tables_are_refused_as_in_the_plane(tmp_path):

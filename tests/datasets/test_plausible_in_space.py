@@ -120,7 +120,7 @@ def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
     assert main(["check", str(folder)]) == 0
     text = capsys.readouterr().out
     assert "body        box, reaches 0.07071 m" in text and "flights     8, which fall by (" in text
-    assert "critique    not yet: bodies in space can be read, written and checked" in text
+    assert "critique    by single hits, in trajectories with orientation" in text
     assert "The dataset is valid." in text
     assert main(["check", str(folder), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)

@@ -11,7 +11,8 @@ import pytest
 
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.results.saved_model import SavedModel, changed_code, load_model
+from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_model import SavedModel, changed_code
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.extensions.loading import installed, load, read_file

@@ -299,7 +299,8 @@ def _model_samples() -> list[Sample]:
 
 
 def _read_model(folder: Path, out: Path) -> None:
-    from thesis_lib.critique.results.saved_model import load_model, read_states
+    from thesis_lib.critique.results.load_model import load_model
+    from thesis_lib.critique.results.saved_model import read_states
     from thesis_lib.foundation.files import write_table
 
     model = load_model(folder / "model.json")
@@ -333,7 +334,7 @@ def _robot_samples() -> list[Sample]:
 def _read_robot(folder: Path, out: Path) -> None:
     """Patch what lies there; what comes out is XML again, and says the same when it is patched once more."""
     from thesis_lib.critique.export.export import patched, write
-    from thesis_lib.critique.results.saved_model import load_model
+    from thesis_lib.critique.results.load_model import load_model
 
     model = load_model(folder / "model.json")
     for name in ROBOTS:

@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 
 from tests.fuzz.readers import READERS
 from thesis_lib.config import Config, read_config
-from thesis_lib.critique.results.saved_model import SavedModel, load_model
+from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.header_file import load_header
 from thesis_lib.datasets.format.validate import ValidationReport

@@ -11,7 +11,8 @@ import yaml
 from tests.fuzz.readers import READERS
 from thesis_lib.commands.comparison import read_run
 from thesis_lib.config import parse_config, read_config
-from thesis_lib.critique.results.saved_model import load_model, read_states
+from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_model import read_states
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json, read_table

@@ -104,6 +104,11 @@ class SolidBody(Section):
     )
     uncertainty: SolidUncertainty | None = Field(None, description="of what is known of the body; optional")
 
+    def known(self, what: str) -> float | None:
+        """Standard uncertainty of "inertia" or "size" (relative) or "centre of mass" (m); None if it is not known."""
+        of = self.uncertainty or SolidUncertainty()
+        return {"inertia": of.inertia, "size": of.size, "centre of mass": of.center_of_mass}.get(what)
+
     @property
     def solid(self) -> Solid:
         """What touches a surface; of a mesh its convex hull."""

@@ -31,6 +31,7 @@ from thesis_lib.mechanics.space import SPACE
 
 UP = np.array([[0.0], [0.0], [1.0]])
 LEVELLED = 4e-3  # m above the lowest corner, within which another one hits with it
+CONTACT_KINDS = ("corner", "edge", "face")
 LEVEL = 1e-12  # of a unit direction, or of the extent: less is rounding, and the points lie equally far
 BLOCK = 2**22  # vertices times directions that are compared at once: 32 MiB
 
@@ -370,7 +371,7 @@ def contact_kind(solid: Solid, attitude: np.ndarray) -> np.ndarray:
         return np.full(attitude.shape[1], "", dtype=object)
     heights = np.stack([SPACE.turned(attitude, corner[:, None])[2] for corner in solid.corners.T])
     low = (heights <= heights.min(axis=0) + LEVELLED).sum(axis=0)
-    return np.array(["corner", "edge", "face"], dtype=object)[np.minimum(low, 3) - 1]
+    return np.array(CONTACT_KINDS, dtype=object)[np.minimum(low, 3) - 1]
 
 
 def _central(volume: float, principal: np.ndarray) -> Moments:

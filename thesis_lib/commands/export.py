@@ -51,9 +51,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     if Path(args.out).is_dir():
         raise UserError(f"{args.out} is a folder; give -o a file.")
     from thesis_lib.critique.export.export import exported, patched, write
-    from thesis_lib.critique.results.saved_model import load_model
+    from thesis_lib.critique.results.load_model import load_model
 
     model, size = load_model(args.model), {"mass": args.mass, "depth": args.depth}
+    model.require_plane("export")
     if args.patch:
         given = {"plane": args.plane, "points": args.points, "surface": args.surface}
         made = patched(model, args.to, args.patch, args.body, **given, **size)

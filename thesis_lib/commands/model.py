@@ -108,6 +108,7 @@ def simulate(argv: Sequence[str] | None = None) -> int:
         from thesis_lib.foundation.randomness import generator
 
         model = _model(args.model)
+        model.require_plane("simulate")
         like = read_dataset(args.like) if args.like else None
         rng = generator(args.seed, "simulate")
         made = simulate_model(model, args.drops, engine=args.engine, like=like, rng=rng, say=say)
@@ -120,7 +121,8 @@ def simulate(argv: Sequence[str] | None = None) -> int:
 
 def _model(path: str) -> "SavedModel":
     """The model, after a note on code that has changed since it was fitted."""
-    from thesis_lib.critique.results.saved_model import changed_code, load_model
+    from thesis_lib.critique.results.load_model import load_model
+    from thesis_lib.critique.results.saved_model import changed_code
 
     model = load_model(path)
     for sentence in changed_code(model):

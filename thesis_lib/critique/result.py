@@ -88,7 +88,9 @@ class Critique:
     def model(self) -> SavedModel:
         """The law with its effects, as model.json holds it; UserError for a mechanism."""
         if (model := self._findings.model) is None:
-            raise UserError(f"{self.name} is the recording of a mechanism, whose critique fits no model of impacts.")
+            raise UserError(
+                f"{self.name} is the recording of a mechanism, or of a mesh in space: no model.json predicts."
+            )
         return model
 
     def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike]) -> pd.DataFrame:
@@ -96,7 +98,7 @@ class Critique:
 
         Args:
             states: columns x, y, theta, vx, vy, omega (n,) at first touch in m, rad, m/s and rad/s; `trial` and `t` if
-                an effect depends on them.
+                an effect depends on them.  In space those of an impacts.csv of schema 2, without _post.
 
         Returns:
             The states with vx_post, vy_post, omega_post and `status`: ok, not_approaching or no_solution.
@@ -156,7 +158,6 @@ class OfDrops(Critique):
     """
 
     found: DropsCritique
-    plots = ("ladder", "map")
 
     def __init__(
         self,
@@ -166,6 +167,7 @@ class OfDrops(Critique):
         say: Say = lambda text: None,
     ) -> None:
         self.name, self.found, self._proposals = found.dataset, found, tuple(proposals)
+        self.plots = ("ladder", "map") if found.space.is_plane else ("ladder",)
         self._rng, self._say = rng, say
         self.models: pd.DataFrame | None = None
 
@@ -226,7 +228,7 @@ class OfDrops(Critique):
 
         if what == "ladder":
             return draw_ladder(self.found, self._findings.tables)[0]
-        return draw_where(self.found, self._findings.regions)[0]
+        return draw_where(self.found, self._findings.regions)[0]  # pyright: ignore[reportOptionalSubscript]
 
 
 class OfFewImpacts(Critique):

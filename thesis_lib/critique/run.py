@@ -118,8 +118,8 @@ def _of_drops(
     seed: int,
     say: Callable[[str], None],
 ) -> Critique:
-    dataset.require_plane("a critique")
     if models:
+        dataset.require_plane("--models")
         require_falling(dataset.gravity, dataset.has_angle, dataset.header.surfaces or (), "--models")
     settings, content = settings or CritiqueSettings(), dataset.digest()
     rng = generator(seed, "critique", content)
@@ -134,7 +134,13 @@ def _of_drops(
     proposals = []
     if propose is None:
         propose = effects is None
-    if propose and found.verdict == "unexplained" and found.is_structured and found.settings.max_terms:
+    if (
+        propose
+        and found.space.is_plane
+        and found.verdict == "unexplained"
+        and found.is_structured
+        and found.settings.max_terms
+    ):
         from thesis_lib.critique.proposal.propose import propose as propose_term
 
         proposals = [propose_term(found, generator(seed, "proposal", content), say)]

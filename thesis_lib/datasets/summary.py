@@ -156,7 +156,7 @@ def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
 def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str]:
     """What a critique can say of so few impacts; nothing if they are enough for a verdict, or none."""
     if not dataset.space.is_plane:
-        return ["critique    not yet: bodies in space can be read, written and checked"]
+        return ["critique    by single hits, in trajectories with orientation on one surface"]
     if dataset.impacts is not None:
         trial, more = dataset.impacts["trial"].to_numpy(), []
     elif detection is not None:

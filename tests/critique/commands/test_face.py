@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from thesis_lib.critique import Critique, TooFew, criticise, fit
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.result import OfDrops
-from thesis_lib.critique.results.saved_model import load_model
+from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.foundation.errors import UserError
 
 QUICK = {"folds": 2, "finalists": 1, "rivals": 1, "max_effects": 1}

@@ -12,7 +12,7 @@ from hidden_effects import injected_impacts
 from thesis_lib.__main__ import main
 from thesis_lib.critique import TooFew, criticise
 from thesis_lib.critique.drops.own_restitution import OwnRestitution
-from thesis_lib.critique.results.saved_model import load_model
+from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.records.catalogue import records

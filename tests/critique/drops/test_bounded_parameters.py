@@ -22,7 +22,8 @@ from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.proposal import terms as proposed
 from thesis_lib.critique.results.diagnosis import diagnosis
-from thesis_lib.critique.results.saved_model import load_model, saved
+from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_model import saved
 from thesis_lib.critique.results.tables import comparison
 from thesis_lib.figures.critique.errors import draw_parameters
 from thesis_lib.figures.critique.pictures import draw_models

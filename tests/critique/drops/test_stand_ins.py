@@ -153,7 +153,8 @@ def test_what_effects_deny_can_be_stated():
 )
 def test_a_bound_contradicts_what_was_measured_only_if_it_excludes_it(bound, errors):
     name = "wrong_inertia.d_I"
-    fitted = SimpleNamespace(values={name: 2.0}, std={name: np.nan}, bounds={name: bound})
+    model = SimpleNamespace(parameters_of=lambda effect: effect.parameters)
+    fitted = SimpleNamespace(model=model, values={name: 2.0}, std={name: np.nan}, bounds={name: bound})
     step = SimpleNamespace(effect=EFFECTS["wrong_inertia"], alternatives=())
     found = stand_ins(stated(SURE), [step], fitted, CONTRADICTS)
     assert (found["wrong_inertia"].standard_errors if found else None) == (errors and pytest.approx(errors))

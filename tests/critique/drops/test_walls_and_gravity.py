@@ -7,7 +7,8 @@ import pytest
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.results.saved_model import load_model, saved
+from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_model import saved
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.mechanics.state import State

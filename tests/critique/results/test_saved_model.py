@@ -14,7 +14,8 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import duration
 from thesis_lib.critique.contacts.kinds import bind, kind_of
 from thesis_lib.critique.likelihood.comparison import Comparison
-from thesis_lib.critique.results.saved_model import STATE, SavedModel, SavedReference, load_model, saved
+from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_model import STATE, SavedModel, SavedReference, saved
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig

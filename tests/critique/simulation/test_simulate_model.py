@@ -13,7 +13,8 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, load_model
+from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_model import SavedModel, SavedReference
 from thesis_lib.critique.simulation import simulate_model as module
 from thesis_lib.critique.simulation.simulate_model import measured_releases, proof_releases, simulate_model
 from thesis_lib.datasets import read_dataset

@@ -12,12 +12,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from thesis_lib.contact.bounds import irb_bound
-from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.few_impacts import too_few
 from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.own_restitution import own_restitution
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.one_body import refuse_what_is_not_one_body
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.stand_ins import StandIn, stand_ins
@@ -25,6 +25,7 @@ from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
 from thesis_lib.critique.likelihood.channels import FLIGHT
 from thesis_lib.critique.likelihood.fit import Fit, seeing
+from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
 from thesis_lib.critique.selection.search import search, split
@@ -35,6 +36,7 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import Space
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class DropsCritique:
         laws: held-out judgement of each law without effects.
         without: by effect, held-out judgement of the final model refitted without it.
         remaining: structure left on training trials after the last effect.
-        irb, irb_augmented: held-out IRB bound, m/s, as measured, and with the final geometry, inertia and camera.
+        irb, irb_augmented: held-out IRB bound, m/s, as measured, and with the final geometry, inertia and camera; NaN
+            in space.
         no_impact: held-out error if velocities stayed unchanged, m/s.
         source: the dataset, for plots of its samples.
     """
@@ -67,6 +70,11 @@ class DropsCritique:
     irb_augmented: float
     no_impact: float
     source: Dataset | None = None
+
+    @property
+    def space(self) -> Space:
+        """Where the body moves."""
+        return self.observations.space
 
     @property
     def verdict(self) -> str:
@@ -164,7 +172,7 @@ def criticise_drops(
     say("looking for what remains")
     structure = remaining(final, training.single, rng)
     here = base.on(held_out)
-    no_impact = velocity_error(here.after.v - here.before.v, held_out.rig.k_told)
+    no_impact = held_out.norm(here.after.v - here.before.v)
     errors = (_irb(base, held_out), _irb(final, held_out), float(no_impact.mean()))
     parts = (observations, training, held_out)
     return DropsCritique(
@@ -192,6 +200,7 @@ def fit_model(
     return world.fit(law, tuple(world.candidates[name] for name in effects))
 
 
+@of_the_plane(lambda: float("nan"))
 def _irb(fitted: Fit, observations: Observations) -> float:
     """Mean IRB bound, m/s, of the single hits in the geometry of the fitted contact."""
     if not observations.rig.has_angle:
@@ -204,6 +213,7 @@ def _irb(fitted: Fit, observations: Observations) -> float:
     return float(bound.error.mean())
 
 
+@of_the_plane(lambda: None)
 def _refuse_constant(dataset: Dataset) -> None:
     """Refuse a channel that never changes: it was not measured, so that no verdict is possible."""
     direct = dataset.impacts is not None and len(dataset.impacts) > 0
@@ -227,10 +237,13 @@ def _refuse_constant(dataset: Dataset) -> None:
 def _observed(
     dataset: Dataset, effects: Sequence[str], settings: CritiqueSettings, arcs: ArcSettings | None
 ) -> Observations:
-    """Impacts and flights of one planar rigid body, in which the named effects can be tested; UserError otherwise."""
+    """Impacts and flights of one rigid body, in which the named effects can be tested; UserError otherwise."""
     _refuse_constant(dataset)
     require_known(effects, dataset.header.surfaces or ())
-    observations = observe(dataset, arcs, settings.episodes, settings.channels)
+    if dataset.space.is_plane:
+        observations = observe(dataset, arcs, settings.episodes, settings.channels)
+    else:
+        observations = observe_in_space(dataset, arcs)
     for name, why in testable_effects(observations, settings.contact_time)[1].items():
         if name in effects:
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")

@@ -13,11 +13,12 @@ import warnings
 import numpy as np
 import pandas as pd
 
-from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.selection.world import Remaining
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
 MOST = 160  # impacts per half: the fit costs n³, and 160 show a structure that matters
@@ -33,6 +34,12 @@ FEATURES = {
     "trial": ("1", "number of the release"),
     "wall": ("1", "number of the wall, from 0"),
     "t": ("s", "time since the first sample"),
+    "y": ("m", "position across, along the second axis of the surface"),
+    "omega_t": ("rad/s", "angular velocity about the direction of slip"),
+    "omega_b": ("rad/s", "angular velocity about the axis across the slip"),
+    "omega_n": ("rad/s", "angular velocity about the normal"),
+    "r_t": ("m", "contact point ahead of the centre of mass, along the slip"),
+    "r_b": ("m", "contact point beside the centre of mass, across the slip"),
 }
 
 
@@ -43,6 +50,8 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
     """
     here = fitted.on(observations)
     true = here.dynamics.to_true(here.before)
+    if not observations.space.is_plane:
+        return _in_space(true, observations)
     r = observations.rig.shape.contact_point(true.theta)
     table = pd.DataFrame(
         {
@@ -65,6 +74,36 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
     return table
 
 
+def _in_space(true: State, o: Observations) -> pd.DataFrame:
+    """Those of states in space, by the axes of the slip: turning all of it about the normal changes none."""
+    r = o.rig.lowest(true)
+    axes = _slip_axes(true, o)
+    (slip, _, v_n), spin, arm = (
+        np.einsum("ijn,jn->in", axes, u) for u in (SPACE.velocity_at(true.velocity, true.spin, r), true.spin, r)
+    )
+    names = ("v_t", "v_n", "omega_t", "omega_b", "omega_n", "r_t", "r_b", "x", "y", "trial", "t")
+    columns = (slip, v_n, *spin, *arm[:2], *true.position[:2], o.trial.astype(float), o.t)
+    return pd.DataFrame(dict(zip(names, columns)))
+
+
+def _slip_axes(state: State, o: Observations) -> np.ndarray:
+    """Axes (3, 3, n) as rows: along the slip, across it, and along the normal."""
+    v = SPACE.velocity_at(state.velocity, state.spin, o.rig.lowest(state))
+    speed, zero = np.maximum(np.hypot(v[0], v[1]), 1e-12), np.zeros(len(state))
+    cos, sin = v[0] / speed, v[1] / speed
+    return np.stack([np.stack([cos, sin, zero]), np.stack([-sin, cos, zero]), np.stack([zero, zero, zero + 1.0])])
+
+
+def _errors(fitted: Fit, o: Observations) -> np.ndarray:
+    """Residuals (n, d + turns) of the velocity after impact in m/s, in space along the axes of the slip."""
+    here = fitted.on(o)
+    if o.space.is_plane:
+        return velocity_left(here) * [1.0, 1.0, o.rig.k_told]
+    axes = _slip_axes(here.dynamics.to_true(here.before), o)
+    parts = (here.R[:, :3].T, o.rig.k_g * here.R[:, 3:6].T)
+    return np.concatenate([np.einsum("ijn,jn->ni", axes, part) for part in parts], axis=1)
+
+
 def within_half_a_turn(theta: np.ndarray) -> np.ndarray:
     """Angles (n,) in rad from −π/2 to π/2."""
     return np.remainder(theta + 0.5 * np.pi, np.pi) - 0.5 * np.pi
@@ -76,13 +115,12 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    k = observations.rig.k_told
     table = features(fitted, observations)
     X = table.to_numpy(float)
     spread = X.std(axis=0)
     used = spread > 0
     names, X = ([name for name, use in zip(table.columns, used) if use], (X - X.mean(axis=0))[:, used] / spread[used])
-    Y = velocity_left(fitted.on(observations)) * [1.0, 1.0, k]
+    Y = _errors(fitted, observations)
     # a Gaussian process would fit single wild impacts only
     Y = Y - np.median(Y, axis=0)
     limit = 5.0 * robust_std(Y) + 1e-12
@@ -90,9 +128,9 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     trials = rng.permutation(np.unique(observations.trial))
     first = np.flatnonzero(np.isin(observations.trial, trials[: len(trials) // 2]))[:MOST]
     second = np.flatnonzero(np.isin(observations.trial, trials[len(trials) // 2 :]))[:MOST]
-    scales, learned, draws = [], np.zeros((len(second), 3)), np.zeros((PERMUTATIONS, len(second), 3))
+    scales, learned, draws = [], np.zeros((len(second), Y.shape[1])), np.zeros((PERMUTATIONS, len(second), Y.shape[1]))
     order = np.argsort(rng.random((PERMUTATIONS, len(second))), axis=1)
-    for c in range(3):
+    for c in range(Y.shape[1]):
         scale = Y[first, c].std() or 1.0
         kernel = ConstantKernel(0.5, (1e-4, 1e2)) * RBF(np.full(len(names), 2.0), (0.3, 1e3)) + WhiteKernel(  # pyright: ignore[reportArgumentType]
             0.5, (1e-3, 10.0)
@@ -110,9 +148,14 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
         draws[:, :, c] = y[order] - (inverse @ y[order].T / diagonal[:, None]).T
         signal = process.kernel_.k1.k1.constant_value  # pyright: ignore[reportAttributeAccessIssue]
         scales.append(signal * scale**2 / process.kernel_.k1.k2.length_scale**2)  # pyright: ignore[reportAttributeAccessIssue]
-    before, after = (float(velocity_error(error, 1.0).mean()) for error in (Y[second], Y[second] - learned))
-    null = velocity_error(Y[second][order] - draws, 1.0).mean(axis=1)
+    before, after = (float(_length(error).mean()) for error in (Y[second], Y[second] - learned))
+    null = _length(Y[second][order] - draws).mean(axis=1)
     p_value = float((1 + np.sum(null <= after)) / (1 + PERMUTATIONS))
     relevance = np.sum(scales, axis=0)
     ranked = [names[i] for i in np.argsort(-relevance) if relevance[i] > relevance.max() / RELEVANT**2]
     return Remaining(p_value, before, after, tuple(ranked[:4]))
+
+
+def _length(vectors: np.ndarray) -> np.ndarray:
+    """Lengths (...) of vectors (..., m)."""
+    return np.sqrt((vectors**2).sum(axis=-1))

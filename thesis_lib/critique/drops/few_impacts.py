@@ -9,8 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.own_restitution import OwnRestitution, own_restitution
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
@@ -71,8 +69,7 @@ def few_impacts(few: TooFew, settings: CritiqueSettings) -> FewImpacts:
     """All laws fitted to too few impacts, of which there is at least one."""
     observations, source = few.observations, few.dataset
     world = Drops(observations, settings)
-    models = {name: Model(BASES[name], (), world.timed, world.always) for name in world.bases}
-    laws = {name: fit(model, observations) for name, model in models.items()}
+    laws = {name: fit(world.model(name), observations) for name in world.bases}
     return FewImpacts(source.name, observations, laws, source)
 
 

@@ -1,7 +1,7 @@
 """How far a model errs, channel by channel, on data that it was not fitted to.
 
-The error of an impact is the kinetic norm √(δv_x² + δv_y² + (k δω)²) of the velocity after impact in m/s; the other
-channels (`thesis_lib/critique/likelihood/channels.py`) count in units of noise.  The noise floor is the error of a
+The error of an impact is the kinetic norm of the velocity after impact in m/s (`Observations.norm`); the other channels
+(`thesis_lib/critique/likelihood/channels.py`) count in units of noise.  The noise floor is the error of a
 perfect model whose inputs and outcome are measured with noise: the mean kinetic norm of draws from the residual's
 covariance S.
 """
@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
 from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, Channel, Misfits, present
 from thesis_lib.critique.likelihood.fit import Fit
@@ -98,14 +97,15 @@ def judge(fitted: Fit, o: Observations) -> Judgement:
     for name in present(names):
         z = CHANNELS[name].in_sigmas(left)
         sigmas[name] = np.nan if z is None else CHANNELS[name].mean_square(z)
-    error = velocity_error(left_over(here, R[:, :3]), o.rig.k_told)
+    m = o.space.motions
+    error = o.norm(left_over(here, R[:, :m]))
     floor, excess = np.nan, np.nan
     if o.noise_known:
-        L = np.linalg.cholesky(S[:, :3, :3] + 1e-18 * np.eye(3))
+        L = np.linalg.cholesky(S[:, :m, :m] + 1e-18 * np.eye(m))
         # the same draws for every model: equal residuals then have equal floors
-        unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), 3))
+        unit = np.random.default_rng(FLOOR_SEED).standard_normal((FLOOR_DRAWS, len(o), m))
         drawn = np.einsum("nij,dnj->dni", L, unit)
-        noise = velocity_error(left_over(here, drawn), o.rig.k_told)
+        noise = o.norm(left_over(here, drawn))
         floor, excess = float(noise.mean()), float(np.median(error) / np.median(noise))
     score, *others = whitening.log_scores(values)
     beside = {b.channel: (b.trial, scores) for b, scores in zip(o.beside, others)}

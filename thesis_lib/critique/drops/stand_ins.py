@@ -39,7 +39,9 @@ def stand_ins(body: Body, steps: Sequence[Step], fitted: Fit, contradicts: float
         if known is None:
             continue
         errors = float(
-            np.linalg.norm([_off(fitted, f"{effect.name}.{p.name}", p.null, known) for p in effect.parameters])
+            np.linalg.norm(
+                [_off(fitted, f"{effect.name}.{p.name}", p.null, known) for p in fitted.model.parameters_of(effect)]
+            )
         )
         if errors > contradicts:
             others = [name for name in step.alternatives if name in EFFECTS]

@@ -11,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from thesis_lib.contact import CANDIDATE_LAWS
+from thesis_lib.contact import CANDIDATE_LAWS, LAWS_IN_SPACE
 from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureField
 from thesis_lib.critique.contacts.bases import BASES, RESERVE
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, OF_FRICTION
@@ -32,6 +32,7 @@ from thesis_lib.critique.selection.world import Effort, Slopes, World
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.effects.at_wall import effects_at
 from thesis_lib.extensions.registry import added_laws
+from thesis_lib.mechanics.space import Space
 
 REFINED = RESERVE[:1]  # an impulse that takes time, integrated
 ONE_LAW = ("mirtich",)
@@ -52,18 +53,30 @@ class Drops(World[Effect, Fit, Judgement]):
         self.observations, self.rivals = observations, self.settings.rivals
         self.always = of_motion(observations)
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
-        laws = CANDIDATE_LAWS if observations.rig.has_angle else ONE_LAW
+        of_space = CANDIDATE_LAWS if self.space.is_plane else LAWS_IN_SPACE
+        laws = of_space if observations.rig.has_angle else ONE_LAW
         # and a friction with a parameter of its own acts on a slip that is known by half
         slow = [name for name in RESERVE if observations.rig.has_angle or type(BASES[name].force) not in OF_FRICTION]
-        self.bases, self.reserve = (*laws, *added_laws()), tuple(slow) * self.timed
+        added = (name for name in added_laws() if self.space.dimension in BASES[name].dimensions)
+        # contacts are integrated in the plane only
+        self.bases, self.reserve = (*laws, *added), tuple(slow) * (self.timed and self.space.is_plane)
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
         self._noises: dict[tuple, Noise] = {}
 
+    @property
+    def space(self) -> Space:
+        """Where the body moves."""
+        return self.observations.space
+
+    def model(self, base: str, effects: tuple[Effect, ...] = ()) -> Model:
+        """A base with effects, as it is fitted to these data."""
+        return Model(BASES[base], effects, self.timed, self.always, self.space)
+
     def fit(
         self, base: str, effects: tuple[Effect, ...], start: Mapping[str, float] | None = None, effort: Effort = "full"
     ) -> Fit:
-        model = Model(BASES[base], effects, self.timed, self.always)
+        model = self.model(base, effects)
         if effort == "quick":
             return fit(model.limit, self.quick, start, 1, self._noise_without(model.limit, start))
         return fit(model, self.observations, start, rounds=ROUNDS if effort == "full" else 1)
@@ -123,7 +136,7 @@ class Drops(World[Effect, Fit, Judgement]):
         of_law = {p.name for p in BASE_PARAMETERS}
         start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
         for name in REFINED if refine else self.reserve:
-            model = Model(BASES[name], fitted.effects, self.timed, self.always)
+            model = self.model(name, fitted.effects)
             best = max(fits, key=lambda fit: fit.score, default=rigid)
             # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long
             if isinstance(model.law.force, PressureField) and not isinstance(best.model.law.force, HuntCrossley):
@@ -194,9 +207,10 @@ class Drops(World[Effect, Fit, Judgement]):
         of_candidates = {}
         for effect in candidates:
             with_it = Whitening(model.with_effect(effect), self.observations, S, fitted.sigma_m)
-            values = fitted.values | {f"{effect.name}.{p.name}": p.absent_at(fitted.values) for p in effect.parameters}
+            parameters = model.parameters_of(effect)
+            values = fitted.values | {f"{effect.name}.{p.name}": p.absent_at(fitted.values) for p in parameters}
             secants = []
-            for p in effect.parameters:
+            for p in parameters:
                 name = f"{effect.name}.{p.name}"
                 step = inward(p, values[name], p.scale) if p.discrete is None else p.discrete - p.null
                 secants.append(slope(with_it, values, name, step))
@@ -209,7 +223,9 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
     testable, why_not, rig = {}, {}, observations.rig
     slides = any(len(beside) for beside in observations.supports if beside.channel == SLIDE.name)
     for name, effect in [*EFFECTS.items(), *((effect.name, effect) for effect in effects_at(rig.walls))]:
-        if not effect.applies_to(rig):
+        if rig.space.dimension not in effect.dimensions:
+            why_not[name] = f"does not hold in {rig.space.dimension} dimensions"
+        elif not effect.applies_to(rig):
             flat = rig.gravity == 0.0 and effect.channels == ("flight",)
             why_not[name] = "there is no gravity" if flat else f"does not apply to a body of shape {rig.shape.kind}"
         elif effect.needs_angle and not rig.has_angle:

@@ -46,20 +46,24 @@ def state_beside(dynamics: Dynamics, o: Observations, side: int) -> State:
 def lines_beside(dynamics: Dynamics, o: Observations, side: int, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Value and slope (n, 3) of the lines that the camera sees of flights through measured states at impact.
 
-    The inverse of `state_beside`, in the plane.
+    The inverse of `state_beside`.
     """
     if dynamics.model.camera_bends:
         line = line_of_path(dynamics, o, side, state)
         return line.q, line.v
-    pose, speed, a = state.q, state.v, dynamics.acceleration(state)
+
+    def acceleration(state: State) -> np.ndarray:
+        return _beside_lines(o, state, dynamics.acceleration(state))
+
+    pose, speed, a = state.pose, state.v, acceleration(state)
     if dynamics.model.has_varying_flight:
-        a = dynamics.acceleration(state.with_velocity(speed + ARC_MEAN * o.bow[:, side, 1:] * a))
-        pose = pose + _bent(o, side, dynamics.acceleration, state, a)
+        a = acceleration(state.with_velocity(speed + ARC_MEAN * o.bow[:, side, 1:] * a))
+        pose = o.space.shift(pose, _bent(o, side, acceleration, state, a).T)
     beyond = dynamics.arc(o.nodes[:, side], state)
     if beyond is not None:
         line = o.weights[:, side] @ beyond
-        pose, speed = pose + line[:, 0], speed + line[:, 1]
-    return pose + o.bow[:, side, :1] * a, speed + o.bow[:, side, 1:] * a
+        pose, speed = o.space.shift(pose, line[:, 0].T), speed + line[:, 1]
+    return o.space.shift(pose, (o.bow[:, side, :1] * a).T).T, speed + o.bow[:, side, 1:] * a
 
 
 def line_of_path(dynamics: Dynamics, o: Observations, side: int, state: State) -> State:
@@ -96,13 +100,13 @@ def _flown_to_impact(o: Observations, side: int, acceleration: Callable[[State],
 
 def _bent(
     o: Observations, side: int, acceleration: Callable[[State], np.ndarray], at: State, a: np.ndarray
-) -> np.ndarray | float:
+) -> np.ndarray:
     """How much further (n, 3) in m, rad the line lies at the impact as the acceleration varies; 0 unless arcs see it.
 
     `at` is the state at impact, `a` the acceleration that gives the slope, at 0.3 W of a line from 0 to W = 2 b_1.
     A line through τ³/6 is −W³/30 at 0, one through 0.3 W τ²/2 only −W³/40: the rest is −W³/120 times the jerk.
     """
     if o.found.arcs_air is None:
-        return 0.0
+        return np.zeros_like(a)
     W = 2.0 * o.bow[:, side, 1:]
     return -(W**2) / 120.0 * (a - acceleration(at)) / (0.5 * ARC_MEAN)

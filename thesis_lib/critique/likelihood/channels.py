@@ -22,6 +22,7 @@ import numpy as np
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import given_the_others
 from thesis_lib.effects.effect import Effect
+from thesis_lib.mechanics.space import Space
 from thesis_lib.statistics.spread import quantile_std, robust_std
 
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
@@ -46,13 +47,13 @@ class Channel:
     Attributes:
         name: key in files, and what effects declare.
         text: in a sentence.
-        columns: of the residuals of an impact; none of what is measured beside impacts.
+        part: of the residuals of an impact, 0 to 2; None of what is measured beside impacts.
         of_contact: whether it says where a contact is and ends, and impulses do not compare with integrated ones.
     """
 
     name: str
     text: str
-    columns: range = range(0)
+    part: int | None = None
     of_contact: bool = False
     unit = "sigma"
 
@@ -60,6 +61,11 @@ class Channel:
     def short(self) -> str:
         """The text without its explanation."""
         return self.text.split(",")[0]
+
+    def columns(self, space: Space) -> range:
+        """Those of the residuals of an impact; none of what is measured beside impacts."""
+        ends = (0, space.motions, 2 * space.motions, 2 * space.motions + 1)
+        return range(0) if self.part is None else range(ends[self.part], ends[self.part + 1])
 
     def concerns(self, effect: Effect) -> bool:
         """Whether the effect changes what the channel compares."""
@@ -93,7 +99,8 @@ class _Impact(Channel):
     unit = "m/s"
 
     def in_sigmas(self, left: Misfits) -> np.ndarray | None:
-        return left.R[:, self.columns] / np.sqrt(np.einsum("nii->ni", left.sharp)[:, self.columns])
+        columns = self.columns(left.observations.space)
+        return left.R[:, columns] / np.sqrt(np.einsum("nii->ni", left.sharp)[:, columns])
 
 
 class _Meet(_Impact):
@@ -108,16 +115,17 @@ class _Touch(_Meet):
         if not left.observations.arcs:
             return None
         single = left.observations.span == 0.0  # episodes do not measure the touch
-        return given_the_others(left.R[single, 3:], left.S[single, 3:, 3:]) if single.any() else None
+        m = left.observations.space.motions
+        return given_the_others(left.R[single, m:], left.S[single, m:, m:]) if single.any() else None
 
     def mean_square(self, z: np.ndarray) -> float:
         return max(super().mean_square(z), float(np.max(quantile_std(z, UPPER)) ** 2))
 
 
-IMPACT = _Impact("impact", "the velocities after impact", range(3))
+IMPACT = _Impact("impact", "the velocities after impact", 0)
 FLIGHT = Channel("flight", "the flights between impacts")
-MEET = _Meet("meet", "the poses at impact, where the arcs before and after should meet", range(3, 6), of_contact=True)
-TOUCH = _Touch("touch", "the gap at impact", range(6, 7), of_contact=True)
+MEET = _Meet("meet", "the poses at impact, where the arcs before and after should meet", 1, of_contact=True)
+TOUCH = _Touch("touch", "the gap at impact", 2, of_contact=True)
 REST = _Derived("rest", "the poses in which the body lies still", hooks=("to_true", "gap"))
 SLIDE = _Derived(
     "slide",

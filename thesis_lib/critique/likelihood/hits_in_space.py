@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
+from thesis_lib.bodies.solids import contact_kind
 from thesis_lib.critique.likelihood.flights import no_flights
 from thesis_lib.critique.likelihood.observations import Observations, rig_of
 from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows
@@ -43,6 +44,7 @@ FEWEST = 3  # samples on either side of a hit
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that have no other one in their window, at least
 ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
+HARD = 0.4  # m/s: weaker hits are of no kind of contact
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
 
@@ -103,7 +105,15 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
         arcs=True,
         flights=no_flights(SPACE),
         noise_known=True,
-        found=_found(rig, trial, t + windows.t_0, reason, (noise[0] * sigma[0], noise[1] * sigma[-1]), header),
+        found=_found(
+            rig,
+            trial,
+            t + windows.t_0,
+            reason,
+            states.attitude[:, at],
+            (noise[0] * sigma[0], noise[1] * sigma[-1]),
+            header,
+        ),
     )
 
 
@@ -123,12 +133,15 @@ def contact_velocity(state: State, rig: Rig) -> np.ndarray:
     return SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))
 
 
+def kinds_of(o: Observations) -> np.ndarray:
+    """What of the believed hull hits (n,): corner, edge or face; "" of weak hits, and of smooth bodies."""
+    kind = contact_kind(o.rig.shape, o.value[:, 0, 3:].T)  # pyright: ignore[reportArgumentType]
+    return np.where(jump(o) > HARD, kind, "")
+
+
 def jump(o: Observations) -> np.ndarray:
     """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s of each hit, G the believed inertia per mass."""
-    before, after = beside(o, 0), beside(o, 1)
-    of_body = SPACE.turned_back(before.attitude, after.spin - before.spin)
-    turning = np.einsum("in,ij,jn->n", of_body, o.rig.G[:, :, 0], of_body)  # pyright: ignore[reportIndexIssue]
-    return np.sqrt(np.sum((after.velocity - before.velocity) ** 2, axis=0) + turning)
+    return o.norm(beside(o, 1).v - beside(o, 0).v)
 
 
 def _noise(samples: Samples, states: State, header: SpaceHeader) -> tuple[float, float]:
@@ -181,7 +194,7 @@ def _off_free_motion(
     """
     off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 of the places meet
     if not len(tau):
-        return off, dof
+        return off, off
     fall = 0.5 * gravity * np.array([0.0, 0.0, 1.0])
     places = lines_through(used * 1.0, tau, pose[:, :, :3] + fall * (tau**2)[..., None])
     off[:, 0] = (used[..., None] * places.residual**2).sum((1, 2, 3)) / noise[0] ** 2
@@ -206,15 +219,22 @@ def _first_sample(samples: Samples) -> np.ndarray:
 
 
 def _found(
-    rig: Rig, trial: np.ndarray, t: np.ndarray, reason: np.ndarray, noise: tuple[float, float], header: SpaceHeader
+    rig: Rig,
+    trial: np.ndarray,
+    t: np.ndarray,
+    reason: np.ndarray,
+    attitude: np.ndarray,
+    noise: tuple[float, float],
+    header: SpaceHeader,
 ) -> FoundImpacts:
+    """What was found; of hits that are left out also which `kind` of contact they are, whatever their speed."""
     none, out = np.zeros(0), reason != ""
     cells = (trial[out], ordinals(trial)[out], t[out], reason[out], np.full(int(out.sum()), "", object))
-    sigma = np.array([noise[0], noise[0], noise[1]])
+    kind, sigma = contact_kind(header.body.solid, attitude[:, out]), np.array([noise[0], noise[0], noise[1]])
     empty = Impacts(none, none, none.reshape(0, 7), none.reshape(0, 6), none.reshape(0, 6), none.reshape(0, 3), rig.k_g)
     return FoundImpacts(
         impacts=empty,
-        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, cells))),
+        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, cells))).assign(kind=kind),
         arcs=pd.DataFrame(columns=ARC_COLUMNS),
         noise=NoiseEstimate(*noise, sigma, sigma, "differences" if header.noise is None else "header"),
         glitches=pd.DataFrame(columns=["trial", "t"]),

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns
+from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.likelihood.beside import Beside
 from thesis_lib.critique.likelihood.flights import Flights, flights_of, no_flights
 from thesis_lib.critique.likelihood.supports import supports_of
@@ -26,6 +27,7 @@ from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import ORIGIN, Reference, Rig
+from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import Space
 from thesis_lib.mechanics.state import State
 
@@ -113,6 +115,18 @@ class Observations:
     def space(self) -> Space:
         """Where the body moves."""
         return self.rig.space
+
+    def norm(self, dv: np.ndarray) -> np.ndarray:
+        """Kinetic norm (..., n) in m/s of changes of the motions (..., n, d + turns), with the believed inertia.
+
+        √(|δv|² + k² δω²), in space √(|δv|² + δωᵀ G δω).
+        """
+        d, rig = self.space.dimension, self.rig
+        if rig.tensor is None:
+            return velocity_error(dv, rig.k_told)
+        G = in_world(rig.tensor, self.value[:, 0, d:].T)
+        turning = np.einsum("...ni,ijn,...nj->...n", dv[..., d:], G, dv[..., d:])
+        return np.sqrt((dv[..., :d] ** 2).sum(axis=-1) + turning)
 
     def lines(self, side: int) -> State:
         """The states by value and slope of the lines before (0) or after (1) the impacts."""

@@ -26,6 +26,7 @@
 |                 | <which>_interval    | 95 % of `base` and `augmented`, bootstrap over trials, as in ladder.csv     |
 |                 | irb_bound_augmented | with geometry, inertia and camera of the effects                            |
 |                 | meet, touch         | as `flight`: misfit of poses and of the gap at impact                       |
+|                 | by_contact          | in space: of corners, edges and faces; `dimensions` is 3 then               |
 |                 | worst               | largest errors, if they and not the median lift the mean above the floor    |
 | left_out        | flights             | `bent`, how many of all `n` flights are not parabolas: they have no say     |
 | remaining       | channels            | those with a misfit far above noise                                         |
@@ -43,6 +44,7 @@ from dataclasses import asdict
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.solids import CONTACT_KINDS
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.judgement import channel_is_material, judge, spoilt_channels
 from thesis_lib.critique.drops.questions.detectable import detectable
@@ -50,6 +52,7 @@ from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.hits_in_space import kinds_of
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.clock_and_size import could_be
 from thesis_lib.critique.results.summary import headline, summary
@@ -103,7 +106,10 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
         "detectable": detectable(critique),
         "next_experiment": next_experiment(critique, rng),
     }
-    header = None if critique.source is None else critique.source.header
+    if not critique.space.is_plane:
+        content["dimensions"] = critique.space.dimension
+        content["error"]["by_contact"] = by_contact(critique)
+    header = critique.source.header if critique.source is not None and critique.space.is_plane else None
     for effect in content["effects"]:
         effect["could_be"] = could_be(effect["name"], content["effects"], header)
     if (low_pass := found.low_pass) is not None:
@@ -194,6 +200,28 @@ def _error(critique: DropsCritique) -> dict:
     errors = {"unit": "m/s", "base": base, "augmented": augmented, "noise_floor": floor, "explained_share": share}
     errors |= {"noise_floor_single": of_single}
     return errors | bounds | {"no_impact": critique.no_impact, "worst": _worst(critique)} | misfits
+
+
+def by_contact(critique: DropsCritique) -> dict:
+    """Held-out errors of hits at corners, edges and faces of a hull in space, m/s; {} of a smooth body.
+
+    The kinds are those of the believed sharp hull (`bodies.solids.contact_kind`); a hit counts from `HARD` on.
+    `used_share` is that of all hits of the kind that were found, n the number of held-out hits used.
+    """
+    (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
+    o, held_out = critique.observations, critique.held_out
+    kinds, lost = (kinds_of(part) for part in (o, held_out)), o.found.left_out["kind"].to_numpy()
+    of_all, of_held_out = kinds
+    found = {}
+    for kind in CONTACT_KINDS if (of_all != "").any() else ():
+        rows, used = np.flatnonzero(of_held_out == kind), int((of_all == kind).sum())
+        all_of_kind = used + int((lost == kind).sum())
+        ends = {"base": before.error[rows].mean(), "augmented": after.error[rows].mean()} if len(rows) else {}
+        ends |= {"noise_floor": judge(fitted, held_out.rows(rows)).floor} if len(rows) else {}
+        none = dict.fromkeys(("base", "augmented", "noise_floor"))
+        share = used / all_of_kind if all_of_kind else None
+        found[kind] = none | {name: float(x) for name, x in ends.items()} | {"n": len(rows), "used_share": share}
+    return found
 
 
 def _worst(critique: DropsCritique) -> list[dict]:

@@ -12,16 +12,21 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.likelihood.channels import ALWAYS
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.results.diagnosis import diagnosis, left_out, parameters
+from thesis_lib.critique.results.saved_in_space import saved_in_space
 from thesis_lib.critique.results.saved_model import SavedModel, saved
 from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.critique.results.tables import few_tables, tables
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import bounded
 
@@ -121,7 +126,7 @@ class Findings:
     diagnosis: content of diagnosis.json.
     tables: by the name of their file.
     regions: content of where.json, None where regions are not looked for.
-    model: content of model.json, None of a mechanism.
+    model: content of model.json, None of a mechanism and of a mesh in space.
     """
 
     diagnosis: dict
@@ -141,11 +146,22 @@ def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataF
     if models is not None:
         made["models"] = models
         content["models"] = json.loads(models.to_json(orient="records"))
-    model = saved(critique.ladder[-1][1], critique.observations.rig, critique.dataset)
+    model = _saved(critique.ladder[-1][1], critique.observations.rig, critique.dataset, critique.source)
     return Findings(content, made, regions, model)
 
 
 def few_findings(few: FewImpacts) -> Findings:
     """Those of impacts that are too few for a verdict."""
-    model = saved(few.fitted, few.observations.rig, few.dataset, few_parameters(few))
+    model = _saved(few.fitted, few.observations.rig, few.dataset, few.source, few_parameters(few))
     return Findings(few_diagnosis(few), few_tables(few), model=model)
+
+
+def _saved(
+    fitted: Fit, rig: Rig, name: str, source: Dataset | None, parameters: Mapping[str, Mapping] | None = None
+) -> SavedModel | None:
+    """Content of model.json; None of a body in space whose shape is a mesh, which is a file of its own."""
+    if rig.space.is_plane:
+        return saved(fitted, rig, name, parameters)
+    if source is None or isinstance(source.in_space.body.shape, Mesh):
+        return None
+    return saved_in_space(fitted, source.in_space, name, parameters)

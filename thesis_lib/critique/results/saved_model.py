@@ -8,12 +8,12 @@ import io
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import MOST, Wall, in_wall_frame, turns, wall_ahead
@@ -23,14 +23,15 @@ from thesis_lib.critique.contacts.kinds import ByImpulse, bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.planar.sliding import SLIDING, TABLE
 from thesis_lib.critique.likelihood.fit import Fit
-from thesis_lib.effects import EFFECTS, require_known
+from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import read_json, write_json
-from thesis_lib.foundation.regular_file import MissingFile, read_bytes, regular_size
+from thesis_lib.foundation.files import write_json
+from thesis_lib.foundation.regular_file import read_bytes
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.foundation.settings import Section
+from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 
 STATE = ("x", "y", "theta", "vx", "vy", "omega")
@@ -108,12 +109,33 @@ class SavedModel(Section):
     scatter: float = Field(0.0, ge=0, description="m/s, of the velocity after impact beyond noise")
     rig: SavedRig
 
+    # columns of states and of predictions, and the units of the former
+    columns: ClassVar[tuple[str, ...]] = STATE
+    found: ClassVar[tuple[str, ...]] = POST
+    units: ClassVar[str] = "m, rad, m/s, rad/s"
+
+    @property
+    def space(self) -> Space:
+        """Where the body moves."""
+        return PLANE
+
+    def measured(self, columns: Mapping[str, np.ndarray]) -> State:
+        """The states in these columns (n,), as the model sees them."""
+        return State.planar(**columns)
+
+    def after(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity (n, d + turns) in m/s, rad/s at the end of the contact, and a mask (n,) of bodies that approach it.
+
+        The others keep the velocity of the state.
+        """
+        return _after(self, state)
+
     @property
     def model(self) -> Model:
         """Law with effects; its contact takes time where the parameters hold that time."""
         effects = tuple(EFFECTS[name] for name in self.effects)
         timed, slides = (p.name in self.parameters for p in (CONTACT_TIME, SLIDING))
-        return Model(BASES[self.law], effects, timed, (TABLE,) * slides)
+        return Model(BASES[self.law], effects, timed, (TABLE,) * slides, self.space)
 
     @property
     def values(self) -> dict[str, float]:
@@ -126,6 +148,11 @@ class SavedModel(Section):
         rig = self.rig
         reference = Reference(rig.reference.x, rig.reference.t, rig.reference.trial)
         return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle, reference)
+
+    def require_plane(self, what: str) -> None:
+        """UserError if the model is of a body in space, where `what` is not available."""
+        if not self.space.is_plane:
+            raise UserError(f"{self.dataset} is a model of a body in space; {what} is there for planar ones only.")
 
     @property
     def dynamics(self) -> ByImpulse:
@@ -148,13 +175,13 @@ class SavedModel(Section):
         `source`, the name of their file, if a column is missing or a value is not a finite number.
         """
         prefix, states = f"{source}: " if source else "", pd.DataFrame(states)
-        if missing := [name for name in STATE if name not in states]:
+        if missing := [name for name in self.columns if name not in states]:
             raise UserError(
-                f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(STATE)} "
-                "(m, rad, m/s, rad/s) just before impact."
+                f"{prefix}The states lack the column(s) {', '.join(missing)}; needed are {', '.join(self.columns)} "
+                f"({self.units}) just before impact."
             )
         columns = {}
-        for name in (*STATE, *OPTIONAL):
+        for name in (*self.columns, *OPTIONAL):
             if name in states:
                 try:
                     columns[name] = pd.to_numeric(states[name], errors="coerce").to_numpy(float)
@@ -169,17 +196,16 @@ class SavedModel(Section):
         # what is missing is that of the reference: far from it a limit such as ε ≤ 1 would hide what depends on it
         for name in (name for name in OPTIONAL if name not in states):
             columns[name] = np.full(len(states), getattr(self.rig.reference, name))
-        state = State.planar(**columns)
-        after, approaches = _after(self, state)
+        after, approaches = self.after(self.measured(columns))
         for name in (name for name in OPTIONAL if name not in states):
-            moved, _ = _after(self, state.moved(**{name: getattr(state, name) + _PULL}))
+            moved, _ = self.after(self.measured(columns | {name: columns[name] + _PULL}))
             if not np.array_equal(after, moved, equal_nan=True):
                 effects = ", ".join(self.effects)
                 why = f"This model depends on {name} ({effects}): add the column {name} to the states."
                 raise UserError(f"{prefix}{why}")
         status = np.where(approaches, "ok", "not_approaching")
         status = np.where(np.isfinite(after).all(axis=1), status, "no_solution")
-        return states.assign(**dict(zip(POST, after.T)), status=status)
+        return states.assign(**dict(zip(self.found, after.T)), status=status)
 
     def save(self, path: str | Path) -> None:
         """Write model.json; with `origins` only where something is not the library's."""
@@ -195,6 +221,16 @@ class SavedModel(Section):
 
 def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping] | None = None) -> SavedModel:
     """Content of model.json for a fitted model; `parameters`: as in diagnosis.json, None: as fitted."""
+    # values of the user are not rounded
+    user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
+    user |= {"gravity": rig.gravity, "height": rig.height, "has_angle": rig.has_angle}
+    user |= {"reference": asdict(rig.reference)}
+    user |= {"walls": [wall.model_dump(mode="json") for wall in rig.walls]}
+    return SavedModel.model_validate(content_of(fitted, dataset, parameters) | {"rig": user})
+
+
+def content_of(fitted: Fit, dataset: str, parameters: Mapping[str, Mapping] | None) -> dict:
+    """Content of model.json but the rig, rounded to six digits; arguments as of `saved`."""
     parameters = parameters or {
         name: fitted.content(name) | ({} if p.discrete is None else {"std": None})
         for name, p in fitted.model.parameters.items()
@@ -204,13 +240,7 @@ def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping]
     of = {"law": [law], "effect": effects}
     origins = {name: origin.content() for (kind, name), origin in additions().items() if name in of[kind]}
     model = {"schema": 1, "dataset": dataset, "law": law, "effects": effects, "origins": origins}
-    rounded = six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
-    # values of the user are not rounded
-    user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
-    user |= {"gravity": rig.gravity, "height": rig.height, "has_angle": rig.has_angle}
-    user |= {"reference": asdict(rig.reference)}
-    user |= {"walls": [wall.model_dump(mode="json") for wall in rig.walls]}
-    return SavedModel.model_validate(rounded | {"rig": user})
+    return six_digits(model | {"parameters": parameters, "scatter": fitted.sigma_m})
 
 
 def changed_code(model: SavedModel) -> list[str]:
@@ -221,56 +251,6 @@ def changed_code(model: SavedModel) -> list[str]:
         for name, saved in model.origins.items()
         if (origin := now.get(name)) is not None and origin.sha256 != saved.sha256
     ]
-
-
-def load_model(path: str | Path) -> SavedModel:
-    """Read model.json; UserError if it is missing or invalid, or names an unknown law, effect or parameter."""
-    try:
-        regular_size(path, MAX_MODEL)
-        model = SavedModel.model_validate(read_json(path))
-    except MissingFile as error:
-        raise UserError(
-            f"There is no model {path}. A critique writes model.json: python -m thesis_lib critique DATASET -o DIR"
-        ) from error
-    except ValidationError as error:
-        lines = [f"{path} is not a model that this program wrote:"]
-        for item in error.errors(include_url=False)[:20]:
-            lines.append(f"  {'.'.join(map(str, item['loc']))[:200] or '(top level)'}: {item['msg']}")
-        raise UserError("\n".join([*lines, "Write it again with python -m thesis_lib critique."])) from error
-    if model.law not in BASES:
-        remedy = _remedy(model, model.law) or f"known are {', '.join(BASES)}"
-        raise UserError(f"{path}: there is no law {model.law[:60]!r}; {remedy}.")
-    for name in model.effects:
-        if name not in EFFECTS:
-            remedy = _remedy(model, name) or (
-                "python -m thesis_lib effects lists them, and --effects FILE.py adds those of a file of yours"
-            )
-            raise UserError(f"{path}: there is no effect {name[:60]!r}; {remedy}.")
-    try:
-        require_known(model.effects, model.rig.walls)
-    except UserError as error:
-        raise UserError(f"{path}: {error}") from error
-    needed = set(model.model.parameters)
-    if needed != set(model.parameters):
-        wrong = ", ".join(sorted(needed ^ set(model.parameters)))[:200]
-        raise UserError(f"{path}: missing or unknown parameter(s): {wrong}. Write it again.")
-    tau = CONTACT_TIME
-    if tau.name in needed and not tau.low <= (lasts := model.values[tau.name]) <= tau.high:
-        raise UserError(f"{path}: tau must be between {tau.low:g} and {tau.high:g} s; got {lasts:g}.")
-    try:
-        with np.errstate(all="ignore"):
-            _after(model, State.planar(**{name: -np.ones(1) for name in (*STATE, *OPTIONAL)}))
-    except (ArithmeticError, ValueError) as error:  # for example sizes of 1e308 m
-        raise UserError(f"{path} holds numbers that cannot be computed with ({error}). Write it again.") from error
-    return model
-
-
-def _remedy(model: SavedModel, name: str) -> str:
-    """Where a law or an effect came from that is not loaded, and how to load it; "" if the model does not say."""
-    if name not in model.origins:
-        return ""
-    origin = model.origins[name].origin
-    return f"it came from {origin} and is not loaded: {origin.remedy}"
 
 
 def read_states(path: str | Path) -> pd.DataFrame:

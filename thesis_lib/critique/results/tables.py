@@ -15,6 +15,8 @@ Parts, in (m/s)², are subtracted in this order, each between zero and the remai
 largest 2 % of the errors are excluded: a single missed hit would dominate a mean square.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -23,6 +25,7 @@ from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.few_impacts import FewImpacts
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import what_is_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.drops.questions.flight_residuals import flight_table
@@ -62,11 +65,10 @@ def tables(critique: DropsCritique, rng: np.random.Generator) -> dict[str, pd.Da
     }
     if len(critique.observations.flights):
         content["flights"] = flight_table(critique)
-    for name, table in content.items():
-        explain(name, table.columns)
-    return content
+    return _explained(content)
 
 
+@of_the_plane(pd.DataFrame)
 def comparison(critique: DropsCritique) -> pd.DataFrame:
     """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
     o = critique.held_out
@@ -93,10 +95,15 @@ def few_tables(few: FewImpacts) -> dict[str, pd.DataFrame]:
     """`impacts` and `comparison` of impacts that are too few for a verdict: nothing is held out."""
     none = np.zeros(0)
     rows = [_row(name, "law", none, fitted) for name, fitted in few.laws.items()]
-    content = {"comparison": pd.DataFrame(rows).reindex(columns=COMPARISON), "impacts": impacts(few.observations, none)}
+    comparison = pd.DataFrame(rows).reindex(columns=COMPARISON)
+    return _explained({"comparison": comparison, "impacts": impacts(few.observations, none)})
+
+
+def _explained(content: Mapping[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
+    """The tables that have columns, each of which columns.yaml explains; KeyError if it does not."""
     for name, table in content.items():
         explain(name, table.columns)
-    return content
+    return {name: table for name, table in content.items() if len(table.columns)}
 
 
 def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
@@ -107,6 +114,7 @@ def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     return irb_bound(v_pre, v_post, r, mass=1.0, k_g=observations.rig.k_g).error
 
 
+@of_the_plane(pd.DataFrame)
 def errors(critique: DropsCritique) -> pd.DataFrame:
     """A row per impact and model (base, and augmented if there are effects) with the error in the contact frame."""
     o = critique.observations
@@ -150,6 +158,7 @@ def ladder(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+@of_the_plane(pd.DataFrame)
 def impacts(o: Observations, held_out: np.ndarray) -> pd.DataFrame:
     """Impacts used, with covariance, and those left out, with the reason; `held_out`: trials that no choice saw."""
     used = o.found.impacts.to_table().assign(hits=1, span=0.0, used=1, reason="", detail="")
@@ -193,6 +202,7 @@ def left_out_impacts(observations: Observations) -> pd.DataFrame:
     return pd.concat([left_out, short], ignore_index=True) if len(short) else left_out
 
 
+@of_the_plane(pd.DataFrame)
 def budget(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     """Parts of the mean square error of the base law on held-out single hits, as in the module's table."""
     o, base = critique.held_out.single, critique.ladder[0][1]

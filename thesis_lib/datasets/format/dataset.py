@@ -111,9 +111,9 @@ class Dataset:
         """UserError if the body moves in space, where `what` is not available."""
         if not self.space.is_plane:
             raise UserError(
-                f"{self.name} is a dataset in space (schema 2). It can be read, written and checked; {what} is there "
-                "for motions in a plane only. If the body moves in a plane, project it: datasets init with a planar "
-                "--shape."
+                f"{self.name} is a dataset in space (schema 2). It can be read, written, checked and criticised; "
+                f"{what} is there for motions in a plane only. If the body moves in a plane, project it: datasets init "
+                "with a planar --shape."
             )
 
     def digest(self) -> str:

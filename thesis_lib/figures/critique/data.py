@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from thesis_lib.bodies.walls import as_filmed
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.results.tables import left_out_impacts
 from thesis_lib.figures.critique.errors import set_title
@@ -26,6 +27,7 @@ USED, LEFT_OUT, ARC = BLUE, RED, "0.45"
 STATES = ("v_t", "v_n", "omega", "theta")
 
 
+@of_the_plane(lambda: None)
 @house_style
 def draw_data(critique: DropsCritique) -> Drawn:
     """Trials in the plane, histograms of the states before impact, and reasons for leaving impacts out."""

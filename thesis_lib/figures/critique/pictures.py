@@ -82,7 +82,7 @@ def pictures(
     its table.
     """
     tables = tables or {}
-    drawn = {"data": draw_data(critique), "laws": draw_laws(critique)}
+    drawn: dict[str, Drawn | None] = {"data": draw_data(critique), "laws": draw_laws(critique)}
     if "budget" in tables:
         drawn["budget"] = draw_budget(tables)
     drawn |= {"where": draw_where(critique, where), "residuals": draw_residuals(critique)}
@@ -91,4 +91,4 @@ def pictures(
     drawn |= {"ladder": draw_ladder(critique, tables), "parameters": draw_parameters(critique)}
     if "models" in tables:
         drawn["models"] = draw_models(tables["models"])
-    return drawn
+    return {name: one for name, one in drawn.items() if one is not None}

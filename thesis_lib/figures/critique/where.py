@@ -15,6 +15,7 @@ from matplotlib.patches import Rectangle
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.words import plain_rule
 from thesis_lib.critique.results.numbers import energy_disc, impact_errors
 from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
@@ -79,6 +80,7 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
     return boxes
 
 
+@of_the_plane(lambda: None)
 @house_style
 def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
     """Maps of the error over (v_t, v_n) and over the energy disc, before and after the effects."""

@@ -24,6 +24,7 @@ from matplotlib.ticker import MaxNLocator
 from thesis_lib.contact.space import contact_space, energy_ellipse, measured_impulse, velocity_error
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.fit import Fit
@@ -48,6 +49,7 @@ KEYS = (
 )
 
 
+@of_the_plane(Markup)
 def explorer(critique: DropsCritique, where: Mapping) -> Markup:
     """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction."""
     o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]

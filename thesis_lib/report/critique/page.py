@@ -62,7 +62,12 @@ def report_html(
         ),
         "2. Where the base law fails": (
             *("where", text.where_it_fails(where), drawn.get("where"), impacts.explorer(critique, where)),
-            *(tables.regions_table(where), text.residuals(), drawn.get("residuals"), drawn.get("flights")),
+            *(
+                tables.regions_table(where),
+                drawn.get("residuals") and text.residuals(),
+                drawn.get("residuals"),
+                drawn.get("flights"),
+            ),
             tables.tests_table(where),
         ),
         "3. Which effect is missing": (

@@ -73,13 +73,18 @@ def laws(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:
             f"The best of the {len(errors)} laws for each impact, picked after the fact, would err by "
             f"{amount(float(best.mean()), unit)}. "
         )
+    bounds = f"If nothing happened at the impact, the error would be {amount(critique.no_impact, unit)}"
+    if np.isfinite(critique.irb):
+        bounds = (
+            "Any rigid impulse at the believed contact point would err by at least "
+            f"{amount(critique.irb, unit)} (IRB bound, after the fact); and if nothing happened at the impact, by "
+            f"{amount(critique.no_impact, unit)}"
+        )
     return paragraph(
         f"The base law, {chosen}, is {law_title(base['name'])} with {values}. Its held-out "
         f"error is {number(error['base'])} {ends} {unit}; {compared}.",
         f"{laws_sentence(errors)}.",
-        f"{after_the_fact}Any rigid impulse at the believed contact point would err by at least "
-        f"{amount(critique.irb, unit)} (IRB bound, after the fact); and if nothing happened at the impact, by "
-        f"{amount(critique.no_impact, unit)}.",
+        f"{after_the_fact}{bounds}.",
     )
 
 
@@ -99,6 +104,8 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
 
 
 def where_it_fails(where: Mapping) -> Markup:
+    if not where:
+        return Markup()
     text = "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
     in_flight = then = ""
     if regions := where.get("regions"):

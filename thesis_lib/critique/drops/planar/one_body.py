@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.settings import OneBody
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.foundation.errors import UserError
@@ -56,6 +57,7 @@ class Groups:
         return bool(enough and explained and sharp)
 
 
+@of_the_plane(lambda: None)
 def refuse_what_is_not_one_body(name: str, o: Observations, limits: OneBody) -> None:
     """Raise a UserError if the motion in `o` is not planar, or its trials are of two bodies."""
     if not len(o):

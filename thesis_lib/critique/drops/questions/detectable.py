@@ -19,6 +19,7 @@ import numpy as np
 
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.critique.likelihood.channels import CHANNELS, Misfits, concerned, present
@@ -38,6 +39,7 @@ Parts = Mapping[str, np.ndarray]
 Sizes = dict[str, dict[str, float | None]]
 
 
+@of_the_plane(list)
 def detectable(critique: DropsCritique) -> list[dict]:
     """Rows name, smallest, significant, material (each by parameter, in its unit) and drops_for_half.
 

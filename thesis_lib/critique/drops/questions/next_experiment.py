@@ -28,6 +28,7 @@ import numpy as np
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import inward
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.words import NAMED
 from thesis_lib.critique.likelihood.channels import CHANNELS, FLIGHT, IMPACT
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP, Fit, fit
@@ -58,6 +59,11 @@ CHECKS = {  # what shows a fault of the measurement without an impact
 }
 
 
+def _none_in_space() -> dict:
+    return _nothing("No states are proposed for a body that moves in space.")
+
+
+@of_the_plane(_none_in_space)
 def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
     """Keys `why`, `states` (vx, vy in m/s, omega in rad/s, theta in rad), and `shows` and `sigmas` of the states.
 
@@ -170,7 +176,8 @@ def _misfits(critique: DropsCritique, final: Fit, channels: tuple[str, ...]) -> 
     std = np.sqrt(np.einsum("nii->ni", final.on(o).covariance(o.t_std)))
     if not o.noise_known:  # the scatter replaces the unknown noise
         std = np.ones_like(std) * np.maximum(np.std(R, axis=0), 1e-12)
-    used = [CHANNELS[name].columns for name in channels if CHANNELS[name].columns] or [IMPACT.columns]
+    columns = {name: CHANNELS[name].columns(o.space) for name in (*channels, IMPACT.name)}
+    used = [columns[name] for name in channels if columns[name]] or [columns[IMPACT.name]]
     z = np.concatenate([(R / std)[:, part] for part in used], axis=1)
     return np.minimum(np.sqrt(np.mean(z**2, axis=1)), CLIP * np.sqrt(np.mean(np.median(z**2, axis=0))))
 

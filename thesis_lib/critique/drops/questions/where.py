@@ -20,6 +20,7 @@ import pandas as pd
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import FEATURES, features
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import (
@@ -84,6 +85,7 @@ class Condition:
 Rule = tuple[Condition, ...]
 
 
+@of_the_plane(lambda: None)
 def where(critique: DropsCritique, rng: np.random.Generator | None = None) -> dict:
     """Content of where.json: regions before and after the effects, and tests of whole classes of models."""
     rng = rng or np.random.default_rng(0)

@@ -1,0 +1,85 @@
+"""A fitted model of a body in space as a file, and its predictions; all else as in the plane (`saved_model`).
+
+In place of the planar rig, model.json holds what dataset.yaml says of body, tracked frame, surface and gravity, so that
+the model predicts rows of an impacts.csv of schema 2: poses and velocities of the tracked frame, in axes of the world.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import rig_of
+from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, content_of
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_of_body, tracked_states
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.effects.effect import Reference, Rig
+from thesis_lib.mechanics.space import SPACE, Space
+from thesis_lib.mechanics.state import State
+
+NOT_OF_THE_RIG = {"description", "noise", "rate", "spin", "surfaces"}  # keys of dataset.yaml
+
+
+class SavedSpaceRig(SpaceHeader):
+    """Body and rig as believed: dataset.yaml without what is said about the recording."""
+
+    reference: SavedReference = Field(SavedReference(), description="where effects count from; mu, epsilon, tau there")
+
+    @property
+    def walls(self) -> tuple:
+        """None in space."""
+        return ()
+
+    @property
+    def believed(self) -> Rig:
+        """The rig in the form that effects use."""
+        reference = Reference(self.reference.x, self.reference.t, self.reference.trial)
+        return replace(rig_of(Dataset("", self)), reference=reference)
+
+
+class SavedSpaceModel(SavedModel):
+    """The content of model.json of a body in space.
+
+    `predict` takes x, y, z, qw … qz, vx_pre … wz_pre of the tracked frame and adds vx_post … wz_post and `status`.
+    """
+
+    dimensions: Literal[3] = 3
+    rig: SavedSpaceRig
+
+    columns: ClassVar[tuple[str, ...]] = (*POSE_IN_SPACE, *V_PRE_IN_SPACE)
+    found: ClassVar[tuple[str, ...]] = V_POST_IN_SPACE
+    units: ClassVar[str] = "m, quaternion, m/s, rad/s"
+
+    @property
+    def space(self) -> Space:
+        return SPACE
+
+    @property
+    def believed(self) -> Rig:
+        return self.rig.believed
+
+    def measured(self, columns: Mapping[str, np.ndarray]) -> State:
+        states = body_states(tracked_states(pd.DataFrame(columns), V_PRE_IN_SPACE), self.rig)
+        return surface_frames(self.rig)[0].seen(states)
+
+    def after(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        dynamics = self.dynamics
+        approaches = dynamics.approaches(dynamics.to_true(state))
+        motion = np.where(approaches, dynamics.predict(state).motion, state.motion)
+        seen = tracked_of_body(surface_frames(self.rig)[0].shown(state.with_motion(motion)), self.rig)
+        return seen.v, approaches
+
+
+def saved_in_space(
+    fitted: Fit, header: SpaceHeader, dataset: str, parameters: Mapping | None = None
+) -> SavedSpaceModel:
+    """Content of model.json for a model fitted to a dataset with this dataset.yaml; `parameters` as of `saved`."""
+    rig = header.model_dump(mode="json", by_alias=True, exclude=NOT_OF_THE_RIG)
+    rig["reference"] = asdict(fitted.whitening.observations.rig.reference)
+    return SavedSpaceModel.model_validate(content_of(fitted, dataset, parameters) | {"dimensions": 3, "rig": rig})
