@@ -164,6 +164,16 @@ def test_what_is_saved_predicts_further_hits(centre_hidden, tmp_path):
         model.predict({"x": [0.0]})
 
 
+def test_few_hits_say_restitution(tmp_path):
+    found = criticise(tossed(6))
+    content = found.to_dict()
+    assert content["verdict"] is None and content["dimensions"] == 3
+    of = content["restitution"]
+    assert abs(of["value"] - TRUTH["epsilon"]) < 4.0 * of["std"] < 0.2
+    found.save(tmp_path / "few")
+    assert load_model(tmp_path / "few" / "model.json").rig.body.radii_of_gyration == tuple(np.sqrt(K2))
+
+
 def test_what_needs_the_plane_is_said(tmp_path):
     dataset = tossed(2)
     with pytest.raises(UserError, match="--models is there for motions in a plane only"):

@@ -66,6 +66,8 @@ def few_diagnosis(few: FewImpacts) -> dict:
         "next_experiment": {"why": _what_is_needed(n, m), "states": []},
         "laws": {name: {"parameters": parameters(fitted), **unknown} for name, fitted in few.laws.items()},
     }
+    if not o.space.is_plane:
+        content["dimensions"] = o.space.dimension
     if (low_pass := o.found.low_pass) is not None:
         content["low_pass"] = low_pass.content()
     content["summary"] = _summary(content, why)
