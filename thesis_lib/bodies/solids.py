@@ -62,6 +62,11 @@ class Solid(Section):
         """Corners (3, k) in m of the sharp solid; a smooth one has none."""
         return np.empty((3, 0))
 
+    @property
+    def faces(self) -> np.ndarray:
+        """Unit normals (k, 3) of the flat faces; of a primitive its axes, both ways."""
+        return np.concatenate([np.eye(3), -np.eye(3)])
+
     def scaled(self, factor: float) -> "Solid":
         """The similar solid with all lengths times `factor`."""
         return type(self)(**{name: _times(value, factor) for name, value in self.model_dump().items()})
@@ -264,6 +269,10 @@ class Hull(Edged):
     def corners(self) -> np.ndarray:
         return self._hull.points[self._hull.vertices].T
 
+    @property
+    def faces(self) -> np.ndarray:
+        return self._planes[:, :3]
+
     @cached_property
     def inradius(self) -> float:
         return self._ball[1]
@@ -344,6 +353,10 @@ class Recentred(Solid):
     @property
     def corners(self) -> np.ndarray:
         return self.solid.corners - self._shift
+
+    @property
+    def faces(self) -> np.ndarray:
+        return self.solid.faces
 
     def scaled(self, factor: float) -> "Recentred":
         return Recentred(solid=self.solid.scaled(factor), origin=tuple(factor * np.array(self.origin)))

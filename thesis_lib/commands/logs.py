@@ -96,6 +96,8 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     init.add_argument("--body", metavar="NAME", help=f"{body}of the body, as P,Q,…; default: all")
     frame = "in the tracked frame, seen in the plane: centre of mass in m, and by how many degrees the shape is turned"
     init.add_argument("--frame", metavar="X,Y,ANGLE", help=f"{frame}; default: 0,0,0")
+    tracked = "of a shape in space: found from flights, hits and rests (default), or the frame of the shape itself"
+    init.add_argument("--tracked", choices=["shape"], help=f"where the tracked frame is, {tracked}")
     cut = "cut each file into drops, or take it as one trial; default: cut motions in space that name no trials"
     init.add_argument("--cut", action=argparse.BooleanOptionalAction, help=cut)
     shape = "ellipse:A,B | disk:R | square:SIDE | rect:W,H | polygon:'x1,y1;x2,y2;…' in m; of a body in space, whose "

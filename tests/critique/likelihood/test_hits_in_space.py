@@ -123,11 +123,17 @@ def test_what_cannot_be_searched_is_said(tossed):
     several = dataset_of(content, trajectories=tossed.dataset.trajectories.assign(z=tossed.dataset.trajectories["z"]))
     with pytest.raises(UserError, match="on one surface"):
         observe_in_space(several)
-    lost = type(tossed.dataset)(
-        "d", tossed.dataset.header.model_copy(update={"tracked": None}), tossed.dataset.trajectories
-    )
-    with pytest.raises(UserError, match="tracked: unknown"):
-        observe_in_space(lost)
+
+
+def test_a_tracked_frame_that_nobody_knows_is_found(tossed):
+    header, table = tossed.dataset.header.model_copy(update={"tracked": None}), tossed.dataset.trajectories
+    found = observe_in_space(type(tossed.dataset)("d", header, table))
+    assert len(found) > 0.9 * len(tossed.found)
+    gap = found.rig.gap(beside(found, 0))
+    assert np.median(np.abs(gap)) < 1e-3
+    few = type(tossed.dataset)("d", header, table[table["trial"] < 2])
+    with pytest.raises(UserError, match=r"tracked: unknown: .*follow"):
+        observe_in_space(few)
 
 
 def test_longer_arcs_lose_hits_that_follow_too_soon(tossed):

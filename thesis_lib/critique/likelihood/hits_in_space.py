@@ -22,6 +22,7 @@ from thesis_lib.bodies.solids import contact_kind
 from thesis_lib.critique.likelihood.flights import no_flights
 from thesis_lib.critique.likelihood.observations import Observations, rig_of
 from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows
+from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
@@ -52,12 +53,13 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
     """Observations of the hits in the trajectories of a dataset in space; what cannot be used has a reason in `found`.
 
     Raises:
-        UserError: there are no trajectories or no orientations, the tracked frame is unknown, or there are several
-            surfaces.
+        UserError: there are no trajectories or no orientations, the tracked frame is unknown and cannot be found, or
+            there are several surfaces.
     """
-    header = dataset.in_space
-    if dataset.trajectories is None or not dataset.has_angle or header.surfaces is not None:
+    if dataset.trajectories is None or not dataset.has_angle or dataset.in_space.surfaces is not None:
         raise UserError(f"{dataset.name}: hits in space are found in trajectories with orientation, on one surface.")
+    dataset = settled(dataset)
+    header = dataset.in_space
     settings = settings or ArcSettings(min_window=FEWEST)
     whole = dataset.trajectories[np.isfinite(dataset.trajectories["qw"].to_numpy(float))]
     whole = whole.iloc[np.lexsort((whole["t"], whole["trial"]))]

@@ -6,6 +6,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,9 @@ from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_
 from thesis_lib.datasets.space.drops import Cuts
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
+
+if TYPE_CHECKING:
+    from thesis_lib.datasets.space.tracked_frame import TrackedFrame
 
 _OPTIONS = {"size": "homogeneous", "body": "shape"}  # keys of dataset.yaml whose option has another name
 
@@ -73,8 +77,17 @@ def as_dataset(
     return Dataset(name, _validated(Header, content), poses, has_angle=has_angle)
 
 
-def solid_dataset(name: str, files: Sequence[str | Path], rig: RigOptions, up: np.ndarray, motion: Motion) -> Dataset:
+def solid_dataset(
+    name: str,
+    files: Sequence[str | Path],
+    rig: RigOptions,
+    up: np.ndarray,
+    motion: Motion,
+    found: "TrackedFrame | None" = None,
+) -> Dataset:
     """The dataset of a homogeneous body in space, without its tables; `up` (3,) is against gravity.
+
+    Tracked frame and surface are as `found`; else they are that of the shape, and as the options say.
 
     UserError if a value of the experiment is impossible, or a mesh is not closed.
     """
@@ -91,6 +104,9 @@ def solid_dataset(name: str, files: Sequence[str | Path], rig: RigOptions, up: n
         "gravity": tuple(-rig.g * up),
         "rate": rig.rate if rig.rate is not None else rate,
     }
+    if found is not None:
+        content["tracked"] = found.tracked
+        content["surface"] = {"point": tuple(found.point), "normal": tuple(found.normal)}
     return Dataset(name, _validated(SpaceHeader, content))
 
 

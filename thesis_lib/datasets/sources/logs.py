@@ -47,6 +47,8 @@ def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Re
     frame = _parse_frame(reading.frame) if reading.frame else (0.0, 0.0, 0.0)
     notes: list[str] = []
     warnings: list[str] = []
+    if reading.tracked and not rig.in_space:
+        raise UserError("--tracked is for shapes of space; of a planar one, say with --frame how it is tracked.")
     if rig.in_space:
         _check_solid(paths[0], in_space, rig, reading)
     if not in_space and not reading.cut:
@@ -151,6 +153,7 @@ def _view(form: str, reading: Reading, frame: tuple[float, float, float], named:
         cut=not (named or reading.per_trial_files) if reading.cut is None else reading.cut,
         left_handed=reading.left_handed,
         up_is_given=reading.up is not None,
+        tracked=reading.tracked is None,
     )
 
 

@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.solid_body import SolidBody
+from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.samples.stamps import times_of_pictures
@@ -28,9 +31,15 @@ from thesis_lib.datasets.space.motion import Motion, handed, join, turning
 from thesis_lib.datasets.space.plane import Plane, find_plane, in_plane, share_out
 from thesis_lib.datasets.space.torque_free import better_reading, falling
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import SPACE, rotation_matrix
+from thesis_lib.mechanics.state import State
+
+if TYPE_CHECKING:
+    from thesis_lib.datasets.space.tracked_frame import TrackedFrame
 
 MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
 STRAIGHT = 0.99  # share of a direction along an axis, from which on it is that axis
+LEVEL = 2e-3  # rad between the axis that is up and the fall, within which they are one
 PART = 100  # samples within which a clock of arrival wanders by less than it jitters
 FEW_TRIALS = 10  # a critique asks for as many
 
@@ -50,6 +59,7 @@ class View:
     cut: bool = True
     left_handed: bool = False
     up_is_given: bool = True  # else `up` is that of most such recordings
+    tracked: bool = True  # the tracked frame of a shape in space is looked for; else it is that of the shape
 
 
 def convert_motions(
@@ -117,24 +127,47 @@ def _keep_in_space(
     notes: list[str],
 ) -> Conversion:
     size, up = GRAVITY if rig.gravity is None else rig.gravity, view.up
-    track = follow(motion.t, motion.position, size)
-    flights = find_flights(track, -size * up)
-    if not flights and not view.up_is_given and (found := falling(motion.t, motion.position, size)) and not found[0]:
-        up = -found[1]
-        flights = find_flights(track, -size * up)
+    dataset = solid_dataset(name, files, rig, up, motion)
+    body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
+    found = _tracked_frame(motion, piece, body, size, notes) if view.tracked and motion.oriented else None
+    path = motion.position if found is None else found.path
+    track = follow(motion.t, path, size)
+    falls = None
+    if found is not None and not view.up_is_given:
+        off = np.arccos(min(-found.gravity @ up / size, 1.0))
+        falls = found.gravity / size if off > LEVEL + 3.0 * found.gravity_angle else None
+    flights = find_flights(track, -size * up) if falls is None else []
+    if (
+        falls is None
+        and not flights
+        and not view.up_is_given
+        and (fall := falling(motion.t, path, size))
+        and not fall[0]
+    ):
+        falls = fall[1]
+    if falls is not None:
+        up = -falls
+        flights = find_flights(track, size * falls)
         shown = ", ".join(f"{value:.3f}" for value in up + 0.0)
         notes.append(f"up is ({shown}) in the axes of the recording, against the fall in {len(flights)} free flights")
     if not flights:
         raise UserError(_no_flight(motion, size))
-    dataset = solid_dataset(name, files, rig, up, motion)
-    body = dataset.in_space.body
-    if motion.oriented and (other := better_reading(motion, track, flights, body.inertia_per_mass)):
+    dataset = solid_dataset(name, files, rig, up, motion, found)
+    header = dataset.in_space
+    assert header.tracked is not None
+    mounted = rotation_matrix(header.tracked.attitude)
+    tensor = mounted.T @ body.inertia_per_mass @ mounted
+    if motion.oriented and (other := better_reading(motion, track, flights, tensor)):
         raise UserError(
             f"{motion.source}: read as stated, the body does not turn in free flight as a free body does. It does with "
             f"{other}. Find out how the log was written, and say so."
         )
-    attitude = motion.quaternion[:, [3, 0, 1, 2]].T
-    height = motion.position @ up + up @ body.solid.lowest(attitude, up[:, None]) - rig.surface_height
+    (surface,) = surface_frames(header)
+    states = State(
+        np.concatenate([motion.position.T, attitude]), np.zeros((6, len(motion))), piece, motion.t, None, SPACE
+    )
+    states = surface.seen(body_states(states, header))
+    height = states.height + body.solid.about(body.centre).lowest(states.attitude)[2]
     drops = cut_drops(track, height, flights, body.solid.extent) if view.cut else whole_pieces(piece, flights)
     used = [drop for drop in drops if not drop.left_out]
     if view.cut:
@@ -147,6 +180,23 @@ def _keep_in_space(
     columns = dict(zip(POSE_IN_SPACE, np.concatenate([motion.position.T, attitude])[:, rows]))
     poses = pd.DataFrame({"trial": np.repeat([d.trial for d in used], count), "t": motion.t[rows] - start} | columns)
     return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes)
+
+
+def _tracked_frame(
+    motion: Motion, piece: np.ndarray, body: SolidBody, gravity: float, notes: list[str]
+) -> "TrackedFrame | None":
+    """The pose of the tracked frame and the table, as the motion says them; None, with a note, where it does not."""
+    from thesis_lib.datasets.space.tracked_frame import find_tracked_frame
+
+    try:
+        q = motion.quaternion[:, [3, 0, 1, 2]]
+        found = find_tracked_frame(piece, motion.t, motion.position, q, body, gravity)
+    except UserError as error:
+        notes.append(f"the tracked frame is taken to be that of the shape, as it could not be found: {error}")
+        return None
+    notes.append(found.text)
+    notes.extend(f"tracked frame, open: {left}" for left in found.open)
+    return found
 
 
 def _convert(

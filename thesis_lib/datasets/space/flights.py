@@ -47,7 +47,7 @@ def follow(t: np.ndarray, position: np.ndarray, gravity: float) -> Track:
     longest = max(2, int(LARGEST / step))
     while half < longest and _deviation(half, noise, step) > PRECISION * gravity:
         half += 1
-    v, a, rest = _parabolas(t, position, half, step)
+    v, a, rest = parabolas(t, position, half, step)
     with np.errstate(invalid="ignore"):
         return Track(t, v, a, rest < PARABOLA * noise, half, noise)
 
@@ -62,7 +62,7 @@ def _step(t: np.ndarray) -> float:
 
 def _noise(t: np.ndarray, position: np.ndarray, step: float) -> float:
     """One sigma of a coordinate: the median residual of parabolas through five samples."""
-    rest = _parabolas(t, position, 2, step)[2]
+    rest = parabolas(t, position, 2, step)[2]
     rest = rest[np.isfinite(rest)]
     return float(np.median(rest)) if len(rest) else 0.0
 
@@ -73,7 +73,7 @@ def _deviation(half: int, noise: float, step: float) -> float:
     return 2.0 * noise / step**2 * np.sqrt(180.0 / (n * (n**2 - 1.0) * (n**2 - 4.0)))
 
 
-def _parabolas(t: np.ndarray, position: np.ndarray, half: int, step: float):
+def parabolas(t: np.ndarray, position: np.ndarray, half: int, step: float):
     """v (n, d), a (n, d) and the rms residual (n,) of parabolas around each sample; NaN across gaps and at the ends."""
     n, d = position.shape
     width = 2 * half + 1

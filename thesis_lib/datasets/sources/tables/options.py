@@ -105,6 +105,7 @@ class Reading:
     body: str | None = None  # of a video tracker: the points on it
     frame: str | None = None  # X,Y,ANGLE
     cut: bool | None = None
+    tracked: str | None = None  # "shape": the tracked frame is that of the shape
 
     def __post_init__(self) -> None:
         _ = self.si, self.zero  # what is wrong is refused at once

@@ -1,0 +1,89 @@
+"""Which turns leave a solid body as it is: shape, centre of mass and inertia."""
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from thesis_lib.bodies.solids import Solid
+
+SAME = 1e-3  # of the extent, and of the inertia
+TILT = 0.02  # rad, by which a standing body is tilted to see that its centre rises
+LEVEL = 1e-9  # m
+SOME = np.random.default_rng(0).standard_normal((3, 60))  # directions in which solids are compared
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """Turns about axes of the shape, by right angles and by any angle, after which a body is as it was.
+
+    Attributes:
+        solid: with its origin at the centre of mass.
+        G: (3, 3) inertia per mass in m², axes of the shape.
+    """
+
+    solid: Solid
+    G: np.ndarray
+
+    def keeps(self, Q: np.ndarray) -> bool:
+        """Whether the body is the same after the turn Q (3, 3)."""
+        off = np.abs(Q @ self.solid.support(Q.T @ SOME) - self.solid.support(SOME)).max()
+        return bool(
+            off < SAME * self.solid.extent and np.abs(Q @ self.G @ Q.T - self.G).max() < SAME * np.trace(self.G)
+        )
+
+    @cached_property
+    def turns(self) -> list[np.ndarray]:
+        """Those (3, 3) by right angles, that by 0 first."""
+        signed = (
+            np.eye(3)[list(order)] * np.array(signs)[:, None]
+            for order in itertools.permutations(range(3))
+            for signs in itertools.product((1.0, -1.0), repeat=3)
+        )
+        return [Q for Q in signed if np.linalg.det(Q) > 0.0 and self.keeps(Q)]
+
+    @cached_property
+    def axes(self) -> list[int]:
+        """Axes 0, 1, 2 of the shape about which every turn keeps the body; three of a ball."""
+        return [axis for axis in range(3) if self.keeps(turn_about(axis, 1.0))]
+
+    def nearest(self, R: np.ndarray, to: np.ndarray) -> np.ndarray:
+        """Of all attitudes Q R (3, 3) that are the same for this body, the one that is nearest to another."""
+        if len(self.axes) == 3:
+            return to
+        equal = [Q @ R for Q in self.turns]
+        for axis in self.axes:
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            M = [one @ to.T for one in equal]
+            angles = [np.arctan2(m[i, j] - m[j, i], m[i, i] + m[j, j]) for m in M]
+            equal = [turn_about(axis, angle) @ one for angle, one in zip(angles, equal)]
+        return max(equal, key=lambda one: float(np.trace(one @ to.T)))
+
+
+def turn_about(axis: int, angle: float) -> np.ndarray:
+    """The turn (3, 3) by `angle` in rad about an axis 0, 1 or 2."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    Q = np.eye(3)
+    Q[[i, i, j, j], [i, j, i, j]] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)
+    return Q
+
+
+def standing(solid: Solid) -> np.ndarray:
+    """Directions (k, 3) that are up, in axes of the body, where a solid with its origin at its centre of mass stands.
+
+    They are least heights of the centre.  Of a solid with an axis of symmetry one stands for all about that axis.
+    """
+
+    def height(up: np.ndarray) -> np.ndarray:
+        return -np.einsum("in,in->n", up, solid.support(-up))
+
+    directions = (
+        np.eye(3)[i] * np.cos(a) + np.eye(3)[i - 1] * np.sin(a) for i in range(3) for a in (0.0, 0.8, 1.6, 2.4)
+    )
+    around, least = np.array(list(directions)), []
+    for up in -solid.faces:
+        tilted = up[:, None] + TILT * np.cross(np.concatenate([around, -around]), up).T
+        near = tilted / np.linalg.norm(tilted, axis=0)
+        least.append(bool((height(near) >= height(up[:, None]) - LEVEL).all()))
+    return -solid.faces[least]

@@ -1,0 +1,102 @@
+"""Where a falling body touches its table: hits between two flights, and rests after them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from thesis_lib.datasets.space.falling_body import FallingBody
+from thesis_lib.datasets.space.flights import parabolas
+from thesis_lib.foundation.errors import UserError
+
+BETWEEN = 2.5  # steps between two flights; more, and another hit may be between
+KICK = 0.3  # m/s, change of velocity of a hit; the instant is where two parabolas meet
+BESIDE = 12  # samples beside a hit, through which the turning is followed up to it
+STILL = (0.02, 0.2, 1.0)  # m/s, rad/s, m/s²: a body at rest is slower, over ...
+LASTING = 0.1  # s
+LATER = 3.0  # s after a flight, within which a body comes to rest on what it hit
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """Where the body is while it touches, k times.
+
+    Attributes:
+        place: (k, 3) in m of the centre of mass, axes of the recording.
+        attitude: (k) turns of the tracked frame's axes into those of the recording.
+        velocity, spin: (k, 3) in m/s and rad/s just before, 0 at rest.
+        rests: (k,) whether the body rests; else it hits.
+    """
+
+    place: np.ndarray
+    attitude: Rotation
+    velocity: np.ndarray
+    spin: np.ndarray
+    rests: np.ndarray
+
+
+def touches(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rotation, body: FallingBody) -> Touches:
+    """The hits and rests in poses at rising times `t` (n,) in s, whose flights are known.
+
+    Raises:
+        UserError: there is none.
+    """
+    found, pause = [], BETWEEN * float(np.median(np.diff(t)))
+    for before, after in zip(body.flights[:-1], body.flights[1:]):
+        end, start = before.stop - 1, after.start
+        if trial[end] == trial[start] and t[start] - t[end] < pause and (hit := _hit(t, turned, body, before, after)):
+            found.append((*hit, False))
+    for rows in _rests(trial, t, position, turned, body):
+        mean = turned[rows].mean()
+        found.append((position[rows].mean(0) + mean.apply(body.centre), mean, np.zeros(3), np.zeros(3), True))
+    if not found:
+        raise UserError("no hit and no rest follows a free flight.")
+    place, attitude, velocity, spin, rests = zip(*found)
+    return Touches(np.array(place), Rotation.concatenate(attitude), np.array(velocity), np.array(spin), np.array(rests))
+
+
+def _hit(t: np.ndarray, turned: Rotation, body: FallingBody, before: slice, after: slice):
+    """Place, attitude, velocity and spin at the instant at which the parabolas meet; None if they do not."""
+    lines, middle = [], t[before.stop - 1]
+    for flight in (before, after):
+        rows = slice(flight.start + 1, flight.stop - 1)
+        s = t[rows] - middle
+        lines.append(np.polynomial.polynomial.polyfit(s, body.path[rows] - 0.5 * s[:, None] ** 2 * body.gravity, 1))
+    apart, kick = lines[1] - lines[0]
+    size = float(kick @ kick)
+    at = -float(apart @ kick) / max(size, KICK**2)
+    if size < KICK**2 or not t[before.stop - 3] < middle + at < t[after.start + 2]:
+        return None
+    ways = []
+    for rows in (
+        slice(max(before.start, before.stop - 1 - BESIDE), before.stop - 1),
+        slice(after.start + 1, min(after.stop, after.start + 1 + BESIDE)),
+    ):
+        last = turned[rows.stop - 1]
+        path = np.polynomial.polynomial.polyfit(t[rows] - middle, (turned[rows] * last.inv()).as_rotvec(), 2)
+        ways.append(
+            (Rotation.from_rotvec(path[0] + at * path[1] + at**2 * path[2]) * last, path[1] + 2.0 * at * path[2])
+        )
+    place = np.mean([line[0] + at * line[1] for line in lines], axis=0) + 0.5 * at**2 * body.gravity
+    attitude = Rotation.concatenate([way[0] for way in ways]).mean()
+    return place, attitude, lines[0][1] + at * body.gravity, ways[0][1]
+
+
+def _rests(trial: np.ndarray, t: np.ndarray, position: np.ndarray, turned: Rotation, body: FallingBody):
+    """The samples of the first rest after each last flight of a toss."""
+    step = float(np.median(np.diff(t)))
+    half = max(2, int(LASTING / step / 2.0))
+    values = np.concatenate([position, turned.as_matrix().reshape(-1, 9)], axis=1)
+    v, a, _ = parabolas(t, values, half, step)
+    with np.errstate(invalid="ignore"):
+        still = np.linalg.norm(v[:, :3], axis=1) < STILL[0]
+        still &= np.linalg.norm(v[:, 3:], axis=1) < np.sqrt(2.0) * STILL[1]
+        still &= np.linalg.norm(a[:, :3], axis=1) < STILL[2]
+    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
+    ends = np.array([flight.stop - 1 for flight in body.flights])
+    used = -1
+    for first, end in zip(edges[::2], edges[1::2]):
+        last = int(np.searchsorted(ends, first)) - 1
+        if last > used and trial[ends[last]] == trial[first] and t[first] - t[ends[last]] < LATER:
+            used = last
+            yield slice(first, end)

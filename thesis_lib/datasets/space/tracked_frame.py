@@ -1,0 +1,277 @@
+"""The pose of the tracked frame in the body, and the table, from tosses: nobody need have measured either.
+
+Flights give the centre of mass in the tracked frame T and gravity (`falling_body`).  At each touch the lowest point of
+the body lies on the table, and where the body rests it stands on a face:
+
+    n·(u + R e) + n·lowest(R R_STᵀ, n) = h − τ v_n,    n ∥ n_S at rest
+
+in which the turn R_ST of T's axes into S's, the error e of the centre, the normal n and the height h of the table are
+unknown, and how far a hit sinks in before its parabolas meet.  A search over all turns finds where to begin; of turns
+that a symmetry of the body makes equal the one nearest to none is told.
+
+| on paper | in code   | unit | shape  | axes                                                              |
+|----------|-----------|------|--------|-------------------------------------------------------------------|
+| u        | `place`   | m    | (k, 3) | recording: centre of mass at a touch                              |
+| R        | `attitude`| 1    | (k)    | T into the recording's                                            |
+| e        |           | m    | (3,)   | T: from where flights have the centre of mass to where the shape has it |
+| τ v_n    |           | s, m/s |      | contact point's way into the table, its speed towards it          |
+| n_S      | `stands`  | 1    | (m, 3) | S: directions that are up where the body stands                   |
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from thesis_lib.bodies.solid_body import SolidBody, Tracked
+from thesis_lib.bodies.symmetry import Symmetry, standing
+from thesis_lib.datasets.space.falling_body import FallingBody, falling_body
+from thesis_lib.datasets.space.touches import Touches, touches
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.frame import Frame
+
+TURNS, BEGIN, APART = 6000, 10, 0.35  # turns that are tried, the best of them (rad apart) that are fitted
+COARSE = (0.15, 0.3)  # of the extent, and rad: misfits that are small in the search
+FIRST = (1.5e-3, 0.03)  # m and rad: misfits in the first fit; then as they are
+LEAST = (5e-5, 1e-4)  # m and rad: smaller misfits are chance
+ROUNDS = 4  # fits, each with the misfits of the one before
+PARTS = 8  # of the touches, left out in turn
+FEWEST = 6  # touches
+SLOPE, SINKING, CENTRE = 0.1, 2e-3, 0.02  # one sigma of tilt (rad), τ (s), and of a centre of mass, of the extent
+ODD = 3.0  # sigmas, beyond which a touch is another thing's
+MISFIT = 0.06  # of the extent, by which most touches may be off the table
+OPEN = (0.1, 0.15)  # rad, and of the extent: what is known no better is open
+CHANCE = 20.0  # in χ², by which another turn must fit worse
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedFrame:
+    """What tosses say of a rig; `open` are sentences on what they leave open, none if all is known.
+
+    Attributes:
+        tracked: pose of T in S, with its uncertainty.
+        point, normal: (3,) of the table, in m and 1, axes of the recording.
+        gravity: (3,) in m/s², of the size believed.
+        gravity_angle: one sigma of its direction, rad.
+        centre: (3,) in m of the centre of mass in T, `path` (n, 3) where it is.
+    """
+
+    tracked: Tracked
+    point: np.ndarray
+    normal: np.ndarray
+    gravity: np.ndarray
+    gravity_angle: float
+    centre: np.ndarray
+    path: np.ndarray
+    hits: int
+    rests: int
+    open: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The pose in one sentence."""
+        error = self.tracked.uncertainty
+        assert error is not None and error.position and error.rotation
+        place = ", ".join(f"{1e3 * value:.1f}" for value in self.tracked.position)
+        angle = np.degrees(Rotation.from_quat(self.tracked.attitude, scalar_first=True).magnitude())
+        return (
+            f"tracked frame found from {self.hits} hits and {self.rests} rests: at ({place}) mm in the shape, within "
+            f"{1e3 * error.position:.2g} mm, turned by {angle:.1f}° within {np.degrees(error.rotation):.2g}°"
+        )
+
+
+def find_tracked_frame(
+    trial: np.ndarray, t: np.ndarray, position: np.ndarray, quaternion: np.ndarray, body: SolidBody, gravity: float
+) -> TrackedFrame:
+    """Pose of the tracked frame in the body, table and gravity from whole poses at times `t` (n,) that rise throughout.
+
+    Args:
+        trial: (n,) equal within a toss, or a take.
+        quaternion: (n, 4) scalar first.
+        gravity: its size in m/s².
+
+    Raises:
+        UserError: flights or touches are missing; says which.
+    """
+    turned = Rotation.from_quat(quaternion, scalar_first=True)
+    falls = falling_body(t, position, turned.as_matrix(), gravity)
+    met = touches(trial, t, position, turned, falls)
+    if len(met.rests) < FEWEST:
+        raise UserError(
+            f"{len(met.rests)} hits and rests follow free flights, and the pose of the tracked frame in the body needs "
+            f"{FEWEST}: record on until the body lies still, on different faces."
+        )
+    return _Fit(body, falls, met).solved(gravity)
+
+
+class _Fit:
+    """The equations of the touches; unknown are turn (3), e (3), h, tilt (2) and τ."""
+
+    def __init__(self, body: SolidBody, falls: FallingBody, met: Touches) -> None:
+        self.body, self.falls, self.met = body, falls, met
+        self.solid = body.solid.about(body.centre)
+        self.symmetry = Symmetry(self.solid, body.inertia_per_mass)
+        self.stands = standing(self.solid)
+        self.frame = Frame.of_surface(np.zeros(3), -falls.gravity / np.linalg.norm(falls.gravity))
+        self.axes = self.frame.vectors_out(np.eye(3))  # columns: t_1, t_2, n
+        stated = body.uncertainty.center_of_mass if body.uncertainty else None
+        spread = np.eye(3) * (stated or CENTRE * self.solid.extent) ** 2
+        self.e_root = np.linalg.inv(np.linalg.cholesky(falls.covariance[:3, :3] + spread))
+        self.sigma = np.where(met.rests, *FIRST[:1] * 2), np.full(int(met.rests.sum()), FIRST[1])
+        self.used = np.ones(len(met.rests), bool)
+
+    def normal(self, x: np.ndarray) -> np.ndarray:
+        n = self.axes @ [x[7], x[8], 1.0]
+        return n / np.linalg.norm(n)
+
+    def gaps(self, R: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Heights (k,) of the lowest points over the table."""
+        n, met = self.normal(x), self.met
+        attitude = (met.attitude * Rotation.from_matrix(R.T)).as_quat(scalar_first=True).T
+        lowest = self.solid.lowest(attitude, n[:, None]).T
+        speed = -(met.velocity + np.cross(met.spin, lowest)) @ n
+        return (met.place + met.attitude.apply(x[3:6]) + lowest) @ n - x[6] + x[9] * speed * ~met.rests
+
+    def slants(self, R: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Turns (m, 3) in rad from how the body lies to how it would stand, for each rest."""
+        return self.leaning((self.met.attitude.inv().apply(self.normal(x)) @ R.T)[self.met.rests])
+
+    def leaning(self, up: np.ndarray) -> np.ndarray:
+        """Turns (m, 3) in rad to the nearest stand from where the unit vectors (m, 3) of S are up."""
+        if len(self.symmetry.axes) == 3:
+            return np.zeros_like(up)
+        stands = np.broadcast_to(self.stands, (len(up), *self.stands.shape))
+        for axis in self.symmetry.axes:
+            w = np.eye(3)[axis]
+            level = up - np.outer(up @ w, w)
+            level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+            along = self.stands @ w
+            stands = along[:, None] * w + np.sqrt(np.maximum(1.0 - along**2, 0.0))[:, None] * level[:, None, :]
+        nearest = stands[np.arange(len(up)), np.einsum("mi,mki->mk", up, stands).argmax(axis=1)]
+        across, cosine = np.cross(up, nearest), np.einsum("mi,mi->m", up, nearest)
+        sine = np.linalg.norm(across, axis=1)
+        return across * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[:, None]
+
+    def residuals(self, x: np.ndarray, R: np.ndarray) -> np.ndarray:
+        turned = Rotation.from_rotvec(x[:3]).as_matrix() @ R
+        rests = self.used[self.met.rests]
+        gaps = (self.gaps(turned, x) / self.sigma[0])[self.used]
+        slants = (self.slants(turned, x) / self.sigma[1][:, None])[rests]
+        fixed = x[:3][self.symmetry.axes] / OPEN[0]
+        weak = np.r_[self.e_root @ x[3:6], x[7:9] / SLOPE, x[9] / SINKING, x[:3] / np.pi, fixed]
+        return np.concatenate([gaps, slants.ravel(), weak])
+
+    def starts(self) -> list[np.ndarray]:
+        """Turns (3, 3) from which to begin, the best of many, no two alike."""
+        some = Rotation.random(TURNS, rng=np.random.default_rng(0)).as_matrix()
+        n, costs = self.axes[:, 2], []
+        seen = self.met.attitude.inv().apply(n)  # the normal, in T
+        for part in np.array_split(some, 20):
+            up = np.einsum("tij,kj->tki", part, seen)
+            m = up.reshape(-1, 3).T
+            gaps = self.met.place @ n + np.einsum("ik,ik->k", self.solid.support(-m), m).reshape(up.shape[:2])
+            gaps -= np.median(gaps, axis=1, keepdims=True)
+            leans = self.leaning(up[:, self.met.rests].reshape(-1, 3)).reshape(len(part), -1, 3)
+            cost = np.log1p((gaps / (COARSE[0] * self.solid.extent)) ** 2).sum(axis=1)
+            costs.append(cost + np.log1p((leans**2).sum(axis=2) / COARSE[1] ** 2).sum(axis=1))
+        chosen: list[np.ndarray] = []
+        for i in np.argsort(np.concatenate(costs)):
+            if all(self.angle(some[i], R) > APART for R in chosen):
+                chosen.append(some[i])
+            if len(chosen) == BEGIN:
+                break
+        return chosen
+
+    def angle(self, one: np.ndarray, other: np.ndarray) -> float:
+        """Least angle in rad between two turns, up to the symmetry of the body."""
+        return float(np.arccos(np.clip((np.trace(self.symmetry.nearest(one, other) @ other.T) - 1.0) / 2.0, -1.0, 1.0)))
+
+    def fitted(self, R: np.ndarray, x: np.ndarray, loss: str):
+        x = np.r_[np.zeros(3), x[3:]]
+        found = least_squares(self.residuals, x, args=(R,), loss=loss, x_scale="jac", max_nfev=25)
+        return found.cost, Rotation.from_rotvec(found.x[:3]).as_matrix() @ R, found.x, found.jac
+
+    def begun(self, R: np.ndarray):
+        x = np.zeros(10)
+        x[6] = np.median(self.gaps(R, x))
+        return self.fitted(R, x, "cauchy")
+
+    def solved(self, gravity: float) -> TrackedFrame:
+        candidates = sorted((self.begun(R) for R in self.starts()), key=lambda one: one[0])
+        _, R, x, _ = candidates[0]
+        R, rests = self.symmetry.nearest(R, np.eye(3)), self.met.rests
+        for _ in range(ROUNDS):
+            gaps, slants = np.abs(self.gaps(R, x)), np.linalg.norm(self.slants(R, x), axis=1)
+            size = [max(1.48 * np.median(gaps[which]), LEAST[0]) if which.any() else 1.0 for which in (~rests, rests)]
+            # the median of the length of two normal components is 1.18 sigma
+            turn = max(float(np.median(slants)) / 1.18, LEAST[1]) if len(slants) else 1.0
+            self.sigma = np.where(rests, size[1], size[0]), np.full(len(slants), turn)
+            _, R, x, _ = self.fitted(R, x, "cauchy")
+        best = self.fitted(R, x, "cauchy")[0]
+        others = [self.fitted(one[1], one[2], "cauchy") for one in candidates[1:6]]
+        rivals = [other for other in others if other[0] - best < CHANCE / 2.0 and self.angle(other[1], R) > APART]
+        self.used = np.abs(self.gaps(R, x)) < ODD * self.sigma[0]
+        self.used[rests] &= np.linalg.norm(self.slants(R, x), axis=1) < ODD * self.sigma[1]
+        off = float(np.median(np.abs(self.gaps(R, x))))
+        if off > MISFIT * self.solid.extent or self.used.sum() < FEWEST:
+            raise UserError(
+                f"at the touches the body is {1e3 * off:.2g} mm off its table in any pose (median): are shape, units "
+                "and rotations right?"
+            )
+        cost, R, x, jac = self.fitted(R, x, "linear")
+        free = int(self.used.sum() + 2 * self.used[rests].sum()) - 7
+        cov = np.linalg.inv(jac.T @ jac) * max(1.0, 2.0 * cost / max(free, 1)) + self.left_out(R, x)
+        fixed = self.symmetry.axes
+        cov[fixed], cov[:, fixed] = 0.0, 0.0
+        return self.told(R, x, cov, gravity, [self.angle(rival[1], R) for rival in rivals])
+
+    def left_out(self, R: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Covariance (10, 10) of the unknowns by the jackknife: fits without each of `PARTS` parts."""
+        used, found = self.used, []
+        for part in range(PARTS):
+            self.used = used & (np.arange(len(used)) % PARTS != part)
+            found.append(self.fitted(R, x, "linear")[2])
+        self.used = used
+        return (PARTS - 1.0) * np.cov(np.array(found).T, bias=True)
+
+    def told(self, R: np.ndarray, x: np.ndarray, cov: np.ndarray, gravity: float, rivals: list[float]) -> TrackedFrame:
+        falls, n, axes = self.falls, self.normal(x), self.symmetry.axes
+        r = R @ (falls.centre + x[3:6])  # d = c_S − R (c_T + e)
+        by = np.zeros((3, 10))
+        by[:, :3], by[:, 3:6] = np.cross(np.eye(3), r), -R  # turned by φ, r goes on by φ × r
+        place = by @ cov @ by.T
+        turn = cov[:3, :3].copy()
+        told = []
+        for name, matrix, limit, unit in (
+            ("turn about", turn, OPEN[0], "rad"),
+            ("place along", place, OPEN[1] * self.solid.extent, "m"),
+        ):
+            values, vectors = np.linalg.eigh(matrix)
+            for value, vector in zip(values, vectors.T):
+                along = np.abs(vector[axes]).max(initial=0.0) > 0.9 and unit == "rad"
+                if np.sqrt(value) > limit and not along:
+                    direction = ", ".join(f"{part:.2f}" for part in vector + 0.0)
+                    told.append(f"the {name} ({direction}) of the shape is known to {np.sqrt(value):.2g} {unit} only")
+        if rivals:
+            told.append(f"the data fit as well with the shape turned by {np.degrees(rivals[0]):.0f}°")
+        free = [i for i in range(3) if i not in axes] or [0]
+        q = Rotation.from_matrix(R).as_quat(scalar_first=True, canonical=True)
+        one = float(self.sigma[0][self.used].min())  # touches may err together, by as much as one of them
+        error = {
+            "position": float(np.hypot(np.sqrt(np.linalg.eigvalsh(place)[-1]), one)),
+            "rotation": float(max(np.hypot(np.sqrt(np.diag(turn)[free].max()), one / self.solid.extent), *rivals, 0.0)),
+        }
+        tracked = Tracked.model_validate(
+            {"position": tuple((self.body.centre - r).tolist()), "quaternion": tuple(q.tolist()), "uncertainty": error}
+        )
+        g, mean = falls.gravity / np.linalg.norm(falls.gravity), self.met.place[self.used].mean(axis=0)
+        point = mean - (mean @ n - x[6]) * n
+        across = np.eye(3) - np.outer(g, g)
+        angle = np.sqrt(np.linalg.eigvalsh(across @ falls.covariance[3:, 3:] @ across)[-1]) / np.linalg.norm(
+            falls.gravity
+        )
+        hits, rests = (int((self.used & which).sum()) for which in (~self.met.rests, self.met.rests))
+        return TrackedFrame(
+            tracked, point, n, gravity * g, float(angle), falls.centre, falls.path, hits, rests, tuple(told)
+        )
