@@ -29,7 +29,7 @@ def test_tosses_stay_in_space(tmp_path, capsys):
     np.testing.assert_allclose(made.trajectories[["t", "x", "y", "z"]], frame[["t", "x", "y", "z"]], atol=1e-12)
     dots = np.sum(made.trajectories[Q].to_numpy() * frame[Q].to_numpy(), axis=1)
     np.testing.assert_allclose(np.abs(dots), 1.0, atol=1e-12)
-    assert "critique    not yet" in capsys.readouterr().out
+    assert "the tracked frame is taken to be that of the shape" in capsys.readouterr().out
 
 
 def test_units_and_the_axis_that_is_up_are_found_or_given(tmp_path, capsys):
