@@ -242,14 +242,15 @@ def test_an_engine_without_a_default_contact_has_no_row_of_it(found, monkeypatch
     judged, _, _ = found
     asked = []
 
-    def row(critique, name, label, *_):
-        return dict.fromkeys(COLUMNS, 0.0) | {"model": name, "effects": label}, np.ones(len(critique.held_out))
+    def judged_as_one(critique, fitted):
+        return dict.fromkeys(COLUMNS, 0.0) | {"model": fitted}, np.ones(len(critique.held_out))
 
     def default(critique, name, *_):
         asked.append(name)
         return []
 
-    monkeypatch.setattr(compare, "_row", row)
+    monkeypatch.setattr(compare, "_fitted", lambda critique, name, *_: name)
+    monkeypatch.setattr(compare, "_judged", judged_as_one)
     monkeypatch.setattr(compare, "_default", default)
     compare_models(judged, ("mujoco", "drake_hydroelastic"))
     assert set(asked) == {"mujoco"}
