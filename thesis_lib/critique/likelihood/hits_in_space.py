@@ -56,12 +56,13 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
         UserError: there are no trajectories or no orientations, the tracked frame is unknown and cannot be found, or
             there are several surfaces.
     """
-    if dataset.trajectories is None or not dataset.has_angle or dataset.in_space.surfaces is not None:
+    whole = dataset.trajectories
+    if whole is None or not dataset.has_angle or dataset.in_space.surfaces is not None:
         raise UserError(f"{dataset.name}: hits in space are found in trajectories with orientation, on one surface.")
     dataset = settled(dataset)
     header = dataset.in_space
     settings = settings or ArcSettings(min_window=FEWEST)
-    whole = dataset.trajectories[np.isfinite(dataset.trajectories["qw"].to_numpy(float))]
+    whole = whole[np.isfinite(whole["qw"].to_numpy(float))]
     whole = whole.iloc[np.lexsort((whole["t"], whole["trial"]))]
     (frame,) = surface_frames(header)
     states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
