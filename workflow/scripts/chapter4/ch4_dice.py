@@ -6,7 +6,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.critique.results.saved_model import load_model
+from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.chapter4 import belief, dice
 from thesis_lib.figures.style import save_figure
