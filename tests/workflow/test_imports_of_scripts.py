@@ -11,7 +11,7 @@ def missing(script: Path) -> list[str]:
     """Names that a file imports from thesis_lib and that no line there makes."""
     found = []
     for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thesis_lib"):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("thesis_lib"):
             place = ROOT / node.module.replace(".", "/")
             source = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
             text = source.read_text(encoding="utf-8") if source.is_file() else ""
