@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.bounds import best_post_hoc, irb_bound
+from thesis_lib.contact.bounds import best_impulse, best_post_hoc, irb_bound
 from thesis_lib.contact.space import (
     admissible,
     contact_space,
@@ -16,7 +16,10 @@ from thesis_lib.contact.space import (
     velocity_change,
     velocity_error,
 )
-from thesis_lib.extensions.impact_draws import reference_draw
+from thesis_lib.extensions.impact_draws import reference_draw, reference_draw_in_space
+from thesis_lib.mechanics.contact import contact_at
+from thesis_lib.mechanics.contact import velocity_change as velocity_change_in_space
+from thesis_lib.mechanics.space import SPACE
 
 ROUNDING = 1e-9  # relative to the contact speed, condition of M_C included
 SOLVER = 1e-6  # error in m/s of an interior point solution at tolerance 1e-12 in its square
@@ -118,6 +121,46 @@ def test_bound_equals_a_generic_cone_program(measured):
             velocity_error(dv - J.T @ result.GetSolution(c), 1.0), bound.error[i], rtol=0, atol=10 * SOLVER
         )
     assert np.all(space.v_n[:200] < 0.0)
+
+
+def test_bound_in_space_equals_a_generic_cone_program(rng):
+    from pydrake.solvers import ClarabelSolver, MathematicalProgram
+
+    draw = reference_draw_in_space(rng, 100)
+    at, solver = draw.space, ClarabelSolver()
+    dv = -draw.v_pre.T * rng.uniform(0.2, 2.5, 100) + 0.3 * rng.standard_normal((6, 100)) * draw.speed
+    c = best_impulse(at, dv)
+    left = dv - velocity_change_in_space(c, at.r, at.mobility)
+    error = np.sqrt((left[:3] ** 2).sum(axis=0) + np.einsum("in,nij,jn->n", left[3:], draw.inertia, left[3:]))
+    for i in range(100):
+        # √M, so that the length of √M Δv is the kinetic norm
+        root = np.block([[np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), np.linalg.cholesky(draw.inertia[i]).T]])
+        W = np.stack([velocity_change_in_space(e, at.r[:, i], at.mobility[:, :, i]) for e in np.eye(3)], axis=1)
+        L, K_n = np.linalg.cholesky(at.K[:, :, i]), at.K[2, :, i]
+        program = MathematicalProgram()
+        x, distance = program.NewContinuousVariables(3), program.NewContinuousVariables(1)
+        program.AddLinearCost(distance[0])
+        A = np.block([[np.zeros((1, 3)), np.ones((1, 1))], [-root @ W, np.zeros((6, 1))]])
+        program.AddLorentzConeConstraint(A, np.append(0.0, root @ dv[:, i]), np.append(x, distance))
+        before = np.linalg.solve(L, at.v[:, i])
+        A = np.concatenate([np.zeros((1, 3)), L.T])
+        program.AddLorentzConeConstraint(A, np.append(np.linalg.norm(before), before), x)
+        program.AddBoundingBoxConstraint(0.0, np.inf, x[2])
+        program.AddLinearConstraint(K_n[None], [-at.v_n[i]], [np.inf], x)
+        assert solver.Solve(program).get_optimal_cost() == pytest.approx(error[i], abs=1e-4 * draw.speed[i])
+    energy = at.energy(*at.velocity_after(*c)) / at.energy(*at.v)
+    assert (np.abs(energy - 1.0) < 1e-9).sum() > 10 and (energy < 0.99).sum() > 10
+
+
+def test_the_plane_embedded_in_space_has_the_same_bound(measured):
+    draw, v_post = measured
+    n, dv = len(draw.r), v_post - draw.v_pre
+    bound, zero = bound_of(draw, v_post), np.zeros(len(draw.r))
+    r, v, ahead = (np.stack([a[:, 0], zero, a[:, 1]]) for a in (draw.r, draw.v_pre, dv))
+    spin, turned = (np.stack([zero, -a[:, 2], zero]) for a in (draw.v_pre, dv))  # y points away: θ turns about −y
+    mobility = np.repeat(np.diag([2.0, 1.0, 0.5])[:, :, None], n, axis=2)
+    c = best_impulse(contact_at(SPACE, v, spin, r, mobility), np.concatenate([ahead, turned]))
+    np.testing.assert_allclose(c, [bound.impulse[:, 0], zero, bound.impulse[:, 1]], rtol=0, atol=1e-9)
 
 
 def test_an_admissible_point_impulse_is_explained_exactly(draw):

@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from thesis_lib.contact.bounds import irb_bound
+from thesis_lib.contact.bounds import best_impulse
+from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.features import remaining
 from thesis_lib.critique.drops.few_impacts import too_few
@@ -36,6 +37,7 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.contact import velocity_change
 from thesis_lib.mechanics.space import Space
 
 
@@ -50,8 +52,7 @@ class DropsCritique:
         laws: held-out judgement of each law without effects.
         without: by effect, held-out judgement of the final model refitted without it.
         remaining: structure left on training trials after the last effect.
-        irb, irb_augmented: held-out IRB bound, m/s, as measured, and with the final geometry, inertia and camera; NaN
-            in space.
+        irb, irb_augmented: held-out IRB bound, m/s, as measured, and with the final geometry, inertia and camera.
         no_impact: held-out error if velocities stayed unchanged, m/s.
         source: the dataset, for plots of its samples.
     """
@@ -173,7 +174,7 @@ def criticise_drops(
     structure = remaining(final, training.single, rng)
     here = base.on(held_out)
     no_impact = held_out.norm(here.after.v - here.before.v)
-    errors = (_irb(base, held_out), _irb(final, held_out), float(no_impact.mean()))
+    errors = (*(float(irb_errors(fitted, held_out).mean()) for fitted in (base, final)), float(no_impact.mean()))
     parts = (observations, training, held_out)
     return DropsCritique(
         dataset.name, settings, *parts, discovery, ladder, laws, without, structure, *errors, source=dataset
@@ -200,17 +201,19 @@ def fit_model(
     return world.fit(law, tuple(world.candidates[name] for name in effects))
 
 
-@of_the_plane(lambda: float("nan"))
-def _irb(fitted: Fit, observations: Observations) -> float:
-    """Mean IRB bound, m/s, of the single hits in the geometry of the fitted contact."""
-    if not observations.rig.has_angle:
-        return 0.0  # with the right spin an impulse reaches any velocity
-    observations = observations.single
-    here = fitted.on(observations)
-    at_impulse = (state.moved(theta=state.theta + here.turned) for state in (here.before, here.after))
-    (before, at), (after, _) = (here.dynamics.measured_contact(state, observations.offset) for state in at_impulse)
-    bound = irb_bound(before.v, after.v, at.r.T, mass=1.0, k_g=at.mobility**-0.5)
-    return float(bound.error.mean())
+def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
+    """Error (n,) in m/s of the best impulse of a rigid point contact in the fitted geometry, of each single hit."""
+    o = observations.single
+    if not o.rig.has_angle:
+        return np.zeros(len(o))  # with the right spin an impulse reaches any velocity
+    here = fitted.on(o)
+    (before, at), (after, _) = (here.dynamics.measured_contact(state, o.offset) for state in here.at_impulse)
+    dv = after.motion - before.motion
+    left = dv - velocity_change(best_impulse(at, dv), at.r, at.mobility)
+    if o.space.is_plane:
+        return velocity_error(left.T, at.mobility**-0.5)
+    G = np.linalg.inv(np.moveaxis(at.mobility, -1, 0))
+    return np.sqrt((left[:3] ** 2).sum(axis=0) + np.einsum("in,nij,jn->n", left[3:], G, left[3:]))
 
 
 @of_the_plane(lambda: None)

@@ -17,6 +17,7 @@ from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.selection.world import Remaining
+from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
@@ -77,7 +78,7 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
 def _in_space(true: State, o: Observations) -> pd.DataFrame:
     """Those of states in space, by the axes of the slip: turning all of it about the normal changes none."""
     r = o.rig.lowest(true)
-    axes = _slip_axes(true, o)
+    axes = slip_axes(true, o.rig)
     (slip, _, v_n), spin, arm = (
         np.einsum("ijn,jn->in", axes, u) for u in (SPACE.velocity_at(true.velocity, true.spin, r), true.spin, r)
     )
@@ -86,9 +87,9 @@ def _in_space(true: State, o: Observations) -> pd.DataFrame:
     return pd.DataFrame(dict(zip(names, columns)))
 
 
-def _slip_axes(state: State, o: Observations) -> np.ndarray:
+def slip_axes(state: State, rig: Rig) -> np.ndarray:
     """Axes (3, 3, n) as rows: along the slip, across it, and along the normal."""
-    v = SPACE.velocity_at(state.velocity, state.spin, o.rig.lowest(state))
+    v = SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))
     speed, zero = np.maximum(np.hypot(v[0], v[1]), 1e-12), np.zeros(len(state))
     cos, sin = v[0] / speed, v[1] / speed
     return np.stack([np.stack([cos, sin, zero]), np.stack([-sin, cos, zero]), np.stack([zero, zero, zero + 1.0])])
@@ -99,7 +100,7 @@ def _errors(fitted: Fit, o: Observations) -> np.ndarray:
     here = fitted.on(o)
     if o.space.is_plane:
         return velocity_left(here) * [1.0, 1.0, o.rig.k_told]
-    axes = _slip_axes(here.dynamics.to_true(here.before), o)
+    axes = slip_axes(here.dynamics.to_true(here.before), o.rig)
     parts = (here.R[:, :3].T, o.rig.k_g * here.R[:, 3:6].T)
     return np.concatenate([np.einsum("ijn,jn->ni", axes, part) for part in parts], axis=1)
 

@@ -67,15 +67,19 @@ class Comparison:
         return self._states[1] if self._states else state_beside(self.dynamics, self.observations, 1)
 
     @property
-    def turned(self) -> np.ndarray | float:
-        """Angle (n,) in rad by which bodies turn beyond the pose before impact until the impulse acts, as in the model.
+    def at_impulse(self) -> tuple[State, State]:
+        """Measured states before and after, with the pose until which bodies turn until the impulse acts.
 
         With the sense of turning of the camera.
         """
+        before, after = self.before, self.after
         if not (self.dynamics.model.takes_time and self.observations.arcs):
-            return 0.0
-        delay = self.dynamics.delay(self.dynamics.to_true(self.before))
-        return TURNED * delay * (self.after.omega - self.before.omega)
+            return before, after
+        turn = TURNED * self.dynamics.delay(self.dynamics.to_true(before)) * (after.spin - before.spin)
+        first, last = (
+            state.changed(attitude=state.space.attitude_after(state.attitude, turn)) for state in (before, after)
+        )
+        return first, last
 
     @cached_property
     def prediction(self) -> Prediction:

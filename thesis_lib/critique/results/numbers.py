@@ -17,13 +17,17 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple, velocity_error
+from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_TIME
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.features import slip_axes
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
+from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.mechanics.inertia import in_world
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 from thesis_lib.statistics.spread import robust_std
 
@@ -102,20 +106,34 @@ def compensated(critique: DropsCritique, material: bool = True) -> pd.DataFrame:
 
 def impact_errors(fitted: Fit, observations: Observations) -> np.ndarray:
     """Kinetic error (n,) in m/s of each impact."""
-    return velocity_error(velocity_left(fitted.on(observations)), observations.rig.k_told)
+    return observations.norm(velocity_left(fitted.on(observations)))
 
 
 def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
     """Error (n, 3) in m/s of the contact-frame velocity after impact, measured minus predicted.
 
-    Without an angle that of the centre, less what an unknown spin accounts for.
+    Without an angle that of the centre, less what an unknown spin accounts for.  In space (n, 4): along the slip before
+    impact, across it, along the normal, and the length of the couple.
     """
+    here = fitted.on(observations)
     if not observations.rig.has_angle:
-        return velocity_left(fitted.on(observations))
-    R, k_g = fitted.on(observations).R[:, :3], observations.rig.k_g
+        return velocity_left(here)
+    if not observations.space.is_plane:
+        return _in_space(here)
+    R, k_g = here.R[:, :3], observations.rig.k_g
     *_, r = velocities(fitted, observations)
     couple = residual_couple(R, r, mass=1.0, k_g=k_g) / k_g
     return np.stack([R[:, 0] - r[:, 1] * R[:, 2], R[:, 1] + r[:, 0] * R[:, 2], couple], axis=1)
+
+
+def _in_space(here: Comparison) -> np.ndarray:
+    o, (before, _) = here.observations, here.at_impulse
+    error, r = here.R[:, : SPACE.motions].T, o.rig.lowest(before)
+    G = in_world(o.rig.tensor, before.attitude)  # pyright: ignore[reportArgumentType]
+    of_point = SPACE.velocity_at(error[:3], error[3:], r)
+    couple = np.einsum("ijn,jn->in", G, error[3:]) - SPACE.moment(r, error[:3])
+    along = np.einsum("ijn,jn->ni", slip_axes(before, o.rig), of_point)
+    return np.column_stack([along, np.linalg.norm(couple, axis=0) / o.rig.k_g])
 
 
 def energy_disc(fitted: Fit, observations: Observations) -> np.ndarray:

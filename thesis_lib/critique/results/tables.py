@@ -20,9 +20,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.contact.bounds import best_post_hoc, irb_bound
-from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.contact.bounds import best_post_hoc
+from thesis_lib.critique.drops.criticise import DropsCritique, irb_errors
 from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
@@ -68,7 +67,6 @@ def tables(critique: DropsCritique, rng: np.random.Generator) -> dict[str, pd.Da
     return _explained(content)
 
 
-@of_the_plane(pd.DataFrame)
 def comparison(critique: DropsCritique) -> pd.DataFrame:
     """A row per law, bound and baseline: parameters, held-out error, score, failed solves, share in range."""
     o = critique.held_out
@@ -85,9 +83,9 @@ def comparison(critique: DropsCritique) -> pd.DataFrame:
         _, fitted, judged = critique.ladder[-1]
         rows.append(_row("augmented", "augmented", impact_errors(fitted, o), fitted, judged))
     rows.append(_row("best_post_hoc", "bound", best_post_hoc(np.stack(list(errors.values()), axis=1))[1]))
-    v_pre, v_post, _ = velocities(base, o)
     rows.append(_row("irb_bound", "bound", irb_errors(base, o)))
-    rows.append(_row("no_impact", "baseline", velocity_error(v_post - v_pre, o.rig.k_told)))
+    here = base.on(o)
+    rows.append(_row("no_impact", "baseline", o.norm(here.after.v - here.before.v)))
     return pd.DataFrame(rows).reindex(columns=COMPARISON)
 
 
@@ -106,15 +104,6 @@ def _explained(content: Mapping[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
     return {name: table for name, table in content.items() if len(table.columns)}
 
 
-def irb_errors(fitted: Fit, observations: Observations) -> np.ndarray:
-    """Error (n,) in m/s of the best impulse of a rigid point contact at the believed geometry, of each single hit."""
-    v_pre, v_post, r = velocities(fitted, observations.single)
-    if not observations.rig.has_angle:
-        return np.zeros(len(v_pre))  # with the right spin an impulse reaches any velocity
-    return irb_bound(v_pre, v_post, r, mass=1.0, k_g=observations.rig.k_g).error
-
-
-@of_the_plane(pd.DataFrame)
 def errors(critique: DropsCritique) -> pd.DataFrame:
     """A row per impact and model (base, and augmented if there are effects) with the error in the contact frame."""
     o = critique.observations
@@ -125,8 +114,9 @@ def errors(critique: DropsCritique) -> pd.DataFrame:
     of_impact = {"trial": o.trial, "impact": o.impact}
     parts = []
     for name, fitted in models.items():
-        tangential, normal, couple = contact_residuals(fitted, o).T
+        tangential, *across, normal, couple = contact_residuals(fitted, o).T
         errors = {"error_normal": normal, "error_tangential": tangential, "error_couple": couple}
+        errors |= dict(zip(["error_across"], across))
         judged = {"model": name, "held_out": held_out, "error": impact_errors(fitted, o)}
         table = pd.DataFrame(of_impact | judged | errors)
         parts.append(pd.concat([table, features(fitted, o).drop(columns="trial")], axis=1))
@@ -251,10 +241,10 @@ def _shares_in_range(critique: DropsCritique) -> tuple[dict[str, float], float]:
     o, base = critique.held_out.single, critique.ladder[0][1]
     floor = critique.ladder[0][2].floor
     tolerance = RANGE_FLOORS * floor if np.isfinite(floor) else RANGE_UNKNOWN
+    if not (o.rig.has_angle and o.space.is_plane):  # its coefficients are fitted to single impacts in the plane
+        return dict.fromkeys(critique.discovery.bases, np.nan), tolerance
     v_pre, v_post, r = (a[:MOST_IN_RANGE] for a in velocities(base, o))
     n = len(v_pre)
-    if not o.rig.has_angle:
-        return dict.fromkeys(critique.discovery.bases, np.nan), tolerance
     target = target_of(Impacts(o.trial[:n], np.zeros(n, int), o.value[:n, 0], v_pre, v_post, r, k_g=o.rig.k_g))
     shares = {}
     for name, fitted in critique.discovery.bases.items():

@@ -17,8 +17,8 @@ _LEAST = 1e-18  # (m/s)²
 
 
 def velocity_left(here: Comparison) -> np.ndarray:
-    """Residual (n, 3) in m/s, m/s, rad/s of the velocity after impact that no unknown spin accounts for."""
-    return left_over(here, here.R[:, :3])
+    """Residual (n, d + turns) in m/s, rad/s of the velocity after impact that no unknown spin accounts for."""
+    return left_over(here, here.R[:, : here.observations.space.motions])
 
 
 def left_over(here: Comparison, R: np.ndarray) -> np.ndarray:

@@ -41,9 +41,8 @@ def class_tests(fitted: Fit, observations: Observations) -> dict:
 
 def velocities(fitted: Fit, observations: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measured v_pre, v_post (n, 3) in m/s, rad/s, and contact point r (n, 2) in m where the impulse acts."""
-    here = fitted.on(observations)
-    r = observations.rig.shape.contact_point(here.before.theta + here.turned) + observations.offset
-    return here.before.v, here.after.v, r
+    before, after = fitted.on(observations).at_impulse
+    return before.v, after.v, observations.rig.shape.contact_point(before.theta) + observations.offset
 
 
 def _noise(statistic: Statistic, fitted: Fit, observations: Observations) -> np.ndarray:
