@@ -43,7 +43,7 @@ def irb_bound(v_pre: np.ndarray, v_post: np.ndarray, r: np.ndarray, *, mass: flo
     """
     dv = v_post - v_pre
     c = best_impulse(contact_space(v_pre, r, mass=mass, k_g=k_g), dv.T)
-    change = velocity_change(*c, r, mass=mass, k_g=k_g)
+    change = velocity_change(c[0], c[1], r, mass=mass, k_g=k_g)
     return BestImpulse(c.T, v_pre + change, velocity_error(dv - change, k_g))
 
 
@@ -51,9 +51,9 @@ def best_impulse(at: Contact, dv: np.ndarray) -> np.ndarray:
     """Admissible impulse (d, n) in N s that comes nearest to measured changes `dv` (d + turns, n) in m/s, rad/s."""
     space = PLANE if at.dimension == 2 else SPACE
     d = space.dimension
-    v, wanted = (np.stack(parts, -1)[:, :, None] for parts in (at.v, space.velocity_at(dv[:d], dv[d:], at.r)))
-    K = np.moveaxis(np.array([[*row] for row in at.K]), -1, 0)
-    known = np.isfinite(v).all(axis=(1, 2)) & np.isfinite(wanted).all(axis=(1, 2)) & np.isfinite(K).all(axis=(1, 2))
+    v, wanted = np.array([*at.v]).T[:, :, None], space.velocity_at(dv[:d], dv[d:], at.r).T[:, :, None]
+    K: np.ndarray = np.moveaxis(np.array([[*row] for row in at.K]), -1, 0)
+    known: np.ndarray = np.isfinite(np.concatenate([K, v, wanted], axis=2)).all(axis=(1, 2))
     L = np.linalg.cholesky(np.where(known[:, None, None], K, np.eye(d)))
     target, centre = np.linalg.solve(L, wanted)[:, :, 0], -np.linalg.solve(L, v)[:, :, 0]
     # v_n⁺ is the last row of L times z − z_0

@@ -174,7 +174,8 @@ def criticise_drops(
     structure = remaining(final, training.single, rng)
     here = base.on(held_out)
     no_impact = held_out.norm(here.after.v - here.before.v)
-    errors = (*(float(irb_errors(fitted, held_out).mean()) for fitted in (base, final)), float(no_impact.mean()))
+    irb, irb_augmented = (float(irb_errors(fitted, held_out).mean()) for fitted in (base, final))
+    errors = (irb, irb_augmented, float(no_impact.mean()))
     parts = (observations, training, held_out)
     return DropsCritique(
         dataset.name, settings, *parts, discovery, ladder, laws, without, structure, *errors, source=dataset
