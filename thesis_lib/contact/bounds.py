@@ -53,7 +53,7 @@ def best_impulse(at: Contact, dv: np.ndarray) -> np.ndarray:
     d = space.dimension
     v, wanted = np.array([*at.v]).T[:, :, None], space.velocity_at(dv[:d], dv[d:], at.r).T[:, :, None]
     K: np.ndarray = np.moveaxis(np.array([[*row] for row in at.K]), -1, 0)
-    known: np.ndarray = np.isfinite(np.concatenate([K, v, wanted], axis=2)).all(axis=(1, 2))
+    known = np.asarray(np.isfinite(np.concatenate([K, v, wanted], axis=2)).all(axis=(1, 2)))
     L = np.linalg.cholesky(np.where(known[:, None, None], K, np.eye(d)))
     target, centre = np.linalg.solve(L, wanted)[:, :, 0], -np.linalg.solve(L, v)[:, :, 0]
     # v_n⁺ is the last row of L times z − z_0
