@@ -45,7 +45,6 @@ import numpy as np
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.mechanics.contact import Contact
-from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import PLANE, SPACE, Space, cross
 from thesis_lib.mechanics.state import AS_FILMED, State
 
@@ -154,10 +153,9 @@ class Rig:
         a[state.space.dimension - 1] = -self.gravity
         if self.down is not None:
             a[: len(self.down)] = self.gravity * self.down[:, None]
-        if self.tensor is not None:  # torque-free: G ω' = −ω × G ω
-            G = in_world(self.tensor, state.attitude)
-            turning = -cross(state.spin, np.einsum("ijn,jn->in", G, state.spin))
-            a[3:] = np.linalg.solve(np.moveaxis(G, -1, 0), turning.T[..., None])[..., 0].T
+        if self.tensor is not None:  # torque-free, in axes of the body: G ω' = G ω × ω
+            spin = state.space.turned_back(state.attitude, state.spin)
+            a[3:] = state.turned(np.linalg.solve(self.tensor, cross(self.tensor @ spin, spin)))
         if self.walls and self.gravity:
             # the last one is for the plane as it was filmed
             surface = np.full(len(state), AS_FILMED) if state.surface is None else state.surface

@@ -108,13 +108,18 @@ SPACE = Space(3, 4, 3)
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a × b (3, ...) of vectors (3, ...)."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    first = a[1] * b[2] - a[2] * b[1]
+    product = np.empty((3, *np.shape(first)))
+    product[0], product[1], product[2] = first, a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return product
 
 
 def multiplied(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Product p q (4, ...) of quaternions: first the turn q, then p."""
     w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
-    return np.concatenate([w[None], p[:1] * q[1:] + q[:1] * p[1:] + cross(p[1:], q[1:])])
+    product = np.empty((4, *np.shape(w)))
+    product[0], product[1:] = w, p[:1] * q[1:] + q[:1] * p[1:] + cross(p[1:], q[1:])
+    return product
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
@@ -130,10 +135,13 @@ def rotated(q: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
     """Matrices (3, 3, ...) of unit quaternions q (4, ...): columns are the axes of the body in the world."""
-    one = np.ones_like(q[0])
-    zero = np.zeros_like(q[0])
-    axes = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
-    return np.stack([rotated(q, np.stack(axis)) for axis in axes], axis=1)
+    w, x, y, z = q
+    _, X, Y, Z = 2.0 * q
+    R = np.empty((3, 3, *np.shape(w)))
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - (y * Y + z * Z), y * X - w * Z, w * Y + z * X
+    R[1, 0], R[1, 1], R[1, 2] = w * Z + x * Y, 1.0 - (z * Z + x * X), z * Y - w * X
+    R[2, 0], R[2, 1], R[2, 2] = x * Z - w * Y, w * X + y * Z, 1.0 - (x * X + y * Y)
+    return R
 
 
 def of_rotation_vector(turn: np.ndarray) -> np.ndarray:
