@@ -14,7 +14,8 @@ from thesis_lib.datasets.sources.motion_capture.bags import read_bag
 from thesis_lib.datasets.sources.motion_capture.c3d import read_c3d
 from thesis_lib.datasets.sources.motion_capture.optitrack import BEGINS, read_optitrack
 from thesis_lib.datasets.sources.motion_capture.qualisys import read_qualisys
-from thesis_lib.datasets.sources.motion_log import View, convert_motions
+from thesis_lib.datasets.sources.motion_log import convert_motions
+from thesis_lib.datasets.sources.recorded import View
 from thesis_lib.datasets.sources.tables.options import Reading, parse_columns
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape
 from thesis_lib.datasets.space.motion import Motion

@@ -111,7 +111,8 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     init.add_argument("--rate", type=float, help="Hz; needed if the log has no times, or counts frames")
     gravity = "m/s², in the plane; default: 9.81, in a tilted plane less, with --wall 0"
     init.add_argument("--gravity", type=float, help=gravity)
-    init.add_argument("--surface-height", type=float, default=0.0, help="m, after conversion; default: %(default)s")
+    height = "m along up, after conversion; default: 0, in space that of the table as hits and rests have it"
+    init.add_argument("--surface-height", type=float, help=height)
     wall = "straight wall in place of the surface: its name, a point in m, after conversion, and its normal towards "
     wall += "the body; once for each wall"
     init.add_argument("--wall", action="append", default=[], metavar="NAME:X,Y,NX,NY", help=wall)

@@ -23,7 +23,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_matrix
 from thesis_lib.mechanics.state import State
 
-sys.path.append(str(Path(__file__).parents[2] / "critique" / "likelihood"))
+sys.path.append(str(Path(__file__).parents[2] / "critique"))
 from tosses import simulate_tosses
 
 SHAPES = {
@@ -177,6 +177,14 @@ def test_init_writes_the_pose_and_the_fall_of_a_camera(tmp_path, capsys):
     np.testing.assert_allclose(made.gravity, header.gravity, atol=0.02)
     true = np.linalg.norm(np.array(header.tracked.position)) if header.tracked else 0.0
     assert np.linalg.norm(made.tracked.position) == pytest.approx(true, abs=1e-3)
+    given = ["-o", str(tmp_path / "given"), *options, "--surface-height", "0.5"]
+    assert main(["init", str(tmp_path / "log.csv"), *given]) == 0
+    assert "the surface is at 0.5 m along up, as given; by hits and rests the table is" in capsys.readouterr().out
+    of_given = read_dataset(tmp_path / "given").in_space
+    up = -np.array(of_given.gravity) / 9.81
+    ((point, normal),) = of_given.planes
+    assert point @ up == pytest.approx(0.5) and of_given.tracked == made.tracked
+    np.testing.assert_allclose(normal, up, atol=1e-9)
     code = main(["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "as_shape"), *options, "--tracked", "shape"])
     assert code == 2 or read_dataset(tmp_path / "as_shape").in_space.tracked.position == (0.0, 0.0, 0.0)
 

@@ -16,9 +16,9 @@ from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, medi
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.header_file import Model
 from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.sources.recorded import Recorded
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.drops import Cuts
-from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
@@ -70,44 +70,39 @@ def as_dataset(
         "schema": 1,
         "description": _description(files),
         "body": body,
-        **({"surfaces": rig.walls} if rig.walls else {"surface": {"height": rig.surface_height}}),
+        **({"surfaces": rig.walls} if rig.walls else {"surface": {"height": rig.surface_height or 0.0}}),
         "gravity": rig.g,
         "rate": rig.rate if rig.rate is not None else (float(f"{1.0 / step:.6g}") if step > 0 else None),
     }
     return Dataset(name, _validated(Header, content), poses, has_angle=has_angle)
 
 
-def solid_dataset(
-    name: str,
-    files: Sequence[str | Path],
-    rig: RigOptions,
-    up: np.ndarray,
-    motion: Motion,
-    found: "TrackedFrame | None" = None,
-) -> Dataset:
+def solid_dataset(recorded: Recorded, up: np.ndarray, found: "TrackedFrame | None" = None) -> Dataset:
     """The dataset of a homogeneous body in space, without its tables; `up` (3,) is against gravity.
 
-    Tracked frame and surface are as `found`; else they are that of the shape, and as the options say.
+    Tracked frame and surface are as `found`, but for a surface whose height is given; else the tracked frame is that
+    of the shape, and the surface at the height given, or at 0.
 
     UserError if a value of the experiment is impossible, or a mesh is not closed.
     """
+    rig, step = recorded.rig, np.diff(recorded.motion.t)
     body: dict = {"shape": rig.shape, "mass": rig.mass, "homogeneous": True}
     if rig.size_uncertainty is not None:
         body["uncertainty"] = {"size": rig.size_uncertainty}
-    step = np.diff(motion.t)
+    point, normal = (rig.surface_height or 0.0) * up, up
+    if found is not None and rig.surface_height is None:
+        point, normal = found.point, found.normal
     rate = float(f"{1.0 / np.median(step):.6g}") if len(step) else None
     content = {
         "schema": 2,
-        "description": _description(files),
+        "description": _description(recorded.files),
         "body": body,
-        "surface": {"point": tuple(rig.surface_height * up), "normal": tuple(up)},
+        **({} if found is None else {"tracked": found.tracked}),
+        "surface": {"point": tuple(point), "normal": tuple(normal)},
         "gravity": tuple(-rig.g * up),
         "rate": rig.rate if rig.rate is not None else rate,
     }
-    if found is not None:
-        content["tracked"] = found.tracked
-        content["surface"] = {"point": tuple(found.point), "normal": tuple(found.normal)}
-    return Dataset(name, _validated(SpaceHeader, content))
+    return Dataset(recorded.name, _validated(SpaceHeader, content))
 
 
 def _description(files: Sequence[str | Path]) -> str:

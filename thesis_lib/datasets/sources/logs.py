@@ -9,7 +9,8 @@ import numpy as np
 from thesis_lib.datasets.sources.conversion import Conversion
 from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, optitrack, qualisys, vicon
 from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
-from thesis_lib.datasets.sources.motion_log import View, convert_motions
+from thesis_lib.datasets.sources.motion_log import convert_motions
+from thesis_lib.datasets.sources.recorded import View
 from thesis_lib.datasets.sources.rig_log import FLAT, convert_logs, read_planar_motions
 from thesis_lib.datasets.sources.tables.log_table import read_log
 from thesis_lib.datasets.sources.tables.options import Reading, parse_numbers

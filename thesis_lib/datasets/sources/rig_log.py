@@ -91,7 +91,7 @@ def _refuse_degrees(file: str | Path, poses: pd.DataFrame, options: Reading, rig
         return
     report = ValidationReport()
     table = UsableRows(Path(file).name, poses.assign(trial=pd.factorize(poses["trial"])[0]), 2, True, report)
-    check_trajectories(table, KnownBody(rig.shape, rig.radius, rig.surface_height, rig.g, rig.walls))
+    check_trajectories(table, KnownBody(rig.shape, rig.radius, rig.surface_height or 0.0, rig.g, rig.walls))
     if found := next((problem.what for problem in report.errors if problem.where == "column theta"), None):
         others = [unit for quantity, unit in options.si.given.items() if quantity != "angle"]
         units = ",".join([*others, "deg"])

@@ -166,7 +166,7 @@ def _counts(t: np.ndarray, trial: pd.Series) -> bool:
 def _need_origin(log: Log, options: Reading, rig: RigOptions, poses: pd.DataFrame) -> None:
     """UserError if pixels that count downwards from the upper corner have no origin."""
     pixels = options.si.scale is not None and options.origin is None
-    if pixels and rig.surface_height == 0.0 and not rig.walls and np.nanmedian(poses["y"]) < 0.0:
+    if pixels and not rig.surface_height and not rig.walls and np.nanmedian(poses["y"]) < 0.0:
         raise UserError(
             f"{log.path}: y is below 0, as pixels count from the upper corner. Say with --origin U,V which pixel is "
             "x = 0, y = 0 (v of the surface), or with --surface-height where the surface is, in m."

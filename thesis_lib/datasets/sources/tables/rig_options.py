@@ -20,8 +20,9 @@ GRAVITY = 9.81  # m/s²
 class RigOptions:
     """What is believed of body and rig, as the options of `datasets init` say it.
 
-    Mass in kg, k_g (by default that of a uniform lamina) and surface_height in m, gravity in m/s² (by default
-    `GRAVITY`, and 0 between walls, as they are seen from above), rate in Hz (by default that of the times).
+    Mass in kg, k_g (by default that of a uniform lamina) and surface_height (by default 0, in space that of the table)
+    in m, gravity in m/s² (by default `GRAVITY`, and 0 between walls, as they are seen from above), rate in Hz (by
+    default that of the times).
     `size_uncertainty` (relative, one sigma) says that the body is homogeneous and how well its size is known.  A shape
     in space (box, sphere, …, mesh) is homogeneous, and keeps the motion in space.
     """
@@ -32,7 +33,7 @@ class RigOptions:
     size_uncertainty: float | None = None
     rate: float | None = None
     gravity: float | None = None
-    surface_height: float = 0.0
+    surface_height: float | None = None
     walls: tuple[Wall, ...] = ()
 
     def __post_init__(self) -> None:

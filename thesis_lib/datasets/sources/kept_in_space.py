@@ -1,0 +1,104 @@
+"""A motion that stays in space: gravity, table and tracked frame as the motion says them, and the tosses in it."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.solid_body import SolidBody
+from thesis_lib.datasets.format.frames import body_states, surface_frames
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
+from thesis_lib.datasets.sources.conversion import Conversion, solid_dataset
+from thesis_lib.datasets.sources.recorded import Recorded
+from thesis_lib.datasets.space.drops import IN_THE_AIR, cut_drops, whole_pieces
+from thesis_lib.datasets.space.flights import find_flights, follow
+from thesis_lib.datasets.space.torque_free import better_reading, falling
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import SPACE, rotation_matrix
+from thesis_lib.mechanics.state import State
+
+if TYPE_CHECKING:
+    from thesis_lib.datasets.space.tracked_frame import TrackedFrame
+
+LEVEL = 2e-3  # rad between the axis that is up and the fall, within which they are one
+OFF_TABLE = 2e-3  # m between the table as given and as hits and rests have it, from which on it is said
+
+
+def keep_in_space(recorded: Recorded) -> Conversion:
+    """The dataset of the motion as it is.
+
+    Raises:
+        UserError: no free flight is found, rotations fit far better if they are read otherwise, or no drop is left.
+    """
+    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.gravity
+    dataset, up = solid_dataset(recorded, view.up), view.up
+    body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
+    found = _tracked_frame(recorded, body) if view.tracked and motion.oriented else None
+    path = motion.position if found is None else found.path
+    track = follow(motion.t, path, size)
+    falls = None
+    if found is not None and not view.up_is_given:
+        off = np.arccos(min(-found.gravity @ up / size, 1.0))
+        falls = found.gravity / size if off > LEVEL + 3.0 * found.gravity_angle else None
+    flights = find_flights(track, -size * up) if falls is None else []
+    if falls is None and not flights and not view.up_is_given:
+        fall = falling(motion.t, path, size)
+        falls = fall[1] if fall and not fall[0] else None
+    if falls is not None:
+        up = -falls
+        flights = find_flights(track, size * falls)
+        shown = ", ".join(f"{value:.3f}" for value in up + 0.0)
+        notes.append(f"up is ({shown}) in the axes of the recording, against the fall in {len(flights)} free flights")
+    if not flights:
+        raise UserError(recorded.no_flight())
+    dataset = solid_dataset(recorded, up, found)
+    header = dataset.in_space
+    assert header.tracked is not None
+    if found is not None and rig.surface_height is not None:
+        off = rig.surface_height - float(found.point @ up)
+        if abs(off) > OFF_TABLE:
+            notes.append(
+                f"the surface is at {rig.surface_height:g} m along up, as given; by hits and rests the table is "
+                f"{1e3 * abs(off):.3g} mm {'lower' if off > 0.0 else 'higher'} (without --surface-height that is taken)"
+            )
+    mounted = rotation_matrix(header.tracked.attitude)
+    tensor = mounted.T @ body.inertia_per_mass @ mounted
+    if motion.oriented and (other := better_reading(motion, track, flights, tensor)):
+        raise UserError(
+            f"{motion.source}: read as stated, the body does not turn in free flight as a free body does. It does with "
+            f"{other}. Find out how the log was written, and say so."
+        )
+    (surface,) = surface_frames(header)
+    pose = np.concatenate([motion.position.T, attitude])
+    states = State(pose, np.zeros((6, len(motion))), recorded.piece, motion.t, None, SPACE)
+    states = surface.seen(body_states(states, header))
+    height = states.height + body.solid.about(body.centre).lowest(states.attitude)[2]
+    drops = cut_drops(track, height, flights, body.solid.extent) if view.cut else whole_pieces(recorded.piece, flights)
+    used = [drop for drop in drops if not drop.left_out]
+    if view.cut:
+        notes.append(f"{len(drops)} drops cut out of the recording, {len(drops) - len(used)} left out: {IN_THE_AIR}")
+    if not used:
+        raise UserError(recorded.no_drop(drops, height))
+    rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
+    count = [drop.stop - drop.start for drop in used]
+    start = np.repeat(motion.t[[drop.start for drop in used]], count)
+    columns = dict(zip(POSE_IN_SPACE, pose[:, rows]))
+    poses = pd.DataFrame({"trial": np.repeat([d.trial for d in used], count), "t": motion.t[rows] - start} | columns)
+    return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes)
+
+
+def _tracked_frame(recorded: Recorded, body: SolidBody) -> "TrackedFrame | None":
+    """The pose of the tracked frame and the table, as the motion says them; None, with a note, where it does not."""
+    from thesis_lib.datasets.space.tracked_frame import find_tracked_frame
+
+    motion, notes = recorded.motion, recorded.notes
+    try:
+        q = motion.quaternion[:, [3, 0, 1, 2]]
+        found = find_tracked_frame(recorded.piece, motion.t, motion.position, q, body, recorded.gravity)
+    except UserError as error:
+        notes.append(f"the tracked frame is taken to be that of the shape, as it could not be found: {error}")
+        return None
+    notes.append(found.text)
+    notes.extend(f"tracked frame, open: {left}" for left in found.open)
+    return found

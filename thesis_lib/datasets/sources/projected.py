@@ -1,0 +1,99 @@
+"""A motion in space projected into its plane: the reading of the rotations, the drops, the energy out of the plane."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
+from thesis_lib.datasets.sources.recorded import MOST_OUT, Recorded
+from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions
+from thesis_lib.datasets.space.convention import Scene, check_reading, fit
+from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest, whole_pieces
+from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
+from thesis_lib.datasets.space.motion import turning
+from thesis_lib.datasets.space.plane import Plane, find_plane, in_plane, share_out
+from thesis_lib.foundation.errors import UserError
+
+
+def project(recorded: Recorded) -> Conversion:
+    """The dataset of the motion in its plane.
+
+    Raises:
+        UserError: no free flight or no plane is found, rotations fit far better if they are read otherwise, or no drop
+            is left.
+    """
+    motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.gravity
+    given = None if view.normal is None else Plane.of(view.normal, view.up)
+    falls = -size * (view.up if given is None else np.cos(given.tilt) * given.y)
+    track = follow(motion.t, motion.position, size)
+    flights = find_flights(track, falls)
+    if not flights:
+        raise UserError(recorded.no_flight())
+    scene = Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2])
+    check_reading(motion, scene)
+    omega = smoothed_turning(turning(motion), motion.t, track.half)
+    inner = np.concatenate([np.arange(first_window(f, track), last_window(f, track) + 1) for f in flights])
+    inner = inner[np.isfinite(omega[inner]).all(axis=1) & np.isfinite(track.v[inner]).all(axis=1)]
+    plane = find_plane(track.v[inner], omega[inner], rig.radius, view.up) if given is None else given
+    q, axis = in_plane(motion, plane)
+    turned = fit(motion, replace(scene, plane=plane)).turned  # in the plane in which theta will be written
+    if turned and not any(view.frame[:2]):
+        angle = np.degrees(view.frame[2] + turned)
+        notes.append(
+            f"the impacts fit better if the shape is turned by {angle:.0f}° in its tracked frame (--frame "
+            f"0,0,{angle:.0f}), as where a rigid body was defined while it lay askew"
+        )
+    if any(view.frame[:2]):
+        # flights are those of the centre of mass: look again, with it in the place of the tracked point
+        (x, y, _), cos, sin = view.frame, np.cos(q[:, 2]), np.sin(q[:, 2])
+        shift = np.outer(cos * x - sin * y, plane.x) + np.outer(sin * x + cos * y, plane.y)
+        moved, view = replace(motion, position=motion.position + shift), replace(view, frame=(0.0, 0.0, view.frame[2]))
+        return project(replace(recorded, motion=moved, view=view))
+    q[:, 2] += view.frame[2]
+    if rig.gravity is None:
+        rig = replace(rig, gravity=float(f"{GRAVITY * np.cos(plane.tilt):.6g}"))
+    how = "found" if given is None else "given"
+    notes.append(_plane_text(plane, how, rig) + (f"; theta is the angle of the body's {axis} axis" * motion.oriented))
+
+    out, total = np.full(len(motion), np.nan), np.full(len(motion), np.nan)
+    out[inner], total[inner] = share_out(track.v[inner], omega[inner], plane, rig.radius)
+    height = lowest(q, rig.shape, rig.surface_height or 0.0)
+    drops = cut_drops(track, height, flights, rig.shape.extent) if view.cut else whole_pieces(recorded.piece, flights)
+    drops, impacts = impact_shares(drops, motion.t, out, total, MOST_OUT)
+    used = [drop for drop in drops if not drop.left_out]
+    notes += _drops_text(drops, impacts, view.cut)
+    if not used:
+        raise UserError(recorded.no_drop(drops, height))
+    rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
+    poses = pd.DataFrame(q[rows], columns=["x", "y", "theta"])[["x", "y", *(["theta"] if motion.oriented else [])]]
+    poses = poses.assign(t=motion.t[rows], trial=np.repeat([d.trial for d in used], [d.stop - d.start for d in used]))
+    dataset = as_dataset(poses, recorded.name, recorded.files, rig, notes)
+    return Conversion(dataset, notes, [], Cuts(motion.t - motion.t[0], height, tuple(drops), impacts))
+
+
+def _plane_text(plane: Plane, how: str, rig: RigOptions) -> str:
+    n = ", ".join(f"{value:.3f}" for value in plane.normal + 0.0)
+    tilt = np.degrees(abs(plane.tilt))
+    text = f"plane of the motion {how}: normal ({n}) in the axes of the recording, {tilt:.1f}° off the vertical"
+    return f"{text}; gravity in it {rig.gravity:.4g} m/s²"
+
+
+def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list[str]:
+    """What was cut and left out, and the energy out of the plane."""
+    used = [drop for drop in drops if not drop.left_out]
+    texts = [f"{len(drops)} drops cut out of the recording"] if cut else []
+    worst = impacts[["energy_out_before", "energy_out_after"]].max(axis=1).groupby(impacts["trial"]).max()
+    for reason in dict.fromkeys(drop.left_out for drop in drops if drop.left_out):
+        trials = [drop.trial for drop in drops if drop.left_out == reason]
+        shown = [f"{n} ({worst[n]:.0%} of its energy)" if reason == SPATIAL else str(n) for n in trials[:20]]
+        more = f" and {len(trials) - 20} more" if len(trials) > 20 else ""
+        texts.append(f"{len(trials)} of {len(drops)} trials left out, {reason}: {', '.join(shown)}{more}")
+    shares = worst[[drop.trial for drop in used if drop.trial in worst.index]]
+    if len(shares):
+        texts.append(
+            f"energy out of the plane: {shares.median():.2%} in the median trial, {shares.max():.2%} at most "
+            f"(trial {shares.idxmax()}); each impact in impacts_in_space.csv"
+        )
+    return texts
