@@ -8,9 +8,13 @@ from thesis_lib.critique.likelihood.hits_in_space import beside, jump, observe_i
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.checks.in_space import motion_facts
 from thesis_lib.datasets.format.frames import body_states, tracked_states
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.inertia import in_world
+from thesis_lib.mechanics.space import SPACE, of_rotation_vector, rotation_vector
+from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.mujoco.tosses import SHAPES, simulate_tosses
+from thesis_lib.simulate.rig.causes_in_space import CAUSES_IN_SPACE, filmed
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -39,15 +43,42 @@ def test_hits_of_a_box_take_energy_and_happen_at_the_surface():
     assert np.median(jump(found)) > 0.4
 
 
+@pytest.mark.slow
 def test_what_is_hidden_is_in_the_motion_and_not_in_the_file():
     fine, heavy = (simulate_tosses("box", hidden=hidden, drops=8, seed=1) for hidden in ("nothing", "wrong_gravity"))
     assert heavy.header == fine.header
     falls = [motion_facts(made.trajectories, made.in_space).fall[2] for made in (fine, heavy)]
     assert falls[0] == pytest.approx(-9.81, abs=0.1) and falls[1] == pytest.approx(-9.51, abs=0.1)
-    for hidden in ("com_offset", "wrong_inertia", "wrong_size"):
-        other = simulate_tosses("box", hidden=hidden, drops=2, seed=1)
+    for hidden in CAUSES_IN_SPACE:
+        other = simulate_tosses("box", hidden=hidden, drops=1, seed=1)
         assert other.header == fine.header
-        assert not np.allclose(other.trajectories["z"], fine.trajectories["z"][: len(other.trajectories)])
+        poses = (made.trajectories[list(POSE_IN_SPACE)].to_numpy()[: len(other.trajectories)] for made in (other, fine))
+        assert not np.allclose(*poses), hidden
+
+
+def test_a_camera_scales_turns_from_the_first_frame_on():
+    trial, angle = np.repeat([0, 1], 40), np.tile(0.05 * np.arange(40), 2)
+    attitude = of_rotation_vector(np.outer([0.0, 0.0, 1.0], angle))
+    state = State(np.concatenate([np.zeros((3, 80)), attitude]), np.zeros((6, 80)), trial, angle, space=SPACE)
+    seen = filmed(state, simulate_tosses("box", drops=1).header, {"rotation_scale.s_R": 0.1})
+    np.testing.assert_allclose(rotation_vector(seen.attitude)[2], 1.1 * angle, atol=1e-12)
+
+
+def test_a_mirrored_axis_turns_the_others_back():
+    turn = np.array([[0.3], [-0.5], [0.9]])
+    state = State(
+        np.concatenate([np.zeros((3, 1)), of_rotation_vector(turn)]),
+        np.zeros((6, 1)),
+        np.zeros(1),
+        np.zeros(1),
+        space=SPACE,
+    )
+    header = simulate_tosses("box", drops=1).header
+    mirrored, conjugate = (
+        filmed(state, header, {name: 1.0}) for name in ("mirrored_rotation.mirrored", "misread_rotation.reading")
+    )
+    np.testing.assert_allclose(rotation_vector(mirrored.attitude), [[0.3], [0.5], [-0.9]], atol=1e-12)
+    np.testing.assert_allclose(rotation_vector(conjugate.attitude), -turn, atol=1e-12)
 
 
 def test_a_body_comes_to_rest_on_a_face():

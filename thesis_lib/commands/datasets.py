@@ -100,8 +100,7 @@ def build_parser() -> Parser:
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
     space = (
         "a body that tumbles in space, in MuJoCo, with quaternions (schema 2); --shape box (default), sphere, "
-        "ellipsoid, cylinder or capsule; --hidden nothing (default), com_offset, wrong_inertia, wrong_gravity or "
-        "wrong_size"
+        "ellipsoid, cylinder or capsule; --hidden nothing (default), or see below"
     )
     example.add_argument("--space", action="store_true", help=space)
     hidden = (
@@ -140,9 +139,11 @@ class _ExampleHelp(argparse.Action):
     def __call__(self, parser, namespace, values, option_string=None) -> None:
         from thesis_lib.simulate.compliant.example import causes_text
         from thesis_lib.simulate.engines.recording import hidden_text
+        from thesis_lib.simulate.rig.causes_in_space import text_of_space
         from thesis_lib.simulate.table.puck import cushions_text
 
-        parser.epilog = f"{EXAMPLE_EXAMPLES}{causes_text()}\n{hidden_text()}\n{cushions_text()}"
+        parts = causes_text(), text_of_space(), hidden_text(), cushions_text()
+        parser.epilog = EXAMPLE_EXAMPLES + "\n".join(parts)
         parser.print_help()
         parser.exit()
 
