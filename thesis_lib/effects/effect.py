@@ -105,11 +105,11 @@ ORIGIN = Reference()
 class Rig:
     """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
-    In space `tensor` (3, 3) is the inertia per mass in m² along the axes of the body, and k_g the root of its mean
-    principal moment, and `down` (3,) the direction of gravity in the axes of the surface, None where it is against the
-    normal.  Between `walls` states have the number of theirs (`bodies.walls`), and the height is 0.  Without
-    `has_angle` neither the angle nor the spin is measured.  `reference` is where the effects count places, times and
-    releases from.
+    In space `tensor` (3, 3), or (3, 3, n) of n bodies, is the inertia per mass in m² along the axes of the body, k_g
+    the root of its mean principal moment, and `down` (3,) the direction of gravity in the axes of the surface, None
+    where it is against the normal.  Between `walls` states have the number of theirs (`bodies.walls`), and the height
+    is 0.  Without `has_angle` neither the angle nor the spin is measured.  `reference` is where the effects count
+    places, times and releases from.
     """
 
     shape: Shape | Any
@@ -130,7 +130,7 @@ class Rig:
     @property
     def G(self) -> np.ndarray | float:
         """Inertia per mass in m²: k² in the plane, (3, 3, 1) in space."""
-        return self.k_g * self.k_g if self.tensor is None else self.tensor[:, :, None]
+        return self.k_g * self.k_g if self.tensor is None else np.atleast_3d(self.tensor)
 
     @property
     def k_told(self) -> float:

@@ -106,7 +106,7 @@ class Model:
     @cached_property
     def flight_parameters(self) -> list[str]:
         """Parameters on which the measured flights, and so the states at impact, depend."""
-        acting = self.acting("to_true", "to_measured", "acceleration", "arc")
+        acting = self.acting("to_true", "to_measured", "acceleration", "arc", *["inertia"] * (not self.space.is_plane))
         return [name for effect, names in self.hooks if effect in acting for name in names.values()]
 
     @property

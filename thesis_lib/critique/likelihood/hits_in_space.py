@@ -19,12 +19,14 @@ import pandas as pd
 from scipy.stats import chi2
 
 from thesis_lib.bodies.solids import contact_kind
-from thesis_lib.critique.likelihood.flights import no_flights
+from thesis_lib.critique.likelihood.flights_in_space import flights_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of
 from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows
+from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.noise import NoiseEstimate
+from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
@@ -106,7 +108,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
         t_std=t_std[rows],
         offset=np.zeros((len(rows), 3)),
         arcs=True,
-        flights=no_flights(SPACE),
+        flights=flights_in_space(states, one_clock(whole)[1], Hits(trial, t + windows.t_0, reason == ""), rig, noise),
         noise_known=True,
         found=_found(
             rig,

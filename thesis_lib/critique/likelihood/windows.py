@@ -64,7 +64,7 @@ def fit_windows(
     for channel in range(3):
         cov[:, :, channel, :, channel] = of_lines
     for s in (0, 1):
-        q, spin, of_turns = _flight(pose[:, :, 3:], tau, used[:, s], G)
+        q, spin, of_turns = fit_turning(pose[:, :, 3:], tau, used[:, s], G)
         value[:, s, 3:], slope[:, s, 3:] = q.T, spin.T
         # (δφ, δω) each of three components -> channel, value or slope
         of_turns = noise[1] ** 2 * of_turns.reshape(n, 2, 3, 2, 3)
@@ -72,10 +72,15 @@ def fit_windows(
     return SpaceWindows(value, slope, bows(side, tau), cov.reshape(n, 2, 12, 12), *nodes_of(side, tau, lines))
 
 
-def _flight(
+def fit_turning(
     attitude: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Attitude (4, n) and spin (3, n) at the impact, and their covariance (n, 6, 6) for unit noise, of one side."""
+    """Attitude (4, n) and spin (3, n) at time 0, and their covariance (n, 6, 6) for unit noise, of n free flights.
+
+    Args:
+        attitude: (n, W, 4) samples at `tau` (n, W) in s, of which those are fitted that are `used` (n, W).
+        G: (3, 3) believed inertia per mass in m², axes of the body.
+    """
     n, measured = len(tau), np.moveaxis(attitude, -1, 0)  # (4, n, W)
     q, spin = _start(measured, tau, used)
     times, measured = tau.T, np.swapaxes(measured, 1, 2)  # (W, n), (4, W, n)

@@ -39,7 +39,7 @@ def regress(
     X, z = (part - Q @ (Q.T @ part) for part in (X, slopes.residual))
     # the trial of each whitened residual: impacts first, then flights
     o = world.observations
-    of_flights = np.repeat(o.flights.state.trial, 3)
+    of_flights = np.repeat(o.flights.trial, o.flights.variance.shape[1])
     trial = np.concatenate([np.repeat(o.trial, (len(z) - len(of_flights)) // len(o)), of_flights])
     share = {name: count / HALVES for name, count in _chosen(X, -z, trial, names, rng).items()}
     return tests, dict(sorted(share.items(), key=lambda pair: (-pair[1], -tests.gain[pair[0]])))

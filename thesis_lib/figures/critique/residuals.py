@@ -73,6 +73,7 @@ def draw_residuals(critique: DropsCritique) -> Drawn:
     return figure, rows
 
 
+@of_the_plane(lambda: None)
 @house_style
 def draw_flights(critique: DropsCritique) -> Drawn:
     """Residual accelerations of flights, in units of noise, against the state at mid-flight."""

@@ -5,7 +5,8 @@
 a_c comes from a parabola through all samples of the flight, σ_c from their noise (`observations`), and â_c from the
 model.  Noise alone gives z_c a spread of 1.  State and features are those of the centre of mass at mid-flight.  The
 duration of the flight is a feature too: σ_c falls with its power −5/2, so that only long flights show small
-deviations.  The columns `residual_x`, `_y`, `_theta` hold z_c, and `misfit` holds z.
+deviations.  The columns `residual_x`, `_y`, `_theta` hold z_c, and `misfit` holds z; in space the table has the misfit
+alone.
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ import pandas as pd
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import within_half_a_turn
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.flights import Flights
@@ -25,10 +27,11 @@ RESIDUALS = ("residual_x", "residual_y", "residual_theta")
 
 
 def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
-    """z_c (m, 3) of m flights."""
+    """z_c (m, 3) of m flights, in space (m, 12)."""
     return whitened(flights, bind(fitted.model, fitted.values, rig))
 
 
+@of_the_plane(pd.DataFrame)
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
     """Features of each flight, columns as in `FLIGHT_UNITS` and foundation/columns.yaml."""
     true = bind(fitted.model, fitted.values, rig).to_true(flights.state)
@@ -60,12 +63,13 @@ def flight_table(critique: DropsCritique) -> pd.DataFrame:
     for name, fitted in models.items():
         z = relative_residuals(fitted, flights, rig)
         columns = {"trial": trial, "t": flights.state.t, "model": name, "held_out": held_out}
-        table = pd.DataFrame(columns | dict(zip(RESIDUALS, z.T)) | {"misfit": misfit(z)})
-        features = flight_features(fitted, flights, rig).drop(columns=["trial", "t"])
+        residuals = dict(zip(RESIDUALS, z.T)) if rig.space.is_plane else {}
+        table = pd.DataFrame(columns | residuals | {"misfit": misfit(z)})
+        features = flight_features(fitted, flights, rig).drop(columns=["trial", "t"], errors="ignore")
         parts.append(pd.concat([table, features], axis=1))
     return pd.concat(parts, ignore_index=True)
 
 
 def misfit(residuals: np.ndarray) -> np.ndarray:
-    """z (m,) of the components z_c (m, 3)."""
+    """z (m,) of the components z_c (m, c)."""
     return np.sqrt(np.mean(residuals**2, axis=1))
