@@ -58,6 +58,12 @@ def of_size(name):
         "compliant.forces",
         "rig.hidden_causes",
         "rig.camera",
+        "rig.causes_in_space",
+        "tosses.camera",
+        "tosses.causes",
+        "tosses.compiled",
+        "tosses.own",
+        "tosses.world",
     ],
 )
 def test_knows_no_impact_law_and_no_effect(name):

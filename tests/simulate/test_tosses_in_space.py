@@ -1,5 +1,7 @@
 """Tosses in MuJoCo: what is written is a dataset whose flights, hits and hidden cause are those of the simulation."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,12 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector, rotation_vector
 from thesis_lib.mechanics.state import State
-from thesis_lib.simulate.mujoco.tosses import SHAPES, simulate_tosses
+from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 from thesis_lib.simulate.rig.causes_in_space import CAUSES_IN_SPACE, filmed
+from thesis_lib.simulate.tosses.example import SHAPES
+from thesis_lib.simulate.tosses.example import simulate_tosses as toss_in
+
+simulate_tosses = partial(toss_in, engine=MujocoTosses())
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -93,7 +99,7 @@ def test_what_cannot_be_tossed_is_said(tmp_path, capsys):
     with pytest.raises(UserError, match="--hidden tilt: with --space it is nothing, com_offset"):
         simulate_tosses("box", hidden="tilt")
     assert main(["example", "-o", str(tmp_path / "a"), "--space", "--engine", "drake"]) == 2
-    assert "is tossed in MuJoCo" in capsys.readouterr().err
+    assert "in our own simulator or in MuJoCo, not in Drake" in capsys.readouterr().err
     assert main(["example", "-o", str(tmp_path / "b"), "--shape", "box"]) == 2
     assert "bodies in space need --space" in capsys.readouterr().err
     assert main(["example", "-o", str(tmp_path / "c"), "--space", "--filter", "butterworth"]) == 2

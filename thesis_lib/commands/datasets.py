@@ -99,7 +99,7 @@ def build_parser() -> Parser:
     example.add_argument("-o", "--out", required=True, metavar="DIR", help="dataset folder to make")
     example.add_argument("--mechanism", choices=["arm", "wheel"], help="what moves; default: a body that is dropped")
     space = (
-        "a body that tumbles in space, in MuJoCo, with quaternions (schema 2); --shape box (default), sphere, "
+        "a body that tumbles in space, with quaternions (schema 2); --shape box (default), sphere, "
         "ellipsoid, cylinder or capsule; --hidden nothing (default), or see below"
     )
     example.add_argument("--space", action="store_true", help=space)
@@ -228,11 +228,16 @@ def _tosses(args: argparse.Namespace, out: Path, given: dict) -> str:
     from importlib.util import find_spec
 
     from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.simulate.tosses.example import simulate_tosses
 
-    if args.engine != "mujoco" or find_spec("mujoco") is None:
-        raise UserError("A body in space is tossed in MuJoCo: give --engine mujoco, or pip install mujoco.")
-    from thesis_lib.simulate.mujoco.tosses import simulate_tosses
+    if args.engine == "mujoco" and find_spec("mujoco") is None:
+        raise UserError("MuJoCo is not installed: give --engine own, or pip install mujoco.")
+    if args.engine == "drake":
+        raise UserError("A body in space is tossed in our own simulator or in MuJoCo, not in Drake.")
+    if args.engine == "mujoco":
+        from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 
+        given["engine"] = MujocoTosses()
     shape, hidden = args.shape or "box", args.hidden or "nothing"
     write_dataset(simulate_tosses(out.resolve().name, shape, hidden, **given), out)
     return ""

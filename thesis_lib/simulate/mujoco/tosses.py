@@ -1,146 +1,178 @@
-"""Tosses of a body in space in MuJoCo: a free joint over a plane, the engine's own contacts, recorded by a camera.
+"""Tosses of a body in space in MuJoCo: a free joint over a plane, the engine's own contacts.
 
-What can be hidden stands in `thesis_lib/simulate/rig/causes_in_space.py`.
+MuJoCo has no friction that depends on the slip's speed, and its rolling friction shares one cone with the friction
+force: neither is made here.  What depends on the place, the face, the speed or the number of the hit is set while
+nothing touches, at most `PIECE` before the touch.
 """
 
 # MuJoCo's stubs do not have what its compiled modules define
 # pyright: reportAttributeAccessIssue=false
 
-from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
 
 import mujoco
 import numpy as np
-import pandas as pd
 
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Solid, Sphere
-from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.space_header import SpaceHeader
-from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.mechanics.frame import on_body
-from thesis_lib.mechanics.inertia import in_world
-from thesis_lib.mechanics.space import SPACE, of_rotation_vector
+from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
-from thesis_lib.simulate.rig.causes_in_space import air, filmed, sizes_of, true_rig
+from thesis_lib.simulate.mujoco.contact import solref
+from thesis_lib.simulate.rig.causes_in_space import air
+from thesis_lib.simulate.tosses.causes import HIT, LATER, SUPPORTED
+from thesis_lib.simulate.tosses.world import TossedWorld
 from thesis_lib.statistics.wording import listed
 
-SHAPES: Mapping[str, Solid] = {
-    "box": Box(half_extents=(0.05, 0.04, 0.03)),
-    "sphere": Sphere(radius=0.04),
-    "ellipsoid": Ellipsoid(semi_axes=(0.05, 0.04, 0.03)),
-    "cylinder": Cylinder(radius=0.03, half_length=0.05),
-    "capsule": Capsule(radius=0.025, half_length=0.03),
-}
-RATE, SECONDS, NOISE = 240.0, 1.2, (2e-4, 3e-3)  # Hz, s, m and rad
-STEP = 1e-4  # s
-AIR_STEP = 1e-3  # s, between new forces of the air
-MASS, MU = 0.25, 0.25  # kg
-CONTACT = "0.002 0.25"  # solref: a central hit lasts some 2 ms and gives half of the speed back
+WITHOUT_ELEMENT = ("contact_torque", "velocity_dependent_friction")
+AIR = ("linear_drag", "quadratic_drag", "magnus")
+BY_TOUCH = (
+    *("velocity_dependent_restitution", "position_dependent_restitution", "orientation_dependent_restitution"),
+    *("position_dependent_friction", "orientation_dependent_friction"),
+    *("later_restitution", "later_friction", "sliding_friction"),
+)
+PIECE = 5e-4  # s, in which air and coefficients do not change
+STEP = 1e-4  # s at most
 
 
-def simulate_tosses(
-    name: str,
-    shape: str = "box",
-    hidden: str | Mapping[str, float] = "nothing",
-    size: float | None = None,
-    drops: int = 60,
-    seed: int = 0,
-) -> Dataset:
-    """Tosses of a homogeneous body, tracked at a corner of the shape's frame, z up; `hidden` is not written down.
+@dataclass(frozen=True)
+class MujocoTosses:
+    """MuJoCo: its cone of friction, impratio, the impedance of solimp at the touch and deep, steps in one contact."""
 
-    `hidden` is a cause of `CAUSES_IN_SPACE` with a `size`, or the sizes by effect and parameter.
+    cone: Literal["elliptic", "pyramidal"] = "elliptic"
+    impratio: float = 10.0
+    impedance: tuple[float, float] = (0.9, 0.95)
+    steps: int = 40
 
-    Raises:
-        UserError: a shape or a hidden cause is unknown, or the shape cannot have it.
-    """
-    if shape not in SHAPES:
-        raise UserError(f"--shape {shape}: with --space it is {listed(list(SHAPES), 'or')}.")
-    rng, sizes = np.random.default_rng(seed), sizes_of(hidden, size) if isinstance(hidden, str) else hidden
-    header = SpaceHeader.model_validate(
-        {
-            "schema": 2,
-            "description": "Simulated tosses in MuJoCo, of a body that may not be quite what is written here.",
-            "body": {"shape": SHAPES[shape], "mass": MASS, "homogeneous": True},
-            "tracked": {"position": (0.02, 0.01, 0.03), "quaternion": (0.8, 0.6, 0.0, 0.0)},
-            "rate": RATE,
-            "noise": {"position": NOISE[0], "rotation": NOISE[1]},
-        }
-    )
-    rig = true_rig(header, sizes)
-    model = mujoco.MjModel.from_xml_string(_xml(rig))
-    data, every = mujoco.MjData(model), round(1.0 / (RATE * STEP))
-    frames, poses, motions = round(SECONDS * RATE), [], []
-    for _ in range(drops):
-        mujoco.mj_resetData(model, data)
-        height = header.body.solid.extent + rng.uniform(0.1, 0.3)
-        data.qpos[:3] = *rng.uniform(-0.1, 0.1, 2), height
-        data.qpos[3:] = of_rotation_vector(2.0 * rng.standard_normal((3, 1)))[:, 0]
-        data.qvel[:] = *rng.uniform(-0.7, 0.7, 2), rng.uniform(-1.0, 0.5), *(8.0 * rng.standard_normal(3))
-        for _ in range(frames):
-            poses.append(data.qpos.copy())
-            motions.append(data.qvel.copy())
-            _step(model, data, every, rig, sizes)
-    trial, t = np.repeat(np.arange(drops), frames), np.tile(np.arange(frames) * every * STEP, drops)
-    pose, motion = np.array(poses).T, np.array(motions).T
-    motion[3:] = SPACE.turned(pose[3:], motion[3:])  # MuJoCo's spin is along axes of the body
-    seen = filmed(on_body(State(pose, motion, trial, t, None, SPACE), *_tracked(rig)), header, sizes)
-    attitude = SPACE.attitude_after(seen.attitude, NOISE[1] * rng.standard_normal((3, len(t))))
-    attitude = attitude * np.where(attitude[:1] < 0.0, -1.0, 1.0)
-    place = seen.position + NOISE[0] * rng.standard_normal((3, len(t)))
-    table = pd.DataFrame({"trial": trial, "t": t} | dict(zip(POSE_IN_SPACE, np.concatenate([place, attitude]))))
-    return Dataset(name, header, table)
+    def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
+        if world.has(WITHOUT_ELEMENT):
+            raise UserError(f"MuJoCo has no element for {listed(list(WITHOUT_ELEMENT), 'or')}; take our own simulator.")
+        step = min(world.contact_time / self.steps, STEP)
+        model = mujoco.MjModel.from_xml_string(self._xml(world, step))
+        data, follow = mujoco.MjData(model), _Changes(world, model)
+        poses, motions = [], []
+        spin = SPACE.turned_back(release.attitude, release.spin)
+        for i in range(len(release)):
+            mujoco.mj_resetData(model, data)
+            follow.begin()
+            data.qpos[:], data.qvel[:3], data.qvel[3:] = release.pose[:, i], release.velocity[:, i], spin[:, i]
+            done = 0
+            for t in times[i]:
+                done = follow.until(data, done, int(t / step), step)
+                poses.append(data.qpos.copy())
+                motions.append(data.qvel.copy())
+        ahead = times.ravel() - (times / step).astype(int).ravel() * step
+        pose, motion = np.array(poses).T, np.array(motions).T
+        motion[3:] = SPACE.turned(pose[3:], motion[3:])
+        trial = np.repeat(np.arange(len(release)), times.shape[1])
+        return State(SPACE.shift(pose, ahead * motion), motion, trial, times.ravel(), None, SPACE)
 
-
-def _step(model, data, every: int, rig: SpaceHeader, sizes: Mapping[str, float]) -> None:
-    """A frame; what pushes a body in air changes with its motion."""
-    if not any(name.startswith(("linear_drag", "quadratic_drag", "magnus")) for name in sizes):
-        mujoco.mj_step(model, data, every)
-        return
-    steps = round(AIR_STEP / STEP)
-    for done in range(0, every, steps):
-        attitude, G = data.qpos[3:, None], rig.body.inertia_per_mass
-        spin = SPACE.turned(attitude, data.qvel[3:, None])
-        arm = SPACE.turned(attitude, rig.body.centre[:, None])
-        a, alpha = air(sizes, SPACE.velocity_at(data.qvel[:3, None], spin, arm), spin)
-        data.xfrc_applied[1] = MASS * np.concatenate([a, in_world(G, attitude)[..., 0] @ alpha])[:, 0]
-        mujoco.mj_step(model, data, min(steps, every - done))
-
-
-def _tracked(rig: SpaceHeader) -> tuple[np.ndarray, np.ndarray]:
-    """Place (3,) in m and attitude (4,) of the tracked frame in that of the shape."""
-    assert rig.tracked is not None
-    return np.array(rig.tracked.position), rig.tracked.attitude
-
-
-def _xml(rig: SpaceHeader) -> str:
-    """The model, its joint at the origin of the shape's frame; a rounded box touches with balls at its corners."""
-    solid, (xx, yy, zz, xy, xz, yz) = (
-        rig.body.solid,
-        MASS * rig.body.inertia_per_mass[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
-    )
-    inertia, centre, gravity, point = (
-        " ".join(f"{value:.12g}" for value in numbers)
-        for numbers in ((xx, yy, zz, xy, xz, yz), rig.body.centre, rig.gravity, rig.surface.point)
-    )
-    measures = {"box": "half_extents", "ellipsoid": "semi_axes"}.get(solid.kind)
-    names = [measures] if measures else ["radius", "half_length"]
-    lengths = np.ravel([getattr(solid, name) for name in names if hasattr(solid, name)])
-    geoms = f'<geom type="{solid.kind}" size="{" ".join(f"{length:.12g}" for length in lengths)}"/>'
-    if rho := getattr(solid, "edge_radius", 0.0):
-        if not isinstance(solid, Box):
-            raise UserError(f"--hidden rounded_corners: MuJoCo has no rounded {solid.kind}; toss a box.")
-        corners = solid.corners - rho * np.sign(solid.corners)
-        places = (" ".join(f"{value:.12g}" for value in corner) for corner in corners.T)
-        geoms = "".join(f'<geom type="sphere" size="{rho:.12g}" pos="{place}"/>' for place in places)
-    return f"""<mujoco>
+    def _xml(self, world: TossedWorld, step: float) -> str:
+        """The model, its joint at the origin of the shape's frame."""
+        rig, turning = world.rig, world.of("torsional_friction.m_t")
+        moments = world.mass * rig.body.inertia_per_mass[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        stiffness, damping = solref(world.epsilon, world.contact_time, 1.0)
+        friction = f'condim="{4 if turning else 3}" friction="{world.mu:.12g} {turning or 1e-3:.12g} 0.0001"'
+        return f"""<mujoco>
   <compiler balanceinertia="false"/>
-  <option timestep="{STEP}" gravity="{gravity}" integrator="implicitfast" cone="elliptic" impratio="10"/>
-  <default><geom friction="{MU} 0.001 0.0001" solref="{CONTACT}" solimp="0.9 0.95 0.001"/></default>
+  <option timestep="{step:.12g}" gravity="{_text(rig.gravity)}" integrator="implicitfast" cone="{self.cone}"
+    impratio="{self.impratio:.12g}"/>
+  <default><geom {friction} solref="{stiffness:.12g} {damping:.12g}" solimp="{_text(self.impedance)} 0.001"/></default>
   <worldbody>
-    <geom type="plane" size="10 10 1" pos="{point}"/>
+    <geom type="plane" size="10 10 1" pos="0 0 {world.height:.12g}"/>
     <body><freejoint/>
-      <inertial pos="{centre}" mass="{MASS}" fullinertia="{inertia}"/>
-      {geoms}
+      <inertial pos="{_text(rig.body.centre)}" mass="{world.mass:.12g}" fullinertia="{_text(moments)}"/>
+      {_geoms(rig.body.solid)}
     </body>
   </worldbody>
 </mujoco>"""
+
+
+def _text(values) -> str:
+    return " ".join(f"{value:.12g}" for value in values)
+
+
+def _geoms(solid: Solid) -> str:
+    """The shape; that of a rounded box are the balls with which it can touch a plane."""
+    if isinstance(solid, Box) and solid.edge_radius:
+        corners = solid.rounded(0.0).corners
+        inner = corners - solid.edge_radius * np.sign(corners)
+        return "\n".join(f'<geom type="sphere" size="{solid.edge_radius:.12g}" pos="{_text(one)}"/>' for one in inner.T)
+    if isinstance(solid, Box):
+        size = solid.half_extents
+    elif isinstance(solid, Ellipsoid):
+        size = solid.semi_axes
+    elif isinstance(solid, Sphere):
+        size = (solid.radius,)
+    elif isinstance(solid, Capsule | Cylinder):
+        size = (solid.radius, solid.half_length)
+    else:
+        raise UserError("MuJoCo tosses a box, sphere, ellipsoid, cylinder or capsule.")
+    return f'<geom type="{solid.kind}" size="{_text(size)}"/>'
+
+
+class _Changes:
+    """What must be set while a body moves: air, and coefficients that the next touch will have."""
+
+    def __init__(self, world: TossedWorld, model) -> None:
+        self.world, self.model = world, model
+        self.in_air, self.by_touch = world.has(AIR), world.has(BY_TOUCH)
+        self.balls, self.radius = world.balls if self.by_touch else (np.zeros((1, 3)), 0.0)
+        restitution, friction = "{}_dependent_restitution.".format, "{}_dependent_friction.".format
+        self.by_speed = world.of(restitution("velocity") + "c")
+        self.by_place = tuple(
+            world.vector(stem, "xy") for stem in (restitution("position") + "g_eps_", friction("position") + "g_mu_")
+        )
+        self.by_face = tuple(world.vector(of("orientation") + "a_") for of in (restitution, friction))
+        self.later = world.of("later_restitution.d"), world.of("later_friction.d")
+        self.sliding = world.of("sliding_friction.d_mu")
+        self.begin()
+
+    def begin(self) -> None:
+        """A new toss."""
+        self.first = self.hit = -1.0
+
+    def until(self, data, done: int, wanted: int, step: float) -> int:
+        """Step `data` from so many steps to so many."""
+        changes = self.in_air or self.by_touch
+        piece = max(1, int(PIECE / step)) if changes else max(wanted - done, 1)
+        while done < wanted:
+            if changes:
+                self._set(data, done * step)
+            part = min(piece, wanted - done)
+            mujoco.mj_step(self.model, data, part)
+            done += part
+        return done
+
+    def _set(self, data, t: float) -> None:
+        R = rotation_matrix(data.qpos[3:, None])[..., 0]
+        spin = R @ data.qvel[3:]
+        if self.in_air:
+            v = data.qvel[:3] + np.cross(spin, R @ self.world.rig.body.centre)
+            pushed, slowed = air(self.world.hidden, v[:, None], spin[:, None])
+            couple = R @ self.world.rig.body.inertia_per_mass @ R.T @ slowed[:, 0]
+            data.xfrc_applied[1] = self.world.mass * np.concatenate([pushed[:, 0], couple])
+        if self.by_touch:
+            r = self.balls @ R.T
+            r = r[r[:, 2].argmin()] - [0.0, 0.0, self.radius]
+            speed = -(data.qvel[2] + spin[0] * r[1] - spin[1] * r[0])
+            if data.ncon:
+                self.first = t if self.first < 0.0 else self.first
+                self.hit = t if speed > HIT else self.hit
+            else:
+                self._set_coefficients(data.qpos[:2] + r[:2], max(speed, 0.0), -R[2], t)
+            if self.sliding and t - self.hit > SUPPORTED and speed < HIT:
+                self.model.geom_friction[:, 0] = max(self.world.mu + self.sliding, 0.0)
+
+    def _set_coefficients(self, place: np.ndarray, speed: float, face: np.ndarray, t: float) -> None:
+        later = float(self.first >= 0.0 and t - self.first > LATER)
+        epsilon, mu = (
+            of * (1.0 + by_place @ place) * (1.0 + by_face @ face) * (1.0 + later * more)
+            for of, by_place, by_face, more in zip(
+                (self.world.epsilon, self.world.mu), self.by_place, self.by_face, self.later
+            )
+        )
+        epsilon *= np.exp(-self.by_speed * speed)
+        self.model.geom_friction[:, 0] = max(mu, 0.0)
+        if epsilon != self.world.epsilon:
+            self.model.geom_solref[:] = solref(float(np.clip(epsilon, 0.02, 0.98)), self.world.contact_time, 1.0)

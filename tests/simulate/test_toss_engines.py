@@ -1,0 +1,160 @@
+"""Engines of tosses: flights, restitution and friction in closed form, and hidden causes by what they do."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.bodies.solids import Box, Sphere
+from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.free_motion import flown
+from thesis_lib.mechanics.inertia import in_world
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.mujoco.tosses import WITHOUT_ELEMENT, MujocoTosses
+from thesis_lib.simulate.tosses.camera import CameraInSpace, film
+from thesis_lib.simulate.tosses.causes import RANGES
+from thesis_lib.simulate.tosses.own import OwnTosses
+from thesis_lib.simulate.tosses.world import TossedWorld, released
+
+BOX, BALL = Box(half_extents=(0.05, 0.04, 0.03)), Sphere(radius=0.04)
+ENGINES = [pytest.param(OwnTosses(), id="own"), pytest.param(MujocoTosses(), id="mujoco")]
+G = 9.81
+
+
+def header(shape=BOX, **more):
+    body = {"shape": shape, "mass": 0.25, "homogeneous": True}
+    noise = {"position": 2e-4, "rotation": 3e-3}
+    return SpaceHeader.model_validate({"schema": 2, "body": body, "rate": 240.0, "noise": noise} | more)
+
+
+def path(engine, world, pose, motion, times):
+    start = [np.array([one], float).T for one in (pose, motion)]
+    return engine.moves(world, State(*start, np.zeros(1), np.zeros(1), None, SPACE), np.array([times]))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_flight_is_torque_free(engine):
+    world = TossedWorld(header(), hidden={"com_offset.c_x": 3e-3})
+    pose, motion, times = (
+        [0.0, 0.0, 5.0, 0.8, 0.6, 0.0, 0.0],
+        [0.4, -0.3, 0.5, 9.0, -5.0, 4.0],
+        np.linspace(0.02, 0.5, 9),
+    )
+    got = path(engine, world, pose, motion, times)
+    body, off = world.rig.body, np.array([3e-3, 0.0, 0.0])
+    start = np.array(pose)
+    arm = SPACE.turned(start[3:, None], off[:, None])
+    centre = np.concatenate([start[:3, None] + arm, start[3:, None]])
+    velocity = SPACE.velocity_at(np.array(motion)[:3, None], np.array(motion)[3:, None], arm)
+    moved = np.concatenate([velocity, np.array(motion)[3:, None]])
+    true = flown(centre, moved, body.inertia_per_mass, np.array([[0.0], [0.0], [-G]]), times[:, None]).pose[..., 0]
+    np.testing.assert_allclose(SPACE.turn_between(true[3:], got.attitude), 0.0, atol=2e-3)
+    origin = true[:3] - SPACE.turned(true[3:], off[:, None])
+    np.testing.assert_allclose(got.position, origin, atol=2e-4)
+
+
+@pytest.mark.parametrize("epsilon", [0.3, 0.7])
+@pytest.mark.parametrize("time", [3e-4, 3e-3])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_central_hit_gives_back_its_share(engine, time, epsilon):
+    world = TossedWorld(header(BALL), epsilon=epsilon, contact_time=time)
+    times = np.linspace(0.05, 0.45, 2001)
+    height = path(engine, world, [0.0, 0.0, 0.14, 1.0, 0.0, 0.0, 0.0], [0.3, 0.0, -1.0, 0.0, 0.0, 0.0], times).height
+    hit = int(height.argmin())
+    up = height[hit : hit + 1200]
+    rise = up[: 1 + int(np.flatnonzero(np.diff(up) < 0.0)[0])].max() - 0.04
+    # gravity takes g T of the speed in a contact
+    assert np.sqrt(2.0 * G * rise / (1.0 + 2.0 * G * 0.1)) == pytest.approx(epsilon, abs=0.02)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_box_slides_with_its_friction(engine):
+    times = np.linspace(0.02, 0.2, 10)
+    for hidden, mu in (({}, 0.3), ({"sliding_friction.d_mu": -0.1}, 0.2)):
+        world = TossedWorld(header(), mu=0.3, hidden=hidden)
+        x = path(engine, world, [0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0], times).position[0]
+        assert np.polyfit(times, x, 2)[0] == pytest.approx(-0.5 * mu * G, rel=0.02)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_ball_that_spins_on_its_point_is_stopped_by_torsional_friction(engine):
+    world = TossedWorld(header(BALL), hidden={"torsional_friction.m_t": 5e-3})
+    times = np.linspace(0.02, 0.1, 9)
+    spun = path(engine, world, [0.0, 0.0, 0.04, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 10.0], times).attitude
+    rate = SPACE.turn_between(spun[:, :-1], spun[:, 1:])[2] / 0.01
+    np.testing.assert_allclose(np.diff(rate) / 0.01, -5e-3 * G / (0.4 * BALL.radius**2), rtol=1e-2)
+
+
+def test_a_ball_that_rolls_is_stopped_by_the_contact_torque():
+    world, times = TossedWorld(header(BALL), hidden={"contact_torque.m_r": 1e-3}), np.linspace(0.02, 0.2, 10)
+    x = path(OwnTosses(), world, [0.0, 0.0, 0.04, 1.0, 0.0, 0.0, 0.0], [0.4, 0.0, 0.0, 0.0, 10.0, 0.0], times).position[
+        0
+    ]
+    assert np.polyfit(times, x, 2)[0] == pytest.approx(-0.5 * 1e-3 * G / BALL.radius / 1.4, rel=1e-3)
+
+
+@pytest.mark.parametrize("cause", RANGES)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_is_hidden_changes_what_is_filmed_and_not_what_is_believed(engine, cause):
+    drawn = {f"{cause}.{name}": value for name, value in RANGES[cause].drawn(np.random.default_rng(1)).items()}
+    world = TossedWorld(header(), hidden=drawn)
+    if isinstance(engine, MujocoTosses) and cause in WITHOUT_ELEMENT:
+        with pytest.raises(UserError, match="MuJoCo has no element"):
+            engine.moves(world, released(world, 1, np.random.default_rng(0)), np.ones((1, 1)))
+        return
+    made = [
+        film("a", TossedWorld(header(), hidden=hidden), engine, CameraInSpace(seconds=0.8), 2, np.random.default_rng(3))
+        for hidden in ({}, drawn)
+    ]
+    assert made[0].header == made[1].header
+    assert not np.allclose(made[0].trajectories, made[1].trajectories, atol=1e-6)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_hits_take_energy(engine):
+    world = TossedWorld(header(), contact_time=1e-3)
+    times = np.tile(0.02 + np.arange(400) / 500.0, (8, 1))
+    states = engine.moves(world, released(world, 8, np.random.default_rng(0)), times)
+    place, q = states.position.reshape(3, 8, -1), states.attitude.reshape(4, 8, -1)
+    velocity = np.diff(place) * 500.0
+    spin = SPACE.turn_between(q[..., :-1], q[..., 1:]).reshape(3, -1) * 500.0
+    tensor = in_world(world.rig.body.inertia_per_mass, q[..., 1:].reshape(4, -1))
+    turning = np.einsum("in,ijn,jn->n", spin, tensor, spin).reshape(8, -1)
+    energy = 0.5 * ((velocity**2).sum(axis=0) + turning) + G * 0.5 * (place[2, :, 1:] + place[2, :, :-1])
+    assert np.all(energy < 1.01 * energy[:, :1]) and np.all(energy[:, -1] < 0.7 * energy[:, 0])
+
+
+def test_a_camera_in_its_own_axes_sees_the_same_motion():
+    up = np.array([0.36, -0.8, 0.48])
+    turned = header(
+        gravity=tuple(-G * up),
+        surface={"point": (1.0, 2.0, 0.5)},
+        tracked={"position": (0.04, -0.05, 0.02), "quaternion": (0.5, 0.5, -0.5, 0.5)},
+    )
+    camera = CameraInSpace(seconds=0.5, dropped=0.05, irregular=0.2, bursts=0.5)
+    world, rng = TossedWorld(turned, contact_time=3e-4), np.random.default_rng(3)
+    made = film("a", world, OwnTosses(), camera, 4, rng)
+    release = released(world, 4, np.random.default_rng(3).spawn(1)[0])
+    (frame,) = surface_frames(turned)
+    seen = frame.seen(body_states(tracked_states(made.trajectories), turned))
+    assert 0.8 < len(seen) / (4 * 115) < 0.97 and np.ptp(np.diff(seen.t[seen.trial == 0])) > 1e-3
+    for i in range(4):
+        rows = seen.select(seen.trial == i)
+        true = OwnTosses().moves(world, release.select(np.array([i])), rows.t[None])
+        turn = SPACE.turn_between(true.attitude, rows.attitude)
+        assert np.std(turn) == pytest.approx(3e-3, rel=0.2)
+        # noise of 3 mrad turns the centre about a point that is 7 cm away
+        assert np.std(rows.position - true.position) == pytest.approx(2e-4, abs=2e-4)
+
+
+@pytest.mark.parametrize("smoothing", ["butterworth", "kalman_smoother"])
+def test_a_filter_lowers_the_noise(smoothing):
+    camera = [CameraInSpace(seconds=0.3, filter=name, cutoff=30.0) for name in ("none", smoothing)]
+    world, rough = TossedWorld(header()), []
+    for one in camera:
+        table = film("a", world, OwnTosses(), one, 3, np.random.default_rng(3)).trajectories
+        rough += [table[list(POSE_IN_SPACE)].to_numpy()[:, [2, 4]]]
+    steps = [np.std(np.diff(one[5:60], n=4, axis=0), axis=0) for one in rough]
+    assert np.all(steps[1] < 0.5 * steps[0])

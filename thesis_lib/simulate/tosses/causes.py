@@ -1,0 +1,92 @@
+"""What the proof hides in tosses in space: the range of each cause, and causes in the contact itself.
+
+Causes of body, table, air and camera stand in `thesis_lib.simulate.rig.causes_in_space`.  Those of the contact, with u
+the direction of the surface from the body in axes of its shape, v_n the speed of approach and v_t that of the slip:
+
+| cause                             | in code         | unit | what it does to ε or μ                                  |
+|-----------------------------------|-----------------|------|---------------------------------------------------------|
+| velocity_dependent_restitution    | c               | s/m  | ε exp(−c v_n), v_n at the touch                         |
+| velocity_dependent_friction       | s, v_s          | 1, m/s | μ (1 + s exp(−(v_t / v_s)²))                          |
+| position_dependent_...            | g_..._x, _y     | 1/m  | times 1 + g · (t_1, t_2) of the contact point           |
+| orientation_dependent_...         | a_x, a_y, a_z   | 1    | times 1 + a · u, u at the touch                         |
+| later_restitution, later_friction | d               | 1    | times 1 + d, from `LATER` after the first touch on      |
+| sliding_friction                  | d_mu            | 1    | μ + d_mu where nothing has hit it for `SUPPORTED`       |
+| contact_torque                    | m_r             | m    | a couple against rolling, at most m_r times the force   |
+| torsional_friction                | m_t             | m    | a couple about the normal, in one cone with the slip    |
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+LATER = 0.03  # s after the first touch of a toss; what touches then belongs to a later hit
+SUPPORTED = 0.015  # s without a hit, after which a body that touches is supported
+HIT = 0.1  # m/s of approach: a slower touch is no hit
+
+
+@dataclass(frozen=True)
+class Range:
+    """The sizes of a cause.
+
+    Attributes:
+        values: names of the parameters that share the size, several as components of a vector.
+        low, high: limits of the size, drawn evenly in its logarithm; both signs occur if it is `signed`.
+        fixed: further parameters.
+        choices: of a discrete cause, the values that it can have.
+    """
+
+    values: tuple[str, ...]
+    low: float = 0.0
+    high: float = 0.0
+    signed: bool = True
+    fixed: Mapping[str, float] | None = None
+    choices: tuple[float, ...] = ()
+
+    def drawn(self, rng: np.random.Generator) -> dict[str, float]:
+        """Parameters of a size from the range, in a direction or with a sign from all."""
+        if self.choices:
+            return {self.values[0]: float(self.choices[rng.integers(len(self.choices))])}
+        size = np.exp(rng.uniform(np.log(self.low), np.log(self.high)))
+        along = rng.standard_normal(len(self.values))
+        along = size * (along if self.signed else np.abs(along)) / np.linalg.norm(along)
+        return {name: float(f"{value:.4g}") for name, value in zip(self.values, along)} | dict(self.fixed or {})
+
+
+def _vector(stem: str, axes: str = "xyz") -> tuple[str, ...]:
+    return tuple(f"{stem}{axis}" for axis in axes)
+
+
+RANGES: Mapping[str, Range] = {
+    "angle_offset": Range(_vector("d_r"), 0.02, 0.06),
+    "camera_pose": Range(_vector("b_"), 0.02, 0.06),
+    "com_offset": Range(_vector("c_"), 1.5e-3, 4e-3),
+    "contact_torque": Range(("m_r",), 1e-3, 3e-3, signed=False),
+    "inertia_ratios": Range(("a_y", "a_z"), 0.1, 0.25),
+    "length_scale": Range(("s_L",), 0.02, 0.06),
+    "linear_drag": Range(("c_v",), 0.1, 0.4, signed=False),
+    "quadratic_drag": Range(("c_q",), 0.1, 0.3, signed=False),
+    "magnus": Range(("k_m",), 0.02, 0.08),
+    "marker_offset": Range(_vector("d_"), 2e-3, 6e-3),
+    "mirrored_rotation": Range(("mirrored",), choices=(1.0, 2.0, 3.0)),
+    "misread_rotation": Range(("reading",), choices=(1.0, 2.0, 3.0, 4.0, 5.0)),
+    "velocity_dependent_restitution": Range(("c",), 0.1, 0.25),
+    "position_dependent_restitution": Range(("g_eps_x", "g_eps_y"), 1.5, 4.0),
+    "orientation_dependent_restitution": Range(_vector("a_"), 0.2, 0.4),
+    "later_restitution": Range(("d",), 0.2, 0.4),
+    "velocity_dependent_friction": Range(("s",), 0.5, 1.5, signed=False, fixed={"v_s": 0.5}),
+    "position_dependent_friction": Range(("g_mu_x", "g_mu_y"), 2.0, 5.0),
+    "orientation_dependent_friction": Range(_vector("a_"), 0.3, 0.6),
+    "later_friction": Range(("d",), 0.3, 0.6),
+    "rotation_scale": Range(("s_R",), 0.03, 0.1),
+    "rounded_corners": Range(("rho",), 2e-3, 6e-3, signed=False),
+    "sliding_friction": Range(("d_mu",), 0.08, 0.2),
+    "surface_height": Range(("h",), 1e-3, 3e-3),
+    "surface_tilt": Range(("phi_x", "phi_y"), 0.02, 0.07),
+    "time_lag": Range(("lag",), 4e-3, 12e-3),
+    "torsional_friction": Range(("m_t",), 3e-3, 10e-3, signed=False),
+    "wrong_gravity": Range(("dg",), 0.15, 0.5),
+    "wrong_inertia": Range(("d_I",), 0.1, 0.3),
+    "wrong_size": Range(("s",), 0.02, 0.05),
+}
+CORNERED = ("rounded_corners", "angle_offset")  # what a sphere cannot show

@@ -1,0 +1,276 @@
+"""Tosses of a rigid body on balls over a plane, compiled: flight, springs and dampers at all points that touch.
+
+numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
+stand here, since numba does not see changes of functions in other files.  It shares no line with the contacts of the
+critique (`contact`): these tosses are the truth by which that is judged.
+
+A ball at the depth δ with the rate δ̇ is pushed by max(0, k δ + d δ̇) along the normal, once for each ball.  d follows
+from the restitution that the contact has at its touch.  Friction and the couples at a contact hold what slips or turns
+within some steps, up to
+
+    |f_t|² / μ² + τ_n² / m_t²  ≤  f_n²,     |τ_t|  ≤  m_r f_n,
+
+and beyond it act where they take most energy.  Steps are half a drift, a kick, half a drift; where no ball can touch
+within it, a step is `FLIGHT` long.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+FLIGHT = 2e-4  # s
+HOLD = 2.0  # steps in which friction stops what it can hold
+SLOWEST = 1e-9  # m/s and rad/s
+RESTING, RESTS = 1e-3, 0.03  # m/s, for so long in s: the body lies still
+
+compiled = njit(cache=True, error_model="numpy")
+
+
+class OnBalls(NamedTuple):
+    """A body, its contact and what is hidden, in SI units; vectors as in `world`."""
+
+    balls: np.ndarray  # (k, 3) from the true centre of mass
+    radius: float
+    mass: float
+    tensor: np.ndarray  # (3, 3)
+    inverse: np.ndarray  # of the tensor
+    easiest: float  # its largest eigenvalue
+    gravity: np.ndarray
+    height: float
+    mu: float
+    epsilon: float
+    stiffness: float
+    dt: float  # step in contact
+    drag: tuple[float, float]  # linear, quadratic
+    magnus: float
+    spin_damping: float
+    lever: float  # m_r
+    spinning: float  # m_t
+    restitution_by_speed: float
+    friction_by_speed: tuple[float, float]
+    restitution_by_place: np.ndarray
+    friction_by_place: np.ndarray
+    restitution_by_face: np.ndarray
+    friction_by_face: np.ndarray
+    later: tuple[float, float]  # restitution and friction, less 1
+    sliding: float  # friction while supported, less the usual one
+    times: tuple[float, float, float]  # `LATER`, `SUPPORTED`, and `HIT` in m/s
+
+
+@compiled
+def _matrix(q):
+    """R by rows (9,) of a unit quaternion."""
+    w, x, y, z = q
+    return (
+        *(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        *(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+
+
+@compiled
+def _rotated(R, x, y, z):
+    return (R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z)
+
+
+@compiled
+def _spin(world, R, L):
+    """ω = R I⁻¹ Rᵀ L."""
+    x = R[0] * L[0] + R[3] * L[1] + R[6] * L[2]
+    y = R[1] * L[0] + R[4] * L[1] + R[7] * L[2]
+    z = R[2] * L[0] + R[5] * L[1] + R[8] * L[2]
+    I = world.inverse
+    return _rotated(
+        R,
+        I[0, 0] * x + I[0, 1] * y + I[0, 2] * z,
+        I[1, 0] * x + I[1, 1] * y + I[1, 2] * z,
+        I[2, 0] * x + I[2, 1] * y + I[2, 2] * z,
+    )
+
+
+@compiled
+def _turned(q, spin, h):
+    """Attitude after a turn with a constant spin."""
+    rate = np.sqrt(spin[0] ** 2 + spin[1] ** 2 + spin[2] ** 2)
+    half = 0.5 * h * rate
+    share = 0.5 * h if half < 1e-6 else np.sin(half) / rate
+    c, x, y, z = np.cos(half), share * spin[0], share * spin[1], share * spin[2]
+    w, a, b, d = q
+    w, a, b, d = (
+        c * w - x * a - y * b - z * d,
+        c * a + x * w + y * d - z * b,
+        c * b + y * w + z * a - x * d,
+        c * d + z * w + x * b - y * a,
+    )
+    length = np.sqrt(w * w + a * a + b * b + d * d)
+    return w / length, a / length, b / length, d / length
+
+
+@compiled
+def _attitude(world, q, L, h):
+    """Attitude after h at constant momentum: the spin is that of the middle of the step."""
+    middle = _turned(q, _spin(world, _matrix(q), L), 0.5 * h)
+    return _turned(q, _spin(world, _matrix(middle), L), h)
+
+
+@compiled
+def _flight(world, v, spin):
+    """Gravity and air (3,) in N."""
+    (x, y, z), (a, b, c), g, lift = v, spin, world.gravity, world.magnus
+    drag = world.drag[0] + world.drag[1] * np.sqrt(x * x + y * y + z * z)
+    return (
+        world.mass * (g[0] - drag * x + lift * (b * z - c * y)),
+        world.mass * (g[1] - drag * y + lift * (c * x - a * z)),
+        world.mass * (g[2] - drag * z + lift * (a * y - b * x)),
+    )
+
+
+@compiled
+def _along(by_face, R):
+    """a · u of a vector in axes of the body and the direction to the surface."""
+    return -(by_face[0] * R[6] + by_face[1] * R[7] + by_face[2] * R[8])
+
+
+@compiled
+def _damping(epsilon):
+    """ζ of a spring and a damper, without pull, that give the share ε of the speed back (Schwager and Pöschel 2007)."""
+    low, high = 0.0, 20.0
+    for _ in range(60):
+        z = 0.5 * (low + high)
+        if z < 1.0 - 1e-9:
+            time = 2.0 * np.arccos(z) / np.sqrt(1.0 - z * z)
+        elif z > 1.0 + 1e-9:
+            time = 2.0 * np.arccosh(z) / np.sqrt(z * z - 1.0)
+        else:
+            time = 2.0
+        if np.exp(-z * time) > epsilon:
+            low = z
+        else:
+            high = z
+    return 0.5 * (low + high)
+
+
+@compiled
+def _lands(world, R, x, y, speed, later):
+    """Damper in N s/m and coefficient of friction of a ball that touches at the place x, y with `speed` in m/s."""
+    epsilon = world.epsilon * np.exp(-world.restitution_by_speed * speed)
+    epsilon *= 1.0 + world.restitution_by_place[0] * x + world.restitution_by_place[1] * y
+    epsilon *= 1.0 + _along(world.restitution_by_face, R)
+    mu = world.mu * (1.0 + world.friction_by_place[0] * x + world.friction_by_place[1] * y)
+    mu *= 1.0 + _along(world.friction_by_face, R)
+    if later:
+        epsilon, mu = epsilon * (1.0 + world.later[0]), mu * (1.0 + world.later[1])
+    ratio = _damping(min(max(epsilon, 0.02), 0.98))
+    return 2.0 * ratio * np.sqrt(world.stiffness * world.mass), max(mu, 0.0)
+
+
+@compiled
+def _friction(world, s_x, s_y, turning, push, mu, loosest, easiest):
+    """Force (2,) in N and couple in N m about the normal on what slips and turns; the two mobilities per step."""
+    slip = np.sqrt(s_x * s_x + s_y * s_y)
+    if world.friction_by_speed[0] != 0.0:
+        mu *= 1.0 + world.friction_by_speed[0] * np.exp(-((slip / world.friction_by_speed[1]) ** 2))
+    limit, m_t = mu * push, world.spinning
+    if m_t == 0.0:
+        force = min(slip / loosest, limit) / max(slip, SLOWEST)
+        return -force * s_x, -force * s_y, 0.0
+    f_x, f_y, couple = -s_x / loosest, -s_y / loosest, -turning / easiest
+    if (f_x * f_x + f_y * f_y) * m_t * m_t + (couple * mu) ** 2 > (limit * m_t) ** 2:
+        size = np.sqrt((mu * slip) ** 2 + (m_t * turning) ** 2) / push + SLOWEST
+        f_x, f_y, couple = -mu * mu * s_x / size, -mu * mu * s_y / size, -m_t * m_t * turning / size
+    return f_x, f_y, couple
+
+
+@compiled
+def toss(world, place, attitude, velocity, spinning, times, poses):
+    """Poses (k, 7) of the true centre of mass at rising times (k,) in s, from its state (3,), (4,), (3,), (3,)."""
+    points = len(world.balls)
+    damper, mu, touching = np.zeros(points), np.zeros(points), np.zeros(points, np.bool_)
+    r, pushes = np.empty((points, 3)), np.empty(points)
+    reach = world.radius
+    for k in range(points):
+        reach = max(reach, np.sqrt((world.balls[k] ** 2).sum()) + world.radius)
+    # a point with the largest lever moves most easily; what holds it holds the others, too
+    mobility, easiest = 1.0 / world.mass + reach**2 * world.easiest, world.easiest
+    x, y, z = place
+    v_x, v_y, v_z = velocity
+    q = (attitude[0], attitude[1], attitude[2], attitude[3])
+    R = _matrix(q)
+    I, (a, b, c) = world.tensor, spinning
+    a, b, c = R[0] * a + R[3] * b + R[6] * c, R[1] * a + R[4] * b + R[7] * c, R[2] * a + R[5] * b + R[8] * c
+    L = _rotated(
+        R,
+        I[0, 0] * a + I[0, 1] * b + I[0, 2] * c,
+        I[1, 0] * a + I[1, 1] * b + I[1, 2] * c,
+        I[2, 0] * a + I[2, 1] * b + I[2, 2] * c,
+    )
+    t, first, hit, moved, row = 0.0, -1.0, -1.0, 0.0, 0
+    while True:
+        while row < len(times) and times[row] <= t + 1e-12:
+            poses[row, 0], poses[row, 1], poses[row, 2] = x, y, z
+            for i in range(4):
+                poses[row, 3 + i] = q[i]
+            row += 1
+        if row == len(times):
+            return
+        R = _matrix(q)
+        spin = _spin(world, R, L)
+        turning = np.sqrt(spin[0] ** 2 + spin[1] ** 2 + spin[2] ** 2)
+        if v_x * v_x + v_y * v_y + v_z * v_z + (reach * turning) ** 2 > RESTING**2:
+            moved = t
+        elif t - moved > RESTS:  # it lies where it is
+            t = times[-1]
+            continue
+        lowest = np.inf
+        for k in range(points):
+            b = world.balls[k]
+            lowest = min(lowest, R[6] * b[0] + R[7] * b[1] + R[8] * b[2])
+        # farther from the surface than any ball comes in a flight step?
+        nearer = FLIGHT * (max(-v_z, 0.0) + reach * turning + 0.02)
+        near = z + lowest - world.radius - world.height < nearer
+        h = min(world.dt if near else FLIGHT, times[row] - t)
+        x, y, z = x + 0.5 * h * v_x, y + 0.5 * h * v_y, z + 0.5 * h * v_z
+        q = _attitude(world, q, L, 0.5 * h)
+        R = _matrix(q)
+        spin = _spin(world, R, L)
+        f_x, f_y, f_z = _flight(world, (v_x, v_y, v_z), spin)
+        n_x, n_y, n_z = -world.spin_damping * L[0], -world.spin_damping * L[1], -world.spin_damping * L[2]
+        pressing = 0
+        for k in range(points if near else 0):
+            b = world.balls[k]
+            r[k, 0], r[k, 1], r[k, 2] = _rotated(R, b[0], b[1], b[2])
+            r[k, 2] -= world.radius
+            depth = world.height - z - r[k, 2]
+            rate = -(v_z + spin[0] * r[k, 1] - spin[1] * r[k, 0])
+            if depth <= 0.0:
+                touching[k] = False
+            elif not touching[k]:
+                touching[k] = True
+                first = t if first < 0.0 else first
+                hit = t if rate > world.times[2] else hit
+                damper[k], mu[k] = _lands(world, R, x + r[k, 0], y + r[k, 1], rate, t - first > world.times[0])
+            pushes[k] = max(world.stiffness * depth + damper[k] * rate, 0.0) if touching[k] else 0.0
+            pressing += pushes[k] > 0.0
+        for k in range(points if pressing else 0):
+            push = pushes[k]
+            if push <= 0.0:
+                continue
+            s_x = v_x + spin[1] * r[k, 2] - spin[2] * r[k, 1]
+            s_y = v_y + spin[2] * r[k, 0] - spin[0] * r[k, 2]
+            own = max(mu[k] + world.sliding, 0.0) if t - hit > world.times[1] else mu[k]
+            steps = HOLD * world.dt * pressing
+            g_x, g_y, couple = _friction(world, s_x, s_y, spin[2], push, own, steps * mobility, steps * easiest)
+            f_x, f_y, f_z = f_x + g_x, f_y + g_y, f_z + push
+            n_x += r[k, 1] * push - r[k, 2] * g_y
+            n_y += r[k, 2] * g_x - r[k, 0] * push
+            n_z += r[k, 0] * g_y - r[k, 1] * g_x + couple
+            if world.lever > 0.0:
+                rolling = np.sqrt(spin[0] ** 2 + spin[1] ** 2) + SLOWEST
+                most = min(world.lever * push, rolling / (steps * easiest)) / rolling
+                n_x, n_y = n_x - most * spin[0], n_y - most * spin[1]
+        v_x, v_y, v_z = v_x + h * f_x / world.mass, v_y + h * f_y / world.mass, v_z + h * f_z / world.mass
+        L = (L[0] + h * n_x, L[1] + h * n_y, L[2] + h * n_z)
+        x, y, z = x + 0.5 * h * v_x, y + 0.5 * h * v_y, z + 0.5 * h * v_z
+        q = _attitude(world, q, L, 0.5 * h)
+        t += h

@@ -1,0 +1,77 @@
+"""Our own engine of tosses: a spring and a damper at every point that touches (`compiled`)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.mechanics.frame import on_body
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.tosses.causes import HIT, LATER, SUPPORTED
+from thesis_lib.simulate.tosses.compiled import OnBalls, _damping, toss
+from thesis_lib.simulate.tosses.world import TossedWorld
+
+STRAIGHT = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class OwnTosses:
+    """Our own integrator; `steps` in the time of a central contact."""
+
+    steps: int = 200
+
+    def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
+        own, n = self._world(world), len(release)
+        to_centre = world.rig.body.centre
+        centre = on_body(release, to_centre, np.array(STRAIGHT))
+        poses = np.empty((*times.shape, 7))
+        for i in range(n):
+            place, attitude, velocity, spin = (
+                part[:, i].copy() for part in (centre.position, centre.attitude, centre.velocity, centre.spin)
+            )
+            toss(own, place, attitude, velocity, spin, times[i], poses[i])
+        flat = poses.reshape(-1, 7).T
+        moved = State(
+            flat,
+            np.full((6, flat.shape[1]), np.nan),
+            np.repeat(np.arange(n), times.shape[1]),
+            times.ravel(),
+            None,
+            SPACE,
+        )
+        return on_body(moved, -to_centre, np.array(STRAIGHT))
+
+    def _world(self, world: TossedWorld) -> OnBalls:
+        balls, radius = world.balls
+        ratio = _damping(world.epsilon)
+        # ω T of a central contact without pull
+        phase = 2.0 * np.arccos(ratio) / np.sqrt(1.0 - ratio**2) if ratio < 1.0 else 2.0
+        tensor = world.mass * world.rig.body.inertia_per_mass
+        return OnBalls(
+            balls=np.ascontiguousarray(balls - world.rig.body.centre),
+            radius=radius,
+            mass=world.mass,
+            tensor=np.ascontiguousarray(tensor),
+            inverse=np.ascontiguousarray(np.linalg.inv(tensor)),
+            easiest=1.0 / float(np.linalg.eigvalsh(tensor)[0]),
+            gravity=np.array(world.rig.gravity),
+            height=world.height,
+            mu=world.mu,
+            epsilon=world.epsilon,
+            stiffness=world.mass * (phase / world.contact_time) ** 2,
+            dt=world.contact_time / self.steps,
+            drag=(world.of("linear_drag.c_v"), world.of("quadratic_drag.c_q")),
+            magnus=world.of("magnus.k_m"),
+            spin_damping=world.of("linear_drag.c_w"),
+            lever=world.of("contact_torque.m_r"),
+            spinning=world.of("torsional_friction.m_t"),
+            restitution_by_speed=world.of("velocity_dependent_restitution.c"),
+            friction_by_speed=(world.of("velocity_dependent_friction.s"), world.of("velocity_dependent_friction.v_s")),
+            restitution_by_place=world.vector("position_dependent_restitution.g_eps_", "xy"),
+            friction_by_place=world.vector("position_dependent_friction.g_mu_", "xy"),
+            restitution_by_face=world.vector("orientation_dependent_restitution.a_"),
+            friction_by_face=world.vector("orientation_dependent_friction.a_"),
+            later=(world.of("later_restitution.d"), world.of("later_friction.d")),
+            sliding=world.of("sliding_friction.d_mu"),
+            times=(LATER, SUPPORTED, HIT),
+        )

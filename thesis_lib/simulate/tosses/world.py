@@ -1,0 +1,109 @@
+"""A body over a flat surface as it truly is, how it is let go, and what an engine must do with both.
+
+Everything stands in the frame of the surface: axes (t_1, t_2, n) through `surface.point`, the believed surface at 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from thesis_lib.bodies.solid_body import FlatSurface
+from thesis_lib.bodies.solids import Box, Capsule, Hull, Sphere
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import SPACE, of_rotation_vector
+from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.rig.causes_in_space import Hidden, true_rig
+
+SPINS = (2.0, 15.0)  # rad/s
+HEIGHTS = (0.12, 0.35)  # m, from the lowest point that any attitude can have to the surface
+ASIDE, ACROSS, UPWARDS = 0.15, 0.7, (-1.0, 0.5)  # m, m/s, m/s
+
+
+@dataclass(frozen=True, eq=False)
+class TossedWorld:
+    """A body, what it is believed to be, and its contact with the surface.
+
+    Attributes:
+        header: as its owner believes.
+        mu, epsilon: Coulomb's friction, and restitution of a central hit.
+        contact_time: of a central hit, s.
+        hidden: sizes by effect and parameter.
+    """
+
+    header: SpaceHeader
+    mu: float = 0.25
+    epsilon: float = 0.5
+    contact_time: float = 1e-3
+    hidden: Hidden = field(default_factory=dict)
+
+    def of(self, name: str) -> float:
+        """The value of a hidden parameter; 0 where it is absent."""
+        return float(self.hidden.get(name, 0.0))
+
+    def vector(self, stem: str, axes: Sequence[str] = "xyz") -> np.ndarray:
+        """The values (k,) of a hidden vector."""
+        return np.array([self.of(f"{stem}{axis}") for axis in axes])
+
+    def has(self, names: Sequence[str]) -> bool:
+        """Whether one of these causes is hidden."""
+        return bool(set(names) & {name.split(".")[0] for name in self.hidden})
+
+    @cached_property
+    def rig(self) -> SpaceHeader:
+        """Body, tracked frame, table and gravity as they are, in the frame of the believed surface."""
+        g = float(np.linalg.norm(self.header.gravity))
+        level = self.header.model_copy(update={"gravity": (0.0, 0.0, -g), "surface": FlatSurface()})
+        return true_rig(level, self.hidden)
+
+    @property
+    def mass(self) -> float:
+        return self.rig.body.mass or 1.0
+
+    @property
+    def height(self) -> float:
+        """Of the true surface, m."""
+        return self.rig.surface.point[2]
+
+    @property
+    def balls(self) -> tuple[np.ndarray, float]:
+        """Points (k, 3) in m in axes of the shape, and the radius of the balls about them.
+
+        Raises:
+            UserError: the body is no ball, box, capsule or sharp hull.
+        """
+        solid = self.rig.body.solid
+        if isinstance(solid, Sphere):
+            return np.zeros((1, 3)), solid.radius
+        if isinstance(solid, Capsule):
+            return solid.half_length * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]), solid.radius
+        if isinstance(solid, Box):
+            return (solid.corners - solid.edge_radius * np.sign(solid.corners)).T.copy(), solid.edge_radius
+        if isinstance(solid, Hull) and not solid.edge_radius:
+            return solid.corners.T.copy(), 0.0
+        raise UserError("our own contact has points for a sphere, box, capsule or hull with sharp edges.")
+
+
+class TossEngine(Protocol):
+    """What moves a tossed body."""
+
+    def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
+        """Poses of the shape's frame at rising times (n, k) in s after each of n releases, one toss after the other.
+
+        `release` has the poses of the shape's frame and the motion of its origin; the motions returned may be NaN.
+        """
+        ...
+
+
+def released(world: TossedWorld, n: int, rng: np.random.Generator) -> State:
+    """n bodies let go over the surface: any attitude, spins of `SPINS` about any axis."""
+    along, spin = rng.standard_normal((3, n)), rng.uniform(*SPINS, n)
+    reach = world.rig.body.solid.extent + max(world.height, 0.0)
+    place = np.concatenate([rng.uniform(-ASIDE, ASIDE, (2, n)), reach + rng.uniform(*HEIGHTS, (1, n))])
+    velocity = np.concatenate([rng.uniform(-ACROSS, ACROSS, (2, n)), rng.uniform(*UPWARDS, (1, n))])
+    attitude = of_rotation_vector(3.0 * rng.standard_normal((3, n)))
+    motion = np.concatenate([velocity, spin * along / np.linalg.norm(along, axis=0)])
+    return State(np.concatenate([place, attitude]), motion, np.arange(n), np.zeros(n), None, SPACE)
