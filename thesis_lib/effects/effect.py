@@ -155,7 +155,10 @@ class Rig:
             a[: len(self.down)] = self.gravity * self.down[:, None]
         if self.tensor is not None:  # torque-free, in axes of the body: G ω' = G ω × ω
             spin = state.space.turned_back(state.attitude, state.spin)
-            a[3:] = state.turned(np.linalg.solve(self.tensor, cross(self.tensor @ spin, spin)))
+            G = np.atleast_3d(self.tensor)
+            inverse = np.moveaxis(np.linalg.inv(np.moveaxis(G, -1, 0)), 0, -1)
+            couple = cross(np.einsum("ijn,jn->in", G, spin), spin)
+            a[3:] = state.turned(np.einsum("ijn,jn->in", inverse, couple))
         if self.walls and self.gravity:
             # the last one is for the plane as it was filmed
             surface = np.full(len(state), AS_FILMED) if state.surface is None else state.surface

@@ -141,7 +141,7 @@ def test_what_is_saved_predicts_further_hits(centre_hidden, tmp_path):
     written = centre_hidden.save(out)
     assert json.loads((out / "diagnosis.json").read_text()) == written
     page = (out / "report.html").read_text()
-    assert "displaced centre of mass" in page and "IRB bound, after the fact" not in page
+    assert "displaced centre of mass" in page and "IRB bound, after the fact" in page
     model = load_model(out / "model.json")
     header = SpaceHeader.model_validate(content(center_of_mass=list(OFF.values())))
     (frame,) = surface_frames(header)

@@ -1,5 +1,7 @@
 """Flights in space: what a right model leaves of them is noise, and they show what is wrong in one that is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -146,3 +148,17 @@ def test_the_course_of_a_flight_is_that_of_many_small_steps(effects, values, rng
             small = dynamics.flown(small, half * COURSE[j] / steps)
         off = SPACE.difference(course.select(np.arange(n) * len(COURSE) + j).pose, small.pose)
         assert np.abs(off[:3]).max() < 1e-5 and np.abs(off[3:]).max() < 1e-3
+
+
+def test_a_true_inertia_turns_the_body_in_flight(as_believed):
+    """An inertia of other proportions shows in flights, one that is larger as a whole does not."""
+    flights, rig = as_believed.flights, as_believed.rig
+    model = model_with("wrong_inertia")
+    at = {name: p.null for name, p in model.parameters.items()}
+    here = flights.residuals(bind(model, at, rig))
+    np.testing.assert_allclose(flights.residuals(bind(model, at | {"wrong_inertia.d_I": 0.3}, rig)), here, atol=1e-6)
+    several = at | {"wrong_inertia.d_I": np.full(len(flights), 0.3)}
+    np.testing.assert_allclose(flights.residuals(bind(model, several, rig)), here, atol=1e-6)
+    longer = bind(model, at, replace(rig, tensor=rig.tensor * [1.0, 1.0, 1.2]))
+    np.testing.assert_allclose(flights.residuals(longer)[:, :3], here[:, :3], atol=1e-9)
+    assert np.abs(flights.residuals(longer) - here)[:, 3:6].max() > 5.0
