@@ -11,9 +11,10 @@ from tutorial_runner import ROOT
 from thesis_lib.contact import LAWS
 from thesis_lib.docs.__main__ import main
 from thesis_lib.docs.pages import BLOCKS, rendered, stale_pages
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import PLANE
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -100,7 +101,7 @@ def test_numbers_drawn_are_those_of_the_code():
     from thesis_lib.docs.signatures import signature
 
     stored = pd.read_csv(DOCS / "pictures/effects/signatures.csv", keep_default_na=False, na_values=[""])
-    ours = kept_numbers({name: signature(effect) for name, effect in EFFECTS.items()})
+    ours = kept_numbers({name: signature(effect) for name, effect in effects_in(PLANE).items()})
     words = ["effect", "panel", "over", "series"]
     assert stored[words].equals(ours[words].astype(stored[words].dtypes))
     for name, rows in ours.groupby("effect"):
@@ -111,7 +112,7 @@ def test_numbers_drawn_are_those_of_the_code():
         assert (np.abs(there - rows["value"]) <= 1e-3 * size).mean() > 0.98, name
 
 
-@pytest.mark.parametrize("name", sorted(EFFECTS))
+@pytest.mark.parametrize("name", sorted(effects_in(PLANE)))
 def test_an_effect_changes_what_its_picture_shows(name):
     from thesis_lib.docs.signatures import signature
 

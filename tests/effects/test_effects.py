@@ -9,11 +9,12 @@ from stage_predictor import predict
 
 import thesis_lib.effects as package
 from thesis_lib.contact import LAWS
-from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.effects import EFFECTS, Effect, effects_in
 from thesis_lib.effects.effect import FAMILIES, Rig
 from thesis_lib.extensions.contract import Check, outcomes
-from thesis_lib.extensions.effect_contract import CHANNELS, DISK, EFFECT_CHECKS, N, hook_calls
+from thesis_lib.extensions.effect_contract import CHANNELS, DISK, N, checks_of, hook_calls
 from thesis_lib.extensions.effect_probe import RIGS, at_scale, null, random_states
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.mechanics.state import State
 
 ROUNDING = 1e-12  # relative to 1: there and back through a map of order one
@@ -29,8 +30,9 @@ def states(rig: Rig) -> State:
     return random_states(rig, N, np.random.default_rng(5))
 
 
-@pytest.mark.parametrize("check", EFFECT_CHECKS, ids=lambda check: check.name)
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=lambda effect: effect.name)
+@pytest.mark.parametrize(
+    ("effect", "check"), [pytest.param(e, c, id=f"{e.name}-{c.name}") for e in EFFECTS.values() for c in checks_of(e)]
+)
 def test_contract(effect: Effect, check: Check[Effect]) -> None:
     (outcome,) = outcomes([check], effect)
     assert outcome.verdict == "pass", outcome.reason
@@ -55,7 +57,7 @@ def test_names_are_unique() -> None:
 @pytest.mark.parametrize("law", list(LAWS))
 def test_all_nulls_together_change_no_law(law: str, rig: Rig, states: State) -> None:
     mu = 0.25 if LAWS[law].mu_unit == "1" else 0.5
-    everything = [(effect, null(effect, mu=mu)) for effect in EFFECTS.values()]
+    everything = [(effect, null(effect, mu=mu)) for effect in effects_in(PLANE).values()]
     with_nulls, without = (predict(active, states, rig, law, mu) for active in (everything, []))
     for channel in CHANNELS:
         np.testing.assert_allclose(getattr(with_nulls, channel), getattr(without, channel), rtol=0, atol=ROUNDING)
@@ -81,7 +83,7 @@ def test_degree_one_homogeneity() -> None:
     rig = RIGS["quadrilateral"]
     states = random_states(rig, N, np.random.default_rng(8))
     doubled = states.moved(vx=2 * states.vx, vy=2 * states.vy, omega=2 * states.omega)
-    for name, effect in EFFECTS.items():
+    for name, effect in effects_in(PLANE).items():
         active = [(effect, at_scale(effect))]
         one, two = predict(active, states, rig).impact, predict(active, doubled, rig).impact
         assert (np.max(np.abs(two - 2 * one)) > 1e-3) == (name in speed_dependent), name

@@ -6,9 +6,10 @@ import pytest
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.effects import EFFECTS, Effect, effects_in
 from thesis_lib.effects.effect import Parameter, in_order
 from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS, TAU, at_scale, random_states
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.mechanics.state import State
 
 N = 12
@@ -47,7 +48,7 @@ def everything(effects, values: dict[str, float], states: State) -> np.ndarray:
 
 
 def test_any_order_of_all_effects_gives_the_same_order() -> None:
-    effects = [*EFFECTS.values(), Own()]
+    effects = [*effects_in(PLANE).values(), Own()]
     rng = np.random.default_rng(1)
     orders = [in_order([effects[i] for i in rng.permutation(len(effects))]) for _ in range(20)]
     assert all(order == orders[0] for order in orders)
@@ -59,8 +60,8 @@ def test_any_order_of_all_effects_gives_the_same_order() -> None:
 def test_any_order_of_choice_gives_the_same_prediction() -> None:
     """All stages of a model; for each effect its contract says the same."""
     rng = np.random.default_rng(1)
-    ranked = [effect for effect in EFFECTS.values() if effect.rank]
-    for effects in ([*EFFECTS.values(), Own()], ranked):
+    ranked = [effect for effect in effects_in(PLANE).values() if effect.rank]
+    for effects in ([*effects_in(PLANE).values(), Own()], ranked):
         values, states = sizes(effects, rng), random_states(RIG, N, rng)
         made = [everything([effects[i] for i in rng.permutation(len(effects))], values, states) for _ in range(5)]
         for other in made[1:]:

@@ -14,10 +14,11 @@ from matplotlib.figure import Figure
 from thesis_lib.contact import LAWS, Law
 from thesis_lib.critique.proof.next_drops import read_answers
 from thesis_lib.docs.signatures import signature, sizes_text
-from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.effects import EFFECTS, Effect, effects_in
 from thesis_lib.figures.proof.curves import draw_next_drops
 from thesis_lib.figures.style import GREY, INK, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.files import atomic, write_table
+from thesis_lib.mechanics.space import PLANE
 
 DPI = 110  # 600 to 700 pixels wide, below 60 kB
 LOOKS = ({"color": "#0072B2"}, {"color": "#D55E00", "linestyle": (0, (5, 1.5))}, {"color": "0.2", "linestyle": ":"})
@@ -43,7 +44,7 @@ KEPT_EVERY = 97  # of the numbers; coprime to the grids, so that it touches all 
 
 def draw_pictures(folder: Path) -> Iterator[Path]:
     """Draw all pictures into `folder`/effects and `folder`/laws; yields the files."""
-    tables = {effect.name: signature(effect) for effect in EFFECTS.values()}
+    tables = {effect.name: signature(effect) for effect in effects_in(PLANE).values()}
     for name, table in tables.items():
         yield _save(draw_signature(EFFECTS[name], table), folder / "effects" / f"{name}.png")
     for law in LAWS.values():

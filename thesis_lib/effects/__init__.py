@@ -11,6 +11,7 @@ from thesis_lib.bodies.walls import Wall
 from thesis_lib.effects.at_wall import AtWall, effect_at_wall
 from thesis_lib.effects.effect import FAMILIES, Effect
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import Space
 
 
 def _load() -> dict[str, Effect]:
@@ -39,6 +40,11 @@ class _Library(dict[str, Effect]):
 EFFECTS: dict[str, Effect] = _Library(_load())
 
 
+def effects_in(space: Space) -> dict[str, Effect]:
+    """Those of `EFFECTS` that live in the plane, or in space."""
+    return {name: effect for name, effect in EFFECTS.items() if space.dimension in effect.dimensions}
+
+
 def require_known(names: Iterable[str], walls: Sequence[Wall] | None = None) -> None:
     """Refuse names that are no effect's; where the `walls` of the rig are given, those at other walls, too.
 
@@ -54,4 +60,4 @@ def require_known(names: Iterable[str], walls: Sequence[Wall] | None = None) -> 
             raise UserError(f"There is no wall {effect.wall!r} for the effect {name}: {known}.")
 
 
-__all__ = ["EFFECTS", "Effect", "require_known"]
+__all__ = ["EFFECTS", "Effect", "effects_in", "require_known"]

@@ -1,18 +1,28 @@
 """Angle offset: the marker frame is turned against the body.
 
-    θ_measured = θ + d_θ
+    θ_measured = θ + d_θ;   in space R_measured = R exp(d),   d a rotation vector
 
 | on paper | in code   | unit | shape |                                            |
 |----------|-----------|------|-------|--------------------------------------------|
 | d_θ      | `d_theta` | rad  |       | angle that the camera adds                 |
+| d        | `d_rx`, `d_ry`, `d_rz` | rad | | in space, axes of the body; the tracked point stays where it is |
 
-The contact point follows from the true angle; a disk has the same one at every angle.  Breaks mirror symmetry.
+The contact point follows from the true angle; a disk has the same one at every angle.  About an axis of symmetry of a
+body in space no component of d shows.  Breaks mirror symmetry.
 """
 
 import math
 
+import numpy as np
+
 from thesis_lib.bodies.shapes import Disk
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.bodies.solids import Sphere
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
+from thesis_lib.mechanics.space import multiplied, of_rotation_vector
+
+# wide and with far starts: a frame on the wrong axis of the body is a quarter of a turn off
+_OFF = Parameter("d_theta", "rad", null=0.0, low=-math.pi / 2, high=math.pi / 2, scale=0.02, starts=(-0.4, 0.4, 1.4))
+_NAMES = ("d_rx", "d_ry", "d_rz")
 
 
 class AngleOffset(Effect):
@@ -20,24 +30,36 @@ class AngleOffset(Effect):
     family = "measurement"
     title = "angle offset"
     equation = "θ_measured = θ + d_θ"
-    # wide and with far starts: a frame on the wrong axis of the body is a quarter of a turn off
-    parameters = (
-        Parameter("d_theta", "rad", null=0.0, low=-math.pi / 2, high=math.pi / 2, scale=0.02, starts=(-0.4, 0.4, 1.4)),
-    )
+    parameters = (_OFF,)
+    # from the null alone: every component has starts, and all of them are tried with one another
+    own_in_space = components(Parameter("d", "rad", null=0.0, low=-1.6, high=1.6, scale=0.02, starts=(0.0,)), _NAMES)
+    embedded = (("d_ry", "d_theta", -1.0),)
     channels = ("impact", "touch")
     needs_angle = True
     rank = 90
+    dimensions = IN_SPACE
     reference = "camera calibration"
     breaks_mirror = True
 
     def applies_to(self, rig):
-        return not isinstance(rig.shape, Disk)
+        return not isinstance(rig.shape, Disk | Sphere)
 
     def to_true(self, state, p, rig):
-        return state.moved(theta=state.theta - p["d_theta"])
+        if state.space.is_plane:
+            return state.moved(theta=state.theta - p["d_theta"])
+        return _turned(state, p, -1.0, rig)
 
     def to_measured(self, state, p, rig):
-        return state.moved(theta=state.theta + p["d_theta"])
+        if state.space.is_plane:
+            return state.moved(theta=state.theta + p["d_theta"])
+        return _turned(state, p, 1.0, rig)
+
+
+def _turned(state, p, sign, rig):
+    """In space: the body turned by ±d about its own axes, its tracked point where it is."""
+    d = of_rotation_vector(sign * vector(p, _NAMES))
+    attitude = multiplied(state.attitude, np.broadcast_to(d, state.attitude.shape))
+    return rig.turned(state, attitude, state.spin)
 
 
 EFFECT = AngleOffset()

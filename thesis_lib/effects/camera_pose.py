@@ -20,12 +20,21 @@ is surface_height.
 | h        | `h`                 | m    |       | height of the surface in the picture at x_0, less the believed    |
 | x_0, H   | `rig.reference.x`, `rig.height` | m |  | the place about which it is turned                             |
 
+In space the axes of the record are turned by exp(b) about the point of the surface, table and gravity with them:
+
+    x_measured = exp(b) x,   R_measured = exp(b) R,   v and ω alike;   b along the axes of the recording
+
+| on paper | in code             | unit | shape |                                                                   |
+|----------|---------------------|------|-------|-------------------------------------------------------------------|
+| b        | `b_x`, `b_y`, `b_z` | rad  |       | rotation vector; about the normal only what counts places shows it |
+
 Breaks mirror symmetry.
 """
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes, components
+from thesis_lib.mechanics.space import multiplied, of_rotation_vector, rotated
 
 
 class CameraPose(Effect):
@@ -38,6 +47,10 @@ class CameraPose(Effect):
         Parameter("slope", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01, starts=(0.0,)),
         Parameter("h", "m", null=0.0, low=-0.2, high=0.2, scale=1e-3, starts=(0.0,)),
     )
+    own_in_space = components(
+        Parameter("b", "rad", null=0.0, low=-0.6, high=0.6, scale=0.01, starts=(0.0,)), ("b_x", "b_y", "b_z")
+    )
+    embedded = (("b_y", "roll", -1.0),)
     channels = ("impact", "touch", "flight")
     even = True
     needs_one_surface = True
@@ -46,23 +59,42 @@ class CameraPose(Effect):
     breaks_mirror = True
     along = ("x",)
     rank = 30
+    dimensions = IN_SPACE
 
     def applies_to(self, rig):
         return rig.gravity > 0.0
 
     def to_true(self, state, p, rig):
+        if not state.space.is_plane:
+            return _about_surface(state, p, -1.0, rig)
         return _turned(state.moved(y=state.y - p["h"]), -(p["roll"] + p["slope"]), rig)
 
     def to_measured(self, state, p, rig):
+        if not state.space.is_plane:
+            return _about_surface(state, p, 1.0, rig)
         turned = _turned(state, p["roll"] + p["slope"], rig)
         return turned.moved(y=turned.y + p["h"])
 
     def acceleration(self, a, state, p, rig):
+        if not state.space.is_plane:
+            return a  # gravity is against the same normal
         sin, cos, g = np.sin(p["slope"]), np.cos(p["slope"]), rig.gravity
         oblique = a.copy()
         oblique[0] -= g * sin
         oblique[1] += g * (1.0 - cos)
         return oblique
+
+
+def _about_surface(state, p, sign, rig):
+    """In space: the state turned by ±b about the point of the surface."""
+    turn = of_rotation_vector(sign * rig.from_recording(along_axes(p, "b", state.space)))
+    up = np.array([[0.0], [0.0], [rig.height]])
+    return state.changed(
+        up + rotated(turn, state.position - up),
+        multiplied(np.broadcast_to(turn, state.attitude.shape), state.attitude),
+        rotated(turn, state.velocity),
+        rotated(turn, state.spin),
+    )
 
 
 def _turned(state, angle, rig):

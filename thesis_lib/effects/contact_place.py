@@ -7,18 +7,33 @@ they are up to half a diagonal apart.  It is counted from the reference, x_0, wh
 |----------|---------|------|-------|--------------------------------------------------------------------------------|
 | x_c      |         | m    | (n,)  | contact point along the surface, from x_0                                      |
 | x_0      | `rig.reference.x` | m |  | place in the numbers of the dataset                                            |
+| g        |         | 1/m  |       | slope of a property along the surface, in space a vector (g_x, g_y)            |
+| u        |         | 1    | (3, n) | in space: direction of the body that faces the surface, axes of the body      |
 | β        |         | rad  | (n,)  | polar angle of the contact point about the body origin, in the axes of the body |
 """
 
 import numpy as np
 
-from thesis_lib.effects.effect import Rig
+from thesis_lib.effects.effect import Parameters, Rig, vector
 from thesis_lib.mechanics.state import State
 
 
 def along_surface(state: State, rig: Rig) -> np.ndarray:
     """x_c (n,) in m of the believed shape at its pose."""
     return state.x - rig.reference.x + rig.lowest(state)[0]
+
+
+def along_gradient(state: State, p: Parameters, name: str, rig: Rig) -> np.ndarray:
+    """g·x_c (n,) of the parameter `name`, in space of `name`_x and `name`_y."""
+    if state.space.is_plane:
+        return p[name] * along_surface(state, rig)
+    place = state.position[:2] - np.array([[rig.reference.x], [rig.reference.y]]) + rig.lowest(state)[:2]
+    return (vector(p, (f"{name}_x", f"{name}_y")) * place).sum(axis=0)
+
+
+def down_in_body(state: State) -> np.ndarray:
+    """u (3, n)."""
+    return state.space.turned_back(state.attitude, np.array([[0.0], [0.0], [-1.0]]))
 
 
 def around_body(state: State, rig: Rig) -> np.ndarray:

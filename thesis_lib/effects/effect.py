@@ -45,15 +45,16 @@ import numpy as np
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.mechanics.contact import Contact
-from thesis_lib.mechanics.space import PLANE, SPACE, Space, cross
+from thesis_lib.mechanics.frame import Frame
+from thesis_lib.mechanics.space import PLANE, SPACE, Space, conjugate, cross, rotated
 from thesis_lib.mechanics.state import AS_FILMED, State
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
 FAMILIES: tuple[Family, ...] = ("contact_law", "geometry", "inertia", "surface", "flight", "measurement")
 Channel = Literal["impact", "meet", "touch", "flight", "slide"]
-Coordinate = Literal["x", "t", "trial"]
+Coordinate = Literal["x", "y", "t", "trial"]
 Parameters = Mapping[str, float]
-IN_PLANE, IN_SPACE = frozenset({2}), frozenset({2, 3})
+IN_PLANE, IN_SPACE, ONLY_SPACE = frozenset({2}), frozenset({2, 3}), frozenset({3})
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class Parameter:
         low, high: bounds, inclusive; beyond them the effect makes no physical sense.
         scale: a size that would matter, for steps and starting values.
         starts: further starting values, for effects whose misfit has more than one minimum.
-        discrete: the only other value, for effects that are on or off (a mirrored axis); else None.
+        discrete: the other value, for effects that are on or off (a mirrored axis); else None.
+        choices: further values of a discrete one, as of one axis among three.
         along: "x", "t" or "trial" of one that is itself a place, a time or a release, from `Rig.reference`; else "".
         of: the parameter of the law in whose place it acts: the effect is absent where both are equal, and `null` is a
             start; "" of one that is absent at its null.
@@ -81,6 +83,7 @@ class Parameter:
     scale: float
     starts: tuple[float, ...] = ()
     discrete: float | None = None
+    choices: tuple[float, ...] = ()
     along: Coordinate | Literal[""] = ""
     of: str = ""
 
@@ -88,14 +91,28 @@ class Parameter:
         """The value at which the effect is absent from a model with these values of the law."""
         return values.get(self.of, self.null)
 
+    @property
+    def options(self) -> tuple[float, ...]:
+        """All values of a discrete parameter but its null."""
+        return () if self.discrete is None else (self.discrete, *self.choices)
+
 
 @dataclass(frozen=True)
 class Reference:
-    """Where effects count from: a place x (m), a time t (s) and a release, in the numbers of the dataset."""
+    """Where effects count from: a place x (m), in space x and y along the surface, a time t (s) and a release.
+
+    In the numbers of the dataset.
+    """
 
     x: float = 0.0
     t: float = 0.0
     trial: float = 0.0
+    y: float = 0.0
+
+    def content(self, space: Space) -> dict[str, float]:
+        """For a file: x, t and trial, in space y, too."""
+        of_plane = {"x": self.x, "t": self.t, "trial": self.trial}
+        return of_plane if space.is_plane else of_plane | {"y": self.y}
 
 
 ORIGIN = Reference()
@@ -107,9 +124,11 @@ class Rig:
 
     In space `tensor` (3, 3), or (3, 3, n) of n bodies, is the inertia per mass in m² along the axes of the body, k_g
     the root of its mean principal moment, and `down` (3,) the direction of gravity in the axes of the surface, None
-    where it is against the normal.  Between `walls` states have the number of theirs (`bodies.walls`), and the height
-    is 0.  Without `has_angle` neither the angle nor the spin is measured.  `reference` is where the effects count
-    places, times and releases from.
+    where it is against the normal.  `tracked` is the pose of the tracked frame in the body, from its centre of mass
+    (None: the camera reports the body), and `world` (4,) the turn of the axes of the surface into those of the
+    recording (None: they are the same).  Between `walls` states have the number of theirs (`bodies.walls`), and the
+    height is 0.  Without `has_angle` neither the angle nor the spin is measured.  `reference` is where the effects
+    count places, times and releases from.
     """
 
     shape: Shape | Any
@@ -121,6 +140,8 @@ class Rig:
     reference: Reference = ORIGIN
     tensor: np.ndarray | None = None
     down: np.ndarray | None = None
+    tracked: Frame | None = None
+    world: np.ndarray | None = None
 
     @property
     def space(self) -> Space:
@@ -146,6 +167,25 @@ class Rig:
         if self.tensor is None:
             return self.shape.gap(state.y, state.theta, self.height)
         return state.height + self.shape.lowest(state.attitude)[-1] - self.height
+
+    def lever(self, state: State) -> np.ndarray:
+        """From the centre of mass to the tracked point (d, n) in m, as the body is believed to lie in `state`."""
+        if self.tracked is None:
+            return np.zeros((state.space.dimension, 1))
+        return state.turned(self.tracked.origin[:, None])
+
+    def turned(self, state: State, attitude: np.ndarray, spin: np.ndarray) -> State:
+        """What follows from the same motion of the tracked point with another attitude and spin of the body."""
+        moved = state.changed(attitude=attitude, spin=spin)
+        if self.tracked is None:
+            return moved
+        here, there, velocity_at = self.lever(state), self.lever(moved), state.space.velocity_at
+        velocity = velocity_at(velocity_at(state.velocity, state.spin, here), spin, -there)
+        return moved.changed(position=state.position + here - there, velocity=velocity)
+
+    def from_recording(self, u: np.ndarray) -> np.ndarray:
+        """Vectors (3, n) in axes of the recording, in those of the surface."""
+        return u if self.world is None else rotated(conjugate(self.world)[:, None], u)
 
     def fall(self, state: State) -> np.ndarray:
         """Acceleration of gravity (d + turns, n) in m/s² and rad/s², in the frames of the bodies."""
@@ -212,10 +252,12 @@ class Effect:
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
         bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
         even: whether what it adds to the acceleration in flight depends on angle and spin alone, and changes no spin.
-        along: which of x, t and trial it counts from `rig.reference`.
+        along: which of x, t and trial, in space also y, it counts from `rig.reference`.
         rank: its place among the effects that act together; see `in_order`.
         dimensions: 2 where it lives in the plane, 3 where it lives in space.
         vectors: names of parameters that are vectors: “c” stands for c_x and c_y, in space also c_z.
+        own_in_space: the parameters in space, of an effect that has others there than `vectors` make.
+        embedded: of those the ones that a motion in the plane x, z of space shows: (of space, of the plane, factor).
         denies: the property of the body that it says is not as believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
         reference: source, with DOI where there is one.
@@ -239,6 +281,8 @@ class Effect:
     rank: int = 0
     dimensions: frozenset[int] = IN_PLANE
     vectors: tuple[str, ...] = ()
+    own_in_space: tuple[Parameter, ...] = ()
+    embedded: tuple[tuple[str, str, float], ...] = ()
     denies: str = ""
     reference: str = ""
 
@@ -328,8 +372,8 @@ class Effect:
 
 def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:
     """The parameters of the effect, those that are vectors with a component for each axis of the space."""
-    if space.is_plane:
-        return effect.parameters
+    if space.is_plane or effect.own_in_space:
+        return effect.parameters if space.is_plane else effect.own_in_space
     found = []
     for p in effect.parameters:
         found.append(p)
@@ -338,9 +382,19 @@ def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
+def components(p: Parameter, names: Iterable[str]) -> tuple[Parameter, ...]:
+    """The parameter once for each of these names, as the components of a vector."""
+    return tuple(replace(p, name=name) for name in names)
+
+
 def along_axes(p: Parameters, name: str, space: Space) -> np.ndarray:
     """The vector parameter `name`, (d, 1), or (d, n) if there is one for each body."""
-    parts = [p[f"{name}_{axis}"] for axis in "xyz"[: space.dimension]]
+    return vector(p, (f"{name}_{axis}" for axis in "xyz"[: space.dimension]))
+
+
+def vector(p: Parameters, names: Iterable[str]) -> np.ndarray:
+    """The vector with these components, (k, 1), or (k, n) if there is one for each body."""
+    parts = [p[name] for name in names]
     if any(isinstance(part, np.ndarray) for part in parts):
         return np.array(np.broadcast_arrays(*parts))
     return np.array(parts)[:, None]

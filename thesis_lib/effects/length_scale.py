@@ -2,7 +2,7 @@
 
     x_measured − x_0 = (1 + s_L) (x − x_0),   y_measured − H = (1 + s_L) (y − H),   v_measured = (1 + s_L) v
 
-θ and ω are correct.
+θ and ω are correct.  In space x is the place of the tracked point.
 
 | on paper | in code      | unit | shape |                                                            |
 |----------|--------------|------|-------|------------------------------------------------------------|
@@ -40,7 +40,12 @@ def _scaled(state, s, rig):
     """Lengths times 1 + s, about the reference's place on the surface."""
     about = np.zeros((state.space.dimension, 1))
     about[0], about[-1] = rig.reference.x, rig.height
-    return state.changed(position=state.position + s * (state.position - about), velocity=state.velocity * (1.0 + s))
+    if rig.tracked is None:
+        seen = state.position + s * (state.position - about)
+        return state.changed(position=seen, velocity=state.velocity * (1.0 + s))
+    D = rig.lever(state)
+    velocity = state.space.velocity_at(state.velocity, state.spin, D)
+    return state.changed(state.position + s * (state.position + D - about), velocity=state.velocity + s * velocity)
 
 
 EFFECT = LengthScale()

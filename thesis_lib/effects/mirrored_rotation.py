@@ -1,15 +1,24 @@
 """Mirrored rotation: θ and ω are reported with the wrong sign (clockwise instead of counter-clockwise).
 
-    θ_measured = −θ,   ω_measured = −ω          on or off, no size
+    θ_measured = −θ,   ω_measured = −ω;   in space R_measured = M R M,   M the mirror of one axis of the recording
 
-The contact point follows from the true angle.  It looks like a huge contact torque, τ ≈ −2 r_y c_t.
+On or off, no size.  The contact point follows from the true angle.  It looks like a huge contact torque,
+τ ≈ −2 r_y c_t.
 
-| on paper | in code    | unit | shape |                            |
-|----------|------------|------|-------|----------------------------|
-|          | `mirrored` | 1    |       | 0 off, 1 on                |
+| on paper | in code    | unit | shape |                                                                      |
+|----------|------------|------|-------|----------------------------------------------------------------------|
+|          | `mirrored` | 1    |       | 0 off, 1 on; in space 1, 2, 3: x, y or z is mirrored                 |
 """
 
-from thesis_lib.effects.effect import Effect, Parameter
+import numpy as np
+
+from thesis_lib.bodies.solids import Sphere
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
+from thesis_lib.effects.relabelled_rotation import relabelled
+
+_ON = Parameter("mirrored", "1", null=0.0, low=0.0, high=1.0, scale=1.0, discrete=1.0)
+# a turn about the mirrored axis stays, those about the others are reversed
+_SIGNS = {axis: np.diag([1.0, *np.where(np.arange(1, 4) == axis, 1.0, -1.0)]) for axis in (1, 2, 3)}
 
 
 class MirroredRotation(Effect):
@@ -17,14 +26,24 @@ class MirroredRotation(Effect):
     family = "measurement"
     title = "mirrored rotation"
     equation = "θ_measured = −θ, ω_measured = −ω"
-    parameters = (Parameter("mirrored", "1", null=0.0, low=0.0, high=1.0, scale=1.0, discrete=1.0),)
+    parameters = (_ON,)
+    own_in_space = (Parameter("mirrored", "1", 0.0, low=0.0, high=3.0, scale=1.0, discrete=1.0, choices=(2.0, 3.0)),)
+    embedded = (("mirrored", "mirrored", 1.0),)
     channels = ("impact", "touch")
     needs_angle = True
     rank = 80
+    dimensions = IN_SPACE
     reference = "handedness of axes"
 
+    def applies_to(self, rig):
+        return not isinstance(rig.shape, Sphere)
+
     def to_true(self, state, p, rig):
-        return state.moved(theta=-state.theta, omega=-state.omega) if p["mirrored"] > 0.5 else state
+        if not p["mirrored"] > 0.5:
+            return state
+        if state.space.is_plane:
+            return state.moved(theta=-state.theta, omega=-state.omega)
+        return relabelled(state, _SIGNS[round(p["mirrored"])], rig)
 
     to_measured = to_true  # its own inverse
 

@@ -1,21 +1,23 @@
 """Orientation-dependent restitution: the body rebounds differently where it is hit (slender, layered, hollow).
 
-    ε ← clip(ε (1 + a_c cos 2β + a_s sin 2β), 0, 1)
+    ε ← clip(ε (1 + a_c cos 2β + a_s sin 2β), 0, 1);   in space ε ← clip(ε (1 + a·u), 0, 1)
 
-Second harmonic of the place β on the body: opposite places are the same.  What a body cannot show (a_c at the corners
-of a square) stays 0.
+In the plane: the second harmonic of the place β on the body: opposite places are the same.  What a body cannot show
+(a_c at the corners of a square) stays 0.  In space: the direction u of the body that faces the surface, a face
+against the opposite one.
 
 | on paper | in code | unit | shape |                                                           |
 |----------|---------|------|-------|-----------------------------------------------------------|
 | a_c      | `a_c`   | 1    |       | ends against sides                                        |
 | a_s      | `a_s`   | 1    |       | one diagonal against the other; breaks the mirror         |
+| a, u     | `a_x`, `a_y`, `a_z` | 1 | | in space, axes of the body                                 |
 | β        |         | rad  | (n,)  | polar angle of the contact point in the axes of the body  |
 """
 
 import numpy as np
 
-from thesis_lib.effects.contact_place import around_body
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.contact_place import around_body, down_in_body
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, along_axes, components
 
 
 class OrientationDependentRestitution(Effect):
@@ -27,11 +29,18 @@ class OrientationDependentRestitution(Effect):
         Parameter("a_c", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)),
         Parameter("a_s", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)),
     )
+    own_in_space = components(
+        Parameter("a", "1", null=0.0, low=-0.9, high=0.9, scale=0.1, starts=(0.0,)), ("a_x", "a_y", "a_z")
+    )
     needs_angle = True
+    dimensions = IN_SPACE
     reference = "Stoianovici and Hurmuzlu 1996 (rebound of slender bars at different angles)"
     breaks_mirror = True
 
     def coefficients(self, mu, epsilon, contact, state, p, rig):
+        if not state.space.is_plane:
+            factor = 1.0 + (along_axes(p, "a", state.space) * down_in_body(state)).sum(axis=0)
+            return mu, np.clip(epsilon * factor, 0.0, 1.0)
         angle = 2.0 * around_body(state, rig)
         factor = 1.0 + p["a_c"] * np.cos(angle) + p["a_s"] * np.sin(angle)
         return mu, np.clip(epsilon * factor, 0.0, 1.0)

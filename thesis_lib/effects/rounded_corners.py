@@ -11,7 +11,8 @@ The body is the polygon shrunk by ρ and grown by a disk of radius ρ.  With u_i
 | ρ        | `rho`   | m    |       | radius of the corners, at most the largest that fits           |
 | v_i, u_i | `corners`, `inner` | m | (k, 2) | corners of the convex hull, in the body frame           |
 
-Ellipses and disks have no corners.
+Ellipses and disks have no corners.  In space the edges of box, cylinder and hull are rounded inside the same measures,
+so that ρ comes on top of the stated edge radius.
 """
 
 from functools import lru_cache
@@ -19,7 +20,8 @@ from functools import lru_cache
 import numpy as np
 
 from thesis_lib.bodies.shapes import Corner, Polygon
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.bodies.solids import Edged, Recentred
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 
 
 class RoundedCorners(Effect):
@@ -29,20 +31,46 @@ class RoundedCorners(Effect):
     equation = "r = lowest point of (polygon ⊖ ρ) ⊕ disk(ρ)"
     parameters = (Parameter("rho", "m", null=0.0, low=0.0, high=0.05, scale=2e-3),)
     channels = ("impact", "touch")
+    dimensions = IN_SPACE
     reference = "Minkowski sums: de Berg et al. 2008, doi:10.1007/978-3-540-77974-2"
 
     def applies_to(self, rig):
-        return isinstance(rig.shape, Polygon)
+        return isinstance(rig.shape, Polygon) or _edged(rig.shape) is not None
 
     def contact_point(self, r, state, p, rig):
+        if (solid := _edged(rig.shape)) is not None:
+            return r + _moved_in_space(solid, state, p["rho"])
         if not isinstance(rig.shape, Polygon | Corner):
             return r
         return r + np.array(_moved(rig.shape, state.theta, p["rho"]))
 
     def gap(self, gap, state, p, rig):
+        if (solid := _edged(rig.shape)) is not None:
+            return gap - _moved_in_space(solid, state, p["rho"])[-1]
         if not isinstance(rig.shape, Polygon | Corner):
             return gap
         return gap - _moved(rig.shape, state.theta, p["rho"])[1]
+
+
+def _edged(shape) -> Edged | None:
+    """The solid whose edges could be rounded further; None if there is none."""
+    solid = shape.solid if isinstance(shape, Recentred) else shape
+    return solid if isinstance(solid, Edged) else None
+
+
+def _moved_in_space(solid, state, rho):
+    """Contact point (3, n) of the solid with further rounded edges minus that of the solid; of its frame."""
+    radius = np.broadcast_to(np.minimum(solid.edge_radius + rho, solid.inradius), len(state))
+    moved, believed = np.zeros((3, len(state))), solid.lowest(state.attitude)
+    for one in np.unique(radius):  # a fit tries a few
+        rows = radius == one
+        moved[:, rows] = _rounded(solid, float(one)).lowest(state.attitude[:, rows]) - believed[:, rows]
+    return moved
+
+
+@lru_cache(maxsize=64)
+def _rounded(solid, radius):
+    return solid.rounded(radius)
 
 
 def _moved(shape, theta, rho):

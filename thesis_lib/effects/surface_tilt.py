@@ -2,18 +2,24 @@
 
     gravity g (sin φ, −cos φ) in place of g (0, −1):   a ← a + g (sin φ, 1 − cos φ)
 
+and in space gravity g (sin φ_x, sin φ_y, −…) along t_1, t_2 and the normal, if the surface is believed level.
+
 The contact frame and the impact stay as they are, so the effect shows in flight only.  For φ > 0 downhill is
 to the right.
 
 | on paper | in code       | unit | shape |                              |
 |----------|---------------|------|-------|------------------------------|
 | φ        | `phi`         | rad  |       | angle of the surface         |
+| φ_x, φ_y | `phi_x`, `phi_y` | rad |    | in space, beyond the slope that is believed |
 | g        | `rig.gravity` | m/s² |       | believed gravity             |
 """
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
+
+_ANGLE = Parameter("phi", "rad", null=0.0, low=-0.5, high=0.5, scale=0.01)
+_NAMES = ("phi_x", "phi_y")
 
 
 class SurfaceTilt(Effect):
@@ -21,11 +27,14 @@ class SurfaceTilt(Effect):
     family = "surface"
     title = "tilted surface"
     equation = "a = g (sin φ, −cos φ)"
-    parameters = (Parameter("phi", "rad", null=0.0, low=-0.5, high=0.5, scale=0.01),)
+    parameters = (_ANGLE,)
+    own_in_space = components(_ANGLE, _NAMES)
+    embedded = (("phi_x", "phi", 1.0),)
     channels = ("flight",)
     even = True
     needs_trajectories = True
     needs_one_surface = True
+    dimensions = IN_SPACE
     reference = "inclined plane"
     breaks_mirror = True
 
@@ -33,6 +42,13 @@ class SurfaceTilt(Effect):
         return rig.gravity > 0.0
 
     def acceleration(self, a, state, p, rig):
+        if not state.space.is_plane:
+            down = np.array([0.0, 0.0, -1.0]) if rig.down is None else rig.down
+            along = down[:2, None] + np.sin(vector(p, _NAMES))
+            across = np.sqrt(np.maximum(1.0 - (along**2).sum(axis=0, keepdims=True), 0.0))
+            tilted = np.array(a)
+            tilted[:3] += rig.gravity * (np.concatenate([along, -across]) - down[:, None])
+            return tilted
         sin, cos, g = np.sin(p["phi"]), np.cos(p["phi"]), rig.gravity
         oblique = a.copy()
         oblique[0] += g * sin

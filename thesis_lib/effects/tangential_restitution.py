@@ -11,9 +11,10 @@ so that v_t⁺ = −e_t v_t as long as the impulse stays inside the cone; c_n is
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Impulse, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Impulse, Parameter
 
 TOLERANCE = 1e-9  # relative: above the rounding of laws that search for a root, far below any slip that matters
+TINY = 1e-300  # N s/kg, for a quotient
 
 
 class TangentialRestitution(Effect):
@@ -24,9 +25,17 @@ class TangentialRestitution(Effect):
     parameters = (Parameter("e_t", "1", null=0.0, low=-1.0, high=1.0, scale=0.2),)
     needs_angle = True
     rank = -1
+    dimensions = IN_SPACE
     reference = "Walton 1993; Chatterjee and Ruina 1998, doi:10.1115/1.2791929"
 
     def impulse(self, impulse, contact, state, p, rig):
+        if contact.dimension == 3:
+            c_t = np.array(impulse.c[:2])
+            size = np.sqrt((c_t**2).sum(axis=0))
+            # |1 + e_t| times itself, at most to the cone, or to where the law is itself
+            most = np.maximum(contact.mu * np.abs(impulse.c_n), size) / np.maximum(size, TINY)
+            factor = np.where(_sticks(impulse, contact), np.clip(1.0 + p["e_t"], -most, most), 1.0)
+            return Impulse((*(factor * c_t), impulse.c_n), impulse.couple)
         # where the law itself leaves the cone, it is not cut back
         limit = np.maximum(contact.mu * np.abs(impulse.c_n), np.abs(impulse.c_t))
         wanted = np.clip((1.0 + p["e_t"]) * impulse.c_t, -limit, limit)
@@ -37,6 +46,11 @@ class TangentialRestitution(Effect):
 def _sticks(impulse, contact):
     # some laws stick to the end, others (Drumwright-Shell, published Poisson) up to maximum compression only
     def at_rest(c_n):
+        if contact.dimension == 3:
+            driven = contact.v[:2] + contact.K[:2, 2] * c_n
+            c_t = np.array(impulse.c[:2])
+            left = driven + (contact.K[:2, :2] * c_t).sum(axis=1)
+            return np.sqrt((left**2).sum(axis=0)) <= TOLERANCE * np.sqrt((driven**2).sum(axis=0))
         driven = contact.v_t + contact.K_tn * c_n
         return np.abs(driven + contact.K_tt * impulse.c_t) <= TOLERANCE * np.abs(driven)
 

@@ -26,10 +26,10 @@ class TimeLag(Effect):
     reference = "kinematics"
 
     def to_true(self, state, p, rig):
-        return state.changed(attitude=state.space.attitude_after(state.attitude, state.spin * p["lag"]))
+        return rig.turned(state, state.space.attitude_after(state.attitude, state.spin * p["lag"]), state.spin)
 
     def to_measured(self, state, p, rig):
-        return state.changed(attitude=state.space.attitude_after(state.attitude, -state.spin * p["lag"]))
+        return rig.turned(state, state.space.attitude_after(state.attitude, -state.spin * p["lag"]), state.spin)
 
     def meet(self, jump, before, after, p):
         jumped = jump.copy()

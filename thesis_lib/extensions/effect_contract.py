@@ -11,12 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.bodies.shapes import Disk, Polygon
-from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Parameter, Reference, Rig
+from thesis_lib.effects import effects_in
+from thesis_lib.effects.effect import FAMILIES, ORIGIN, Effect, Parameter, Reference, Rig, parameters_in
 from thesis_lib.extensions.contract import Check, NothingYet
 from thesis_lib.extensions.effect_in_space import SPACE_EFFECT_CHECKS
 from thesis_lib.extensions.effect_probe import (
     BOX,
+    RECORDED_BOX,
     RIGS,
     TAU,
     at_scale,
@@ -29,7 +30,7 @@ from thesis_lib.extensions.effect_probe import (
     tumbling_boxes,
 )
 from thesis_lib.extensions.old_hooks import rewritten
-from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.space import PLANE, SPACE
 from thesis_lib.mechanics.state import State
 
 N = 300  # states
@@ -52,9 +53,10 @@ STRAIGHT = 1e-9  # m and rad
 NOTHING = "it changes nothing yet: write what it does into one of the hooks"
 
 
-def _for_each(value: object) -> tuple[np.ndarray, ...]:
-    """The arrays in a hook's result; a number (inertia) as an array with one for each body."""
-    return tuple(np.full(N, array) if array.ndim == 0 else array for array in flat(value))
+def _for_each(value: object, n: int) -> tuple[np.ndarray, ...]:
+    """The arrays in a hook's result; an inertia that all share as an array with one for each body."""
+    arrays = [array[None] if array.ndim == 0 else array for array in flat(value)]
+    return tuple(np.broadcast_to(array, (*array.shape[:-1], n)) for array in arrays)
 
 
 def _states(rig: Rig, seed: int = 5) -> State:
@@ -63,9 +65,10 @@ def _states(rig: Rig, seed: int = 5) -> State:
 
 def _scenes(effect: Effect) -> list[tuple[str, Rig, State]]:
     """Bodies by their kind, with states, in each space in which the effect lives."""
-    scenes = [(kind, rig, _states(rig)) for kind, rig in RIGS.items()]
-    in_space = SPACE.dimension in effect.dimensions
-    return scenes + [("box", BOX, tumbling_boxes(FEW, np.random.default_rng(8)))] * in_space
+    in_plane, in_space = (space.dimension in effect.dimensions for space in (PLANE, SPACE))
+    scenes = [(kind, rig, _states(rig)) for kind, rig in RIGS.items()] * in_plane
+    boxes = tumbling_boxes(FEW, np.random.default_rng(8))
+    return scenes + [("box", BOX, boxes), ("recorded box", RECORDED_BOX, boxes)] * in_space
 
 
 def hooks_of_today(effect: Effect) -> str:
@@ -101,7 +104,8 @@ def declared(effect: Effect) -> str:
     names = [p.name for p in effect.parameters]
     if not names or len(set(names)) != len(names):
         return "parameters must hold at least one Parameter, each with a name of its own"
-    return next((f"parameter {p.name}: {why}" for p in effect.parameters if (why := _bad_limits(p))), "")
+    everything = (*effect.parameters, *effect.own_in_space)
+    return next((f"parameter {p.name}: {why}" for p in everything if (why := _bad_limits(p))), "")
 
 
 def _bad_limits(p: Parameter) -> str:
@@ -127,7 +131,7 @@ def described(effect: Effect) -> str:
     text = getattr(inspect.getmodule(type(effect)), "__doc__", "") or ""
     if "| on paper" not in text:
         return "the docstring of its file has no table of symbols (a row that begins with “| on paper”)"
-    missing = [p.name for p in effect.parameters if f"`{p.name}`" not in text]
+    missing = [p.name for p in (*effect.parameters, *effect.own_in_space) if f"`{p.name}`" not in text]
     if missing:
         return f"the table of symbols lacks {', '.join(f'`{name}`' for name in missing)}"
     return "" if effect.reference else "reference names no source"
@@ -171,8 +175,8 @@ def bends_what_it_says(effect: Effect) -> str:
 
 def keeps_arguments(effect: Effect) -> str:
     """No hook writes into what it is given."""
-    for rig in RIGS.values():
-        states, p = _states(rig), at_scale(effect)
+    for _, rig, states in _scenes(effect):
+        p = at_scale(effect, states.space)
         kept = dict(p)
         copies = [array.copy() for array in flat(states)]
         calls = hook_calls(effect, p, rig, states)
@@ -187,13 +191,13 @@ def keeps_arguments(effect: Effect) -> str:
 
 def takes_arrays(effect: Effect) -> str:
     """A parameter may be an array with a value for each body: fits try several at once."""
-    for rig in RIGS.values():
-        states, p = _states(rig), at_scale(effect)
+    for _, rig, states in _scenes(effect):
+        p, n = at_scale(effect, states.space), len(states)
         switches = {q.name for q in effect.parameters if q.discrete is not None}  # those stay numbers
-        many = {name: value if name in switches else np.full(N, value) for name, value in p.items()}
+        many = {name: value if name in switches else np.full(n, value) for name, value in p.items()}
         one, each = hook_calls(effect, p, rig, states), hook_calls(effect, many, rig, states)
         for hook, (_, made) in one.items():
-            if why := differs(_for_each(each[hook][1]), _for_each(made), ROUNDING, ROUNDING):
+            if why := differs(_for_each(each[hook][1], n), _for_each(made, n), ROUNDING, ROUNDING):
                 return f"{hook} with an array of parameters, one for each body, {why}; use NumPy, no if and no float()"
     return ""
 
@@ -201,14 +205,14 @@ def takes_arrays(effect: Effect) -> str:
 def finite_in_bounds(effect: Effect) -> str:
     """At all parameters within the bounds predictions are finite, μ ≥ 0 and 0 ≤ ε ≤ 1."""
     rng = np.random.default_rng(11)
-    draws = [{p.name: getattr(p, side) for p in effect.parameters} for side in ("low", "high")]
-    draws += [{p.name: rng.uniform(p.low, p.high) for p in effect.parameters} for _ in range(8)]
-    for rig in RIGS.values():
-        states = _states(rig)
+    for _, rig, states in _scenes(effect):
+        of = parameters_in(effect, states.space)
+        draws = [{p.name: getattr(p, side) for p in of} for side in ("low", "high")]
+        draws += [{p.name: rng.uniform(p.low, p.high) for p in of} for _ in range(8)]
         for p in draws:
             at = ", ".join(f"{name} = {value:.3g}" for name, value in p.items())
             made = predict([(effect, p)], states, rig)
-            for channel in CHANNELS:
+            for channel in made:
                 if not np.isfinite(made[channel]).all():
                     return f"the {channel} is not finite at {at}, which is within the bounds"
             mu, epsilon = hook_calls(effect, p, rig, states)["coefficients"][1]  # pyright: ignore[reportGeneralTypeIssues]
@@ -346,7 +350,7 @@ def composes(effect: Effect) -> str:
         return predict([(one, at_scale(one)) for one in on], states, rig, contact_time=TAU)
 
     alone, idle = made(effect), not any(_sizes(effect)[0].values())
-    for name, other in EFFECTS.items():
+    for name, other in effects_in(PLANE).items():
         if name == effect.name:
             continue
         together, of_other = made(effect, other), made(other)
@@ -365,7 +369,7 @@ def in_any_order(effect: Effect) -> str:
     """Added before or after all effects of the library, it makes the same of them and they of it."""
     rig = RIGS["quadrilateral"]
     states = random_states(rig, FEW, np.random.default_rng(15))
-    others = [(one, at_scale(one)) for one in EFFECTS.values() if one.name != effect.name]
+    others = [(one, at_scale(one)) for one in effects_in(PLANE).values() if one.name != effect.name]
     own = [(effect, at_scale(effect))]
     first, last = (predict(active, states, rig, contact_time=TAU) for active in (own + others, others[::-1] + own))
     for channel in CHANNELS:
@@ -391,8 +395,13 @@ EFFECT_CHECKS: tuple[Check[Effect], ...] = (
     Check("works together with every effect of the library", composes),
     Check("acts the same in whatever order effects were added", in_any_order),
 )
+# what looks at every space in which the effect lives; the others at the plane
+ANYWHERE = (declared, described, absent_at_null, has_inverses, keeps_arguments, takes_arrays, finite_in_bounds)
 
 
 def checks_of(effect: Effect) -> tuple[Check[Effect], ...]:
     """The checks of an effect, by the dimensions in which it lives."""
-    return (*EFFECT_CHECKS, *SPACE_EFFECT_CHECKS) if SPACE.dimension in effect.dimensions else EFFECT_CHECKS
+    checks = EFFECT_CHECKS
+    if PLANE.dimension not in effect.dimensions:
+        checks = tuple(check for check in checks if check.find in ANYWHERE)
+    return (*checks, *SPACE_EFFECT_CHECKS) if SPACE.dimension in effect.dimensions else checks

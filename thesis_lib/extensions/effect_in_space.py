@@ -4,14 +4,15 @@ Each check looks at the hooks of the effect for states of a box; effects of the 
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.effects.effect import Effect, Impulse, Rig, parameters_in
 from thesis_lib.extensions.contract import Check
-from thesis_lib.extensions.effect_probe import BOX, HALF, MOMENTS, differs, hook_calls, tumbling_boxes
-from thesis_lib.mechanics.space import PLANE, SPACE, Space, of_rotation_vector
+from thesis_lib.extensions.effect_probe import BOX, HALF, MOMENTS, RECORDED_BOX, differs, hook_calls, tumbling_boxes
+from thesis_lib.mechanics.space import PLANE, SPACE, Space, multiplied, of_rotation_vector
 from thesis_lib.mechanics.state import State
 
 N = 60
@@ -25,10 +26,17 @@ Made = dict[str, object]
 
 def has_the_plane_as_a_case(effect: Effect) -> str:
     """A motion in the plane x, z of space has the outcome that it has in the plane."""
+    if PLANE.dimension not in effect.dimensions:
+        return ""
     of_plane = _sizes(effect, PLANE)
     p = {name: of_plane.get(name, 0.0) for name in _sizes(effect, SPACE)}
     for vector in effect.vectors:  # up is y in the plane, z in space
         p[f"{vector}_y"], p[f"{vector}_z"] = 0.0, of_plane[f"{vector}_y"]
+    if effect.own_in_space:
+        seen = {source for _, source, _ in effect.embedded}
+        of_plane = {q.name: of_plane[q.name] if q.name in seen else q.null for q in effect.parameters}
+        p = {q.name: q.null for q in effect.own_in_space}
+        p |= {name: sign * of_plane[source] for name, source, sign in effect.embedded}
     flat = _sliding()
     expected = _carried(_made(effect, of_plane, SECTION, flat), _embedded, _tilted)
     made = _made(effect, p, BOX, _of_state(flat, _embedded, _tilted))
@@ -36,12 +44,14 @@ def has_the_plane_as_a_case(effect: Effect) -> str:
 
 
 def knows_no_horizontal_direction(effect: Effect) -> str:
-    """Turned about the vertical, body and motion have the turned outcome."""
+    """Turned about the vertical, body and motion have the turned outcome, and so do the axes of the recording."""
     if effect.along or (effect.breaks_mirror and effect.family == "surface"):
         return ""  # it counts places, or has a direction along the surface
     p, states = _sizes(effect, SPACE), tumbling_boxes(N, np.random.default_rng(8))
-    turned = _made(effect, p, BOX, _of_state(states, _about_vertical, _attitude_about))
-    expected = _carried(_made(effect, p, BOX, states), _about_vertical, _attitude_about)
+    back = of_rotation_vector(np.array([0.0, 0.0, -ANGLE]))
+    there = replace(RECORDED_BOX, world=multiplied(np.asarray(RECORDED_BOX.world), back))
+    turned = _made(effect, p, there, _of_state(states, _about_vertical, _attitude_about))
+    expected = _carried(_made(effect, p, RECORDED_BOX, states), _about_vertical, _attitude_about)
     return _differs(turned, expected, "turned about the vertical, {}")
 
 

@@ -4,6 +4,7 @@ In the plane two bodies without symmetry are dropped, in space a box.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig, parameters_in
 from thesis_lib.mechanics.contact import contact
+from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.inertia import mobility
 from thesis_lib.mechanics.space import PLANE, SPACE, Space, of_rotation_vector, rotation_matrix
 from thesis_lib.mechanics.state import State
@@ -30,6 +32,9 @@ RIGS = {
 HALF = (0.03, 0.02, 0.015)  # m
 MOMENTS = np.diag([HALF[1] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[1] ** 2]) / 3.0
 BOX = Rig(Box(half_extents=HALF), float(np.sqrt(np.trace(MOMENTS) / 3.0)), 9.81, 0.2, tensor=MOMENTS)
+# as recorded: the tracked frame somewhere on the body, the axes of the recording not those of the surface
+_TURNS = of_rotation_vector(np.array([[0.4, -1.0], [-0.7, 0.5], [1.1, 0.3]]))
+RECORDED_BOX = replace(BOX, tracked=Frame(np.array([0.02, -0.01, 0.03]), _TURNS[:, 0]), world=_TURNS[:, 1])
 Active = Sequence[tuple[Effect, Mapping[str, float]]]
 Calls = dict[str, tuple[tuple[object, ...], object]]
 
@@ -129,18 +134,19 @@ def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0
     """What the critique's model predicts in each channel, from measured states before the impact.
 
     impact: velocity after it; meet: jump of the pose; flight: acceleration, (n, d + turns) each; touch: gap (n,) at it;
-    slide: acceleration (n,) along the surface, were the body supported.
+    slide: in the plane, acceleration (n,) along the surface, were the body supported.
     The effects act in their own order, whatever that of `active`; `contact_time` is τ in s.
     """
-    model = Model(LAWS["anitescu_potra_newton"], tuple(effect for effect, _ in active), contact_time > 0.0)
+    of_active = tuple(effect for effect, _ in active)
+    model = Model(LAWS["anitescu_potra_newton"], of_active, contact_time > 0.0, space=measured.space)
     values = {"mu": MU, "epsilon": EPSILON, "tau": contact_time}
     values |= {f"{effect.name}.{name}": value for effect, p in active for name, value in p.items()}
     dynamics = Dynamics(model, values, rig)
     after, depth = dynamics.strike(measured)
-    return {
+    made = {
         "impact": after.v,
         "meet": dynamics.jump(measured, after),
         "touch": dynamics.gap(dynamics.to_true(measured)) + depth,
         "flight": dynamics.acceleration(measured),
-        "slide": dynamics.sliding(dynamics.to_true(measured)),
     }
+    return made | {"slide": dynamics.sliding(dynamics.to_true(measured))} if measured.space.is_plane else made

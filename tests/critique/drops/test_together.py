@@ -12,7 +12,8 @@ from thesis_lib.critique.likelihood.fit import fit, fit_each
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.likelihood.whitening import Whitening, together
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
 
@@ -48,7 +49,7 @@ def assert_the_same(model: Model, observations) -> None:
             np.testing.assert_allclose(f, flights_alone, atol=CLOSE, rtol=CLOSE)
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", effects_in(PLANE))
 def test_effects_take_a_value_for_each_body(observations, name):
     if EFFECTS[name].applies_to(observations.rig):
         assert_the_same(Model(BASES["mirtich"], (EFFECTS[name],), True), observations)

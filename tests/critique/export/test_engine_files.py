@@ -11,8 +11,9 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Polygon
 from thesis_lib.critique.export.export import exported
 from thesis_lib.critique.export.solid import FORMATS, solid
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import PLANE
 
 ALL = BODIES | {"disk": Body(shape=Disk(radius=0.03), mass=MASS, radius_of_gyration=0.021)}
 # m/s, median and most; Drake finds the contact of an ellipsoid with a box (URDF) by iteration
@@ -128,7 +129,7 @@ def test_an_l_of_unequal_moments_keeps_its_axes():
     assert abs(made.inertia[0, 2]) > 0.02 * made.inertia[1, 1]
 
 
-@pytest.mark.parametrize("effect", EFFECTS)
+@pytest.mark.parametrize("effect", effects_in(PLANE))
 @pytest.mark.parametrize("target", FORMATS)
 def test_every_effect_is_in_the_file_or_named_as_left_out(effect, target):
     """On the terminal and in the file's comment; and what is said to be in it changes the file's numbers."""

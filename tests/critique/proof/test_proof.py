@@ -36,7 +36,8 @@ from thesis_lib.critique.proof.headline import PLANNED, TIMES, WORLDS, planned
 from thesis_lib.critique.proof.results import confusion, is_right, outcomes, recovered, usual, wrong_names
 from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, law_size, stored_factor
 from thesis_lib.critique.proof.store import NOTHING, groups_of, numbers_in
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.simulate.rig.hidden_causes import CAUSES
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -49,8 +50,9 @@ def test_the_table_uses_no_seed_of_the_tuning():
 
 def test_truths_and_the_effects_that_describe_them():
     assert truths("law")[0] == truths("mechanism")[0] == NOTHING
-    lasting = {name for name, effect in EFFECTS.items() if effect.needs_contact_time}
-    assert set(truths("law")[1:]) == set(EFFECTS) - lasting - {"sliding_friction"}  # no law makes those, nor slides
+    lasting = {name for name, effect in effects_in(PLANE).items() if effect.needs_contact_time}
+    # no law makes those, nor slides
+    assert set(truths("law")[1:]) == set(effects_in(PLANE)) - lasting - {"sliding_friction"}
     assert Case("law", NOTHING, 0).expected == ()
     assert Case("law", "wear", 0).expected == (("wear",),)
     for cause in CAUSES:

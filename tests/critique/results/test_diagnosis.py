@@ -21,7 +21,8 @@ from thesis_lib.critique.results.tables import ladder as ladder_table
 from thesis_lib.critique.results.titles import counted_from
 from thesis_lib.critique.selection.discovery import Rejected, paired_gain
 from thesis_lib.critique.selection.scan import scan
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.statistics.wording import number
 
 LEAST_RISE = 0.25  # of the noise floor: the setting material_floor
@@ -76,7 +77,7 @@ def test_nothing_hidden_is_adequate_and_says_what_would_have_shown(told_nothing)
     verdict, lasting, *_ = summary({**told_nothing, "remaining": sound})
     assert "adequate" in verdict and lasting.startswith("Contacts last about 1 ms (standard error 0.0")
     sizes = {entry["name"]: entry["smallest"] for entry in told_nothing["detectable"]}
-    assert set(sizes) == set(EFFECTS) - {entry["name"] for entry in told_nothing["not_testable"]}
+    assert set(sizes) == set(effects_in(PLANE)) - {entry["name"] for entry in told_nothing["not_testable"]}
     assert 0.0 < sizes["tangential_restitution"]["e_t"] < 1.0
 
 

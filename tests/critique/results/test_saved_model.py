@@ -17,9 +17,10 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.critique.results.saved_model import STATE, SavedModel, SavedReference, saved
 from thesis_lib.datasets.format.impacts import V_POST, V_PRE
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import effects_in
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE
@@ -239,7 +240,7 @@ def test_no_file_says_how_to_make_one(tmp_path):
 
 def test_every_effect_can_be_saved_and_predicts(states, tmp_path):
     states["trial"], states["t"] = 1, 0.1
-    for name, effect in EFFECTS.items():
+    for name, effect in effects_in(PLANE).items():
         values = {
             f"{name}__{p.name}": p.discrete if p.discrete is not None else min(p.null + p.scale, p.high)
             for p in effect.parameters

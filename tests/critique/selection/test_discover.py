@@ -14,7 +14,8 @@ from thesis_lib.critique.selection import evidence
 from thesis_lib.critique.selection import search as search_module
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.critique.selection.search import search
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
+from thesis_lib.mechanics.space import PLANE
 
 
 def table_only(n: int = 40) -> Observations:
@@ -50,7 +51,7 @@ def test_an_injected_effect_is_named_with_its_size(hidden_impacts):
 
 def test_what_cannot_be_tested_is_said_with_the_reason():
     testable, why_not = usable_effects(table_only(), timed=False)
-    assert set(testable) | set(why_not) == set(EFFECTS) and not set(testable) & set(why_not)
+    assert set(testable) | set(why_not) == set(effects_in(PLANE)) and not set(testable) & set(why_not)
     assert why_not["linear_drag"] == "no trajectories"
     assert "ellipse" in why_not["rounded_corners"]
     assert "tangential_restitution" in testable

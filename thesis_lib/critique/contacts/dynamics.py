@@ -232,6 +232,9 @@ class Dynamics:
 
     def jump(self, before: State, after: State) -> np.ndarray:
         """Measured pose after impact minus before (n, 3), in m, m, rad, from measured states."""
+        if not before.space.is_plane and self.model.acting("meet"):  # the true poses meet
+            true = self.to_true(after).with_pose(self.to_true(before).pose)
+            return before.space.difference(self.to_measured(true).pose, before.pose).T
         jump = np.zeros(before.motion.shape)
         for effect, p in self.active:
             jump = effect.meet(jump, before, after, p)

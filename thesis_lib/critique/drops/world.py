@@ -29,7 +29,7 @@ from thesis_lib.critique.likelihood.whitening import Whitening, weight
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Effort, Slopes, World
-from thesis_lib.effects import EFFECTS, Effect
+from thesis_lib.effects import EFFECTS, Effect, effects_in
 from thesis_lib.effects.at_wall import effects_at
 from thesis_lib.extensions.registry import added_laws
 from thesis_lib.mechanics.space import Space
@@ -212,8 +212,8 @@ class Drops(World[Effect, Fit, Judgement]):
             secants = []
             for p in parameters:
                 name = f"{effect.name}.{p.name}"
-                step = inward(p, values[name], p.scale) if p.discrete is None else p.discrete - p.null
-                secants.append(slope(with_it, values, name, step))
+                steps = [option - p.null for option in p.options] or [inward(p, values[name], p.scale)]
+                secants += [slope(with_it, values, name, step) for step in steps]
             of_candidates[effect.name] = np.stack(secants, axis=1)
         return Slopes(weights * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
 
@@ -222,7 +222,8 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
     """Testable effects by name, and by name why the others cannot be tested; `timed`: whether contacts take time."""
     testable, why_not, rig = {}, {}, observations.rig
     slides = any(len(beside) for beside in observations.supports if beside.channel == SLIDE.name)
-    for name, effect in [*EFFECTS.items(), *((effect.name, effect) for effect in effects_at(rig.walls))]:
+    library = effects_in(rig.space) if rig.space.is_plane else EFFECTS
+    for name, effect in [*library.items(), *((effect.name, effect) for effect in effects_at(rig.walls))]:
         if rig.space.dimension not in effect.dimensions:
             why_not[name] = f"does not hold in {rig.space.dimension} dimensions"
         elif not effect.applies_to(rig):

@@ -269,7 +269,7 @@ class _Search:
         tries = tries or [start]
         for key, p in self.sizes.items():
             if p.discrete is not None:
-                tries = [{**t, key: p.discrete} for t in tries]
+                tries = [{**t, key: option} for t in tries for option in p.options]
             elif key not in tries[0]:
                 # off the null, where many effects have no slope
                 either_side = (p.null + p.scale, p.null - p.scale)

@@ -27,6 +27,7 @@ from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import ORIGIN, Reference, Rig
+from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import Space
 from thesis_lib.mechanics.state import State
@@ -170,7 +171,8 @@ class Observations:
         if not len(self):
             return ORIGIN
         x = 0.0 if self.rig.walls else float(self.value[:, 0, 0].mean())
-        return Reference(round(x, 3), round(float(self.t.mean()), 3), float(round(self.trial.mean())))
+        y = 0.0 if self.space.is_plane else round(float(self.value[:, 0, 1].mean()), 3)
+        return Reference(round(x, 3), round(float(self.t.mean()), 3), float(round(self.trial.mean())), y)
 
     def counted_from(self, reference: Reference) -> "Observations":
         """The same, with another reference of the effects."""
@@ -225,11 +227,13 @@ def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
         walls = dataset.header.surfaces or ()
         return Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
     header, g = dataset.in_space, dataset.gravity
-    falls = surface_frames(header)[surface].vectors_in(np.array(header.gravity)[:, None])[:, 0]
+    frame = surface_frames(header)[surface]
+    falls = frame.vectors_in(np.array(header.gravity)[:, None])[:, 0]
     down = falls / g if g and np.abs(falls / g + [0.0, 0.0, 1.0]).max() > UPRIGHT else None
     body = header.body
     shape, tensor = body.solid.about(body.centre), body.inertia_per_mass
-    return Rig(shape, dataset.k_g, g, 0.0, has_angle=dataset.has_angle, tensor=tensor, down=down)
+    tracked = header.tracked and Frame(np.array(header.tracked.position) - body.centre, header.tracked.attitude)
+    return Rig(shape, dataset.k_g, g, 0.0, (), dataset.has_angle, ORIGIN, tensor, down, tracked, frame.attitude)
 
 
 def _single(n: int) -> dict[str, Any]:

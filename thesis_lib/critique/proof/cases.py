@@ -37,8 +37,9 @@ from thesis_lib.critique.proof.sizes import EPSILON, LAW, MU, cause_size, law_si
 from thesis_lib.critique.proof.store import NOTHING
 from thesis_lib.critique.simulation.law_drops import simulate_law_drops
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.foundation.randomness import generator
+from thesis_lib.mechanics.space import PLANE
 from thesis_lib.simulate.mujoco.causes import OWN, MujocoCauses
 from thesis_lib.simulate.mujoco.causes import SUPPORTED as MUJOCO
 from thesis_lib.simulate.rig.hidden_causes import (
@@ -223,7 +224,7 @@ def truths(source: str) -> list[str]:
         return [NOTHING]
     if source == "law":  # impacts of a law are instants, and nothing slides after them
         left_out = {name for name, e in EFFECTS.items() if e.needs_contact_time or e.channels == ("slide",)}
-        return [NOTHING, *(name for name in EFFECTS if name not in left_out)]
+        return [NOTHING, *(name for name in effects_in(PLANE) if name not in left_out)]
     return [NOTHING, *CAUSES]
 
 

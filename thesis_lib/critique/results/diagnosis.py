@@ -127,7 +127,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
         content["additions"] = added
     content |= {"headline": headline(content), "summary": summary(content)}
     # six digits are too few for dates and clocks
-    return six_digits(content) | {"reference": asdict(critique.training.rig.reference)}
+    return six_digits(content) | {"reference": critique.training.rig.reference.content(critique.space)}
 
 
 def parameters(fitted: Fit, of: str = "") -> dict[str, dict]:

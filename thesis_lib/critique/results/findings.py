@@ -25,7 +25,7 @@ from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.critique.results.tables import few_tables, tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import effects_in
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.wording import bounded
@@ -60,7 +60,7 @@ def few_diagnosis(few: FewImpacts) -> dict:
             **dict.fromkeys(("p_value", "error", "error_without_it", "restitution")),
             **{name: [] for name in ("depends_on", "stand_ins")},
         },
-        "not_testable": [{"name": name, "why": why} for name in EFFECTS],
+        "not_testable": [{"name": name, "why": why} for name in effects_in(o.space)],
         "left_out": left_out(o),
         "detectable": [],
         "next_experiment": {"why": _what_is_needed(n, m), "states": []},

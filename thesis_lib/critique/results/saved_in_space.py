@@ -5,7 +5,7 @@ the model predicts rows of an impacts.csv of schema 2: poses and velocities of t
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -39,7 +39,7 @@ class SavedSpaceRig(SpaceHeader):
     @property
     def believed(self) -> Rig:
         """The rig in the form that effects use."""
-        reference = Reference(self.reference.x, self.reference.t, self.reference.trial)
+        reference = Reference(self.reference.x, self.reference.t, self.reference.trial, self.reference.y or 0.0)
         return replace(rig_of(Dataset("", self)), reference=reference)
 
 
@@ -81,5 +81,5 @@ def saved_in_space(
 ) -> SavedSpaceModel:
     """Content of model.json for a model fitted to a dataset with this dataset.yaml; `parameters` as of `saved`."""
     rig = header.model_dump(mode="json", by_alias=True, exclude=NOT_OF_THE_RIG)
-    rig["reference"] = asdict(fitted.whitening.observations.rig.reference)
+    rig["reference"] = fitted.whitening.observations.rig.reference.content(SPACE)
     return SavedSpaceModel.model_validate(content_of(fitted, dataset, parameters) | {"dimensions": 3, "rig": rig})

@@ -6,7 +6,6 @@
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import ClassVar, Literal, Self
 
@@ -83,6 +82,7 @@ class SavedReference(Section):
     x: float = Field(0.0, allow_inf_nan=False, description="m, place along the surface")
     t: float = Field(0.0, allow_inf_nan=False, description="s")
     trial: float = Field(0.0, allow_inf_nan=False, description="number of the release")
+    y: float | None = Field(None, allow_inf_nan=False, description="m, in space: place along the second axis")
 
 
 class SavedRig(Section):
@@ -215,6 +215,8 @@ class SavedModel(Section):
             for name, p in content["parameters"].items()
         }
         content["origins"] = {name: one.origin.content() for name, one in self.origins.items()}
+        if content["rig"]["reference"]["y"] is None:
+            del content["rig"]["reference"]["y"]
         content["rig"] = {k: v for k, v in content["rig"].items() if (k, v) not in _USUAL}
         write_json(content if self.origins else {k: v for k, v in content.items() if k != "origins"}, path)
 
@@ -224,7 +226,7 @@ def saved(fitted: Fit, rig: Rig, dataset: str, parameters: Mapping[str, Mapping]
     # values of the user are not rounded
     user = {"shape": rig.shape.model_dump(mode="json"), "radius_of_gyration": rig.k_g}
     user |= {"gravity": rig.gravity, "height": rig.height, "has_angle": rig.has_angle}
-    user |= {"reference": asdict(rig.reference)}
+    user |= {"reference": rig.reference.content(rig.space)}
     user |= {"walls": [wall.model_dump(mode="json") for wall in rig.walls]}
     return SavedModel.model_validate(content_of(fitted, dataset, parameters) | {"rig": user})
 

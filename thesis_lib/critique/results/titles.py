@@ -56,8 +56,9 @@ def counted_from(name: str, reference: Mapping[str, float], found: Mapping[str, 
     effect = EFFECTS.get(name)
     if effect is None or not reference:
         return ""
-    words = {"x": "x = {:g} m", "t": "t = {:.12g} s", "trial": "release {:.0f}"}
-    starts = [words[key].format(reference[key]) for key in effect.along]
+    words = {"x": "x = {:g} m", "y": "y = {:g} m", "t": "t = {:.12g} s", "trial": "release {:.0f}"}
+    keys = [*effect.along, *(["y"] if "x" in effect.along and "y" in reference else [])]
+    starts = [words[key].format(reference[key]) for key in keys]
     places = [
         f"{symbol(p.name)} at {words[p.along].format(reference[p.along] + found[p.name]['value'])}"
         for p in effect.parameters

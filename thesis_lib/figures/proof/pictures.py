@@ -13,12 +13,13 @@ from matplotlib.patches import Rectangle
 
 from thesis_lib.critique.proof.by_contact import by_contact
 from thesis_lib.critique.proof.results import of_table, usual
-from thesis_lib.effects import EFFECTS
+from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.proof import curves
 from thesis_lib.figures.proof.curves import SOURCE_TITLE, draw_real_contacts, say_not_run, words
 from thesis_lib.figures.style import DARK, GREY, INK, SHADES, WIDTH, Drawn, house_style, new_figure
+from thesis_lib.mechanics.space import PLANE
 
 NAMES = (*(f"matrix_{source}" for source in SOURCE_TITLE), "detection", "sizes", "misfits", "recovery", "real_contacts")
 UNNAMED = {"adequate": "adequate", "unexplained": "unexplained, none named", "refused": "refused"}
@@ -53,7 +54,7 @@ def draw_matrix(outcomes: pd.DataFrame, source: str) -> Drawn:
     """
     rows = outcomes[outcomes["source"] == source].copy()
     rows["column"] = np.where(rows["named_first"] != "", rows["named_first"], rows["verdict"])
-    columns = [*EFFECTS, *UNNAMED]
+    columns = [*effects_in(PLANE), *UNNAMED]
     truths = _ordered(rows)
     counts = rows.groupby(["truth", "column"]).size().unstack(fill_value=0)
     shares = counts if len(rows) else pd.DataFrame(columns=columns)

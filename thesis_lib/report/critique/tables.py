@@ -5,7 +5,6 @@
 # pyright: reportCallIssue=false
 
 from collections.abc import Mapping
-from dataclasses import asdict
 
 import pandas as pd
 from markupsafe import Markup
@@ -162,7 +161,7 @@ def parameters_table(critique: DropsCritique) -> Markup:
     for full in dict.fromkeys(name for fit in fits for name in fit.model.parameters):
         effect, _, name = full.rpartition(".")
         ends = [sized(fit.content(full)) if full in fit.values else "–" for fit in fits]
-        start = counted_from(effect, asdict(critique.training.rig.reference), {})
+        start = counted_from(effect, critique.training.rig.reference.content(critique.space), {})
         of = f"{effect_title(effect)}{start and f', {start}'}" if effect else "base law"
         rows.append((symbol(name), of, *ends))
     if len(fits) == 1:

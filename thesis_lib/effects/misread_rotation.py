@@ -1,0 +1,63 @@
+"""Misread rotation: the numbers of a quaternion stand for another turn than they were read as.
+
+    q_measured = P q,   P one of
+
+| on paper          | in code        | unit | shape |                                                              |
+|-------------------|----------------|------|-------|--------------------------------------------------------------|
+|                   | `reading`      | 1    |       | 0: as it should be; else the number of a row below           |
+| (w, −x, −y, −z)   | 1              |      |       | conjugate: turns of the world into the body                  |
+| (x, y, z, w)      | 2              |      |       | scalar last, read as scalar first                            |
+| (w, −x, y, z), …  | 3, 4, 5        |      |       | one sign: that of x, y or z                                  |
+
+Of a body with three equal inertias flights cannot show it; hits and rests can.
+"""
+
+import numpy as np
+
+from thesis_lib.bodies.solids import Sphere
+from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
+from thesis_lib.effects.relabelled_rotation import relabelled
+
+_ORDER = np.roll(np.eye(4), 1, axis=1)  # (w, x, y, z) becomes (x, y, z, w)
+_READINGS = (
+    np.eye(4),
+    np.diag([1.0, -1.0, -1.0, -1.0]),
+    _ORDER,
+    *(np.diag(np.where(np.arange(4) == i, -1.0, 1.0)) for i in (1, 2, 3)),
+)
+READINGS = ("as it should be", "conjugate", "scalar last", "sign of x", "sign of y", "sign of z")
+
+
+class MisreadRotation(Effect):
+    name = "misread_rotation"
+    family = "measurement"
+    title = "misread quaternion"
+    equation = "q_measured = P q: conjugate, scalar last, or one sign"
+    parameters = (
+        Parameter("reading", "1", 0.0, low=0.0, high=5.0, scale=1.0, discrete=1.0, choices=(2.0, 3.0, 4.0, 5.0)),
+    )
+    channels = ("impact", "touch", "flight")
+    needs_angle = True
+    rank = 85
+    dimensions = ONLY_SPACE
+    breaks_mirror = True
+    reference = "Solà 2017, arXiv:1711.02508 (conventions of quaternions)"
+
+    def applies_to(self, rig):
+        return not isinstance(rig.shape, Sphere)
+
+    def to_true(self, state, p, rig):
+        return _as(state, round(p["reading"]), rig, back=True)
+
+    def to_measured(self, state, p, rig):
+        return _as(state, round(p["reading"]), rig, back=False)
+
+
+def _as(state, reading, rig, back):
+    if not reading:
+        return state
+    P = _READINGS[reading]
+    return relabelled(state, P.T if back else P, rig)
+
+
+EFFECT = MisreadRotation()
