@@ -12,9 +12,9 @@ from thesis_lib.mechanics.free_motion import flown
 from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
-from thesis_lib.simulate.mujoco.tosses import WITHOUT_ELEMENT, MujocoTosses
+from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 from thesis_lib.simulate.tosses.camera import CameraInSpace, film
-from thesis_lib.simulate.tosses.causes import RANGES
+from thesis_lib.simulate.tosses.causes import NOT_IN_MUJOCO, RANGES
 from thesis_lib.simulate.tosses.own import OwnTosses
 from thesis_lib.simulate.tosses.world import TossedWorld, released
 
@@ -100,7 +100,7 @@ def test_a_ball_that_rolls_is_stopped_by_the_contact_torque():
 def test_what_is_hidden_changes_what_is_filmed_and_not_what_is_believed(engine, cause):
     drawn = {f"{cause}.{name}": value for name, value in RANGES[cause].drawn(np.random.default_rng(1)).items()}
     world = TossedWorld(header(), hidden=drawn)
-    if isinstance(engine, MujocoTosses) and cause in WITHOUT_ELEMENT:
+    if isinstance(engine, MujocoTosses) and cause in NOT_IN_MUJOCO:
         with pytest.raises(UserError, match="MuJoCo has no element"):
             engine.moves(world, released(world, 1, np.random.default_rng(0)), np.ones((1, 1)))
         return

@@ -11,6 +11,7 @@ python -m thesis_lib.critique.proof size com_offset_x --source mujoco --shape sq
 python -m thesis_lib.critique.proof next --questions 24
 python -m thesis_lib.critique.proof engines run --jobs 2
 python -m thesis_lib.critique.proof mechanisms table
+python -m thesis_lib.critique.proof space --only nothing box
 python -m thesis_lib.critique.proof measured run data/measured/planar_dice --trials 150 --single
 """
 
@@ -22,7 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from thesis_lib.critique.proof import direct_fits, engines, law_free, measured, measured_models, mechanisms, proposals
+from thesis_lib.critique.proof import direct_fits, engines, measured, measured_models, mechanisms, proposals, space
 from thesis_lib.critique.proof.by_contact import as_markdown as by_contact
 from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
 from thesis_lib.critique.proof.check import ages, check, check_sample, rows_to_check
@@ -41,6 +42,7 @@ from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
+from thesis_lib.identify.impacts import law_free
 
 SAMPLE = 2  # rows; about 20 s of CPU time each
 # other proofs than that of drops: what their options count, of `cases`
@@ -137,6 +139,12 @@ def _run_other(proof: Any, options: argparse.Namespace) -> bool:
         return True
     older = (lambda case: True) if options.again else None
     return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, jobs=options.jobs, older=older)
+
+
+def _run_space(options: argparse.Namespace) -> bool:
+    made = space.run(options.jobs, options.only, tell, options.again)
+    tell(space.as_markdown())
+    return made
 
 
 def _run_measured(options: argparse.Namespace) -> None:
@@ -237,6 +245,13 @@ def _parser() -> Parser:
     run = add_stored("direct-fits", direct_fits, _run_fits, how)
     run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
+    of_space = add("space", _run_space, "bodies in space: compute what is missing, then print the table")
+    of_space.add_argument(
+        "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
+    )
+    of_space.add_argument("--again", action="store_true", help="then compute stored rows again")
+    add_jobs(of_space)
+    add("space-list", lambda options: space.write_list(), "write config/proof_in_space.csv, what is drawn for each set")
     about = "what measured throws of a body with faces say without any contact law"
     add("law-free", lambda options: tell(law_free.as_text(read_dataset(options.folder))), about).add_argument("folder")
     return parser

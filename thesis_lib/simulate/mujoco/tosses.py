@@ -20,11 +20,10 @@ from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.mujoco.contact import solref
 from thesis_lib.simulate.rig.causes_in_space import air
-from thesis_lib.simulate.tosses.causes import HIT, LATER, SUPPORTED
+from thesis_lib.simulate.tosses.causes import HIT, LATER, NOT_IN_MUJOCO, SUPPORTED
 from thesis_lib.simulate.tosses.world import TossedWorld
 from thesis_lib.statistics.wording import listed
 
-WITHOUT_ELEMENT = ("contact_torque", "velocity_dependent_friction")
 AIR = ("linear_drag", "quadratic_drag", "magnus")
 BY_TOUCH = (
     *("velocity_dependent_restitution", "position_dependent_restitution", "orientation_dependent_restitution"),
@@ -45,8 +44,8 @@ class MujocoTosses:
     steps: int = 40
 
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
-        if world.has(WITHOUT_ELEMENT):
-            raise UserError(f"MuJoCo has no element for {listed(list(WITHOUT_ELEMENT), 'or')}; take our own simulator.")
+        if world.has(NOT_IN_MUJOCO):
+            raise UserError(f"MuJoCo has no element for {listed(list(NOT_IN_MUJOCO), 'or')}; take our own simulator.")
         step = min(world.contact_time / self.steps, STEP)
         model = mujoco.MjModel.from_xml_string(self._xml(world, step))
         data, follow = mujoco.MjData(model), _Changes(world, model)

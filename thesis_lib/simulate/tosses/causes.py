@@ -90,3 +90,4 @@ RANGES: Mapping[str, Range] = {
     "wrong_size": Range(("s",), 0.02, 0.05),
 }
 CORNERED = ("rounded_corners", "angle_offset")  # what a sphere cannot show
+NOT_IN_MUJOCO = ("contact_torque", "velocity_dependent_friction")  # it has no element for them

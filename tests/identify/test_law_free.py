@@ -8,11 +8,11 @@ import pytest
 
 from thesis_lib.bodies.body import Noise
 from thesis_lib.bodies.lying import lying_angle
-from thesis_lib.critique.proof import law_free
-from thesis_lib.critique.proof.law_free import LAST, at_rest, inertia
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.identify.impacts import law_free
+from thesis_lib.identify.impacts.law_free import LAST, at_rest, inertia
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE, CompliantContact, HiddenCauses
 

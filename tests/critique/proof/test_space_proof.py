@@ -1,0 +1,83 @@
+"""The proof in space: its datasets follow from the seed alone, and its table counts what is right."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from thesis_lib.critique.proof import space
+from thesis_lib.critique.proof.space import LIST, engine_of, write_list
+from thesis_lib.datasets.format.frames import body_states, tracked_states
+from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES
+from thesis_lib.simulate.tosses.drawn import NOTHING, NOTHING_HIDDEN, OF_EACH_CAUSE, SpaceCase, cases, make
+
+
+def test_the_stored_list_is_what_the_seed_draws(tmp_path):
+    path = tmp_path / "list.csv"
+    write_list(path)
+    assert path.read_bytes() == LIST.path.read_bytes()
+
+
+def test_every_cause_is_hidden_twice_and_in_both_worlds_where_it_can_be():
+    made = Counter((case.world, case.truth) for case in cases())
+    by_truth = Counter(case.truth for case in cases())
+    assert by_truth == {NOTHING: NOTHING_HIDDEN} | dict.fromkeys(RANGES, OF_EACH_CAUSE)
+    assert all(made["own", cause] == (2 if cause in NOT_IN_MUJOCO else 1) for cause in RANGES)
+    assert made["own", NOTHING] == made["mujoco", NOTHING]
+    assert len(set(cases())) == len(cases())
+
+
+def test_what_is_drawn_lies_in_the_stated_ranges():
+    for case in cases():
+        drawn, size = case.drawn, np.linalg.norm([*case.hidden.values()]) if case.hidden else 0.0
+        assert 60 <= drawn["tosses"] <= 120 and 100.0 <= drawn["rate"] <= 500.0
+        assert 5e-5 <= drawn["position"] <= 5e-4 and 0.03 <= np.degrees(drawn["rotation"]) <= 0.3
+        assert 3e-4 <= drawn["contact_time"] <= 3e-3
+        assert case.truth not in CORNERED or drawn["shape"] != "sphere"
+        if case.truth != NOTHING and not RANGES[case.truth].choices and not RANGES[case.truth].fixed:
+            assert 0.99 * RANGES[case.truth].low <= size <= 1.01 * RANGES[case.truth].high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", ["own", "mujoco"])
+def test_a_dataset_of_the_proof_is_in_axes_of_its_own(world):
+    case = SpaceCase(world, NOTHING, 0)
+    made = make(case, engine_of(case))
+    assert abs(made.in_space.gravity[2]) < 9.7 and np.linalg.norm(made.in_space.gravity) == pytest.approx(9.81)
+    states = body_states(tracked_states(made.trajectories), made.in_space)
+    ((point, normal),) = made.in_space.planes
+    gap = normal @ (states.position - point[:, None]) + normal @ made.in_space.body.solid.lowest(
+        states.attitude, normal[:, None]
+    )
+    assert np.quantile(gap, 0.01) > -2e-3 and np.quantile(gap, 0.2) < 0.02
+
+
+def row(world, truth, verdict, named, seed=0):
+    case = {"world": world, "truth": truth, "seed": seed, "shape": "box"}
+    return case | {"verdict": verdict, "named": named, "code": "abc", "made": "2026-11-26"}
+
+
+def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
+    store = space.ROWS.at(tmp_path / "space.csv")
+    assert "None of the 80 datasets" in space.as_markdown(store)
+    store.put(
+        row("own", NOTHING, "adequate", ""),
+        row("own", NOTHING, "effects", "magnus", 1),
+        row("own", "com_offset", "effects", "marker_offset/com_offset"),
+        row("mujoco", "com_offset", "unexplained", "com_offset"),
+        row("mujoco", "magnus", "effects", "magnus + com_offset"),
+        row("own", "magnus", "effects", "magnus/a/b/c"),
+    )
+    judged = space.judged(store.table()).set_index(["world", "truth", "seed"])
+    assert judged["right"].to_dict() == {
+        ("own", NOTHING, 0): True,
+        ("own", NOTHING, 1): False,
+        ("own", "com_offset", 0): True,
+        ("mujoco", "com_offset", 0): False,
+        ("mujoco", "magnus", 0): False,
+        ("own", "magnus", 0): False,
+    }
+    assert judged["first"].sum() == 4
+    assert list(judged.index[judged["wrong"]]) == [("mujoco", "magnus", 0), ("own", NOTHING, 1)]
+    page = space.as_markdown(store)
+    assert "1 of 2 (" in page and "6 of 80 datasets: 6 by `abc`" in page and "magnus + com_offset" in page
