@@ -122,12 +122,18 @@ class Observations:
 
         √(|δv|² + k² δω²), in space √(|δv|² + δωᵀ G δω).
         """
+        if self.space.is_plane:
+            return velocity_error(dv, self.rig.k_told)
+        return np.sqrt(np.einsum("...ni,nij,...nj->...n", dv, self.metric, dv))
+
+    @property
+    def metric(self) -> np.ndarray:
+        """The squares of `norm` as a form (n, d + turns, d + turns) of changes of the motions."""
         d, rig = self.space.dimension, self.rig
-        if rig.tensor is None:
-            return velocity_error(dv, rig.k_told)
-        G = in_world(rig.tensor, self.value[:, 0, d:].T)
-        turning = np.einsum("...ni,ijn,...nj->...n", dv[..., d:], G, dv[..., d:])
-        return np.sqrt((dv[..., :d] ** 2).sum(axis=-1) + turning)
+        form = np.tile(np.diag(np.repeat([1.0, rig.k_told**2], [d, self.space.turns])), (len(self), 1, 1))
+        if rig.tensor is not None:
+            form[:, d:, d:] = np.moveaxis(in_world(rig.tensor, self.value[:, 0, d:].T), -1, 0)
+        return form
 
     def lines(self, side: int) -> State:
         """The states by value and slope of the lines before (0) or after (1) the impacts."""

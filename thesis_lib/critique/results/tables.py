@@ -192,25 +192,24 @@ def left_out_impacts(observations: Observations) -> pd.DataFrame:
     return pd.concat([left_out, short], ignore_index=True) if len(short) else left_out
 
 
-@of_the_plane(pd.DataFrame)
 def budget(critique: DropsCritique, rng: np.random.Generator) -> pd.DataFrame:
     """Parts of the mean square error of the base law on held-out single hits, as in the module's table."""
     o, base = critique.held_out.single, critique.ladder[0][1]
     laws = list(critique.discovery.bases.values())
-    weights = np.array([1.0, 1.0, o.rig.k_told]) ** 2
     squares, irb, gap = _bounds(base, laws, o)
     noise, made_irb, made_gap = 0.0, np.nan, np.nan
     if o.noise_known:
-        S = base.on(o).covariance(o.t_std)
+        m = o.space.motions
+        S = base.on(o).covariance(o.t_std)[:, :m, :m]
         if not o.rig.has_angle:
             left = what_is_left(base.on(o))
-            S = left @ S[:, :3, :3] @ np.swapaxes(left, 1, 2)
-        noise = float(np.einsum("nii,i->n", S[:, :3, :3], weights)[_kept(impact_errors(base, o))].mean())
+            S = left @ S @ np.swapaxes(left, 1, 2)
+        noise = float(np.einsum("nij,nij->n", S, o.metric)[_kept(impact_errors(base, o))].mean())
         drawn = [_bounds(base, laws, synthesise(base.on(o), rng)) for _ in range(SYNTHETIC)]
         _, made_irb, made_gap = np.mean(drawn, axis=0)
     goals = {
         "noise": noise,
-        "parameters": _parameter_square(base, o, weights),
+        "parameters": _parameter_square(base, o),
         "rigid_point_contact": irb - np.nan_to_num(made_irb),
         "choice_of_law": gap - np.nan_to_num(made_gap),
         "rest": np.inf,
@@ -268,15 +267,15 @@ def _kept(error: np.ndarray) -> np.ndarray:
     return np.sort(order[: max(1, min(np.isfinite(error).sum(), round((1.0 - TRIM) * len(error))))])
 
 
-def _parameter_square(fitted: Fit, o: Observations, weights: np.ndarray) -> float:
+def _parameter_square(fitted: Fit, o: Observations) -> float:
     """Mean of trace(J Cov Jᵀ) in the kinetic metric, (m/s)², with secants J over a standard error."""
     columns = []
     for name in (name for name, p in fitted.model.parameters.items() if p.discrete is None):
         value, step = fitted.values[name], max(np.nan_to_num(fitted.std[name]), 1e-6)
         high, low = (
-            Comparison(fitted.model, {**fitted.values, name: value + offset}, o).R[:, :3]
+            Comparison(fitted.model, {**fitted.values, name: value + offset}, o).R[:, : o.space.motions]
             for offset in (0.5 * step, -0.5 * step)
         )
         columns.append((high - low) / step)
-    J = np.stack(columns, axis=-1)  # (n, 3, parameters)
-    return float(np.einsum("nij,jk,nik,i->n", J, fitted.covariance, J, weights).mean())
+    J = np.stack(columns, axis=-1)  # (n, motions, parameters)
+    return float(np.einsum("nij,nji->n", J @ fitted.covariance @ np.swapaxes(J, 1, 2), o.metric).mean())
