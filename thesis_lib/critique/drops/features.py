@@ -99,7 +99,7 @@ def _errors(fitted: Fit, o: Observations) -> np.ndarray:
     """Residuals (n, d + turns) of the velocity after impact in m/s, in space along the axes of the slip."""
     here = fitted.on(o)
     if o.space.is_plane:
-        return velocity_left(here) * [1.0, 1.0, o.rig.k_told]
+        return o.as_speeds(velocity_left(here))
     axes = slip_axes(here.dynamics.to_true(here.before), o.rig)
     parts = (here.R[:, :3].T, o.rig.k_g * here.R[:, 3:6].T)
     return np.concatenate([np.einsum("ijn,jn->ni", axes, part) for part in parts], axis=1)

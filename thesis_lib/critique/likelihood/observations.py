@@ -126,6 +126,12 @@ class Observations:
             return velocity_error(dv, self.rig.k_told)
         return np.sqrt(np.einsum("...ni,nij,...nj->...n", dv, self.metric, dv))
 
+    def as_speeds(self, dv: np.ndarray) -> np.ndarray:
+        """Changes of the motions (n, d + turns) in coordinates in m/s in which their length is `norm`."""
+        if self.space.is_plane:
+            return dv * [1.0, 1.0, self.rig.k_told]
+        return np.einsum("nji,nj->ni", np.linalg.cholesky(self.metric), dv)
+
     @property
     def metric(self) -> np.ndarray:
         """The squares of `norm` as a form (n, d + turns, d + turns) of changes of the motions."""

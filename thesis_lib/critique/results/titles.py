@@ -17,6 +17,12 @@ FEATURE_LABEL = {
     "trial": "number of the release",
     "wall": "wall",
     "t": "time $t$",
+    "y": "position $y$",
+    "omega_t": r"spin $\omega_t$ along the slip",
+    "omega_b": r"spin $\omega_b$ across the slip",
+    "omega_n": r"spin $\omega_n$ about the normal",
+    "r_t": "contact point $r_t$",
+    "r_b": "contact point $r_b$",
 }
 _NAMES = "mu epsilon eps phi theta omega eta zeta rho tau alpha beta gamma kappa"
 GREEK: dict[str, str] = dict(zip(_NAMES.split(), "μεεφθωηζρταβγκ"))

@@ -12,7 +12,6 @@ from matplotlib.patches import Patch
 from thesis_lib.bodies.walls import as_filmed
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.results.tables import left_out_impacts
 from thesis_lib.figures.critique.errors import set_title
@@ -24,15 +23,14 @@ from thesis_lib.mechanics.state import State
 PANEL = 1.3  # width of a trial's panel over its height
 TRIALS = 3  # trials drawn
 USED, LEFT_OUT, ARC = BLUE, RED, "0.45"
-STATES = ("v_t", "v_n", "omega", "theta")
+STATES = ("v_t", "v_n", "omega", "theta", "omega_t", "omega_n")
 
 
-@of_the_plane(lambda: None)
 @house_style
 def draw_data(critique: DropsCritique) -> Drawn:
-    """Trials in the plane, histograms of the states before impact, and reasons for leaving impacts out."""
+    """Trials (in the plane), histograms of the states before impact, and reasons for leaving impacts out."""
     o = critique.observations
-    shown = trials_to_show(critique)
+    shown = trials_to_show(critique) if o.space.is_plane else []
     left_out = left_out_impacts(o)["reason"].map(reason_text).value_counts().sort_index().sort_values(kind="stable")
     has_paths = len(shown) > 0
     heights = [2.0] * has_paths + [1.45] + [0.35 + 0.17 * (len(left_out) + 1)] * bool(len(left_out))

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.questions import flight_residuals as flying
 from thesis_lib.critique.results.numbers import bin_of, contact_residuals, dependence
 from thesis_lib.critique.results.titles import FEATURE_LABEL, plain
@@ -58,13 +57,15 @@ class Residuals:
         return dependences(self.values["before"], self.table, tuple(self.components))
 
 
-@of_the_plane(lambda: None)
 @house_style
 def draw_residuals(critique: DropsCritique) -> Drawn:
     """Residuals in the contact frame against the features on which they depend most, before and after the effects."""
     o = critique.observations.single
     values = {kind: contact_residuals(fitted, o) for kind, fitted in _fits(critique).items()}
     symbols = {"tangential": r"$\delta v_t$", "normal": r"$\delta v_n$", "couple": r"$\delta\tau/k$"}
+    if not o.space.is_plane:
+        across = {"along the slip": r"$\delta v_t$", "across": r"$\delta v_b$"}
+        symbols = across | {"normal": r"$\delta v_n$", "couple": r"$|\delta\tau|/k$"}
     table = features(critique.ladder[0][1], o)
     components = {name: f"{name} {symbol}\n(m/s)" for name, symbol in symbols.items()}
     shown = Residuals(components, {name: axis_label(name) for name in table}, table, values)

@@ -1,8 +1,8 @@
 """Where a model fails: maps of the error before and after adding effects.
 
 Maps show all impacts, training and held out, over the two features of the worst region of where.json (by default the
-contact point's velocity before impact) and over the energy disc (`critique_numbers`).  Means in titles are of held-out
-impacts.
+contact point's velocity before impact) and over the energy disc (`critique_numbers`), in space over the directions in
+which the body is hit.  Means in titles are of held-out impacts.
 """
 
 import textwrap
@@ -15,8 +15,9 @@ from matplotlib.patches import Rectangle
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.words import plain_rule
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.numbers import energy_disc, impact_errors
 from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
 from thesis_lib.figures.critique.errors import set_title
@@ -80,14 +81,13 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
     return boxes
 
 
-@of_the_plane(lambda: None)
 @house_style
 def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
-    """Maps of the error over (v_t, v_n) and over the energy disc, before and after the effects."""
+    """Maps of the error over (v_t, v_n), and over the energy disc or the body, before and after the effects."""
     o = critique.observations.single
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
     table = features(base, o)
-    disc = energy_disc(base, o)
+    disc = energy_disc(base, o) if o.space.is_plane else around_body(base, o)
     errors = {"before": impact_errors(base, o)}
     if len(critique.ladder) > 1:
         errors["after"] = impact_errors(final, o)
@@ -111,19 +111,18 @@ def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
             axis = ax.yaxis if over[1] == "wall" else ax.xaxis
             axis.set_ticks(range(len(walls)), walls)
         ax = axes[1, column]
-        _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
-        turn = np.linspace(0.0, 2.0 * np.pi, 181)
-        ax.plot(np.cos(turn), np.sin(turn), color=INK, linewidth=0.9)
-        for height, text, ha, va, offset in POINTS:
-            ax.plot(0, height, "+", color=INK, markersize=5, markeredgewidth=0.8)
-            look = {"ha": ha, "va": va, "fontsize": 6.5, "zorder": 5, "bbox": white_box(0.4, 0.75)}
-            note(ax, text, (0, height), offset, **look)
-        ax.set(aspect="equal", xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), xticks=[-1, 0, 1], yticks=[-1, 0, 1])
-        ax.set_xlabel("less ←  impulse against the slip  → more")
+        if o.space.is_plane:
+            _on_disc(ax, disc, error, top)
+        else:
+            look = {"cmap": "cividis_r", "vmin": 0.0, "vmax": top, "edgecolors": INK, "linewidths": 0.2}
+            ax.scatter(disc[:, 0], disc[:, 1], 14, error, **look)
+            ax.set(xlim=(-180, 180), ylim=(-90, 90), xticks=[-180, -90, 0, 90, 180], yticks=[-90, 0, 90])
+            ax.set_xlabel("direction of the contact point about the body's z (degrees)")
         if len(errors) == 1:
-            ax.set_title("energy disc")
+            ax.set_title("energy disc" if o.space.is_plane else "on the body")
     axes[0, 0].set_ylabel(axis_label(over[1]))
-    axes[1, 0].set_ylabel("energy disc:  impulse  → more")
+    up = "energy disc:  impulse  → more" if o.space.is_plane else "its direction above the body's xy plane (degrees)"
+    axes[1, 0].set_ylabel(up)
     bar = figure.colorbar(shown, ax=axes, shrink=0.7, aspect=30, pad=0.02, extend="max")
     bar.set_label("mean error of an impact, training and held out (m/s)")
     bar.outline.set_linewidth(0.5)
@@ -131,12 +130,20 @@ def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
         figure.supxlabel("\n".join(lines), x=0.01, ha="left", fontsize=7)
     set_title(figure, where_sentence(critique, regions))
     data = table.assign(held_out=held_out.astype(int))
-    data = data.assign(disc_across=disc[:, 0], disc_along=disc[:, 1])
+    names = ("disc_across", "disc_along") if o.space.is_plane else ("azimuth", "elevation")
+    data = data.assign(**dict(zip(names, disc.T)))
     data = data.assign(**{f"error_{kind}": error for kind, error in errors.items()})
     for i, region in enumerate(regions):
         if (mask := inside(region, table)) is not None:
             data[f"region_{i + 1}"] = mask.astype(int)
     return figure, data
+
+
+def around_body(fitted: Fit, observations: Observations) -> np.ndarray:
+    """Direction (n, 2) in degrees of the contact points from the centre of mass, in the axes of the body in space."""
+    before, _ = fitted.on(observations).at_impulse
+    x, y, z = before.space.turned_back(before.attitude, observations.rig.lowest(before))
+    return np.degrees(np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1))
 
 
 def region_text(region: Mapping) -> str:
@@ -176,6 +183,19 @@ def _tiles(ax: Axes, x: np.ndarray, y: np.ndarray, error: np.ndarray, top: float
     look = {"cmap": "cividis_r", "vmin": 0.0, "vmax": top, "linewidths": 0.2, "edgecolors": "white"}
     tiles = {"gridsize": (size, max(int(0.6 * size), 4)), "extent": extent, "reduce_C_function": np.mean}
     return ax.hexbin(x[inner], y[inner], C=error[inner], **tiles, **look)
+
+
+def _on_disc(ax: Axes, disc: np.ndarray, error: np.ndarray, top: float) -> None:
+    """Tiles over the energy disc (n, 2), with its circle and the names of its points."""
+    _tiles(ax, disc[:, 0], disc[:, 1], error, top, extent=(-1.25, 1.25, -1.25, 1.25))
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    ax.plot(np.cos(turn), np.sin(turn), color=INK, linewidth=0.9)
+    for height, text, ha, va, offset in POINTS:
+        ax.plot(0, height, "+", color=INK, markersize=5, markeredgewidth=0.8)
+        look = {"ha": ha, "va": va, "fontsize": 6.5, "zorder": 5, "bbox": white_box(0.4, 0.75)}
+        note(ax, text, (0, height), offset, **look)
+    ax.set(aspect="equal", xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), xticks=[-1, 0, 1], yticks=[-1, 0, 1])
+    ax.set_xlabel("less ←  impulse against the slip  → more")
 
 
 def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> None:

@@ -36,6 +36,8 @@ def class_tests(fitted: Fit, observations: Observations) -> dict:
     tests = (rigid_point, momentum_balance, parity, homogeneity)
     if not observations.rig.has_angle:
         return {test.__name__: {"p_value": None, "why_not": "theta is not measured"} for test in tests}
+    if not observations.space.is_plane:
+        return {test.__name__: {"p_value": None, "why_not": "the body moves in space"} for test in tests}
     return {test.__name__: test(fitted, observations) for test in tests}
 
 

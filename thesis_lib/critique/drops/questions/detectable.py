@@ -19,7 +19,6 @@ import numpy as np
 
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.world import testable_effects
 from thesis_lib.critique.likelihood.channels import CHANNELS, Misfits, concerned, present
@@ -39,7 +38,6 @@ Parts = Mapping[str, np.ndarray]
 Sizes = dict[str, dict[str, float | None]]
 
 
-@of_the_plane(list)
 def detectable(critique: DropsCritique) -> list[dict]:
     """Rows name, smallest, significant, material (each by parameter, in its unit) and drops_for_half.
 
@@ -47,9 +45,8 @@ def detectable(critique: DropsCritique) -> list[dict]:
     """
     significant, material = significant_sizes(critique), material_sizes(critique)
     trials = len(np.unique(critique.observations.trial))
-    rows = []
-    timed = critique.ladder[-1][1].model.takes_time
-    for name, effect in testable_effects(critique.training, timed)[0].items():
+    rows, model = [], critique.ladder[-1][1].model
+    for name, effect in testable_effects(critique.training, model.takes_time)[0].items():
         if name not in significant:
             continue
         by_score, by_error = significant[name], material[name]
@@ -58,7 +55,7 @@ def detectable(critique: DropsCritique) -> list[dict]:
         smallest = dict.fromkeys(by_score) | {p: max(pair) for p, pair in known.items()}
         # information grows with the number of drops: the significant size falls with its root
         drops = None
-        continuous = all(p.discrete is None for p in effect.parameters)
+        continuous = all(p.discrete is None for p in model.parameters_of(effect))
         if known and continuous and all(0.5 * max(pair) >= pair[1] for pair in known.values()):
             drops = max(int(np.ceil(trials * (pair[0] / (0.5 * max(pair))) ** 2)) for pair in known.values())
         rows.append(
@@ -77,7 +74,8 @@ def significant_sizes(critique: DropsCritique) -> Sizes:
     sizes: Sizes = {}
     for step in discovery.steps:  # parameters in the model: their covariance is that of the fit
         name = step.effect.name
-        sizes[name] = {p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in step.effect.parameters}
+        parameters = final.model.parameters_of(step.effect)
+        sizes[name] = {p.name: _within(limit * final.std[f"{name}.{p.name}"], p) for p in parameters}
     for name, information in scan.information.items():
         if name not in testable:
             continue
@@ -88,7 +86,7 @@ def significant_sizes(critique: DropsCritique) -> Sizes:
             # scaled by the information of each parameter, so that units do not matter
             unit = information[np.ix_(known, known)] / np.outer(scales[known], scales[known])
             std[known] = np.sqrt(np.diag(np.linalg.pinv(unit, rcond=1e-8, hermitian=True))) / scales[known]
-        sizes[name] = {p.name: _within(limit * s, p) for p, s in zip(testable[name].parameters, std)}
+        sizes[name] = {p.name: _within(limit * s, p) for p, s in zip(final.model.parameters_of(testable[name]), std)}
     return sizes
 
 
@@ -107,7 +105,7 @@ def material_sizes(critique: DropsCritique) -> Sizes:
         R = here.R
         z, *beside = Whitening(model, o, S, final.sigma_m, (values, R))(values)
         parts = {
-            "impact": velocity_left(here) * [1.0, 1.0, o.rig.k_told],
+            "impact": o.as_speeds(velocity_left(here)),
             "all": np.concatenate([part.ravel() for part in (z, *beside)]),
         }
         misfits = Misfits(o, R, S, sharp, dict(zip(names, beside)))
@@ -128,10 +126,11 @@ def material_sizes(critique: DropsCritique) -> Sizes:
     for name, effect in testable_effects(o, final.model.takes_time)[0].items():
         inside = effect in final.model.effects
         model = final.model if inside else final.model.with_effect(effect)
-        values = {f"{name}.{p.name}": p.absent_at(final.values) for p in effect.parameters} | final.values
+        parameters = model.parameters_of(effect)
+        values = {f"{name}.{p.name}": p.absent_at(final.values) for p in parameters} | final.values
         others = [column for other, column in slopes.items() if not other.startswith(f"{name}.")]
         sizes[name] = {}
-        for p in effect.parameters:
+        for p in parameters:
             key = f"{name}.{p.name}"
             if p.discrete is None:
                 step = inward(p, values[key], p.scale)

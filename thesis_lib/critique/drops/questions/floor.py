@@ -58,7 +58,7 @@ FEWEST = 10
 def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> Floor:
     """Both answers for the single hits of `observations`, best of trials that the model was not fitted to."""
     o = observations.single
-    E = velocity_left(fitted.on(o)) * [1.0, 1.0, o.rig.k_told]
+    E = o.as_speeds(velocity_left(fitted.on(o)))
     error, rest = velocity_error(E, 1.0), velocity_error(E - _learned(_state(fitted, o), E, o.trial, rng), 1.0)
     fall = error - rest
     low, high = bootstrap_mean(fall, o.trial, DRAWS, rng)

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import FEATURES, features
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import class_tests
 from thesis_lib.critique.drops.questions.flight_residuals import (
@@ -44,7 +42,7 @@ TAILS = (0.1, 0.2, 1 / 3, 0.5, 2 / 3, 0.8, 0.9)  # quantiles at which one-featur
 MIDDLES = ((0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.25, 0.75))
 COARSE = (0.2, 1 / 3, 0.5, 2 / 3, 0.8)  # the same for rules of two features
 # sign and magnitude of these may matter separately
-_SIGNED = ("v_t", "omega", "r_x", "theta", "v_x", "v_y")
+_SIGNED = ("v_t", "omega", "r_x", "theta", "v_x", "v_y", "omega_t", "omega_b", "omega_n", "r_t", "r_b")
 _UNITS = {**FLIGHT_UNITS, **{name: unit for name, (unit, _) in FEATURES.items()}}
 
 
@@ -85,7 +83,6 @@ class Condition:
 Rule = tuple[Condition, ...]
 
 
-@of_the_plane(lambda: None)
 def where(critique: DropsCritique, rng: np.random.Generator | None = None) -> dict:
     """Content of where.json: regions before and after the effects, and tests of whole classes of models."""
     rng = rng or np.random.default_rng(0)
@@ -105,16 +102,18 @@ def where(critique: DropsCritique, rng: np.random.Generator | None = None) -> di
 
 def impact_regions(critique: DropsCritique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
     """Regions of the state before impact in which `fitted` errs more than elsewhere; errors in m/s."""
-    o, weights = critique.observations, np.array([1.0, 1.0, critique.observations.rig.k_told])
+    o, m = critique.observations, critique.space.motions
     here = fitted.on(o)
-    error, S = velocity_error(velocity_left(here), o.rig.k_told), here.covariance(o.t_std)
-    z = error / np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], weights**2) + 3.0 * fitted.sigma_m**2)
+    error, S = o.norm(velocity_left(here)), here.covariance(o.t_std)[:, :m, :m]
+    z = error / np.sqrt(np.einsum("nij,nij->n", S, o.metric) + m * fitted.sigma_m**2)
     return regions(features(fitted, o), error, z, np.isin(o.trial, critique.held_out.trial), rng)
 
 
 def flight_regions(critique: DropsCritique, fitted: Fit, rng: np.random.Generator) -> list[dict]:
     """Regions of the state at mid-flight with larger errors, in units of noise."""
     flights, rig = critique.observations.flights, critique.observations.rig
+    if not len(flights):
+        return []
     z = misfit(relative_residuals(fitted, flights, rig))
     held_out = np.isin(flights.state.trial, critique.held_out.trial)
     return regions(flight_features(fitted, flights, rig), z, z, held_out, rng, unit="1")
