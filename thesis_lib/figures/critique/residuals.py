@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.questions import flight_residuals as flying
 from thesis_lib.critique.results.numbers import bin_of, contact_residuals, dependence
 from thesis_lib.critique.results.titles import FEATURE_LABEL, plain

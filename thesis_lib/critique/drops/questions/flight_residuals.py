@@ -15,14 +15,13 @@ import pandas as pd
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import within_half_a_turn
-from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.effects.effect import Rig
 
 FLIGHT_UNITS = {"v_x": "m/s", "v_y": "m/s", "omega": "rad/s", "theta": "rad", "r_x": "m", "x": "m", "y": "m"}
-FLIGHT_UNITS |= {"span": "s", "trial": "1", "t": "s"}
+FLIGHT_UNITS |= {"speed": "m/s", "v_n": "m/s", "spin": "rad/s", "z": "m"} | {"span": "s", "trial": "1", "t": "s"}
 RESIDUALS = ("residual_x", "residual_y", "residual_theta")
 
 
@@ -31,12 +30,11 @@ def relative_residuals(fitted: Fit, flights: Flights, rig: Rig) -> np.ndarray:
     return whitened(flights, bind(fitted.model, fitted.values, rig))
 
 
-@of_the_plane(pd.DataFrame)
 def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
     """Features of each flight, columns as in `FLIGHT_UNITS` and foundation/columns.yaml."""
     true = bind(fitted.model, fitted.values, rig).to_true(flights.state)
-    return pd.DataFrame(
-        {
+    if rig.space.is_plane:
+        columns = {
             "v_x": true.vx,
             "v_y": true.vy,
             "omega": true.omega,
@@ -44,11 +42,12 @@ def flight_features(fitted: Fit, flights: Flights, rig: Rig) -> pd.DataFrame:
             "r_x": rig.shape.contact_point(true.theta)[:, 0],
             "x": true.x,
             "y": true.y,
-            "span": flights.span,
-            "trial": flights.state.trial.astype(float),
-            "t": flights.state.t,
         }
-    )
+    else:
+        speed, spin = np.hypot(*true.velocity[:2]), np.linalg.norm(true.spin, axis=0)
+        columns = {"speed": speed, "v_n": true.velocity[2], "spin": spin} | dict(zip("xyz", true.position))
+    rest = {"span": flights.span, "trial": flights.state.trial.astype(float), "t": flights.state.t}
+    return pd.DataFrame(columns | rest)
 
 
 def flight_table(critique: DropsCritique) -> pd.DataFrame:
@@ -65,7 +64,7 @@ def flight_table(critique: DropsCritique) -> pd.DataFrame:
         columns = {"trial": trial, "t": flights.state.t, "model": name, "held_out": held_out}
         residuals = dict(zip(RESIDUALS, z.T)) if rig.space.is_plane else {}
         table = pd.DataFrame(columns | residuals | {"misfit": misfit(z)})
-        features = flight_features(fitted, flights, rig).drop(columns=["trial", "t"], errors="ignore")
+        features = flight_features(fitted, flights, rig).drop(columns=["trial", "t"])
         parts.append(pd.concat([table, features], axis=1))
     return pd.concat(parts, ignore_index=True)
 
