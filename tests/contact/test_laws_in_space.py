@@ -28,6 +28,20 @@ def test_laws_in_space_are_these():
     assert set(LAWS_IN_SPACE) == set(LAWS) - {"drumwright_shell"} - {name for name in LAWS if "published" in name}
 
 
+def test_contacts_that_hardly_slide_have_an_impulse(rng):
+    draw = reference_draw_in_space(rng, 100_000)
+    contact, dv_n = draw.space, -1.5 * draw.space.v_n
+    stick = contact.impulse_to(0.0 * dv_n, 0.0 * dv_n, contact.v_n + dv_n)
+    share = np.hypot(stick[0], stick[1]) / stick[2]
+    pushes = share > 0.0
+    for less in (1e-3, 1e-5, 1e-8, 1e-12):  # Newton's steps end in rounding errors there
+        mu = np.where(pushes, (1.0 - less) * share, 1.0)
+        found = np.stack(impulse_to_normal_velocity(contact, mu, dv_n))
+        assert np.isfinite(found).all()
+        off = np.abs(found - np.stack(stick))[:, pushes]
+        assert np.median(off) <= 10.0 * less
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.7])
 def test_circular_cone_is_coulombs_law_on_the_final_slip(draw, restitution):
     contact = draw.space

@@ -33,7 +33,7 @@ from thesis_lib.contact.roots import increasing_root
 from thesis_lib.mechanics.contact import Contact
 
 Pair = tuple[np.ndarray, np.ndarray]
-ROUNDING = np.finfo(float).eps
+ROUNDING = 4.0 * np.finfo(float).eps  # of the terms of |N| = ℓ D − s·N: what they differ by less is 0
 
 
 class Principal(NamedTuple):
@@ -83,11 +83,12 @@ def cone_point(a: Pair, b: Pair, limit: np.ndarray, slope: Pair | None = None) -
         # ℓ D − s·N − |N|, and its slope
         d_1, d_2 = a_1 + λ, a_2 + λ
         n_1, n_2 = -d_2 * b_1, -d_1 * b_2
-        length = np.hypot(n_1, n_2)
-        value = l * d_1 * d_2 - t_1 * n_1 - t_2 * n_2 - length
+        length, room = np.hypot(n_1, n_2), l * d_1 * d_2
+        value = room - t_1 * n_1 - t_2 * n_2 - length
+        value = np.where(np.abs(value) <= ROUNDING * (room + length), 0.0, value)
         return value, l * (d_1 + d_2) + t_1 * b_1 + t_2 * b_2 + (n_1 * b_1 + n_2 * b_2) / length
 
-    λ = increasing_root(inside, np.zeros(np.shape(l)), np.hypot(b_1, b_2) / l, ROUNDING * a_2)
+    λ = increasing_root(inside, np.zeros(np.shape(l)), np.hypot(b_1, b_2) / l)
     c_1, c_2 = b_1 / -(a_1 + λ), b_2 / -(a_2 + λ)
     frictionless = slides & ~solved
     c_1, c_2 = np.where(frictionless, 0.0, c_1), np.where(frictionless, 0.0, c_2)
