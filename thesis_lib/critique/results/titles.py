@@ -18,9 +18,9 @@ FEATURE_LABEL = {
     "wall": "wall",
     "t": "time $t$",
     "y": "position $y$",
-    "omega_t": r"spin $\omega_t$ along the slip",
-    "omega_b": r"spin $\omega_b$ across the slip",
-    "omega_n": r"spin $\omega_n$ about the normal",
+    "omega_t": r"spin along the slip $\omega_t$",
+    "omega_b": r"spin across the slip $\omega_b$",
+    "omega_n": r"spin about the normal $\omega_n$",
     "r_t": "contact point $r_t$",
     "r_b": "contact point $r_b$",
 }

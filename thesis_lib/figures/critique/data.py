@@ -168,7 +168,7 @@ def _histogram(ax: Axes, name: str, values: np.ndarray, held: np.ndarray) -> lis
     counts = [np.histogram(values[rows], edges)[0] for _, rows, _ in kinds]
     look = {"color": [color for *_, color in kinds], "edgecolor": "white", "linewidth": 0.3}
     ax.hist([edges[:-1]] * 2, edges, weights=counts, stacked=True, **look)
-    ax.set_xlabel(axis_label(name).replace("velocity ", "velocity\n").replace("angle ", "angle\n"))
+    ax.set_xlabel(axis_label(name).replace(" $", "\n$", 1))
     ax.locator_params(nbins=4)
     middle = 0.5 * (edges[1:] + edges[:-1])
     return [

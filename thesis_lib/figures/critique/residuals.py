@@ -60,13 +60,16 @@ class Residuals:
 
 @house_style
 def draw_residuals(critique: DropsCritique) -> Drawn:
-    """Residuals in the contact frame against the features on which they depend most, before and after the effects."""
+    """Residuals in the contact frame against the features on which they depend most, before and after the effects.
+
+    In space they are those along the slip before impact (tangential), across it (lateral) and along the normal.
+    """
     o = critique.observations.single
     values = {kind: contact_residuals(fitted, o) for kind, fitted in _fits(critique).items()}
     symbols = {"tangential": r"$\delta v_t$", "normal": r"$\delta v_n$", "couple": r"$\delta\tau/k$"}
     if not o.space.is_plane:
-        across = {"along the slip": r"$\delta v_t$", "across": r"$\delta v_b$"}
-        symbols = across | {"normal": r"$\delta v_n$", "couple": r"$|\delta\tau|/k$"}
+        first = {"tangential": symbols["tangential"], "lateral": r"$\delta v_b$"}
+        symbols = first | {"normal": r"$\delta v_n$", "couple": r"$|\delta\tau|/k$"}
     table = features(critique.ladder[0][1], o)
     components = {name: f"{name} {symbol}\n(m/s)" for name, symbol in symbols.items()}
     shown = Residuals(components, {name: axis_label(name) for name in table}, table, values)

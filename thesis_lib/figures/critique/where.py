@@ -114,15 +114,11 @@ def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
         if o.space.is_plane:
             _on_disc(ax, disc, error, top)
         else:
-            look = {"cmap": "cividis_r", "vmin": 0.0, "vmax": top, "edgecolors": INK, "linewidths": 0.2}
-            ax.scatter(disc[:, 0], disc[:, 1], 14, error, **look)
-            ax.set(xlim=(-180, 180), ylim=(-90, 90), xticks=[-180, -90, 0, 90, 180], yticks=[-90, 0, 90])
-            ax.set_xlabel("direction of the contact point about the body's z (degrees)")
+            _on_body(ax, disc, error, top)
         if len(errors) == 1:
             ax.set_title("energy disc" if o.space.is_plane else "on the body")
     axes[0, 0].set_ylabel(axis_label(over[1]))
-    up = "energy disc:  impulse  → more" if o.space.is_plane else "its direction above the body's xy plane (degrees)"
-    axes[1, 0].set_ylabel(up)
+    axes[1, 0].set_ylabel("energy disc:  impulse  → more" if o.space.is_plane else "above the xy plane (°)")
     bar = figure.colorbar(shown, ax=axes, shrink=0.7, aspect=30, pad=0.02, extend="max")
     bar.set_label("mean error of an impact, training and held out (m/s)")
     bar.outline.set_linewidth(0.5)
@@ -196,6 +192,16 @@ def _on_disc(ax: Axes, disc: np.ndarray, error: np.ndarray, top: float) -> None:
         note(ax, text, (0, height), offset, **look)
     ax.set(aspect="equal", xlim=(-1.3, 1.3), ylim=(-1.3, 1.3), xticks=[-1, 0, 1], yticks=[-1, 0, 1])
     ax.set_xlabel("less ←  impulse against the slip  → more")
+
+
+def _on_body(ax: Axes, direction: np.ndarray, error: np.ndarray, top: float) -> None:
+    """The mean error at each place of the body that was hit, in degrees (n, 2); larger marks for more impacts."""
+    place, of, count = np.unique(np.round(direction), axis=0, return_inverse=True, return_counts=True)
+    mean = np.bincount(of.ravel(), error) / count
+    look = {"cmap": "cividis_r", "vmin": 0.0, "vmax": top, "edgecolors": INK, "linewidths": 0.4}
+    ax.scatter(*place.T, 12.0 * np.sqrt(count), mean, **look)
+    ax.set(xlim=(-185, 185), ylim=(-95, 95), xticks=[-180, -90, 0, 90, 180], yticks=[-90, -45, 0, 45, 90])
+    ax.set_xlabel("where the body is hit: about its z axis (°)")
 
 
 def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> None:
