@@ -59,3 +59,12 @@ def test_every_law_that_holds_in_space_goes_through(name, rng) -> None:
     found = fit(Model(LAWS[name], space=SPACE), hits, rounds=1)
     assert found.values["mu"] == pytest.approx(MU, abs=NEAR)
     assert found.values["epsilon"] == pytest.approx(EPSILON, abs=NEAR)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "parameter"), [("mirrored_rotation", "mirrored"), ("misread_rotation", "reading")])
+def test_starts_with_different_choices_are_fitted_beside_each_other(name, parameter, rng) -> None:
+    model = Model(LAW, (EFFECTS[name],), space=SPACE)
+    found = fit(model, corner_hits(20, rng), rounds=1)
+    choices = model.parameters[f"{name}.{parameter}"].choices
+    assert found.values[f"{name}.{parameter}"] in (0.0, 1.0, *choices) and np.isfinite(found.score)

@@ -112,17 +112,17 @@ def together(requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]]
             else:
                 missing.append((i, k, whitening, values))
     flights = {(i, k): w.beside(values) for i, (w, points) in enumerate(requests) for k, values in enumerate(points)}
-    if missing:
-        parts = [whitening.observations for _, _, whitening, _ in missing]
+    for alike in _of_one_choice(missing):
+        parts = [whitening.observations for _, _, whitening, _ in alike]
         sizes = [len(o) for o in parts]
         all_of = replace(
             parts[0], **{name: np.concatenate([getattr(o, name) for o in parts]) for name in BESIDE_STATES}
         )
-        states = zip(*(flights[i, k][0] for i, k, _, _ in missing))
+        states = zip(*(flights[i, k][0] for i, k, _, _ in alike))
         before, after = (State.joined(list(side)) for side in states)
-        values = _by_impact([values for _, _, _, values in missing], sizes)
-        R = Comparison(missing[0][2].model, values, all_of, (before, after)).R
-        found |= {(i, k): part for (i, k, _, _), part in zip(missing, np.split(R, np.cumsum(sizes)[:-1]))}
+        values = _by_impact([values for _, _, _, values in alike], sizes)
+        R = Comparison(alike[0][2].model, values, all_of, (before, after)).R
+        found |= {(i, k): part for (i, k, _, _), part in zip(alike, np.split(R, np.cumsum(sizes)[:-1]))}
 
     def all_parts(i: int, k: int, w: Whitening, values: Mapping[str, float]) -> Parts:
         o = w.observations
@@ -130,6 +130,16 @@ def together(requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]]
         return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
 
     return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]
+
+
+def _of_one_choice(missing: Sequence[tuple]) -> list[list[tuple]]:
+    """What is missing in parts whose discrete parameters agree: a choice acts on all impacts of a call alike."""
+    parts: dict[tuple, list[tuple]] = {}
+    for one in missing:
+        *_, whitening, values = one
+        chosen = tuple(values[name] for name, p in whitening.model.parameters.items() if p.discrete is not None)
+        parts.setdefault(chosen, []).append(one)
+    return list(parts.values())
 
 
 def _by_impact(points: Sequence[Mapping[str, float]], sizes: Sequence[int]) -> dict[str, Any]:
