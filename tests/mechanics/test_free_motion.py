@@ -194,6 +194,12 @@ def test_columns_of_a_ball_are_those_of_constant_spin(start):
         np.testing.assert_allclose(found.by_spin[:, :, 1, i], turns.mean(axis=0) * 0.2, atol=1e-7)
 
 
+def test_columns_of_a_body_that_does_not_turn_grow_with_time():
+    pose, tau = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]]).T, np.array([-0.1, 0.0, 0.3])
+    found = columns(pose, np.zeros((6, 1)), np.diag([1e-3, 2e-3, 2.5e-3]), tau).matrix()[3:, 9:12, :, 0]
+    np.testing.assert_allclose(found, np.eye(3)[:, :, None] * tau, atol=1e-12)
+
+
 def test_columns_in_the_plane_are_powers_of_time(rng):
     pose, motion = rng.standard_normal((2, 3, N))
     found = columns(pose, motion, 1e-4, TAU)

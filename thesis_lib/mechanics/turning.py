@@ -115,7 +115,8 @@ def follow(attitude, inverse, L, D, rate, tau, order, step, attitudes, spins, co
                 if sign * t < 0.0 or (sign < 0.0 and t == 0.0):
                     continue
                 turn = rate[i] * abs(t - now)
-                steps = int(np.ceil(turn / step)) if np.isfinite(turn) else 1
+                # one for a body that does not turn, whose columns grow
+                steps = max(int(np.ceil(turn / step)), 1) if np.isfinite(turn) else 1
                 for _ in range(steps):
                     h = (t - now) / steps
                     q, W1, W2, W3, W4 = _step(q, h, momentum, own)

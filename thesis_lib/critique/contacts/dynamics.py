@@ -194,6 +194,8 @@ class Dynamics:
         """The offset (d, n) at the true pose, of one by row (n, d); None if there is none."""
         if offset is None or not offset.any():
             return None
+        if not self.rig.space.is_plane:
+            return offset.T
         # a measured contact point belongs to the measured angle: mirroring the angle mirrors its offset
         further = self.to_true(measured.moved(theta=measured.theta + _H))
         return np.stack([offset[:, 0] * np.sign(further.theta - true.theta), offset[:, 1]])

@@ -100,8 +100,8 @@ def _errors(fitted: Fit, o: Observations) -> np.ndarray:
     here = fitted.on(o)
     if o.space.is_plane:
         return o.as_speeds(velocity_left(here))
-    axes = slip_axes(here.dynamics.to_true(here.before), o.rig)
-    parts = (here.R[:, :3].T, o.rig.k_g * here.R[:, 3:6].T)
+    axes, R = slip_axes(here.dynamics.to_true(here.before), o.rig), velocity_left(here)
+    parts = (R[:, :3].T, o.rig.k_g * R[:, 3:].T)
     return np.concatenate([np.einsum("ijn,jn->ni", axes, part) for part in parts], axis=1)
 
 

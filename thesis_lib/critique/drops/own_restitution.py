@@ -19,7 +19,6 @@ from thesis_lib.statistics.spread import robust_std
 from thesis_lib.statistics.tails import chi_square_quantile
 
 STEP = 1e-3  # of ε, for slopes
-OF_ANGLE = (2, 5)  # components of a residual that only a measured angle shows: spin, and angle where the arcs meet
 UNKNOWN = 1e-4  # (m/s)², for weights where the noise is not known
 FAR = 3.0  # times the noise: the least scatter that is worth a sentence
 LEAST = 10  # impacts whose scatter is judged
@@ -87,11 +86,14 @@ def own_restitution(fitted: Fit, observations: Observations) -> OwnRestitution:
     inward = -STEP if values["epsilon"] + STEP > 1.0 else STEP
     here = fitted.on(o)
     moved = Comparison(fitted.model, {**values, "epsilon": values["epsilon"] + inward}, o, (here.before, here.after)).R
-    known = [i for i in range(moved.shape[1]) if o.rig.has_angle or i not in OF_ANGLE]
+    d, m = o.space.dimension, o.space.motions
+    # only a measured angle shows the spin, and the angle where the arcs meet
+    of_angle = set() if o.rig.has_angle else {*range(d, m), *range(m + d, 2 * m)}
+    known = [i for i in range(moved.shape[1]) if i not in of_angle]
     R, g = here.R[:, known], ((moved - here.R) / inward)[:, known]
     S = here.covariance()
     if not o.noise_known:
-        S[:, range(3), range(3)] += UNKNOWN * np.array([1.0, 1.0, o.rig.k_g**-2.0])
+        S[:, range(m), range(m)] += UNKNOWN * np.repeat([1.0, o.rig.k_g**-2.0], [d, o.space.turns])
     inverse = np.linalg.inv(S[:, known][:, :, known])
     information = np.einsum("ni,nij,nj->n", g, inverse, g)
     across = np.einsum("ni,nij,nj->n", g, inverse, R)

@@ -8,6 +8,8 @@ from thesis_lib.statistics.wording import listed
 OFF_WALL = "off_wall"
 REASONS = {
     OFF_WALL: "away from every wall: another body or a hand",
+    "off_surface": "away from the surface: a hand, another body, or beyond its edge",
+    "energy_gain": "leaves faster than any impact lets it",
     "lost_frames": "long gap: too few samples on a side",
     "second_hit": "second hit too near to tell apart",
     "unpredictable": "hits whose outcome the noise before them leaves open",

@@ -90,7 +90,8 @@ def slip_is_known(comparison: Comparison) -> bool:
     """Whether the direction of slip is known before any impact, whatever spin nobody measured: else friction is not."""
     o = comparison.observations
     _, at = comparison.dynamics.measured_contact(comparison.before, o.offset)
-    return bool(np.any(np.abs(at.v_t) > Z95 * o.spin * np.abs(at.r[1])))
+    slip = np.sqrt(np.sum(np.square(at.v[:-1]), axis=0))
+    return bool(np.any(slip > Z95 * o.spin * np.abs(at.r[-1])))
 
 
 def largest_ratio(comparison: Comparison) -> float:

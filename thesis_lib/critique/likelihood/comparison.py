@@ -30,9 +30,12 @@ from thesis_lib.critique.likelihood.covariance import DATA, INSTANT, Noisy, copi
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.mechanics.state import State
 
-# of an unknown spin, in standard deviations: nodes and weights for a normal distribution (Gauss and Hermite)
-SPINS, _OF_SPIN = hermegauss(7)
-_OF_SPIN = _OF_SPIN / _OF_SPIN.sum()
+# of an unknown spin, in standard deviations: nodes (turns, k) and their weights for a normal distribution (Gauss and
+# Hermite), by dimension; in space about the level axes, for a ball's spin about the normal meets no friction
+_NODES, _WEIGHTS = hermegauss(7)
+_FEWER, _OF_FEWER = hermegauss(5)
+SPINS = {2: _NODES[None], 3: np.array([*(axis.ravel() for axis in np.meshgrid(_FEWER, _FEWER)), np.zeros(25)])}
+_OF_SPIN = {len(w): w / w.sum() for w in (_WEIGHTS, np.outer(_OF_FEWER, _OF_FEWER).ravel())}
 KEPT = 8  # points whose residuals observations keep: a fit ends where the next begins
 
 
@@ -91,10 +94,11 @@ class Comparison:
     @cached_property
     def by_spin(self) -> Prediction:
         """The same, each array (m, n, ...), for `SPINS` times the unknown spin's one sigma."""
-        o, before, m = self.observations, self.before, len(SPINS)
+        o, before, spins = self.observations, self.before, SPINS[self.observations.space.dimension]
+        m = spins.shape[1]
         rows = np.tile(np.arange(len(before)), m)
         spun = before.select(rows)
-        spun = spun.moved(omega=spun.omega + o.spin * np.repeat(SPINS, len(before)))
+        spun = spun.changed(spin=spun.spin + o.spin * np.repeat(spins, len(before), axis=1))
         of_all = replace(o, span=o.span[rows], offset=o.offset[rows])
         found = _predicted(self.dynamics.select(rows), of_all, spun)
         return found.each(lambda array: array.reshape(m, len(before), *array.shape[1:]))
@@ -106,12 +110,14 @@ class Comparison:
 
     @cached_property
     def of_spin(self) -> np.ndarray:
-        """Covariance (n, 7, 7) of the residuals of single hits from a spin that nobody measured."""
-        v, q = self.by_spin.v, self.by_spin.q
-        R = np.zeros((len(v), len(self.observations), 7))
-        R[:, :, :3] = v - over_spins(v)
+        """Covariance (n, 7 or 13, 7 or 13) of the residuals of single hits from a spin that nobody measured."""
+        v, q, space = self.by_spin.v, self.by_spin.q, self.observations.space
+        d, m = space.dimension, space.motions
+        R = np.zeros((len(v), len(self.observations), 2 * m + 1))
+        R[:, :, :m] = v - over_spins(v)
         if q is not None:
-            R[:, :, 3:6] = np.nan_to_num(q - over_spins(q))
+            moved = d + space.turns * space.is_plane  # nobody sees how a ball has turned
+            R[:, :, m : m + moved] = np.nan_to_num(q - over_spins(q))[:, :, :moved]
         return over_spins(R[..., :, None] * R[..., None, :])
 
     @cached_property
@@ -197,7 +203,7 @@ class Comparison:
 
 def over_spins(values: np.ndarray) -> np.ndarray:
     """Mean (...) over `SPINS` of values (m, ...)."""
-    return np.tensordot(_OF_SPIN, values, axes=1)
+    return np.tensordot(_OF_SPIN[len(values)], values, axes=1)
 
 
 def _predicted(dynamics: ByImpulse, o: Observations, before: State) -> Prediction:

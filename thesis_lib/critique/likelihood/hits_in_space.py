@@ -15,27 +15,26 @@ and pose and motion beside it are those of `windows`: lines for the place, torqu
 """
 
 import numpy as np
-import pandas as pd
 from scipy.stats import chi2
 
-from thesis_lib.bodies.solids import contact_kind
+from thesis_lib.bodies.solids import Sphere, contact_kind
 from thesis_lib.critique.likelihood.flights_in_space import flights_in_space
-from thesis_lib.critique.likelihood.observations import Observations, rig_of
+from thesis_lib.critique.likelihood.given_in_space import given_in_space
+from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
 from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.lines import lines_through
-from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.space_header import SpaceHeader
-from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, ordinals
+from thesis_lib.datasets.impacts.found import found_in_space, ordinals
 from thesis_lib.datasets.impacts.spikes import detect
+from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.free_motion import attitudes
@@ -47,24 +46,34 @@ FEWEST = 3  # samples on either side of a hit
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that have no other one in their window, at least
 ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
+OFF_SURFACE = 0.25  # extents of the body from where most hits are: a hand, a wall, another body, the table's edge
 HARD = 0.4  # m/s: weaker hits are of no kind of contact
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
 
 def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
-    """Observations of the hits in the trajectories of a dataset in space; what cannot be used has a reason in `found`.
+    """Observations of the hits of a dataset in space, as impacts.csv states them, else as trajectories show them.
+
+    What cannot be used has a reason in `found`.
 
     Raises:
         UserError: there are no trajectories or no orientations, the tracked frame is unknown and cannot be found, or
             there are several surfaces.
     """
+    if dataset.impacts is not None and len(dataset.impacts):
+        return given_in_space(dataset)
     whole = dataset.trajectories
-    if whole is None or not dataset.has_angle or dataset.in_space.surfaces is not None:
-        raise UserError(f"{dataset.name}: hits in space are found in trajectories with orientation, on one surface.")
-    dataset = settled(dataset)
+    if whole is None or dataset.in_space.surfaces is not None:
+        raise UserError(
+            f"{dataset.name}: hits in space are found on one surface, and there are several. Give the one that is hit "
+            "as `surface`; tosses onto another one are a dataset of their own."
+        )
+    if dataset.has_angle:
+        dataset = settled(dataset)
+        whole = whole[np.isfinite(whole["qw"].to_numpy(float))]
     header = dataset.in_space
+    _require_turns(dataset)
     settings = settings or ArcSettings(min_window=FEWEST)
-    whole = whole[np.isfinite(whole["qw"].to_numpy(float))]
     whole = whole.iloc[np.lexsort((whole["t"], whole["trial"]))]
     (frame,) = surface_frames(header)
     states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
@@ -91,11 +100,17 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
     grown = np.maximum(np.quantile(off / dof, CLEAN, axis=0), 1.0) if len(rows) else np.ones(2)
     reason[rows[(off / grown > chi2.isf(IMPROBABLE, dof)).any(axis=1)]] = "second_hit"
     lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
-    leaves = contact_velocity(_under_gravity(lines, fitted.bow[:, 0], rig), rig)[2] >= 0.0
-    reason[rows[leaves & (reason[rows] == "")]] = "no_approach"
+    first = _under_gravity(lines, fitted.bow[:, 0], rig)
+    gap = rig.gap(first)
+    # geometry that is believed wrongly moves all of them alike
+    elsewhere = np.abs(gap - np.median(gap)) > OFF_SURFACE * rig.shape.extent if len(gap) else np.zeros(0, bool)
+    leaves = contact_velocity(first, rig)[2] >= 0.0
+    for which, why in ((elsewhere, "off_surface"), (leaves, "no_approach")):
+        reason[rows[which & (reason[rows] == "")]] = why
     kept = reason[rows] == ""
+    detected = State(states.pose[:, at], states.motion[:, at], trial, t + windows.t_0, None, SPACE)
     rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
-    return Observations(
+    o = Observations(
         rig=rig,
         trial=trial[rows],
         surface=np.zeros(len(rows), int),
@@ -110,16 +125,28 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
         arcs=True,
         flights=flights_in_space(states, one_clock(whole)[1], Hits(trial, t + windows.t_0, reason == ""), rig, noise),
         noise_known=True,
-        found=_found(
-            rig,
-            trial,
-            t + windows.t_0,
-            reason,
-            states.attitude[:, at],
-            (noise[0] * sigma[0], noise[1] * sigma[-1]),
-            header,
-        ),
+        found=found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
     )
+    if dataset.has_angle:
+        return o
+    return without_angle(o, unseen_spin(np.linalg.norm(beside(o, 0).velocity, axis=0), header))
+
+
+def _require_turns(dataset: Dataset) -> None:
+    """UserError for a body whose orientation must be seen, and is not."""
+    header = dataset.in_space
+    if dataset.has_angle:
+        return
+    at = header.body.centre if header.tracked is None else np.array(header.tracked.position)
+    if not isinstance(header.body.solid, Sphere) or np.abs(header.body.centre).max() > 0.0:
+        raise UserError(
+            f"{dataset.name}: without orientation only hits of a ball can be found, whose centre of mass is its middle."
+        )
+    if np.abs(at - header.body.centre).max() > 0.0:
+        raise UserError(
+            f"{dataset.name}: without orientation nobody knows where the centre of mass is, as it is not the tracked "
+            "point. Leave `tracked` out if that is the middle of the ball."
+        )
 
 
 def beside(o: Observations, side: int) -> State:
@@ -221,26 +248,3 @@ def _first_sample(samples: Samples) -> np.ndarray:
     """Time (N,) in s of the first sample of each sample's trial."""
     first = np.flatnonzero(np.r_[True, samples.trial[1:] != samples.trial[:-1]])
     return np.repeat(samples.t[first], np.diff(np.r_[first, len(samples)]))
-
-
-def _found(
-    rig: Rig,
-    trial: np.ndarray,
-    t: np.ndarray,
-    reason: np.ndarray,
-    attitude: np.ndarray,
-    noise: tuple[float, float],
-    header: SpaceHeader,
-) -> FoundImpacts:
-    """What was found; of hits that are left out also which `kind` of contact they are, whatever their speed."""
-    none, out = np.zeros(0), reason != ""
-    cells = (trial[out], ordinals(trial)[out], t[out], reason[out], np.full(int(out.sum()), "", object))
-    kind, sigma = contact_kind(header.body.solid, attitude[:, out]), np.array([noise[0], noise[0], noise[1]])
-    empty = Impacts(none, none, none.reshape(0, 7), none.reshape(0, 6), none.reshape(0, 6), none.reshape(0, 3), rig.k_g)
-    return FoundImpacts(
-        impacts=empty,
-        left_out=pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, cells))).assign(kind=kind),
-        arcs=pd.DataFrame(columns=ARC_COLUMNS),
-        noise=NoiseEstimate(*noise, sigma, sigma, "differences" if header.noise is None else "header"),
-        glitches=pd.DataFrame(columns=["trial", "t"]),
-    )

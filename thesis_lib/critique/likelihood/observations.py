@@ -225,7 +225,8 @@ def observe(
     if rig.walls:
         single = _on_floors(single, rig.walls)
     if not rig.has_angle:
-        single = _without_angle(single, unseen_spin(found.impacts, header))
+        speed = np.hypot(*found.impacts.v_pre[:, :2].T)
+        single = without_angle(single, unseen_spin(speed, header))
     # what touches two walls at once is left out
     if not episodes or rig.walls or not rig.has_angle:
         return single
@@ -266,7 +267,7 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
         "trial": impacts.trial,
         "surface": impacts.surface,
         "impact": impacts.impact,
-        "t": np.where(np.isfinite(impacts.t), impacts.t, _mean_of_known(impacts.t)),
+        "t": np.where(np.isfinite(impacts.t), impacts.t, mean_of_known(impacts.t)),
         "value": np.stack([impacts.q, impacts.q], axis=1),
         "slope": np.stack([impacts.v_pre, impacts.v_post], axis=1),
         "bow": np.zeros((n, 2, 2)),
@@ -279,7 +280,8 @@ def _from_impacts(found: FoundImpacts, rig: Rig) -> Observations:
     return Observations(rig, **_single(n) | arrays, arcs=False, flights=no_flights(), noise_known=known, found=found)
 
 
-def _mean_of_known(t: np.ndarray) -> float:
+def mean_of_known(t: np.ndarray) -> float:
+    """Mean in s of the times (n,) that are not NaN; 0 if all are."""
     known = t[np.isfinite(t)]
     return float(known.mean()) if len(known) else 0.0
 
@@ -316,12 +318,17 @@ def _on_floors(o: Observations, walls: Sequence[Wall]) -> Observations:
     return replace(o, value=value, slope=slope)
 
 
-def _without_angle(o: Observations, spin: float) -> Observations:
+def without_angle(o: Observations, spin: float) -> Observations:
     """Observations in which nobody knows the angle, or the spin after an impact; `spin` is one sigma of that before.
 
     The unknown spin is a nuisance: predictions are the mean over it, and their covariance holds what it does.
     """
     value, cov, variance = o.value.copy(), o.cov.copy(), o.flights.variance.copy()
+    if not o.space.is_plane:
+        cov[:, :, 6:] = cov[:, :, :, 6:] = 0.0
+        cov[:, :, [6, 8, 10], [6, 8, 10]], cov[:, 1, [7, 9, 11], [7, 9, 11]] = 1.0, (UNKNOWN * spin) ** 2
+        variance[:, o.space.dimension :] = UNKNOWN**2
+        return replace(o, cov=cov, flights=replace(o.flights, variance=variance), spin=spin)
     value[:, :, 2] = 0.0
     cov[:, :, 2] = np.diag([1.0, (UNKNOWN * spin) ** 2])
     cov[:, 0, 2, 1, 1] = 0.0

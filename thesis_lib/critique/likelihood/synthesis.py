@@ -24,7 +24,9 @@ def synthesise(comparison: Comparison, rng: np.random.Generator, scatter: float 
         raise_by = dynamics.gap(true) + dynamics.strike(before, o.offset)[1]
         up = np.eye(space.dimension)[:, -1:]
         before = dynamics.to_measured(true.changed(position=true.position - raise_by * up))
-    struck = before.moved(omega=before.omega + o.spin * rng.standard_normal(len(o))) if o.spin else before
+    struck = before
+    if o.spin:
+        struck = before.changed(spin=before.spin + o.spin * rng.standard_normal((space.turns, len(o))))
     after = dynamics.predict(struck, o.offset)
     played = np.zeros(len(o), bool)
     q, v = after.q, after.v

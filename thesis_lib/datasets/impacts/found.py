@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.solids import contact_kind
 from thesis_lib.datasets.checks.lasting_contacts import LastingContacts
 from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.flights.low_pass import LowPass
@@ -13,7 +14,9 @@ from thesis_lib.datasets.flights.parabolas import NO_PARABOLAS, Hits, Parabolas,
 from thesis_lib.datasets.format.air import Air
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.impacts.stays_down import StaysDown
+from thesis_lib.mechanics.state import State
 
 LEFT_OUT_COLUMNS = ("trial", "impact", "t", "reason", "detail")
 # fewest that a verdict needs, so that some trials choose the model and others judge it
@@ -100,3 +103,28 @@ def arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.nd
     columns = [trial, ordinal, fits.t, t_std, used, *fits.n_side.T, *rms.T, *fits.reduced.T]
     columns += [fits.chi2_meet / 2.0, np.where(measured, fits.miss, np.nan), gap, gap_std]
     return pd.DataFrame(dict(zip(ARC_COLUMNS, columns)))
+
+
+def found_in_space(
+    header: SpaceHeader, detected: State, impact: np.ndarray, reason: np.ndarray, noise: tuple[float, float]
+) -> FoundImpacts:
+    """What was found of the hits of a body in space; of those that are left out also which `kind` of contact they are.
+
+    Args:
+        detected: their poses in the frame of the surface, trials and times.
+        impact, reason: (n,) number in the trial, and why it is left out, "" if it is not.
+        noise: one sigma of a position in m and of each component of a turn in rad.
+    """
+    none, out = np.zeros(0), np.flatnonzero(reason != "")
+    cells = (detected.trial[out], impact[out], detected.t[out], reason[out], np.full(len(out), "", object))
+    left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, cells)))
+    sigma, k_g = np.array([noise[0], noise[0], noise[1]]), header.body.radius_of_gyration
+    return FoundImpacts(
+        impacts=Impacts(
+            none, none, none.reshape(0, 7), none.reshape(0, 6), none.reshape(0, 6), none.reshape(0, 3), k_g
+        ),
+        left_out=left_out.assign(kind=contact_kind(header.body.solid, detected.attitude[:, out])),
+        arcs=pd.DataFrame(columns=ARC_COLUMNS),
+        noise=NoiseEstimate(*noise, sigma, sigma, "differences" if header.noise is None else "header"),
+        glitches=pd.DataFrame(columns=["trial", "t"]),
+    )

@@ -9,21 +9,22 @@ import numpy as np
 
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.datasets.format.space_header import SpaceHeader
 
 RIM = 0.5
 
 
-def unseen_spin(impacts: Impacts, header: Header) -> float:
-    """One sigma in rad/s of the spin before impacts, where theta is not measured."""
+def unseen_spin(speed: np.ndarray, header: Header | SpaceHeader) -> float:
+    """One sigma in rad/s of each component of the spin before impacts at speeds (n,) in m/s, where no angle is seen."""
     if header.spin is not None:
         return header.spin
-    speed = np.hypot(*impacts.v_pre[:, :2].T)
-    return RIM * float(np.median(speed)) / header.body.shape.extent if len(speed) else 1.0
+    shape = header.body.shape if isinstance(header, Header) else header.body.solid
+    return RIM * float(np.median(speed)) / shape.extent if len(speed) else 1.0
 
 
 def spin_sentence(impacts: Impacts, header: Header) -> str:
     """What is assumed, for the user."""
-    sigma = unseen_spin(impacts, header)
+    sigma = unseen_spin(np.hypot(*impacts.v_pre[:, :2].T), header)
     whence = "as dataset.yaml states" if header.spin is not None else f"a rim speed of {RIM:g} times the median speed"
     return (
         f"theta is not measured: the spin before each impact is unknown and taken as 0 ± {sigma:.3g} rad/s ({whence}); "

@@ -22,17 +22,18 @@ def velocity_left(here: Comparison) -> np.ndarray:
 
 
 def left_over(here: Comparison, R: np.ndarray) -> np.ndarray:
-    """What is left of residuals R (..., n, 3); all of them where the spin is measured."""
-    return R if here.observations.rig.has_angle else np.einsum("nij,...nj->...ni", what_is_left(here), R)
+    """What is left of residuals R (..., n, d + turns); all of them where the spin is measured."""
+    return np.einsum("nij,...nj->...ni", what_is_left(here), R) if here.observations.spin else R
 
 
 def what_is_left(here: Comparison) -> np.ndarray:
-    """Matrices (n, 3, 3) that leave what no unknown spin accounts for, and nothing of the spin after impact."""
+    """Matrices (n, d + turns, d + turns) that leave what no unknown spin accounts for, and nothing of that after."""
     o = here.observations
-    if o.rig.has_angle:
-        return np.tile(np.eye(3), (len(o), 1, 1))
-    S = here.covariance(o.t_std)[:, :2, :2]
-    S_0 = S - here.of_spin[:, :2, :2]
-    left = np.zeros((len(o), 3, 3))
-    left[:, :2, :2] = S_0 @ np.linalg.inv(S + _LEAST * np.eye(2))
+    d, m = o.space.dimension, o.space.motions
+    if not o.spin:
+        return np.tile(np.eye(m), (len(o), 1, 1))
+    S = here.covariance(o.t_std)[:, :d, :d]
+    S_0 = S - here.of_spin[:, :d, :d]
+    left = np.zeros((len(o), m, m))
+    left[:, :d, :d] = S_0 @ np.linalg.inv(S + _LEAST * np.eye(d))
     return left

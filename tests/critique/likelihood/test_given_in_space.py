@@ -1,0 +1,133 @@
+"""Impacts in space as impacts.csv states them: the body's states and their covariance, reasons, and a verdict."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+from tosses import simulate_tosses
+
+from thesis_lib.contact import LAWS
+from thesis_lib.critique import criticise
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.likelihood.comparison import Comparison
+from thesis_lib.critique.likelihood.given_in_space import given_in_space
+from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.datasets import dataset_of
+from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
+
+TRUTH = {"mu": 0.25, "epsilon": 0.5}
+CAMERA = Rotation.from_rotvec([0.4, -1.2, 0.7])
+NOISE = {"position": [2e-4, 2e-4, 1e-3], "rotation": 3e-3, "velocity": 0.01, "angular_velocity": 0.1}
+
+
+def content(**changes) -> dict:
+    box = {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}
+    return {
+        "schema": 2,
+        "body": {"shape": box, "homogeneous": True, "mass": 0.25},
+        "tracked": {"position": [0.03, -0.02, 0.04], "quaternion": [0.8, 0.0, 0.6, 0.0]},
+        "gravity": CAMERA.apply([0.0, 0.0, -9.81]).tolist(),
+        "surface": {"point": [0.1, 0.2, 0.3]},
+        "noise": NOISE,
+    } | changes
+
+
+def hits(head: dict, trials: int, seed: int = 0) -> pd.DataFrame:
+    """Hits of tosses as impacts.csv has them: of the tracked frame, in axes of the recording, without noise."""
+    header = SpaceHeader.model_validate(head)
+    (frame,) = surface_frames(header)
+    made = simulate_tosses(header, frame, trials, np.random.default_rng(seed), **TRUTH).hits
+    table = {"trial": made["trial"], "impact": made.groupby("trial").cumcount(), "t": made["t"]}
+    for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE):
+        motion, pose = made[list(names)].to_numpy(), made[list(POSE_IN_SPACE)].to_numpy()
+        states = tracked_of_body(State.of(pose, motion, made["trial"], made["t"], space=SPACE), header)
+        table |= dict(zip(POSE_IN_SPACE, states.pose)) | dict(zip(names, states.motion))
+    return pd.DataFrame(table)
+
+
+def noisy(table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """The table as it is measured, each side with an error of its own but of one pose."""
+    n, pose = len(table), table[list(POSE_IN_SPACE)].to_numpy().T
+    place = pose[:3] + np.array(NOISE["position"])[:, None] * rng.standard_normal((3, n))
+    turned = SPACE.attitude_after(pose[3:], NOISE["rotation"] * rng.standard_normal((3, n)))
+    made = table.assign(**dict(zip(POSE_IN_SPACE, np.concatenate([place, turned]))))
+    for name in V_PRE_IN_SPACE + V_POST_IN_SPACE:
+        made[name] += NOISE["velocity" if name[0] == "v" else "angular_velocity"] * rng.standard_normal(n)
+    return made
+
+
+def test_the_law_that_made_the_hits_leaves_nothing():
+    head = content()
+    o = observe_in_space(dataset_of(head, impacts=hits(head, 6)))
+    assert len(o) > 15 and not o.arcs and o.noise_known and set(o.trial) == set(range(6))
+    here = Comparison(Model(LAWS["anitescu_potra_newton"], space=SPACE), TRUTH, o)
+    assert np.abs(here.R).max() < 1e-6
+    assert np.abs(o.value[:, 0, 2] + o.rig.lowest(o.lines(0))[2]).max() < 1e-6  # the body touches
+
+
+def test_the_covariance_is_that_of_many_measurements():
+    head, rng = content(), np.random.default_rng(3)
+    one = hits(head, 1).iloc[[0]]
+    many = noisy(one.loc[one.index.repeat(4000)].reset_index(drop=True), rng)
+    many["trial"] = np.arange(len(many))
+    o = given_in_space(dataset_of(head, impacts=many))
+    off = o.space.difference(o.value[:, 0].T, o.value[0, 0][:, None]).T
+    data = np.stack([off, o.slope[:, 0]], axis=2).reshape(len(o), 12)
+    found, said = np.cov(data.T), o.cov[:, 0].mean(axis=0)
+    sigma = np.sqrt(np.diag(said))
+    np.testing.assert_allclose(found / np.outer(sigma, sigma), said / np.outer(sigma, sigma), atol=0.08)
+
+
+def test_what_no_impact_makes_has_a_reason():
+    head = content()
+    table = hits(head, 4)
+    up = CAMERA.apply([0.0, 0.0, 1.0])
+    table.loc[1, list(V_PRE_IN_SPACE[:3])] = 3.0 * up
+    table.loc[2, list(V_POST_IN_SPACE[:3])] = 30.0 * up
+    found = given_in_space(dataset_of(head, impacts=table)).found.left_out
+    assert found[["impact", "reason"]].to_numpy().tolist() == [[1, "no_approach"], [2, "energy_gain"]]
+
+
+def test_a_contact_point_that_is_given_is_used():
+    head = content()
+    table, shift = hits(head, 3), CAMERA.apply([1e-3, -2e-3, 0.0])
+    plain = given_in_space(dataset_of(head, impacts=table))
+    (frame,) = surface_frames(SpaceHeader.model_validate(head))
+    lowest = frame.vectors_out(plain.lines(0).position + plain.rig.lowest(plain.lines(0))) + frame.origin[:, None]
+    r = lowest.T + shift - table[["x", "y", "z"]].to_numpy()
+    given = given_in_space(dataset_of(head, impacts=table.assign(**dict(zip(("r_x", "r_y", "r_z"), r.T)))))
+    np.testing.assert_allclose(given.offset, np.tile(frame.vectors_in(shift[:, None]).T, (len(given), 1)), atol=1e-9)
+    assert np.abs(plain.offset).max() < 1e-12
+
+
+def test_a_ball_without_orientation_and_what_is_refused():
+    ball = {"shape": {"kind": "sphere", "radius": 0.03}, "homogeneous": True, "mass": 0.1}
+    head = content(body=ball, tracked={"position": [0.0, 0.0, 0.0]})
+    bare = hits(head, 4).drop(columns=["qw", "qx", "qy", "qz"])
+    o = observe_in_space(dataset_of(head, impacts=bare))
+    assert len(o) > 10 and not o.rig.has_angle and o.noise_known
+    with pytest.raises(UserError, match="the centre of mass is not at the tracked point"):
+        observe_in_space(dataset_of(content(body=ball), impacts=bare))
+    floor = {"point": [0.1, 0.2, 0.3], "normal": CAMERA.apply([0.0, 0.0, 1.0]).tolist()}
+    two = {key: value for key, value in content().items() if key != "surface"}
+    two |= {"surfaces": [floor | {"name": "floor"}, floor | {"name": "shelf", "point": [0.1, 0.2, 1.0]}]}
+    with pytest.raises(UserError, match="several surfaces cannot be told apart"):
+        observe_in_space(dataset_of(two, impacts=hits(content(), 2)))
+
+
+@pytest.mark.slow
+def test_impacts_alone_are_criticised(tmp_path):
+    head = content()
+    found = criticise(dataset_of(head, impacts=noisy(hits(head, 25), np.random.default_rng(1))))
+    told = found.to_dict()
+    assert told["verdict"] == "adequate" and told["base_model"]["name"] == "anitescu_potra_newton"
+    for name, value in TRUTH.items():
+        said = told["base_model"]["parameters"][name]
+        assert abs(said["value"] - value) < 4.0 * said["std"] + 1e-3
+    found.save(tmp_path / "out")
+    assert (tmp_path / "out" / "report.html").exists()
