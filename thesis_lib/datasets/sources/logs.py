@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.datasets.sources.conversion import Conversion
-from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, optitrack, qualisys, vicon
+from thesis_lib.datasets.sources.motion_capture import bags, c3d, motive, optitrack, qualisys, tensors, vicon
 from thesis_lib.datasets.sources.motion_capture.export_cells import SEQUENCES
 from thesis_lib.datasets.sources.motion_log import convert_motions
 from thesis_lib.datasets.sources.recorded import View
@@ -20,19 +20,20 @@ from thesis_lib.datasets.space.plane import parse_direction
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
-TABLE, BAG, C3D = "a table", "a bag of ROS", "a C3D file"
+TABLE, BAG, C3D, TENSORS = "a table", "a bag of ROS", "a C3D file", "a file of tensors"
 EXPORTS = {  # form of a text -> how a file begins, how it is read, which axis is up
     "an export of Motive": (motive.BEGINS, motive.read_motive, motive.UP),
     "an export of Vicon": (vicon.BEGINS, vicon.read_vicon, vicon.UP),
     "an export of Qualisys": (qualisys.BEGINS, qualisys.read_qualisys, qualisys.UP),
     "an older export of OptiTrack": (optitrack.BEGINS, optitrack.read_optitrack, optitrack.UP),
 }
-UP = {TABLE: "z", BAG: bags.UP, C3D: c3d.UP} | {form: up for form, (_, _, up) in EXPORTS.items()}
+UP = {TABLE: "z", BAG: bags.UP, C3D: c3d.UP, TENSORS: tensors.UP} | {form: up for form, (_, _, up) in EXPORTS.items()}
 # options that other forms have no use for
 ONLY_TABLES = ("columns", "quaternion", "rate", "delimiter", "decimal", "units", "scale", "origin")
 FARTHEST = 10.0  # m from a tracked frame to the centre of mass; more is in mm
 ONLY_SPACE = ("left_handed", "rotation", "up", "plane")
-ONLY_PLANE = ("scale", "origin", "wall")
+ONLY_PLANE = ("origin", "wall")
+OF_TENSORS = ("columns", "quaternion", "rate", "units", "scale")  # of `ONLY_TABLES`
 
 
 def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Reading) -> Conversion:
@@ -58,7 +59,10 @@ def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Re
         motions = read_planar_motions(paths, reading, rig, notes, warnings)
         view = View(FLAT.y, FLAT.normal, frame)
     else:
-        if form == TABLE:
+        if form == TENSORS:
+            motions = tensors.read_tensors(paths, reading, notes)
+            reading = replace(reading, per_trial_files=reading.cut is None and "trial" not in reading.columns)
+        elif form == TABLE:
             motions = read_quaternion_tables(paths, reading, notes, warnings)
         elif form == BAG:
             motions = [bags.read_bag(path, reading.body, warnings) for path in paths]
@@ -79,6 +83,8 @@ def form_of(path: Path) -> str:
     """Which form a log has: by its ending or, of a text, its first line."""
     if bags.is_bag(path):
         return BAG
+    if tensors.holds_tensors(path):
+        return TENSORS
     if not is_file(path):
         return TABLE
     try:
@@ -115,7 +121,9 @@ def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, readi
     """UserError for an option that has no meaning for this form of a log."""
     given = {"wall"} if rig.walls else set()
     given |= {name for name in (*ONLY_TABLES, *ONLY_SPACE) if getattr(reading, name)}
-    if form != TABLE and (useless := [name for name in ONLY_TABLES if name in given]):
+    if form != TABLE and (
+        useless := [name for name in ONLY_TABLES if name in given and not (form == TENSORS and name in OF_TENSORS)]
+    ):
         raise UserError(f"--{useless[0]} is for tables; {path} is {form}, which says so itself.")
     if not in_space and (useless := [name for name in ONLY_SPACE if name in given]):
         option = useless[0].replace("_", "-")
@@ -129,7 +137,7 @@ def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, readi
         raise UserError(f"--quaternion: '{reading.quaternion}' is unknown; give {' or '.join(ORDERS)}.")
     if reading.rotation is not None and reading.rotation not in SEQUENCES:
         raise UserError(f"--rotation: '{reading.rotation}' is unknown; give one of {', '.join(SEQUENCES)}.")
-    if reading.body and form == TABLE and in_space:
+    if reading.body and form in (TABLE, TENSORS) and in_space:
         raise UserError("--body is for files that hold several bodies; of a table, name the columns with --columns.")
 
 

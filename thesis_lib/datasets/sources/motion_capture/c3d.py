@@ -7,16 +7,14 @@ Markers that are lost are NaN, or zeros throughout.  z is up, unless --up says o
 The package ezc3d does the reading, in a process of its own (`c3d_process`).
 """
 
-import io
 import struct
-import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import length_unit
+from thesis_lib.datasets.sources.motion_capture.own_process import arrays_of
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body, choose_markers, motion_of_markers
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
@@ -27,7 +25,6 @@ MAX_C3D = 200_000_000  # bytes
 PACKAGE = "ezc3d"
 BLOCK = 512  # bytes
 PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}  # Intel, DEC, MIPS: order of bytes, that with a float's sign
-LONGEST = 600.0  # s that reading may take
 
 
 def is_c3d(path: Path, begin: bytes) -> bool:
@@ -45,13 +42,9 @@ def read_c3d(path: Path, body: str | None, notes: list[str]) -> Motion:
             f"{path} is a C3D file, which is binary; reading it needs a package: pip install {PACKAGE}. Or export it "
             "as CSV from the program that recorded it."
         )
-    content = _read(path)
-    try:
-        with np.load(io.BytesIO(content), allow_pickle=False) as file:
-            points, turns, rates = file["points"].astype(float), file["rotations"].astype(float), file["rates"]
-            labels, bodies, units = (file[name].tolist() for name in ("labels", "bodies", "units"))
-    except (ValueError, OSError, KeyError, EOFError) as error:
-        raise _damaged(path, str(error)) from error
+    file = _read(path)
+    points, turns, rates = file["points"].astype(float), file["rotations"].astype(float), file["rates"]
+    labels, bodies, units = (file[name].tolist() for name in ("labels", "bodies", "units"))
     scale = length_unit(path, units[0] if units else "mm", "POINT:UNITS")
     rate = rates[1] if turns.size else rates[0]
     if not 0.0 < rate < 1e6:
@@ -83,24 +76,15 @@ def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: fl
     return Motion(name, str(path), np.arange(len(turn)) / rate, position, quaternion)
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path) -> dict[str, np.ndarray]:
     """The arrays of a file, as `c3d_process` writes them; UserError if that fails."""
     try:
         _check(path, read_bytes(path, MAX_C3D))
+        return arrays_of("c3d_process", str(path.resolve()))
     except MissingFile as error:
         raise UserError(f"{path} does not exist; give a C3D file.") from error
-    program = Path(__file__).with_name("c3d_process.py")
-    try:
-        # -P: no module beside the program stands in for one of Python's
-        done = subprocess.run(
-            [sys.executable, "-P", str(program), str(path.resolve())], capture_output=True, timeout=LONGEST, check=False
-        )
-    except subprocess.TimeoutExpired as error:
-        raise _damaged(path, f"reading it takes more than {LONGEST:.0f} s") from error
-    if done.returncode:
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines() if done.returncode > 0 else []
-        raise _damaged(path, said[-1][:200] if said else "what it says of its size contradicts itself")
-    return done.stdout
+    except ValueError as error:
+        raise _damaged(path, str(error)) from error
 
 
 def _check(path: Path, content: bytes) -> None:

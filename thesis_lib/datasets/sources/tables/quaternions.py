@@ -28,17 +28,24 @@ def read_quaternion_tables(
 
     UserError if a column is missing, a cell is not a number, or the four columns are not a unit quaternion.
     """
+    source = source_of(options)
+    logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
+    say_of_logs(logs, notes)
+    return [motion_of_table(log, source, options, notes if log is logs[0] else []) for log in logs]
+
+
+def source_of(options: Reading) -> dict[str, tuple[str, float]]:
+    """For each column of a motion in space that of the table, and its sign; UserError for that of a planar one."""
     if "theta" in options.columns:
         raise UserError("--columns: theta is the angle of a planar log; with --quaternion give q1, q2, q3 and q4.")
     source = options.source("trial", "t", *AXES)
     for i, letter in enumerate(options.quaternion or ""):
         source[f"q{i + 1}"] = options.columns.get(f"q{i + 1}", (f"q{letter}", 1.0))
-    logs = [read_log(Path(file), options, [name for name, _ in source.values()], warnings) for file in files]
-    say_of_logs(logs, notes)
-    return [_read(log, source, options, notes if log is logs[0] else []) for log in logs]
+    return source
 
 
-def _read(log: Log, source: Mapping[str, tuple[str, float]], options: Reading, notes: list[str]) -> Motion:
+def motion_of_table(log: Log, source: Mapping[str, tuple[str, float]], options: Reading, notes: list[str]) -> Motion:
+    """The motion in one table, that of a point without a quaternion; errors as of `read_quaternion_tables`."""
     path, order = log.path, options.quaternion
     four = [name for name in source if name.startswith("q")]
     log.require([source[name][0] for name in (*AXES, *four, *(set(options.columns) & {"t", "trial"}))])
