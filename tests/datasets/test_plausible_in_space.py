@@ -120,11 +120,15 @@ def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
     assert main(["check", str(folder)]) == 0
     text = capsys.readouterr().out
     assert "body        box, reaches 0.07071 m" in text and "flights     8, which fall by (" in text
-    assert "critique    by single hits, in trajectories with orientation" in text
+    assert (
+        "hits        8 can be used in 8 trials (corner 0, edge 0, face 8)" in text
+        and "and no verdict: 8 usable" in text
+    )
     assert "The dataset is valid." in text
     assert main(["check", str(folder), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["dimensions"] == 3 and facts["motion"]["flights"] == 8 and facts["motion"]["reading"] == "as stated"
+    assert facts["detection"]["by_contact"] == {"corner": 0, "edge": 0, "face": 8}
     assert facts["surfaces"]["surface"]["normal"] == [0.0, 0.0, 1.0]
 
 

@@ -5,6 +5,7 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from thesis_lib.commands.described import described
 from thesis_lib.commands.logs import add_init, convert_logs
 from thesis_lib.foundation.command_line import WRONG, Parser, command
 from thesis_lib.foundation.errors import UserError
@@ -161,29 +162,15 @@ def _fetch(args: argparse.Namespace) -> int:
 
     with Progress(args.name) as say:
         folder = fetch(args.name, args.to, args.source, say=say)
-    print(f"{_described(folder)}\nwritten to {folder}")
+    print(f"{described(folder)}\nwritten to {folder}")
     return 0
-
-
-def _described(folder: str | Path, as_json: bool = False) -> str:
-    """What a folder with a dataset or a recording holds; DatasetError lists everything that is wrong in it."""
-    from thesis_lib.datasets.recordings.read import read_recording
-    from thesis_lib.datasets.recordings.recording import is_recording, recording_facts, recording_text
-    from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
-
-    moves = is_recording(folder)
-    read: tuple = (read_recording(folder),) if moves else check_dataset(folder)
-    if not as_json:
-        return (recording_text if moves else summary_text)(*read)
-    facts = (recording_facts if moves else summarise)(*read)
-    return json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False)
 
 
 def _check(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.format.validate import DatasetError
 
     try:
-        print(_described(args.folder, args.json))
+        print(described(args.folder, args.json, compare=True))
     except DatasetError as error:
         if not args.json:
             raise
@@ -209,8 +196,7 @@ def _example(args: argparse.Namespace) -> int:
     if args.drops is not None:
         given["drops" if write in (_drops, _tosses) else "trials"] = args.drops
     further = write(args, out, given)
-    following = "datasets check" if args.space else "critique"
-    print(f"{_described(out)}\nwritten to {out}{further}. Next: python -m thesis_lib {following} {out}")
+    print(f"{described(out)}\nwritten to {out}{further}. Next: python -m thesis_lib critique {out}")
     return 0
 
 

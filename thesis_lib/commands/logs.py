@@ -4,6 +4,7 @@ import argparse
 from dataclasses import fields
 from pathlib import Path
 
+from thesis_lib.commands.described import described
 from thesis_lib.foundation.errors import UserError
 
 DESCRIPTION = """\
@@ -19,6 +20,8 @@ Convert a rig's logs into a dataset folder, then check it. Which form a file has
   Vicon Nexus, Tracker       CSV export of segments, or of trajectories of the markers of one body
   Qualisys Track Manager     TSV export of bodies (6D), or of markers (3D)
   C3D                        markers named body:marker, rotations, or one marker, a ball (pip install ezc3d)
+  torch tensors              .pt files, or a folder of them, one toss each: rows whose columns --columns names by their
+                             number, 1 to c (pip install torch)
   ROS bags                   .bag, .mcap, .db3 or a folder of these: PoseStamped, PoseArray, PointStamped, Odometry,
                              TransformStamped, TFMessage, NamedPoseArray, RigidBodies, AlvarMarkers and more
                              (needs no ROS, but: pip install rosbags)
@@ -57,6 +60,9 @@ examples:
     python -m thesis_lib datasets init ball.csv -o data/my_drops --units cm --up z --shape disk:0.02
   a box that tumbles in space, with quaternions, z up:
     python -m thesis_lib datasets init toss.csv -o data/my_tosses --quaternion xyzw --shape box:0.1,0.08,0.06
+  tosses as torch tensors, positions in half widths of 0.0524 m, then the quaternion, 148 rows a second:
+    python -m thesis_lib datasets init tosses/ -o data/cube --columns "x=1,y=2,z=3,q1=4,q2=5,q3=6,q4=7" \\
+        --quaternion wxyz --rate 148 --scale 1/0.0524 --shape box:0.1048,0.1048,0.1048
   a bag of ROS, the frame "plate" of /tf:
     python -m thesis_lib datasets init drops.mcap -o data/my_drops --body /tf:plate --shape square:0.06
 """
@@ -128,7 +134,6 @@ def convert_logs(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.sources.logs import convert
     from thesis_lib.datasets.sources.tables.options import Reading, parse_columns, parse_delimiter
     from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape, parse_wall
-    from thesis_lib.datasets.summary import check_dataset, summary_text
 
     out = Path(args.out)
     same = ("mass", "k_g", "size_uncertainty", "rate", "gravity", "surface_height")
@@ -145,7 +150,7 @@ def convert_logs(args: argparse.Namespace) -> int:
         for text in texts:
             print(f"{kind}: {text}")
     try:
-        print(summary_text(*check_dataset(out)))
+        print(described(out))
     except UserError as error:
         raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
     print(

@@ -31,8 +31,11 @@ def check_dataset(path: str | Path, settings: ArcSettings | None = None) -> tupl
     return dataset, find_impacts(replace(dataset, impacts=None), settings)
 
 
-def summarise(dataset: Dataset, detection: FoundImpacts | None = None) -> dict:
-    """Counts, ranges, body and warnings of a dataset, and the impacts detected in its trajectories, ready for JSON."""
+def summarise(dataset: Dataset, detection: FoundImpacts | None = None, hits: dict | None = None) -> dict:
+    """Counts, ranges, body and warnings of a dataset, and the impacts detected in its trajectories, ready for JSON.
+
+    `hits`: in space, what a critique would use of them (`thesis_lib.commands.described.hits_told`).
+    """
     header, in_plane = dataset.header, dataset.space.is_plane
     result: dict = {
         "dataset": dataset.name,
@@ -71,6 +74,8 @@ def summarise(dataset: Dataset, detection: FoundImpacts | None = None) -> dict:
         }
     if detection is not None:
         result["detection"] = detection.summary()
+    if hits is not None:
+        result["detection"] = hits
     return result
 
 
@@ -97,7 +102,7 @@ def _ranges(table, names) -> dict[str, list[float]]:
     return {name: [float(np.min(table[name])), float(np.max(table[name]))] for name in names}
 
 
-def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str:
+def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: dict | None = None) -> str:
     """The same as text."""
     facts, body, in_plane = summarise(dataset, detection), dataset.header.body, dataset.space.is_plane
     lines = [f"dataset     {facts['dataset']}", f"trials      {facts['trials']}"]
@@ -138,10 +143,10 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None) -> str
             f"covariance {'given' if part['covariance'] else 'not given'}; {part['flagged']} flagged"
         )
         lines += _range_lines(part["range"])
-    if (part := facts.get("detection")) is not None:
+    if detection is not None and (part := facts.get("detection")) is not None:
         lines += _detection_lines(part, noise or {}, given=dataset.impacts is not None)
-    lines += _verdict_lines(dataset, detection)
-    warnings = [*dataset.warnings, *(detection.warnings if detection is not None else ())]
+    lines += _hit_lines(hits) if hits is not None else _verdict_lines(dataset, detection)
+    warnings = [*dataset.warnings, *(detection.warnings if detection else ()), *(hits or {}).get("warnings", ())]
     lines += [f"warning {i}: {problem}" for i, problem in enumerate(warnings, 1)]
     lines.append("The dataset is valid." if not warnings else "The dataset is valid, with the warnings above.")
     return "\n".join(lines)
@@ -155,8 +160,6 @@ def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
 
 def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str]:
     """What a critique can say of so few impacts; nothing if they are enough for a verdict, or none."""
-    if not dataset.space.is_plane:
-        return ["critique    by single hits, in trajectories with orientation on one surface"]
     if dataset.impacts is not None:
         trial, more = dataset.impacts["trial"].to_numpy(), []
     elif detection is not None:
@@ -167,11 +170,29 @@ def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str
         return []
     if not len(trial) or are_enough(len(trial) + len(more), len({*trial.tolist(), *more})):
         return []
-    trials = len(np.unique(trial))
-    return [
-        f"critique    restitution and friction, and no verdict: {len(trial)} usable impacts in {trials} trials; "
+    return [_no_verdict(len(trial), len(np.unique(trial)))]
+
+
+def _no_verdict(impacts: int, trials: int) -> str:
+    return (
+        f"critique    restitution and friction, and no verdict: {impacts} usable impacts in {trials} trials; "
         f"{MIN_IMPACTS} in {MIN_TRIALS} are needed"
-    ]
+    )
+
+
+def _hit_lines(hits: dict) -> list[str]:
+    """What of the hits of a body in space a critique can use, and what it finds of the tracked frame."""
+    lines = [f"tracked     {hits['tracked']}"] if hits["tracked"] else []
+    if "why" in hits:
+        return [*lines, f"critique    none: {hits['why']}"]
+
+    def counts(of: dict[str, int]) -> str:
+        return ", ".join(f"{name} {count}" for name, count in of.items())
+
+    kinds = counts(hits["by_contact"])
+    lines.append(f"hits        {hits['used']} can be used in {hits['trials']} trials{f' ({kinds})' if kinds else ''}")
+    lines += [f"  left out  {reason} {sum(of.values())} ({counts(of)})" for reason, of in hits["left_out"].items()]
+    return lines if are_enough(hits["used"], hits["trials"]) else [*lines, _no_verdict(hits["used"], hits["trials"])]
 
 
 def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.datasets.checks.copied_releases import copied_releases
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
@@ -31,6 +32,7 @@ LOST = 0.2  # share of orientations that are lost, from which on it is said
 OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
 XYZW = [1, 2, 3, 0]  # of a quaternion with the scalar first
 SCALAR_LAST = "as x, y, z, w (the scalar last)"
+COPIED = "leave copies out: what is held out of a critique must be independent of what it learns from"
 REVERSED = "reversed (of a left-handed frame, or turning the world into the body)"
 
 
@@ -154,6 +156,9 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
         what = f"the orientation jumps at {len(facts.jumps)} of {len(t)} samples: a tag flips, or markers are swapped"
         rows = np.isin(np.arange(len(t)), facts.jumps)
         table.warn("columns qw, qx, qy, qz", what, "leave the orientation of such samples empty", rows)
+    copies = copied_releases(trial, t, position @ header.planes[0][1])
+    if len(copies.pairs):
+        table.warn("column trial", copies.text(), COPIED)
     if LOST < facts.lost_orientation < 1.0:
         what = f"the orientation is lost in {facts.lost_orientation:.0%} of the samples"
         table.warn("columns qw, qx, qy, qz", what, "nothing, if the tracker lost it; the positions are used")

@@ -1,6 +1,7 @@
 """The one place where `tracked: unknown` is settled: the pose of the tracked frame is what the tosses say of it."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,12 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.foundation.errors import UserError
 
+if TYPE_CHECKING:
+    from thesis_lib.datasets.space.tracked_frame import TrackedFrame
+
+ELSEWHERE = (0.1, 0.2)  # extents of the body, and rad, from which on a stated frame is not the one that is found
+SURE = 4.0  # sigmas of what is found
+
 
 def settled(dataset: Dataset) -> Dataset:
     """The dataset with the pose of its tracked frame: as it is if that is stated, else as its tosses say.
@@ -17,20 +24,55 @@ def settled(dataset: Dataset) -> Dataset:
     Raises:
         UserError: `tracked` is unknown, and the data do not say it; says what is missing.
     """
-    header, table = dataset.in_space, dataset.trajectories
-    if header.tracked is not None:
+    if dataset.in_space.tracked is not None:
         return dataset
+    try:
+        found = _found(dataset)
+        if found.open:
+            raise UserError("; ".join(found.open) + ". Record until the body lies still, on different faces.")
+    except UserError as error:
+        raise UserError(f"tracked: unknown: {error}") from None
+    return replace(dataset, header=dataset.in_space.model_copy(update={"tracked": found.tracked}))
+
+
+def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
+    """What tosses say of a tracked frame, where it is unknown or, to `compare`, where it is stated; None: nothing."""
+    stated, body = dataset.in_space.tracked, dataset.in_space.body
+    if dataset.trajectories is None or not dataset.has_angle or (stated is not None and not compare):
+        return None
+    try:
+        found = _found(dataset)
+    except UserError as error:
+        return None if stated is not None else f"the tracked frame is unknown, and not found: {error}"
+    left = "".join(f"; open: {sentence}" for sentence in found.open)
+    if stated is None:
+        return found.text + left
+    from scipy.spatial.transform import Rotation
+
+    from thesis_lib.bodies.symmetry import Symmetry
+
+    one, other = (Rotation.from_quat(pose.attitude, scalar_first=True).as_matrix() for pose in (stated, found.tracked))
+    near = Symmetry(body.solid, body.inertia_per_mass).nearest(one, other)
+    place = float(np.linalg.norm(near @ one.T @ np.array(stated.position) - np.array(found.tracked.position)))
+    turn, error = float(Rotation.from_matrix(other @ near.T).magnitude()), found.tracked.uncertainty
+    assert error is not None and error.position and error.rotation
+    far = place > max(ELSEWHERE[0] * body.solid.extent, SURE * error.position)
+    if not found.open and (far or turn > max(ELSEWHERE[1], SURE * error.rotation)):
+        return (
+            f"{found.text}. That is {1e3 * place:.3g} mm and {np.degrees(turn):.3g}° from where dataset.yaml has it: "
+            "correct tracked, or write tracked: unknown"
+        )
+    return f"tracked frame as stated, by {found.hits} hits and {found.rests} rests{left}"
+
+
+def _found(dataset: Dataset) -> "TrackedFrame":
+    """What the tosses say; UserError where they say nothing."""
+    table = dataset.trajectories
     if table is None or not dataset.has_angle:
-        raise UserError("tracked: unknown: it is found from trajectories with orientation only; give the pose.")
+        raise UserError("it is found from trajectories with orientation only; give the pose.")
     from thesis_lib.datasets.space.tracked_frame import find_tracked_frame  # its search imports much of scipy
 
     whole = pd.DataFrame(table[np.isfinite(table["qw"].to_numpy(float))])
     trial, t, position = one_clock(whole)
     q = whole[list(QUATERNION)].to_numpy(float)
-    try:
-        found = find_tracked_frame(trial, t, position, q, header.body, dataset.gravity)
-        if found.open:
-            raise UserError("; ".join(found.open) + ". Record until the body lies still, on different faces.")
-    except UserError as error:
-        raise UserError(f"tracked: unknown: {error}") from None
-    return replace(dataset, header=header.model_copy(update={"tracked": found.tracked}))
+    return find_tracked_frame(trial, t, position, q, dataset.in_space.body, dataset.gravity)

@@ -1,0 +1,56 @@
+"""What a folder with a dataset or a recording holds, as `datasets check` and its like print it."""
+
+import json
+from pathlib import Path
+
+from thesis_lib.datasets.format.dataset import Dataset
+
+
+def described(folder: str | Path, as_json: bool = False, compare: bool = False) -> str:
+    """The content of a folder as text or JSON; DatasetError lists everything that is wrong in it.
+
+    `compare`: the pose of a tracked frame that is stated is compared with what tosses in space say of it.
+    """
+    from thesis_lib.datasets.recordings.read import read_recording
+    from thesis_lib.datasets.recordings.recording import is_recording, recording_facts, recording_text
+    from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
+
+    moves = is_recording(folder)
+    read: tuple = (read_recording(folder),) if moves else check_dataset(folder)
+    if not moves and not read[0].space.is_plane:
+        read = (read[0], None, hits_told(read[0], compare))
+    if not as_json:
+        return (recording_text if moves else summary_text)(*read)
+    facts = (recording_facts if moves else summarise)(*read)
+    return json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False)
+
+
+def hits_told(dataset: Dataset, compare: bool = False) -> dict:
+    """What a critique would use of a dataset in space, ready for JSON.
+
+    Keys `used`, `trials`, `by_contact`, `left_out` (reason -> kind of contact -> count), `warnings`, `tracked` (a
+    sentence, or none); `why`, where nothing can be used.
+    """
+    import numpy as np
+
+    from thesis_lib.critique.likelihood.hits_in_space import kinds_of, observe_in_space
+    from thesis_lib.datasets.checks.tracked_pose import settled, tracked_frame_told
+    from thesis_lib.foundation.errors import UserError
+
+    told: dict = {"tracked": tracked_frame_told(dataset, compare)}
+    try:
+        o = observe_in_space(settled(dataset))
+    except UserError as error:
+        return told | {"used": 0, "why": str(error)}
+    kinds, out = kinds_of(o), o.found.left_out
+    reasons = {
+        reason: of["kind"].replace("", "any").value_counts().sort_index().to_dict()
+        for reason, of in out.groupby("reason")
+    }
+    return told | {
+        "used": len(o),
+        "trials": len(np.unique(o.trial)),
+        "by_contact": {kind: int((kinds == kind).sum()) for kind in ("corner", "edge", "face") if (kinds != "").any()},
+        "left_out": reasons,
+        "warnings": list(o.found.warnings),
+    }

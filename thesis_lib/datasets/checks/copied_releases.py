@@ -1,0 +1,95 @@
+"""Releases that are not independent: equal, cut, resampled, mirrored or moved copies of one recording.
+
+A split that puts one copy into training and another into the held-out part is none.  Heights above the surface stay
+what they are when a release is moved over it, mirrored or turned about its normal, and a copy shares the noise of its
+original, which no second release does.  Heights are compared from the hardest kick of each release on:
+
+    d = min over δ of |h_i(s) − h_j(s + δ) − const|,    a copy if the typical d is below `SHARED` σ
+
+with σ the noise of one height; heights of independent releases differ by √2 σ even where their motions are equal.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.statistics.spread import MAD_TO_STD
+
+BEFORE, AFTER, STEPS = 12, 48, 61  # samples beside the kick by which heights are alike, and points among them
+COARSE = 20.0  # σ, and
+NEAR = 3e-3  # m: heights that differ by more on a common grid are no copies
+KICK = 0.5  # m/s
+SHARED = 0.8  # σ; a copy on the same stamps differs by rounding, one between them by part of its noise
+MOVES = 30.0  # σ by which heights must vary in the window: bodies at rest are all alike
+ROUNDS = 3  # steps to the shift in time
+FLOOR = 1e-7  # m
+
+
+@dataclass(frozen=True)
+class Copies:
+    """Pairs of trials (k, 2), the first of which is the original as far as the order says."""
+
+    pairs: np.ndarray
+
+    def text(self) -> str:
+        """What is wrong, for the user."""
+        shown = ", ".join(f"{b} of {a}" for a, b in self.pairs[:5])
+        more = f" and {len(self.pairs) - 5} more" if len(self.pairs) > 5 else ""
+        return (
+            f"{len(set(self.pairs[:, 1].tolist()))} releases are copies of others, cut, resampled, mirrored or moved: "
+            f"trial {shown}{more}"
+        )
+
+
+def copied_releases(trial: np.ndarray, t: np.ndarray, height: np.ndarray) -> Copies:
+    """Copies among releases of heights (n,) in m along the normal at times (n,) in s, sorted by trial and time."""
+    numbers, first = np.unique(trial, return_index=True)
+    ends = [*first[1:], len(t)]
+    kicked = [(number, t[a:b], height[a:b], _kick(t[a:b], height[a:b])) for number, a, b in zip(numbers, first, ends)]
+    kept = [(number, s - s[at], h, slice(at - BEFORE, at + AFTER)) for number, s, h, at in kicked if at]
+    none = Copies(np.zeros((0, 2), numbers.dtype))
+    if len(kept) < 2:
+        return none
+    third = np.abs(np.concatenate([np.diff(h[rows], 3) for _, _, h, rows in kept]))
+    sigma = max(float(np.median(third)) * MAD_TO_STD / np.sqrt(20.0), FLOOR)
+    low, high = max(s[rows][0] for _, s, _, rows in kept), min(s[rows][-1] for _, s, _, rows in kept)
+    common = np.array([np.interp(np.linspace(low, high, STEPS), s, h) for _, s, h, _ in kept])
+    common -= common.mean(axis=1, keepdims=True)
+    moving = np.flatnonzero(common.std(axis=1) > MOVES * sigma)
+    pairs = []
+    for k, i in enumerate(moving[:-1]):
+        others = moving[k + 1 :]
+        off = np.sqrt(np.mean((common[others] - common[i]) ** 2, axis=1))
+        for j in others[off < max(COARSE * sigma, NEAR)]:
+            if _apart(kept[i][1:3], kept[j][1:3]) < SHARED * sigma:
+                pairs.append((kept[i][0], kept[j][0]))
+    return Copies(np.array(pairs, numbers.dtype).reshape(-1, 2))
+
+
+def _kick(t: np.ndarray, height: np.ndarray) -> int:
+    """Number of the sample at the hardest kick upwards; 0 of a release that is too short, or has none."""
+    if len(t) < BEFORE + AFTER + 2:
+        return 0
+    slope = np.diff(height) / np.diff(t)
+    jump = slope[2:] - slope[:-2]  # over two samples, so that a kick between two stamps counts whole
+    at = int(np.argmax(jump[BEFORE - 2 : len(t) - AFTER - 2])) + BEFORE
+    return at if jump[at - 2] > KICK else 0  # parabolas alone are all alike
+
+
+def _apart(one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray]) -> float:
+    """d in m of two releases, by their median: beside the kick an interpolated copy is off by more."""
+    (s, h), (s_other, h_other) = one, other
+    slope, shift, size = np.gradient(h_other, s_other), 0.0, np.inf
+    for _ in range(ROUNDS):
+        at = s + shift
+        inner = (at >= s_other[0]) & (at <= s_other[-1])
+        if inner.sum() < STEPS // 2:
+            return np.inf
+        off = h[inner] - np.interp(at[inner], s_other, h_other)
+        off -= np.median(off)
+        size = MAD_TO_STD * float(np.median(np.abs(off)))
+        usual = np.abs(off) <= 3.0 * size
+        v = np.interp(at[inner], s_other, slope)[usual]
+        v = v - v.mean()
+        shift += float(off[usual] @ v) / max(float(v @ v), 1e-12)
+    return size
