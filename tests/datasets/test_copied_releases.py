@@ -27,7 +27,7 @@ def releases(trials: int, rng: np.random.Generator, alike: bool = False, noise: 
 
 
 def found(table: pd.DataFrame) -> list:
-    return copied_releases(*(table[name].to_numpy() for name in ("trial", "t", "z"))).pairs.tolist()
+    return copied_releases(*(table[name].to_numpy() for name in ("trial", "t", "z")))
 
 
 def moved(one: pd.DataFrame) -> pd.DataFrame:
@@ -54,7 +54,7 @@ CHANGES = {
 def test_a_copy_is_found(change, rng):
     table = releases(30, rng)
     copy = CHANGES[change](table[table["trial"] == 7]).assign(trial=30)
-    assert found(pd.concat([table, copy], ignore_index=True)) == [[7, 30]]
+    assert found(pd.concat([table, copy], ignore_index=True)) == [(7, 30)]
 
 
 @pytest.mark.parametrize("alike", [False, True])

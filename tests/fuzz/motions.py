@@ -1,5 +1,6 @@
 """Recordings of motions in space: small valid samples of each form, and what makes a dataset of them."""
 
+import io
 import sqlite3
 import struct
 import tempfile
@@ -71,13 +72,25 @@ def c3d_samples() -> list[Sample]:
     return [{"drop.c3d": _bytes(write_c3d, "a.c3d", take, kind)} for kind in ("markers", "rotations")]
 
 
+def tensor_samples() -> list[Sample]:
+    """One toss a file: position and quaternion, in rows, or as the only one of many tosses."""
+    import torch
+
+    take, samples = small_take("z"), []
+    for rows in (np.c_[take.position, take.quaternion], np.c_[take.position, take.quaternion][None]):
+        content = io.BytesIO()
+        torch.save(torch.tensor(rows), content)
+        samples.append({"toss.pt": content.getvalue()})
+    return samples
+
+
 def bag_samples() -> list[Sample]:
     take = small_take("z")
     kinds = ((".bag", "TFMessage"), (".mcap", "PoseStamped"), (".db3", "Odometry"), (".mcap", "NamedPoseArray"))
     return [{f"drops{ending}": _bytes(write_bag, f"a{ending}", take, message)} for ending, message in kinds]
 
 
-def read_motion(folder: Path, out: Path) -> None:
+def read_motion(folder: Path, out: Path, shape: str = f"disk:{RADIUS}") -> None:
     """`datasets init` on the one file of the folder, with the options that its form needs."""
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.logs import convert
@@ -91,10 +104,20 @@ def read_motion(folder: Path, out: Path) -> None:
     if name in TABLES:
         columns, order = TABLES[name]
         options = {"quaternion": order, "columns": parse_columns(columns)}
-    done = convert([folder / name], "made", RigOptions(parse_shape(f"disk:{RADIUS}")), Reading(**options))
+    rate = None
+    if name.endswith(".pt"):
+        options = {"quaternion": "xyzw", "columns": parse_columns("x=1,y=2,z=3,q1=4,q2=5,q3=6,q4=7"), "cut": True}
+        rate = RATE
+    done = convert([folder / name], "made", RigOptions(parse_shape(shape), rate=rate), Reading(**options))
     write_dataset(done.dataset, out / "made")
-    assert done.cuts is not None
-    draw_cuts(done.cuts)
+    if done.cuts is not None:
+        draw_cuts(done.cuts)
+
+
+def read_in_space(folder: Path, out: Path) -> None:
+    """The same with a body in space, which keeps its motion there."""
+    ball = (folder / "ball.csv").exists()
+    read_motion(folder, out, f"sphere:{RADIUS}" if ball else f"box:{2 * RADIUS},{2 * RADIUS},{2 * RADIUS}")
 
 
 def _mcap_chunk(size: int, claimed: int, compression: bytes) -> bytes:

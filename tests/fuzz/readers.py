@@ -26,7 +26,7 @@ from tests.fuzz.intermediates import (
     read_results,
     results_samples,
 )
-from tests.fuzz.motions import bag_samples, c3d_samples, motion_samples, read_motion
+from tests.fuzz.motions import bag_samples, c3d_samples, motion_samples, read_in_space, read_motion, tensor_samples
 from tests.fuzz.mutations import Sample
 
 
@@ -295,7 +295,35 @@ def _model_samples() -> list[Sample]:
     }
     n = np.arange(5.0)
     states = pd.DataFrame({"x": 0.0, "y": 0.03, "theta": n, "vx": 0.5, "vy": -2.0, "omega": n, "trial": n, "t": n})
-    return [{"model.json": json.dumps(model, indent=1).encode(), "states.csv": csv_of(states)}]
+    planar = {"model.json": json.dumps(model, indent=1).encode(), "states.csv": csv_of(states)}
+    return [planar, _model_in_space()]
+
+
+def _model_in_space() -> Sample:
+    from thesis_lib.contact import LAWS
+    from thesis_lib.critique.contacts.model import Model
+    from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_PRE_IN_SPACE
+    from thesis_lib.effects import EFFECTS
+    from thesis_lib.mechanics.space import SPACE
+
+    effects = ["com_offset", "wrong_inertia"]
+    made = Model(LAWS["mirtich"], tuple(EFFECTS[name] for name in effects), space=SPACE)
+    values = {name: p.null + 0.1 * p.scale for name, p in made.parameters.items()} | {"mu": 0.2, "epsilon": 0.6}
+    body = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "radii_of_gyration": [0.03, 0.034, 0.037]}
+    place = {"tracked": {"position": [0.01, 0, 0.02]}, "surface": {"point": [0, 0, 0.1]}, "gravity": [0, 0, -9.81]}
+    model = {
+        "schema": 1,
+        "dimensions": 3,
+        "dataset": "tosses",
+        "law": "mirtich",
+        "effects": effects,
+        "parameters": {name: {"value": value, "std": 0.01, "unit": "1"} for name, value in values.items()},
+        "rig": {"schema": 2, "body": body, **place},
+    }
+    n = np.arange(5.0)
+    states = pd.DataFrame(dict.fromkeys((*POSE_IN_SPACE, *V_PRE_IN_SPACE), 0.0), index=n)
+    states = states.assign(trial=n, t=n, z=0.15, qw=1.0, vx_pre=0.5, vz_pre=-2.0, wx_pre=n)
+    return {"model.json": json.dumps(model, indent=1).encode(), "states.csv": csv_of(states)}
 
 
 def _read_model(folder: Path, out: Path) -> None:
@@ -382,6 +410,8 @@ READERS: dict[str, Reader] = {
     "motion": Reader(cache(motion_samples), read_motion),
     "bag": Reader(cache(bag_samples), read_motion),
     "c3d": Reader(cache(c3d_samples), read_motion),
+    "space": Reader(cache(motion_samples), read_in_space),
+    "tensors": Reader(cache(tensor_samples), read_in_space),
     "published": Reader(cache(_published_samples), _read_published),
     "archive": Reader(cache(_archive_samples), _read_archive),
     "config": Reader(cache(_config_samples), _read_config),
@@ -403,5 +433,6 @@ WEIGHTS = {
     "log": 2,
     "motion": 3,
     "bag": 2,
+    "tensors": 0.5,
     "commands": 0.3,
 }

@@ -37,7 +37,8 @@ FORBIDDEN = {
     *("os.system", "os.exec", "os.posix_spawn", "os.fork", "subprocess.Popen", "pty.spawn"),
     *("socket.connect", "socket.bind", "urllib.Request", "pickle.find_class", "ctypes.dlopen"),
 }
-PROGRAM = str(Path(c3d.__file__).with_name("c3d_process.py"))
+PROGRAMS = [str(Path(c3d.__file__).with_name(f"{name}_process.py")) for name in ("c3d", "tensors")]
+STARTED = [[sys.executable, "-P", program] for program in PROGRAMS]
 WRITES = {
     *("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod", "os.chown"),
     *("os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile", "shutil.copytree", "tempfile.mkstemp"),
@@ -76,7 +77,7 @@ class _Watch:
     def _event(self, event: str, arguments: tuple) -> None:
         if not self.on:
             return
-        if event == "subprocess.Popen" and list(arguments[1])[:3] == [sys.executable, "-P", PROGRAM]:
+        if event == "subprocess.Popen" and list(arguments[1])[:3] in STARTED:
             return
         if event in FORBIDDEN:
             self.seen.append(f"{event}{arguments!r}"[:200])

@@ -4,6 +4,7 @@ The file lies in the folder of the dataset.  It is read, with its size bounded, 
 mesh in memory is a mesh that was read; its bytes belong to the content of the dataset.
 """
 
+import hashlib
 import io
 import logging
 from functools import lru_cache
@@ -50,6 +51,11 @@ class Mesh(Section):
     def content(self) -> bytes:
         """The bytes of the file."""
         return self._content
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 (hex) of the bytes."""
+        return hashlib.sha256(self._content).hexdigest()
 
     @property
     def solid(self) -> Hull:

@@ -88,9 +88,7 @@ class Critique:
     def model(self) -> SavedModel:
         """The law with its effects, as model.json holds it; UserError for a mechanism."""
         if (model := self._findings.model) is None:
-            raise UserError(
-                f"{self.name} is the recording of a mechanism, or of a mesh in space: no model.json predicts."
-            )
+            raise UserError(f"{self.name} is the recording of a mechanism: no model.json predicts.")
         return model
 
     def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike]) -> pd.DataFrame:

@@ -6,12 +6,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from tosses import simulate_tosses
 
+from tests.datasets.folders_in_space import write_mesh
 from thesis_lib.contact import LAWS
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
 from thesis_lib.datasets.format.space_header import SpaceHeader
@@ -118,6 +120,23 @@ def test_a_ball_without_orientation_and_what_is_refused():
     two |= {"surfaces": [floor | {"name": "floor"}, floor | {"name": "shelf", "point": [0.1, 0.2, 1.0]}]}
     with pytest.raises(UserError, match="several surfaces cannot be told apart"):
         observe_in_space(dataset_of(two, impacts=hits(content(), 2)))
+
+
+def test_a_model_of_a_mesh_keeps_its_mesh(tmp_path):
+    shape = write_mesh(tmp_path / "data")  # the same box
+    head = content(body={"shape": shape, "homogeneous": True, "mass": 0.25})
+    found = criticise(dataset_of(head, impacts=hits(content(), 5), folder=tmp_path / "data"))
+    assert found.to_dict()["verdict"] is None
+    found.save(tmp_path / "out")
+    model = load_model(tmp_path / "out" / "model.json")
+    after = model.predict(hits(content(), 2, seed=1)[["trial", "t", *POSE_IN_SPACE, *V_PRE_IN_SPACE]])
+    assert (after["status"] == "ok").all()
+    write_mesh(tmp_path / "out", half_extents=(0.05, 0.04, 0.02))
+    with pytest.raises(UserError, match="the mesh is not the one that the model was fitted to"):
+        load_model(tmp_path / "out" / "model.json")
+    (tmp_path / "out" / "body.obj").unlink()
+    with pytest.raises(UserError, match=r"the file body\.obj does not exist"):
+        load_model(tmp_path / "out" / "model.json")
 
 
 @pytest.mark.slow

@@ -31,6 +31,7 @@ from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
 from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.world import Remaining
+from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
@@ -152,6 +153,7 @@ def criticise_drops(
     """
     settings = settings or CritiqueSettings()
     say("finding impacts")
+    dataset = dataset if dataset.space.is_plane else settled(dataset)  # what is saved predicts with that pose
     observations = _observed(dataset, effects or (), settings, arcs)
     trials = np.unique(observations.trial)
     if not are_enough(len(observations), len(trials)):

@@ -43,7 +43,7 @@ def given_in_space(dataset: Dataset) -> Observations:
         )
     table = table.iloc[np.lexsort((table["impact"], table["trial"]))].reset_index(drop=True)
     turned = bool(np.isfinite(table["qw"].to_numpy(float)).any())
-    dataset = replace(settled(dataset), has_angle=turned)
+    dataset = settled(replace(dataset, has_angle=turned))
     header = dataset.in_space
     tracked = [tracked_states(table, names) for names in (V_PRE_IN_SPACE, V_POST_IN_SPACE)]
     (frame,), rig = surface_frames(header), rig_of(dataset)

@@ -68,8 +68,8 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
             f"{dataset.name}: hits in space are found on one surface, and there are several. Give the one that is hit "
             "as `surface`; tosses onto another one are a dataset of their own."
         )
+    dataset = settled(dataset)
     if dataset.has_angle:
-        dataset = settled(dataset)
         whole = whole[np.isfinite(whole["qw"].to_numpy(float))]
     header = dataset.in_space
     _require_turns(dataset)
@@ -137,7 +137,8 @@ def _require_turns(dataset: Dataset) -> None:
     header = dataset.in_space
     if dataset.has_angle:
         return
-    at = header.body.centre if header.tracked is None else np.array(header.tracked.position)
+    assert header.tracked is not None
+    at = np.array(header.tracked.position)
     if not isinstance(header.body.solid, Sphere) or np.abs(header.body.centre).max() > 0.0:
         raise UserError(
             f"{dataset.name}: without orientation only hits of a ball can be found, whose centre of mass is its middle."

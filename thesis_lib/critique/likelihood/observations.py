@@ -327,7 +327,7 @@ def without_angle(o: Observations, spin: float) -> Observations:
     if not o.space.is_plane:
         cov[:, :, 6:] = cov[:, :, :, 6:] = 0.0
         cov[:, :, [6, 8, 10], [6, 8, 10]], cov[:, 1, [7, 9, 11], [7, 9, 11]] = 1.0, (UNKNOWN * spin) ** 2
-        variance[:, o.space.dimension :] = UNKNOWN**2
+        variance[:, [*range(3, 6), *range(9, variance.shape[1])]] = UNKNOWN**2  # accelerations of the turning
         return replace(o, cov=cov, flights=replace(o.flights, variance=variance), spin=spin)
     value[:, :, 2] = 0.0
     cov[:, :, 2] = np.diag([1.0, (UNKNOWN * spin) ** 2])

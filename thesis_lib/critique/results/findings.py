@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.questions.where import where
@@ -161,9 +160,9 @@ def few_findings(few: FewImpacts) -> Findings:
 def _saved(
     fitted: Fit, rig: Rig, name: str, source: Dataset | None, parameters: Mapping[str, Mapping] | None = None
 ) -> SavedModel | None:
-    """Content of model.json; None of a body in space whose shape is a mesh, which is a file of its own."""
+    """Content of model.json; None of a body in space without what dataset.yaml says of it."""
     if rig.space.is_plane:
         return saved(fitted, rig, name, parameters)
-    if source is None or isinstance(source.in_space.body.shape, Mesh):
+    if source is None:
         return None
     return saved_in_space(fitted, source.in_space, name, parameters)

@@ -20,7 +20,7 @@ def load_model(path: str | Path) -> SavedModel:
     try:
         regular_size(path, MAX_MODEL)
         content = read_json(path)
-        model = _kind(content).model_validate(content)
+        model = _kind(content).model_validate(content, context={"folder": Path(path).parent})
     except MissingFile as error:
         raise UserError(
             f"There is no model {path}. A critique writes model.json: python -m thesis_lib critique DATASET -o DIR"

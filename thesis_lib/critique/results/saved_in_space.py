@@ -6,12 +6,14 @@ the model predicts rows of an impacts.csv of schema 2: poses and velocities of t
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 import pandas as pd
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import rig_of
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, content_of
@@ -20,6 +22,7 @@ from thesis_lib.datasets.format.frames import body_states, surface_frames, track
 from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects.effect import Reference, Rig
+from thesis_lib.foundation.files import atomic
 from thesis_lib.mechanics.space import SPACE, Space
 from thesis_lib.mechanics.state import State
 
@@ -30,6 +33,14 @@ class SavedSpaceRig(SpaceHeader):
     """Body and rig as believed: dataset.yaml without what is said about the recording."""
 
     reference: SavedReference = Field(SavedReference(), description="where effects count from; mu, epsilon, tau there")
+    mesh_sha256: str | None = Field(None, description="of the file of a mesh, which lies beside model.json")
+
+    @model_validator(mode="after")
+    def _mesh_is_that_of_the_fit(self) -> "SavedSpaceRig":
+        shape = self.body.shape
+        if self.mesh_sha256 != (shape.sha256 if isinstance(shape, Mesh) else None):
+            raise ValueError("the mesh is not the one that the model was fitted to")
+        return self
 
     @property
     def walls(self) -> tuple:
@@ -51,6 +62,13 @@ class SavedSpaceModel(SavedModel):
 
     dimensions: Literal[3] = 3
     rig: SavedSpaceRig
+
+    def save(self, path: str | Path) -> None:
+        """Write model.json, and a mesh beside it."""
+        super().save(path)
+        if isinstance(mesh := self.rig.body.shape, Mesh):
+            with atomic(Path(path).parent / mesh.file) as made:
+                Path(made).write_bytes(mesh.content)
 
     columns: ClassVar[tuple[str, ...]] = (*POSE_IN_SPACE, *V_PRE_IN_SPACE)
     found: ClassVar[tuple[str, ...]] = V_POST_IN_SPACE
@@ -81,5 +99,7 @@ def saved_in_space(
 ) -> SavedSpaceModel:
     """Content of model.json for a model fitted to a dataset with this dataset.yaml; `parameters` as of `saved`."""
     rig = header.model_dump(mode="json", by_alias=True, exclude=NOT_OF_THE_RIG)
+    if isinstance(mesh := header.body.shape, Mesh):
+        rig["body"]["shape"], rig["mesh_sha256"] = mesh, mesh.sha256
     rig["reference"] = fitted.whitening.observations.rig.reference.content(SPACE)
     return SavedSpaceModel.model_validate(content_of(fitted, dataset, parameters) | {"dimensions": 3, "rig": rig})

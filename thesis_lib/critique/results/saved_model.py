@@ -41,7 +41,7 @@ MAX_MODEL = 1_000_000  # bytes; a model with 20 effects has 10 kB
 MAX_STATES = 200_000_000  # bytes; two million impacts
 MAX_COLUMNS = 1000
 # of the rig, not written: one surface, an angle that was measured, and effects that count from 0
-_USUAL = (("walls", []), ("has_angle", True), ("reference", {"x": 0.0, "t": 0.0, "trial": 0.0}))
+_USUAL = (("walls", []), ("mesh_sha256", None), ("has_angle", True), ("reference", {"x": 0.0, "t": 0.0, "trial": 0.0}))
 _PULL = 1.0  # release or s: the step of `trial` and `t` that shows whether a model depends on them
 
 

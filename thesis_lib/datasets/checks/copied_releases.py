@@ -9,7 +9,7 @@ original, which no second release does.  Heights are compared from the hardest k
 with σ the noise of one height; heights of independent releases differ by √2 σ even where their motions are equal.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -25,31 +25,24 @@ ROUNDS = 3  # steps to the shift in time
 FLOOR = 1e-7  # m
 
 
-@dataclass(frozen=True)
-class Copies:
-    """Pairs of trials (k, 2), the first of which is the original as far as the order says."""
-
-    pairs: np.ndarray
-
-    def text(self) -> str:
-        """What is wrong, for the user."""
-        shown = ", ".join(f"{b} of {a}" for a, b in self.pairs[:5])
-        more = f" and {len(self.pairs) - 5} more" if len(self.pairs) > 5 else ""
-        return (
-            f"{len(set(self.pairs[:, 1].tolist()))} releases are copies of others, cut, resampled, mirrored or moved: "
-            f"trial {shown}{more}"
-        )
+def copies_text(pairs: Sequence[tuple[int, int]]) -> str:
+    """What is wrong with pairs of an original and its copy, for the user."""
+    shown = ", ".join(f"{copy} of {original}" for original, copy in pairs[:5])
+    more = f" and {len(pairs) - 5} more" if len(pairs) > 5 else ""
+    return (
+        f"{len({copy for _, copy in pairs})} releases are copies of others, cut, resampled, mirrored or moved: "
+        f"trial {shown}{more}"
+    )
 
 
-def copied_releases(trial: np.ndarray, t: np.ndarray, height: np.ndarray) -> Copies:
-    """Copies among releases of heights (n,) in m along the normal at times (n,) in s, sorted by trial and time."""
+def copied_releases(trial: np.ndarray, t: np.ndarray, height: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs of a trial and its copy, by heights (n,) in m along the normal at times (n,) in s, by trial and time."""
     numbers, first = np.unique(trial, return_index=True)
     ends = [*first[1:], len(t)]
     kicked = [(number, t[a:b], height[a:b], _kick(t[a:b], height[a:b])) for number, a, b in zip(numbers, first, ends)]
     kept = [(number, s - s[at], h, slice(at - BEFORE, at + AFTER)) for number, s, h, at in kicked if at]
-    none = Copies(np.zeros((0, 2), numbers.dtype))
     if len(kept) < 2:
-        return none
+        return []
     third = np.abs(np.concatenate([np.diff(h[rows], 3) for _, _, h, rows in kept]))
     sigma = max(float(np.median(third)) * MAD_TO_STD / np.sqrt(20.0), FLOOR)
     low, high = max(s[rows][0] for _, s, _, rows in kept), min(s[rows][-1] for _, s, _, rows in kept)
@@ -62,8 +55,8 @@ def copied_releases(trial: np.ndarray, t: np.ndarray, height: np.ndarray) -> Cop
         off = np.sqrt(np.mean((common[others] - common[i]) ** 2, axis=1))
         for j in others[off < max(COARSE * sigma, NEAR)]:
             if _apart(kept[i][1:3], kept[j][1:3]) < SHARED * sigma:
-                pairs.append((kept[i][0], kept[j][0]))
-    return Copies(np.array(pairs, numbers.dtype).reshape(-1, 2))
+                pairs.append((int(kept[i][0]), int(kept[j][0])))
+    return pairs
 
 
 def _kick(t: np.ndarray, height: np.ndarray) -> int:

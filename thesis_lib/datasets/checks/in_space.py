@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.datasets.checks.copied_releases import copied_releases
+from thesis_lib.datasets.checks.copied_releases import copied_releases, copies_text
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
@@ -156,9 +156,8 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
         what = f"the orientation jumps at {len(facts.jumps)} of {len(t)} samples: a tag flips, or markers are swapped"
         rows = np.isin(np.arange(len(t)), facts.jumps)
         table.warn("columns qw, qx, qy, qz", what, "leave the orientation of such samples empty", rows)
-    copies = copied_releases(trial, t, position @ header.planes[0][1])
-    if len(copies.pairs):
-        table.warn("column trial", copies.text(), COPIED)
+    if copies := copied_releases(trial, t, position @ header.planes[0][1]):
+        table.warn("column trial", copies_text(copies), COPIED)
     if LOST < facts.lost_orientation < 1.0:
         what = f"the orientation is lost in {facts.lost_orientation:.0%} of the samples"
         table.warn("columns qw, qx, qy, qz", what, "nothing, if the tracker lost it; the positions are used")

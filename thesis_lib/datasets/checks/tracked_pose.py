@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from thesis_lib.bodies.solid_body import Tracked
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.table_forms import QUATERNION
@@ -21,11 +22,16 @@ SURE = 4.0  # sigmas of what is found
 def settled(dataset: Dataset) -> Dataset:
     """The dataset with the pose of its tracked frame: as it is if that is stated, else as its tosses say.
 
+    Of a ball without orientation the tracked point is taken to be the centre of mass.
+
     Raises:
         UserError: `tracked` is unknown, and the data do not say it; says what is missing.
     """
     if dataset.in_space.tracked is not None:
         return dataset
+    if not dataset.has_angle:
+        middle = Tracked.model_validate({"position": tuple(dataset.in_space.body.centre.tolist())})
+        return replace(dataset, header=dataset.in_space.model_copy(update={"tracked": middle}))
     try:
         found = _found(dataset)
         if found.open:

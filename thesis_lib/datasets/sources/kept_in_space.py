@@ -11,7 +11,7 @@ from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.sources.conversion import Conversion, solid_dataset
 from thesis_lib.datasets.sources.recorded import Recorded
-from thesis_lib.datasets.space.drops import IN_THE_AIR, cut_drops, whole_pieces
+from thesis_lib.datasets.space.drops import IN_THE_AIR, cut_drops, until_rest, whole_pieces
 from thesis_lib.datasets.space.flights import find_flights, follow
 from thesis_lib.datasets.space.torque_free import better_reading, falling
 from thesis_lib.foundation.errors import UserError
@@ -34,7 +34,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.gravity
     dataset, up = solid_dataset(recorded, view.up), view.up
     body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
-    found = _tracked_frame(recorded, body) if view.tracked and motion.oriented else None
+    found = _tracked_frame(recorded, body) if view.tracked else None
     path = motion.position if found is None else found.path
     track = follow(motion.t, path, size)
     falls = None
@@ -75,6 +75,8 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     states = surface.seen(body_states(states, header))
     height = states.height + body.solid.about(body.centre).lowest(states.attitude)[2]
     drops = cut_drops(track, height, flights, body.solid.extent) if view.cut else whole_pieces(recorded.piece, flights)
+    if view.cut:
+        drops = until_rest(drops, track, height, body.solid.extent)
     used = [drop for drop in drops if not drop.left_out]
     if view.cut:
         notes.append(f"{len(drops)} drops cut out of the recording, {len(drops) - len(used)} left out: {IN_THE_AIR}")
@@ -94,7 +96,7 @@ def _tracked_frame(recorded: Recorded, body: SolidBody) -> "TrackedFrame | None"
 
     motion, notes = recorded.motion, recorded.notes
     try:
-        q = motion.quaternion[:, [3, 0, 1, 2]]
+        q = motion.quaternion[:, [3, 0, 1, 2]] if motion.oriented else None
         found = find_tracked_frame(recorded.piece, motion.t, motion.position, q, body, recorded.gravity)
     except UserError as error:
         notes.append(f"the tracked frame is taken to be that of the shape, as it could not be found: {error}")

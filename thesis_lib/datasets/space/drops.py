@@ -17,6 +17,7 @@ from thesis_lib.datasets.space.flights import Track
 
 CONTACT = 0.15  # s between flights of one drop: hits in quick succession, rolling over a corner
 TAIL = 0.1  # s kept after the last flight: what it hits, and how the body comes to rest
+STILL, SETTLES, RESTS = 0.02, 3.0, 0.5  # m/s of a body at rest; s until it is; s of it that are kept
 NEAR = 0.25  # extents of the body above the surface that pass for a contact, as height and angle are believed ones
 IN_THE_AIR = "ends above the surface (caught, or out of view)"
 SPATIAL = "leaves the plane"
@@ -71,6 +72,29 @@ def cut_drops(track: Track, height: np.ndarray, flights: Sequence[slice], extent
         reason = "" if lands or len(chain) > 1 else IN_THE_AIR
         drops.append(Drop(trial, chain[0].start, stop, tuple(chain), lands, reason))
     return drops
+
+
+def until_rest(drops: Sequence[Drop], track: Track, height: np.ndarray, extent: float) -> list[Drop]:
+    """The drops with the rest that they end with, if the body comes to rest on its surface before it is taken away.
+
+    `height` and `extent` as of `cut_drops`.
+    """
+    t = track.t
+    speed = np.linalg.norm(track.v, axis=1)
+    with np.errstate(invalid="ignore"):
+        still = (speed < STILL) & (np.abs(height) < NEAR * extent)
+    longer = []
+    for drop, following in itertools.zip_longest(drops, drops[1:]):
+        end = len(t) if following is None else following.start
+        end = min(end, int(np.searchsorted(t, t[drop.stop - 1] + SETTLES)))
+        first = drop.stop + int(np.argmax(still[drop.stop : end])) if still[drop.stop : end].any() else end
+        # not if a hand lifts it before
+        if drop.lands and first < end and not np.any(height[drop.stop : first] > extent):
+            moves = np.flatnonzero(~still[first:end])
+            last = int(np.searchsorted(t, t[first] + RESTS))
+            drop = replace(drop, stop=min(first + int(moves[0]) if len(moves) else end, last))
+        longer.append(drop)
+    return longer
 
 
 def whole_pieces(piece: np.ndarray, flights: Sequence[slice]) -> list[Drop]:

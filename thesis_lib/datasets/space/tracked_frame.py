@@ -18,7 +18,7 @@ that a symmetry of the body makes equal the one nearest to none is told.
 | n_S      | `stands`  | 1    | (m, 3) | S: directions that are up where the body stands                   |
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -72,7 +72,9 @@ class TrackedFrame:
     def text(self) -> str:
         """The pose in one sentence."""
         error = self.tracked.uncertainty
-        assert error is not None and error.position and error.rotation
+        if error is None:
+            return f"surface found from {self.hits} hits and {self.rests} rests"
+        assert error.position and error.rotation
         place = ", ".join(f"{1e3 * value:.1f}" for value in self.tracked.position)
         angle = np.degrees(Rotation.from_quat(self.tracked.attitude, scalar_first=True).magnitude())
         return (
@@ -82,27 +84,37 @@ class TrackedFrame:
 
 
 def find_tracked_frame(
-    trial: np.ndarray, t: np.ndarray, position: np.ndarray, quaternion: np.ndarray, body: SolidBody, gravity: float
+    trial: np.ndarray,
+    t: np.ndarray,
+    position: np.ndarray,
+    quaternion: np.ndarray | None,
+    body: SolidBody,
+    gravity: float,
 ) -> TrackedFrame:
     """Pose of the tracked frame in the body, table and gravity from whole poses at times `t` (n,) that rise throughout.
 
     Args:
         trial: (n,) equal within a toss, or a take.
-        quaternion: (n, 4) scalar first.
+        quaternion: (n, 4) scalar first; None of a ball whose orientation nobody measured, and whose centre is tracked.
         gravity: its size in m/s².
 
     Raises:
         UserError: flights or touches are missing; says which.
     """
-    turned = Rotation.from_quat(quaternion, scalar_first=True)
+    turned = Rotation.identity(len(t)) if quaternion is None else Rotation.from_quat(quaternion, scalar_first=True)
     falls = falling_body(t, position, turned.as_matrix(), gravity)
+    if quaternion is None:
+        falls.covariance[:3] = falls.covariance[:, :3] = 0.0
     met = touches(trial, t, position, turned, falls)
     if len(met.rests) < FEWEST:
         raise UserError(
             f"{len(met.rests)} hits and rests follow free flights, and the pose of the tracked frame in the body needs "
             f"{FEWEST}: record on until the body lies still, on different faces."
         )
-    return _Fit(body, falls, met).solved(gravity)
+    found = _Fit(body, falls, met).solved(gravity)
+    if quaternion is not None:
+        return found
+    return replace(found, tracked=Tracked.model_validate({"position": tuple(body.centre.tolist())}))
 
 
 class _Fit:
