@@ -46,7 +46,8 @@ from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import Wall
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.frame import Frame
-from thesis_lib.mechanics.space import PLANE, SPACE, Space, conjugate, cross, rotated
+from thesis_lib.mechanics.free_motion import spin_rate
+from thesis_lib.mechanics.space import PLANE, SPACE, Space, conjugate, rotated
 from thesis_lib.mechanics.state import AS_FILMED, State
 
 Family = Literal["contact_law", "geometry", "inertia", "surface", "flight", "measurement"]
@@ -193,12 +194,8 @@ class Rig:
         a[state.space.dimension - 1] = -self.gravity
         if self.down is not None:
             a[: len(self.down)] = self.gravity * self.down[:, None]
-        if self.tensor is not None:  # torque-free, in axes of the body: G ω' = G ω × ω
-            spin = state.space.turned_back(state.attitude, state.spin)
-            G = np.atleast_3d(self.tensor)
-            inverse = np.moveaxis(np.linalg.inv(np.moveaxis(G, -1, 0)), 0, -1)
-            couple = cross(np.einsum("ijn,jn->in", G, spin), spin)
-            a[3:] = state.turned(np.einsum("ijn,jn->in", inverse, couple))
+        if self.tensor is not None:
+            a[3:] = spin_rate(state.attitude, state.spin, self.tensor)
         if self.walls and self.gravity:
             # the last one is for the plane as it was filmed
             surface = np.full(len(state), AS_FILMED) if state.surface is None else state.surface

@@ -24,6 +24,7 @@ Sources: Celledoni, Marthinsen and Owren, Future Gener. Comput. Syst. 19 (2003),
 method); Goldstein, Classical Mechanics, chapter 5 (torque-free motion).
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import PLANE, SPACE, cross
 
 STEP = 0.06  # rad a step: some 1e-10 rad each, 1e-6 of a column a turn
+KEPT = 8  # turns of bodies that are kept
 MOST_STEPS = 100_000  # a flight that turns further is an error in its data
 
 
@@ -96,6 +98,15 @@ def attitudes(
     return q, spins
 
 
+def spin_rate(attitude: np.ndarray, spin: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Angular acceleration (3, n) in rad/s² of torque-free bodies in space; arguments as of `attitudes`."""
+    from thesis_lib.mechanics.turning import spins_up
+
+    each, rate = np.atleast_3d(G).transpose(2, 0, 1), np.empty(spin.shape)
+    spins_up(*(np.array(part, order="C") for part in (attitude, spin, each)), np.linalg.inv(each), rate)
+    return rate
+
+
 def flown(pose: np.ndarray, motion: np.ndarray, G: np.ndarray | float, a: np.ndarray, tau: np.ndarray) -> Flight:
     """Poses and motions at times `tau`, under a constant acceleration and without torque; as in the module's table.
 
@@ -134,21 +145,35 @@ def columns(pose: np.ndarray, motion: np.ndarray, G: np.ndarray | float, tau: np
 def _integrated(
     q: np.ndarray, spin: np.ndarray, G: np.ndarray, tau: np.ndarray, step: float, with_columns: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Attitudes (4, k, n), spins (3, k, n), and derivatives Φ (3, 3, k, n) of the attitudes; (3, 0, k, n) without."""
+    """Attitudes (4, k, n), spins (3, k, n), and derivatives Φ (3, 3, k, n) of the attitudes; (3, 0, k, n) without.
+
+    The last few are kept: a fit asks for the same turns at each of its steps.
+    """
+    parts = q, spin, np.atleast_3d(G).transpose(2, 0, 1), tau
+    shapes = tuple(part.shape for part in parts)
+    return _kept(shapes, *(np.array(part, float, order="C").tobytes() for part in parts), step, with_columns)
+
+
+@lru_cache(maxsize=KEPT)
+def _kept(shapes: tuple, q: bytes, spin: bytes, G: bytes, tau: bytes, step: float, with_columns: bool):
     from thesis_lib.mechanics.turning import follow
 
-    inverse = np.linalg.inv(np.atleast_3d(G).transpose(2, 0, 1))
-    D = in_world(G, q)
-    L = np.einsum("ijn,jn->in", D, spin)
+    arrays = (np.frombuffer(part).reshape(shape) for part, shape in zip((q, spin, G, tau), shapes))
+    attitude, omega, each, times = arrays
+    inverse = np.linalg.inv(each)
+    D = in_world(each.transpose(1, 2, 0), attitude)
+    L = np.einsum("ijn,jn->in", D, omega)
     # least principal moment g: g |ω|² ≤ ω·G ω, which is constant
-    rate = np.sqrt(np.maximum((L * spin).sum(axis=0), 0.0) * np.linalg.eigvalsh(inverse)[:, -1])
-    farthest = np.abs(rate * tau)
+    rate = np.sqrt(np.maximum((L * omega).sum(axis=0), 0.0) * np.linalg.eigvalsh(inverse)[:, -1])
+    farthest = np.abs(rate * times)
     if np.max(farthest, where=np.isfinite(farthest), initial=0.0) > MOST_STEPS * step:
         raise ValueError(f"a flight turns by more than {MOST_STEPS * step:.3g} rad: are spins and times right?")
-    found = np.empty((4, *tau.shape)), np.empty((3, *tau.shape)), np.empty((3, 3 * with_columns, *tau.shape))
+    found = np.empty((4, *times.shape)), np.empty((3, *times.shape)), np.empty((3, 3 * with_columns, *times.shape))
     # in one layout, for which it is compiled
-    q, D, tau = (np.array(array, order="C") for array in (q, D[:, : 3 * with_columns], tau))
-    follow(q, inverse, L, D, rate, tau, np.argsort(tau, axis=0), step, *found)
+    D = np.array(D[:, : 3 * with_columns], order="C")
+    follow(attitude.copy(), inverse, L, D, rate, times.copy(), np.argsort(times, axis=0), step, *found)
+    for array in found:
+        array.flags.writeable = False
     return found
 
 

@@ -72,6 +72,18 @@ def _step(q, h, L, inverse):
 
 
 @compiled
+def spins_up(attitude, spin, G, inverse, into):
+    """ω' = W (L × ω), L = R G Rᵀ ω, of n bodies (3, n), written into the last; G and inverse are (n or 1, 3, 3)."""
+    for i in range(spin.shape[1]):
+        q, own = (attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i]), min(i, len(G) - 1)
+        x, y, z = spin[0, i], spin[1, i], spin[2, i]
+        a, b, c = _times(_slowness(q, G[own]), x, y, z)
+        into[0, i], into[1, i], into[2, i] = _times(
+            _slowness(q, inverse[own]), b * z - c * y, c * x - a * z, a * y - b * x
+        )
+
+
+@compiled
 def _rate(W, D, L, x, y, z, j):
     """Φ̇ = W (D + L × Φ), of the column j of D that belongs to the column (x, y, z) of Φ."""
     return _times(W, D[0, j] + L[1] * z - L[2] * y, D[1, j] + L[2] * x - L[0] * z, D[2, j] + L[0] * y - L[1] * x)
