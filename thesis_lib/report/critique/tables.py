@@ -32,12 +32,27 @@ TESTS = {
     "homogeneity": "Twice the velocity gives twice the outcome",
 }
 LEVEL = 0.01
+# what the rows of the residuals are, and the second map of the error; by whether the body moves in a plane
+ROWS_AND_PLACES = {
+    True: (
+        "parts of the error",
+        "The map over the energy disc shows what each impact did: the centre is the dead stop, the circle keeps all "
+        "energy at the contact, the lowest point is no impulse, the highest complete reversal.",
+    ),
+    False: (
+        "parts of the error, along the slip before impact (tangential), across it (lateral), along the normal, and the "
+        "couple",
+        "The lower map shows where the body is hit, by the direction of the contact point from the centre of mass; "
+        "larger marks stand for more impacts.",
+    ),
+}
 
 
 def captions(critique: DropsCritique) -> dict[str, str]:
     """How to read each picture; also the alternative text, after the picture's own title."""
     states = "Histograms of the states before impact, training and held-out trials stacked"
-    if critique.source is not None and critique.source.trajectories is not None and critique.observations.arcs:
+    in_plane, o = critique.space.is_plane, critique.observations
+    if in_plane and o.arcs and critique.source is not None and critique.source.trajectories is not None:
         states = (
             "Top: three trials in the plane, with samples, the flights fitted on either side of each impact, and the "
             f"body's outline at the impacts that were used and left out. Below: h{states[1:]}"
@@ -48,15 +63,15 @@ def captions(critique: DropsCritique) -> dict[str, str]:
     if critique.observations.arcs:
         parts = "flights, of poses before against after impact, and of the gap at impact"
         misfits = f" Right: misfit of {parts}, in units of noise."
+    parts, place = ROWS_AND_PLACES[in_plane]
     return {
         "data": states + out,
         "laws": "Left: mean held-out error of each law with its 95 % interval, and the bounds. Right: held-out log "
         "score of each law less that of the base law.",
         "budget": "The mean square of the base law's held-out error, split into parts that add up to it.",
         "where": f"Mean error of the impacts in each hexagon, {two}; rectangles mark those regions of the rules that "
-        "these axes can show. The map over the energy disc shows what each impact did: the centre is the dead stop, "
-        "the circle keeps all energy at the contact, the lowest point is no impulse, the highest complete reversal.",
-        "residuals": "Rows: parts of the error; columns: the states on which it depends most. Grey: single impacts of "
+        f"these axes can show. {place}",
+        "residuals": f"Rows: {parts}; columns: the states on which it depends most. Grey: single impacts of "
         "the base law; lines: means in eight bins with 95 % intervals. The number in each panel is the share of the "
         "base law's variance that the state explains.",
         "flights": "Acceleration in flight, measured minus predicted, in units of noise (1 is noise alone), of all "
