@@ -24,6 +24,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from thesis_lib.bodies.minkowski import MinkowskiSum
 from thesis_lib.bodies.moments import Moments, moments_within
 from thesis_lib.bodies.shapes import Coordinate, Length
 from thesis_lib.foundation.settings import Section
@@ -46,6 +47,11 @@ class Solid(Section):
     @property
     def moments(self) -> Moments:
         """Volume, centre of mass and inertia per mass of the homogeneous solid with sharp edges."""
+        raise NotImplementedError
+
+    @property
+    def minkowski(self) -> MinkowskiSum:
+        """The solid as a Minkowski sum, which says with which points it may touch."""
         raise NotImplementedError
 
     @property
@@ -91,6 +97,10 @@ class Sphere(Solid):
         return self.radius * _unit(direction)
 
     @property
+    def minkowski(self) -> MinkowskiSum:
+        return MinkowskiSum(np.zeros((3, 1)), np.zeros(3), self.radius)
+
+    @property
     def moments(self) -> Moments:
         return _central(4.0 / 3.0 * np.pi * self.radius**3, np.full(3, 0.4 * self.radius**2))
 
@@ -109,6 +119,10 @@ class Ellipsoid(Solid):
         # s = A d / √(dᵀ A d), A = diag(a², b², c²)
         stretched = np.array(self.semi_axes)[:, None] * direction
         return np.array(self.semi_axes)[:, None] * _unit(stretched)
+
+    @property
+    def minkowski(self) -> MinkowskiSum:
+        return MinkowskiSum(np.zeros((3, 1)), np.square(self.semi_axes), 0.0)
 
     @property
     def moments(self) -> Moments:
@@ -132,6 +146,10 @@ class Capsule(Solid):
         point = self.radius * unit
         point[2] += self.half_length * _sign(unit[2])
         return point
+
+    @property
+    def minkowski(self) -> MinkowskiSum:
+        return MinkowskiSum(_ends(self.half_length), np.zeros(3), self.radius)
 
     @property
     def moments(self) -> Moments:
@@ -187,6 +205,11 @@ class Box(Edged):
         return (np.array(self.half_extents) - self.edge_radius)[:, None] * _sign(unit)
 
     @property
+    def minkowski(self) -> MinkowskiSum:
+        inner = self.corners * (1.0 - self.edge_radius / np.array(self.half_extents))[:, None]
+        return MinkowskiSum(inner, np.zeros(3), self.edge_radius)
+
+    @property
     def moments(self) -> Moments:
         squares = np.square(self.half_extents)
         return _central(8.0 * float(np.prod(self.half_extents)), (squares.sum() - squares) / 3.0)
@@ -217,6 +240,11 @@ class Cylinder(Edged):
         # at an end that lies level, the middle of the end
         share = np.where(across > LEVEL, self.radius - self.edge_radius, 0.0) / np.maximum(across, LEVEL)
         return np.stack([share * unit[0], share * unit[1], (self.half_length - self.edge_radius) * _sign(unit[2])])
+
+    @property
+    def minkowski(self) -> MinkowskiSum:
+        squares = np.array([1.0, 1.0, 0.0]) * (self.radius - self.edge_radius) ** 2
+        return MinkowskiSum(_ends(self.half_length - self.edge_radius), squares, self.edge_radius)
 
     @property
     def moments(self) -> Moments:
@@ -304,6 +332,10 @@ class Hull(Edged):
         planes = self._planes + [0.0, 0.0, 0.0, self.edge_radius]
         return _distinct(HalfspaceIntersection(planes, centre).intersections).T
 
+    @property
+    def minkowski(self) -> MinkowskiSum:
+        return MinkowskiSum(self._inner, np.zeros(3), self.edge_radius)
+
     @cached_property
     def moments(self) -> Moments:
         hull = self._hull
@@ -333,6 +365,15 @@ class Recentred(Solid):
 
     def support(self, direction: np.ndarray) -> np.ndarray:
         return self.solid.support(direction) - self._shift
+
+    def rounded(self, edge_radius: float) -> "Recentred":
+        """The same solid with edges of another radius in m; AttributeError if it has no edges."""
+        return Recentred(solid=self.solid.rounded(edge_radius), origin=self.origin)  # pyright: ignore[reportAttributeAccessIssue]
+
+    @property
+    def minkowski(self) -> MinkowskiSum:
+        own = self.solid.minkowski
+        return own._replace(centres=own.centres - self._shift)
 
     @property
     def _shift(self) -> np.ndarray:
@@ -390,6 +431,11 @@ def contact_kind(solid: Solid, attitude: np.ndarray) -> np.ndarray:
 def _central(volume: float, principal: np.ndarray) -> Moments:
     """Moments of a solid with its centre at the origin and the principal moments (3,) in m² along its axes."""
     return Moments(volume, np.zeros(3), np.diag(principal))
+
+
+def _ends(half_length: float) -> np.ndarray:
+    """The points (3, 2) on the z axis at both ends of what is centred."""
+    return half_length * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, -1.0]])
 
 
 def _distinct(rows: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.contact import LAWS, mirtich
+from thesis_lib.contact import LAWS, mirtich, slip_hodograph
 from thesis_lib.contact.compliant.normal_force import (
     ConvexDamper,
     HuntCrossley,
@@ -27,6 +27,7 @@ from thesis_lib.contact.compliant.normal_force import (
 from thesis_lib.contact.law import ImpulseFunction, Law
 from thesis_lib.contact.slip_path import slip_path
 from thesis_lib.critique.contacts.contact_time import LEAST_MOBILITY
+from thesis_lib.mechanics.contact import Contact
 
 HERTZ = 1.5  # exponent
 
@@ -34,10 +35,17 @@ HERTZ = 1.5  # exponent
 def _limit(force: NormalForce) -> ImpulseFunction:
     def impulse(space, mu, epsilon):
         with np.errstate(all="ignore"):
-            mobility = np.maximum(-space.v_n / slip_path(space, mu).p_c, LEAST_MOBILITY)
+            mobility = np.maximum(-space.v_n / _compression(space, mu), LEAST_MOBILITY)
         return mirtich.impulse(space, mu, force.epsilon_at(epsilon, mobility, space.v_n))
 
     return impulse
+
+
+def _compression(space: Contact, mu: np.ndarray) -> np.ndarray:
+    """Normal impulse (n,) until the contact point comes down no more."""
+    if space.dimension == 2:
+        return slip_path(space, mu).p_c
+    return slip_hodograph.impulse(space, mu, np.zeros_like(mu), slip_hodograph.Restitution.POISSON)[2]
 
 
 def _compliant(name: str, title: str, force: NormalForce, reference: str) -> Law:
@@ -80,3 +88,5 @@ COMPLIANT = (
 )
 BASES: Mapping[str, Law] = ChainMap({law.name: law for law in COMPLIANT}, LAWS)
 RESERVE = tuple(law.name for law in COMPLIANT)  # those that are tried where rigid laws leave an error
+# a pressure field is integrated over the chord that the surface cuts off, in the plane
+RESERVE_IN_SPACE = tuple(law.name for law in COMPLIANT if not isinstance(law.force, PressureField))

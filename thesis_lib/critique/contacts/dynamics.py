@@ -315,7 +315,13 @@ class Dynamics:
 
     def flown(self, true: State, h: np.ndarray) -> State:
         """The states after times h (n,) in s of flight."""
-        return true.flown(self.middle_acceleration(true, h), h)
+        if true.space.is_plane:
+            return true.flown(self.middle_acceleration(true, h), h)
+        a = self.true_acceleration(true)
+        if self.model.has_varying_flight:
+            middle = self.along(true, a, 0.5 * h[None])
+            a = self.true_acceleration(middle) + (self.flying.fall(true) - self.flying.fall(middle)).T
+        return self.along(true, a, h[None])
 
     def middle_acceleration(self, true: State, h: np.ndarray) -> np.ndarray:
         """Acceleration (n, 3), m/s² and rad/s², in the middle of flights of h (n,) in s."""
@@ -372,12 +378,24 @@ class Dynamics:
 
     def _along(self, true: State, a: np.ndarray, tau: np.ndarray, rows: np.ndarray) -> State:
         """The states (n W,) at times τ (n, W) in s, of constant acceleration a (n, d + turns); turns are free ones."""
-        t, start = tau.ravel(), true.select(rows)
         if true.space.is_plane:
-            return start.flown(a[rows], t)
-        d = true.space.dimension
-        turns, spins = attitudes(true.attitude, true.spin, np.asarray(self.flying.tensor), tau.T)
-        extra = (a.T - self.flying.fall(true))[d:, rows]
-        free = start.flown(np.concatenate([a.T[:d, rows], 0.0 * extra]).T, t)
-        attitude, spin = (part.swapaxes(1, 2).reshape(len(part), -1) for part in (turns, spins))
-        return free.changed(attitude=true.space.attitude_after(attitude, 0.5 * t * t * extra), spin=spin + t * extra)
+            return true.select(rows).flown(a[rows], tau.ravel())
+        n, W = tau.shape
+        return self.along(true, a, tau.T).select(np.arange(n * W).reshape(W, n).T.ravel())
+
+    def along(self, true: State, a: np.ndarray, tau: np.ndarray) -> State:
+        """The states in space at times τ (k, n) in s, first those of all n bodies at their first time, (k n,).
+
+        The acceleration a (n, 6) is constant, but for the torque-free turning that it holds.
+        """
+        d, k, t = true.space.dimension, len(tau), tau.ravel()
+        turns, spins = attitudes(true.attitude, true.spin, np.asarray(self.flying.tensor), tau)
+        extra = (a.T - self.flying.fall(true))[d:]
+        start, a = true.tiled(k), np.concatenate([a.T[:d], 0.0 * extra])
+        free = start.flown(np.tile(a, k).T, t)
+        attitude, spin = turns.reshape(len(turns), -1), spins.reshape(len(spins), -1)
+        if extra.any():
+            extra = np.tile(extra, k)
+            attitude = true.space.attitude_after(attitude, 0.5 * t * t * extra)
+            spin = spin + t * extra
+        return free.changed(attitude=attitude, spin=spin)

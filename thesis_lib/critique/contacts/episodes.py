@@ -60,7 +60,9 @@ def contact(dynamics: Dynamics, touch: State) -> State:
     over and it is back at the surface, at most `LONGEST` later.  Corners that hit before belong to the contact.  Bodies
     that do not come down stay as they are.
     """
-    down = touch.moved(y=touch.y - dynamics.gap(touch))
+    place = np.array(touch.position)
+    place[-1] -= dynamics.gap(touch)
+    down = touch.changed(position=place)
     span = np.clip(duration(1.0, dynamics.values["epsilon"]) * dynamics.delay(down), 10.0 * _NOW, LONGEST)
     for _ in range(2):  # another corner may hit before the body is back at the surface
         played = _Play(dynamics, down, span, MOST_HITS, touches=True)
@@ -70,12 +72,12 @@ def contact(dynamics: Dynamics, touch: State) -> State:
         a, rise = played.rise(end)
         end, span = end.flown(a, rise), span + left + rise
     comes = dynamics.approaches(down) & (played.hits > 0)
-    q, v = (np.where(comes[:, None], now, then) for now, then in ((end.q, touch.q), (end.v, touch.v)))
-    return State.of(q, v, touch.trial, np.where(comes, end.t, touch.t), touch.surface)
+    pose, motion = (np.where(comes, now, then) for now, then in ((end.pose, touch.pose), (end.motion, touch.motion)))
+    return State(pose, motion, touch.trial, np.where(comes, end.t, touch.t), touch.surface, touch.space)
 
 
 class _Play:
-    """n bodies, each with its own clock `t` (n,) in s; `motion` (n, 6) are true poses and velocities.
+    """n bodies, each with its own clock `t` (n,) in s; `motion` (n, ·) are true poses and velocities.
 
     `touches`: the bodies touch where they start.
     """
@@ -116,14 +118,20 @@ class _Play:
         return EpisodeOutcome(self._state(np.arange(len(self.t))), self.hits, self.pressed, self.rests)
 
     def _state(self, rows: np.ndarray) -> State:
-        q, v = self.motion[rows, :3], self.motion[rows, 3:]
-        return State.of(q, v, self.start.trial[rows], self.start.t[rows] + self.t[rows], self._surface(rows))
+        return self._of(self.motion[rows], self.t[rows], rows)
+
+    def _of(self, motion: np.ndarray, t: np.ndarray, rows: np.ndarray) -> State:
+        """The states of the bodies `rows` with poses and velocities `motion` at times t of their clocks."""
+        start, poses = self.start, self.start.space.poses
+        t = start.t[rows] + t
+        return State.of(motion[:, :poses], motion[:, poses:], start.trial[rows], t, self._surface(rows), start.space)
 
     def _surface(self, rows: np.ndarray) -> np.ndarray | None:
         return None if self.start.surface is None else self.start.surface[rows]
 
     def _set(self, rows: np.ndarray, state: State) -> None:
-        self.motion[rows, :3], self.motion[rows, 3:] = state.q, state.v
+        poses = state.space.poses
+        self.motion[rows, :poses], self.motion[rows, poses:] = state.q, state.v
 
     def _advance(self, rows: np.ndarray) -> None:
         """Fly the bodies `rows` to the end, or to the next hit, which is resolved."""
@@ -178,8 +186,11 @@ class _Play:
         dynamics = self.dynamics.select(rows)
         if dynamics.model.has_varying_flight:
             return dynamics.stepped(state, h, ahead)
-        path, times = origin.tiled(ahead + 1), np.multiply.outer(np.arange(done, done + ahead + 1), h).ravel()
-        return path.flown(dynamics.rig.fall(path).T, times)
+        times = np.multiply.outer(np.arange(done, done + ahead + 1), h)
+        if not origin.space.is_plane:
+            return dynamics.along(origin, dynamics.flying.fall(origin).T, times)
+        path = origin.tiled(ahead + 1)
+        return path.flown(dynamics.rig.fall(path).T, times.ravel())
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Times (n,) in s after `start` at which the first point touches; after `h` it has."""
@@ -213,8 +224,11 @@ class _Play:
         elif dynamics.model.acting("gap"):
             every, states = self._of_points(state, rows)
             gap = every.gap(states).reshape(self.points, -1)
-        else:
+        elif state.space.is_plane:
             gap = rig.shape.gaps(state.y, state.theta, rig.height)  # pyright: ignore[reportAttributeAccessIssue]
+        else:
+            points = rig.shape.minkowski  # pyright: ignore[reportAttributeAccessIssue]
+            gap = points.heights(state.attitude) + (state.height - rig.height)
         point, low = np.nonzero(gap <= 0.0)
         if len(low):
             at = dynamics.select(rows[low]).on(one_point(rig, point)).contact(state.select(low))[1]
@@ -260,8 +274,8 @@ class _Play:
     def _press(self, rows: np.ndarray) -> None:
         """Integrate the contacts of the bodies `rows` from the touch of their last hit."""
         self.pressed[rows] = True
-        q, v, t = self.touch[rows, :3], self.touch[rows, 3:], self.touch_t[rows]
-        touch = State.of(q, v, self.start.trial[rows], self.start.t[rows] + t, self._surface(rows))
+        t = self.touch_t[rows]
+        touch = self._of(self.touch[rows], t, rows)
         # where a contact ends after the next arc has begun, that arc is followed back to its end
         left = 0.0 if self.most == 1 else self.span[rows] - t
         after, elapsed = self.dynamics.select(rows).press(touch, left)

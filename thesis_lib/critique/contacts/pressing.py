@@ -18,10 +18,13 @@ cuts off, the higher the deeper the body sinks in.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from thesis_lib.bodies.minkowski import SupportPoint
 from thesis_lib.bodies.shapes import Corner, Ellipse, Polygon, Shape
+from thesis_lib.contact.compliant import compiled_in_space
 from thesis_lib.contact.compliant.compiled import SPEED, central_pressure, integrate
 from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce, PressureField
 from thesis_lib.contact.law import Law
@@ -32,6 +35,7 @@ from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
 from thesis_lib.engines.parameters import PLANAR
 from thesis_lib.mechanics.contact import Contact, velocity_change
+from thesis_lib.mechanics.space import cross, rotation_matrix, rotation_vector
 from thesis_lib.mechanics.state import State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
@@ -46,18 +50,20 @@ SPRING = NormalForce()  # of laws without a force
 
 @dataclass(frozen=True)
 class _Pressed:
-    """Shift (n, 3) in m, m, rad, velocity (n, 3) and time (n,) in s when no corner presses any more; by corner (p, n)
-    the impulses per unit mass."""
+    """Change of pose (n, d + turns) in m and rad, motion (n, d + turns) and time (n,) in s when no corner presses any
+    more; by corner the impulses per unit mass (d, p, n)."""
 
     shift: np.ndarray
     v: np.ndarray
     elapsed: np.ndarray
-    c_t: np.ndarray
-    c_n: np.ndarray
+    c: np.ndarray
 
 
 def contact_points(rig: Rig) -> int:
     """Number of points of the body that may touch: its corners; one, the lowest, if it has none or too many."""
+    if not rig.space.is_plane:
+        points = rig.shape.minkowski.centres.shape[1]  # pyright: ignore[reportAttributeAccessIssue]
+        return points if points <= MOST_CORNERS else 1
     if isinstance(rig.shape, Polygon) and len(rig.shape.corners) <= MOST_CORNERS:
         return len(rig.shape.corners)
     return 1
@@ -67,13 +73,18 @@ def one_point(rig: Rig, index: np.ndarray) -> Rig:
     """The rig with one contact point for each of n bodies, by its index (n,)."""
     if contact_points(rig) == 1:
         return rig
+    if not rig.space.is_plane:
+        return replace(rig, shape=SupportPoint(rig.shape, index))
     return replace(rig, shape=Corner(rig.shape, index))  # pyright: ignore[reportArgumentType]
 
 
 def all_points(rig: Rig, bodies: int) -> Rig:
     """The rig with the first contact point of all `bodies`, then the second of all, and so on."""
-    if contact_points(rig) == 1:
+    points = contact_points(rig)
+    if points == 1:
         return rig
+    if not rig.space.is_plane:
+        return one_point(rig, np.repeat(np.arange(points), bodies))
     return replace(rig, shape=Corner.each(rig.shape, bodies))  # pyright: ignore[reportArgumentType]
 
 
@@ -89,10 +100,10 @@ def press(dynamics: Dynamics, true: State, left: np.ndarray | float = 0.0) -> tu
 
     A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there.
     """
-    model, rig = dynamics.model, dynamics.rig
+    model, rig, space = dynamics.model, dynamics.rig, true.space
     force = model.law.force or SPRING
     is_field = isinstance(force, PressureField)
-    corners, n = 1 if is_field else contact_points(rig), len(true.x)
+    corners, n = 1 if is_field else contact_points(rig), len(true)
     at_corners = dynamics.tiled(corners, n).on(rig if is_field else all_points(rig, n))
     tiled = true.tiled(corners)
     others = at_corners.with_active([(e, p) for e, p in at_corners.active if not integrates(model.law, e)])
@@ -101,44 +112,115 @@ def press(dynamics: Dynamics, true: State, left: np.ndarray | float = 0.0) -> tu
     (mu, epsilon), tau = at_corners.on(rig).coefficients(seen, at), at_corners.on(rig).contact_time(seen, at)
     length = force.length(np.maximum(tau, SHORTEST), as_fitted)
     gap = np.maximum(at_corners.gap(tiled), 0.0)  # what is below is noise, or a dent
-    points = np.stack([*at.r, gap, mu, force.loss(epsilon), length])
-    points = points.reshape(6, corners, n)
+    points = np.stack([gap, mu, force.loss(epsilon), length]).reshape(4, corners, n)
     frame = seen.select(np.arange(n))
-    central = force.duration(as_fitted[:n]) * points[5].min(axis=0) / SPEED
-    ratio, regularisation = _of_friction(dynamics, n)
-    spring, soft = (_parameters(at_corners, kind) for kind in (TangentialCompliance, SoftBody))
-    eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
-    share, slopes = _chord(model.law, soft, tau[:n], at_corners.rig.shape, tiled.theta)
+    central = force.duration(as_fitted[:n]) * points[3].min(axis=0) / SPEED
     falling = _acceleration(dynamics, true)
-    pressed = _Pressed(
-        *integrate(
-            (force.kind, force.exponent, ratio, regularisation, _central_pressure(rig.shape) if is_field else 1.0),
-            points,
-            (np.full(corners * n, at.mobility)[:n], falling, np.ascontiguousarray(true.theta)),
-            _outline(rig.shape, corners),
-            (eta, zeta),
-            (share, slopes.reshape(corners, n)),
-            np.ascontiguousarray(frame.v),
-            central / STEPS,
-            np.ceil((LONGEST + left / central) * STEPS).astype(int),
-        )
-    )
+    steps = central / STEPS, np.ceil((LONGEST + left / central) * STEPS).astype(int)
+    integrated = _in_plane if space.is_plane else _in_space
+    pressed = integrated(at_corners, tiled, frame, at, points, falling, tau, *steps)
     v, shift = pressed.v + _added(others.on(rig), pressed, seen, at.with_coefficients(mu, epsilon)), pressed.shift
-    after = State.of(frame.q + shift, v, frame.trial, frame.t + pressed.elapsed, frame.surface)
+    after = _moved(frame, shift, v, pressed.elapsed)
     if model.has_varying_flight:
         # the contact turns the velocity, and with it what slows the flight: the mean of before and after
         behind = dynamics.from_contact(after)
         changed = 0.5 * pressed.elapsed[:, None] * (_acceleration(dynamics, behind) - falling)
+        if not space.is_plane:
+            changed[:, space.dimension :] = 0.0  # the integrated turn is that of the spin as it changes
         v, shift = v + changed, shift + 0.5 * pressed.elapsed[:, None] * changed
-        after = State.of(frame.q + shift, v, frame.trial, after.t, frame.surface)
+        after = _moved(frame, shift, v, pressed.elapsed)
     # the origin moves by its own mean velocity, where that is not the one that the contact sees
     frame, origin = dynamics.from_contact(frame), dynamics.from_contact(after)
     shift = shift + 0.5 * pressed.elapsed[:, None] * (frame.v - seen.v[:n] + origin.v - v)
-    return State.of(true.q + shift, origin.v, true.trial, true.t + pressed.elapsed, true.surface), pressed.elapsed
+    return _moved(true, shift, origin.v, pressed.elapsed), pressed.elapsed
+
+
+def _moved(state: State, shift: np.ndarray, v: np.ndarray, elapsed: np.ndarray) -> State:
+    """The states `elapsed` (n,) in s later, after a change of pose and with motions, each (n, d + turns)."""
+    pose = state.space.shift(state.pose, shift.T)
+    return State(pose, v.T, state.trial, state.t + elapsed, state.surface, state.space)
+
+
+def _in_plane(
+    at_corners: Dynamics,
+    tiled: State,
+    frame: State,
+    at: Contact,
+    points: np.ndarray,
+    falling: np.ndarray,
+    tau: np.ndarray,
+    step: np.ndarray,
+    most: np.ndarray,
+) -> _Pressed:
+    """The motion of planar bodies; `at` of all corners, `points` (4, p, n) as `compiled_in_space.integrate` has them,
+    `falling` (n, 3) the acceleration in flight."""
+    law, n = at_corners.model.law, len(frame)
+    corners, shape = points.shape[1], _whole_shape(at_corners)
+    force = law.force or SPRING
+    is_field = isinstance(force, PressureField)
+    ratio, regularisation = _of_friction(at_corners, n)
+    spring, soft = (_parameters(at_corners, kind) for kind in (TangentialCompliance, SoftBody))
+    eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
+    share, slopes = _chord(law, soft, tau[:n], at_corners.rig.shape, tiled.theta)
+    shift, v, elapsed, c_t, c_n = integrate(
+        (force.kind, force.exponent, ratio, regularisation, _central_pressure(shape) if is_field else 1.0),
+        np.concatenate([np.reshape(at.r, (2, corners, n)), points]),
+        (np.full(corners * n, at.mobility)[:n], falling, np.ascontiguousarray(tiled.theta[:n])),
+        _outline(shape, corners),
+        (eta, zeta),
+        (share, slopes.reshape(corners, n)),
+        np.ascontiguousarray(frame.v),
+        step,
+        most,
+    )
+    return _Pressed(shift, v, elapsed, np.stack([c_t, c_n]))
+
+
+def _in_space(
+    at_corners: Dynamics,
+    tiled: State,
+    frame: State,
+    at: Contact,
+    points: np.ndarray,
+    falling: np.ndarray,
+    tau: np.ndarray,
+    step: np.ndarray,
+    most: np.ndarray,
+) -> _Pressed:
+    """As `_in_plane`, of bodies in space."""
+    force, n = at_corners.model.law.force or SPRING, len(frame)
+    ratio, regularisation = _of_friction(at_corners, n)
+    share = MIDDLE if isinstance(force, ConvexDamper) else 0.0
+    W, spin = at.mobility[:, :, :n], frame.spin
+    G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)
+    momentum, couple = (np.einsum("ijn,jn->in", G, u) for u in (spin, falling[:, 3:].T))
+    couple = couple + cross(spin, momentum)  # what turns the body beyond its torque-free motion
+    outline = _whole_shape(at_corners).minkowski
+    axes = rotation_matrix(frame.attitude)
+    arrays = (at.r.reshape(3, -1, n), W, momentum, falling[:, :3].T, couple, axes, frame.velocity, spin)
+    r, W, momentum, a, couple, axes, velocity, spin = (np.ascontiguousarray(array) for array in arrays)
+    shift, turn, velocity, spin, elapsed, c = compiled_in_space.integrate(
+        (force.kind, force.exponent, ratio, regularisation, np.full(n, share)),
+        r,
+        points,
+        (W, momentum, a, couple),
+        (outline.squares, axes, outline.radius),
+        velocity,
+        spin,
+        step,
+        most,
+    )
+    return _Pressed(np.concatenate([shift, rotation_vector(turn)]).T, np.concatenate([velocity, spin]).T, elapsed, c)
+
+
+def _whole_shape(at_corners: Dynamics) -> Any:
+    """The shape of the whole body, of dynamics with one contact point for each."""
+    shape = at_corners.rig.shape
+    return shape.polygon if isinstance(shape, Corner) else shape.solid if isinstance(shape, SupportPoint) else shape
 
 
 def _acceleration(dynamics: Dynamics, true: State) -> np.ndarray:
-    """Acceleration in flight (n, 3) in m/s² and rad/s² of the frame that the contact sees, in true states."""
+    """Acceleration in flight (n, d + turns) in m/s² and rad/s² of the frame that the contact sees, in true states."""
     a = dynamics.true_acceleration(true)
     if not dynamics.model.has_varying_flight:
         return a
@@ -148,9 +230,13 @@ def _acceleration(dynamics: Dynamics, true: State) -> np.ndarray:
 
 def _of_friction(dynamics: Dynamics, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Damping ratio or stiction tolerance, and R m of a convex contact, (n,); 0 of a law without."""
-    own = {p.name: np.full(n, dynamics.values.get(p.name, p.null)) for p in dynamics.model.of_friction}
+    # of several points of each body the first ones are all bodies
+    own = {
+        p.name: np.array(np.broadcast_to(np.ravel(dynamics.values.get(p.name, p.null))[:n], n))
+        for p in dynamics.model.of_friction
+    }
     first, impedance = next(iter(own.values()), np.zeros(n)), own.get(IMPEDANCE.name, np.ones(n))
-    return first, PLANAR * (1.0 - impedance) / impedance
+    return first, (PLANAR if dynamics.rig.space.is_plane else 1.0) * (1.0 - impedance) / impedance
 
 
 def _central_pressure(shape: Shape) -> float:
@@ -182,17 +268,19 @@ def _chord(
 
 
 def _added(dynamics: Dynamics, pressed: _Pressed, seen: State, at: Contact) -> np.ndarray:
-    """Change of velocity (n, 3) by what effects add to the impulse of each corner that has pressed."""
-    plain = Impulse.planar(pressed.c_t.ravel(), pressed.c_n.ravel(), np.zeros(len(seen)))
+    """Change of motion (n, d + turns) by what effects add to the impulse of each corner that has pressed."""
+    if not dynamics.model.acting("impulse"):
+        return np.zeros_like(pressed.v)
+    c = pressed.c.reshape(len(pressed.c), -1)
+    plain = Impulse(c, np.zeros_like(c if at.dimension == 3 else c[0]))
     impulse = plain
     for effect, p in dynamics.active:
         impulse = effect.impulse(impulse, at, seen, p, dynamics.rig)
     touched = (plain.c_n > 0.0) & (at.v_n < 0.0)
-    d_t, d_n, couple = (
-        np.where(touched, getattr(impulse, name) - getattr(plain, name), 0.0) for name in ("c_t", "c_n", "couple")
-    )
-    change = velocity_change((d_t, d_n), at.r, at.mobility, couple=couple)
-    return change.reshape(3, *pressed.c_t.shape).sum(axis=1).T
+    added = tuple(np.where(touched, now - before, 0.0) for now, before in zip(impulse.c, plain.c))
+    couple = np.where(touched, impulse.couple - plain.couple, 0.0)
+    change = velocity_change(added, at.r, at.mobility, couple=couple)
+    return change.reshape(-1, *pressed.c.shape[1:]).sum(axis=1).T
 
 
 def _outline(shape: Shape, corners: int) -> tuple[bool, np.ndarray, np.ndarray]:

@@ -1,0 +1,161 @@
+"""Contacts of bodies in space that take time: the plane is a case, short ones have the impulse of a law, none gains."""
+
+import numpy as np
+import pytest
+
+from thesis_lib.bodies.shapes import Ellipse, Polygon
+from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Sphere
+from thesis_lib.contact import mirtich
+from thesis_lib.critique.contacts import pressing
+from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.contacts.kinds import bind
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import press
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.contact import contact, velocity_change
+from thesis_lib.mechanics.inertia import mobility
+from thesis_lib.mechanics.space import PLANE, SPACE, of_rotation_vector
+from thesis_lib.mechanics.state import State
+
+FORCES = ["compliant_contact", "hertz_contact", "damped_contact", "hunt_crossley_contact", "convex_contact"]
+VALUES = {"mu": 0.25, "epsilon": 0.5, "tau": 8e-4, "damping_ratio": 10.0, "impedance": 0.9}
+K_G = 0.03
+MOMENTS = np.diag([6e-4, K_G**2, 1.1e-3])
+BOX = Box(half_extents=(0.05, 0.04, 0.03))
+SOLIDS = {
+    "box": BOX,
+    "rounded box": BOX.rounded(0.004),
+    "sphere": Sphere(radius=0.04),
+    "ellipsoid": Ellipsoid(semi_axes=(0.05, 0.04, 0.03)),
+    "cylinder": Cylinder(radius=0.03, half_length=0.05, edge_radius=0.001),
+    "capsule": Capsule(radius=0.025, half_length=0.03),
+}
+# a rectangle in the plane x, z, and two corners beside it that do not touch there
+FLAT = Hull(
+    vertices=[(0.05, 0, 0.03), (0.05, 0, -0.03), (-0.05, 0, 0.03), (-0.05, 0, -0.03), (0, 0.02, 0), (0, -0.02, 0)]
+)
+SECTIONS = {
+    "corners": (Polygon(vertices=[(0.05, 0.03), (-0.05, 0.03), (-0.05, -0.03), (0.05, -0.03)]), FLAT),
+    "outline": (Ellipse(semi_axes=(0.05, 0.03)), Ellipsoid(semi_axes=(0.05, 0.04, 0.03))),
+}
+SHORT = 2e-6  # s; nothing moves meanwhile
+SAME = 1e-9  # m/s and k rad/s: rounding
+SWEPT = 5e-4  # the same of a convex contact, whose corners are found in turn, in another order here
+TURN = 0.8  # rad
+
+
+def tossed(solid, n, seed=0):
+    """Bodies (n,) that touch, and come down."""
+    rng = np.random.default_rng(seed)
+    attitude = of_rotation_vector(2.0 * rng.standard_normal((3, n)))
+    v = np.concatenate([rng.uniform(-1, 1, (2, n)), rng.uniform(-2.5, -1.5, (1, n)), 6.0 * rng.standard_normal((3, n))])
+    pose = np.concatenate([np.zeros((2, n)), -solid.lowest(attitude)[2:], attitude])
+    states = State(pose, v, np.arange(n), np.zeros(n), None, SPACE)
+    return states.select(np.flatnonzero(SPACE.velocity_at(v[:3], v[3:], solid.lowest(attitude))[2] < -0.2))
+
+
+def in_space(solid, name, G=None, **values):
+    G = solid.moments.inertia_per_mass if G is None else G
+    rig = Rig(solid, float(np.sqrt(np.trace(G) / 3.0)), 9.81, 0.0, tensor=G)
+    return bind(Model(BASES[name], takes_time=True, space=SPACE), VALUES | values, rig)
+
+
+def energy(states, G):
+    spin = SPACE.turned_back(states.attitude, states.spin)
+    return 0.5 * ((states.velocity**2).sum(0) + np.einsum("in,ij,jn->n", spin, G, spin)) + 9.81 * states.height
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("name", FORCES)
+def test_a_motion_in_a_plane_of_space_is_that_of_the_plane(name, section):
+    shape, solid = SECTIONS[section]
+    rng, n = np.random.default_rng(4), 40
+    theta = rng.uniform(-np.pi, np.pi, n)
+    y = -shape.contact_point(theta)[:, 1]
+    v = np.stack([rng.uniform(-1, 1, n), -rng.uniform(1, 2.5, n), 6.0 * rng.standard_normal(n)])
+    flat = State.planar(np.zeros(n), y, theta, *v, np.arange(n), np.zeros(n))
+    rig = Rig(shape, K_G, 9.81, 0.0)
+    # MuJoCo's estimate of a mass differs in the plane, and with it the impedance of the same motion
+    d = VALUES["impedance"]
+    same = 1.0 / (1.0 + 2.0 / 3.0 * (1.0 - d) / d)
+    plane = bind(Model(BASES[name], takes_time=True, space=PLANE), VALUES, rig)
+    flat = flat.select(np.flatnonzero(plane.contact(flat)[1].v_n < -0.2))
+    none = np.zeros(len(flat))
+    attitude = of_rotation_vector(np.stack([none, -flat.theta, none]))
+    pose = np.concatenate([np.stack([flat.x, none, flat.y]), attitude])
+    motion = np.stack([flat.vx, none, flat.vy, none, -flat.omega, none])
+    states = State(pose, motion, flat.trial, flat.t, None, SPACE)
+    expected, time = press(plane, flat)
+    found, elapsed = press(in_space(solid, name, MOMENTS, impedance=same), states)
+    off = np.stack(
+        [found.motion[0] - expected.vx, found.motion[2] - expected.vy, K_G * (found.motion[4] + expected.omega)]
+    )
+    assert np.abs(off).max() < (SWEPT if name == "convex_contact" else SAME)
+    np.testing.assert_allclose(found.motion[[1, 3, 5]], 0.0, atol=1e-9)
+    np.testing.assert_allclose(elapsed, time, atol=2e-5)
+    np.testing.assert_allclose(found.height, expected.y, atol=2e-6)
+
+
+@pytest.mark.parametrize("shape", SOLIDS)
+@pytest.mark.parametrize("name", FORCES)
+def test_no_contact_gains_energy_and_all_leave_the_surface(name, shape):
+    solid = SOLIDS[shape]
+    states, G = tossed(solid, 60), solid.moments.inertia_per_mass
+    after, elapsed = press(in_space(solid, name), states)
+    assert np.all(energy(after, G) < energy(states, G)) and np.all((elapsed > 2e-4) & (elapsed < 1e-2))
+    gap = after.height + solid.lowest(after.attitude)[2]
+    over = elapsed < 3.9 * VALUES["tau"] * BASES[name].force.lasting(VALUES["epsilon"])  # others come to rest
+    assert np.all(gap[over] > -1e-7) and over.mean() > 0.9
+    np.testing.assert_allclose((after.attitude**2).sum(axis=0), 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", FORCES)
+def test_turned_about_the_vertical_the_outcome_is_turned(name):
+    states = tossed(BOX, 60)
+    about = of_rotation_vector(np.array([[0.0], [0.0], [TURN]]))
+
+    def turned(s):
+        every = np.repeat(about, len(s), axis=1)
+        parts = [SPACE.turned(every, part) for part in (s.position, s.velocity, s.spin)]
+        attitude = SPACE.attitude_after(s.attitude, np.outer([0.0, 0.0, TURN], np.ones(len(s))))
+        return s.changed(parts[0], attitude, parts[1], parts[2])
+
+    model = in_space(BOX, name)
+    expected, found = turned(press(model, states)[0]), press(model, turned(states))[0]
+    np.testing.assert_allclose(found.motion, expected.motion, atol=1e-7)
+    np.testing.assert_allclose(SPACE.difference(found.pose, expected.pose), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", ["box", "sphere", "cylinder"])
+def test_a_short_contact_has_the_impulse_of_mirtich(shape):
+    solid = SOLIDS[shape]
+    states, G = tossed(solid, 80, seed=3), solid.moments.inertia_per_mass
+    found, _ = press(in_space(solid, "compliant_contact", tau=SHORT), states)
+    at = contact(states, solid.lowest(states.attitude), mobility(SPACE, G[:, :, None], states.attitude))
+    n = len(states)
+    c = mirtich.impulse(at, np.full(n, VALUES["mu"]), np.full(n, VALUES["epsilon"]))
+    expected = states.motion + velocity_change(c, at.r, at.mobility)
+    off = np.abs(found.motion - expected) * np.repeat([1.0, 0.03], 3)[:, None]
+    assert np.median(off) < 1e-3 and np.quantile(off, 0.98) < 0.02  # m/s; 64 steps a contact
+
+
+@pytest.mark.parametrize("name", ["compliant_contact", "convex_contact"])
+def test_errors_fall_with_the_step(name, monkeypatch):
+    states, model, found = tossed(BOX, 60, seed=6), in_space(BOX, name), {}
+    for steps in (64, 128, 1024):
+        monkeypatch.setattr(pressing, "STEPS", steps)
+        found[steps] = press(model, states)[0].motion
+    coarse, fine = (np.median(np.abs(found[steps] - found[1024])) for steps in (64, 128))
+    assert coarse < 1e-3 and fine < 0.5 * coarse
+
+
+def test_a_central_contact_in_space_has_the_restitution_and_the_time_of_its_force():
+    ball = Sphere(radius=0.04)
+    pose = np.array([[0.0], [0.0], [0.04], [1.0], [0.0], [0.0], [0.0]])
+    states = State(pose, np.array([[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]]).T, np.zeros(1), np.zeros(1), None, SPACE)
+    for name in FORCES:
+        after, elapsed = press(in_space(ball, name, mu=0.0, tau=1e-4), states)
+        assert after.velocity[2] == pytest.approx(VALUES["epsilon"], abs=6e-3)
+        lasting = 1e-4 * BASES[name].force.lasting(VALUES["epsilon"])
+        assert elapsed > 0.97 * lasting  # until it is out of its dent
+        assert "crossley" not in name or elapsed == pytest.approx(lasting, rel=0.03)

@@ -1,0 +1,412 @@
+"""Contacts of bodies in space that take time, compiled: the motion of a body on all its contact points.
+
+Units, forces and steps are those of `compiled.py`, the motion in the plane.  Here the spin follows from the angular
+momentum L, which the body keeps without torque,
+
+    ω = W L,    W = T W_0 Tᵀ,    T the turn since the touch, W_0 the inverse inertia there, in axes of the world.
+
+Friction has two components.  It ends the slip within the step, if |c_t| ≤ μ c_n; else it is μ c_n against the slip in
+the middle of the step, (½ A + λ) c_t = −s, with A the compliance along the surface, or, where the slip turns round
+within the step, first against the slip before and then against the one after.  A convex contact has the force
+that minimises its program in the circular cone |f_t| ≤ μ f_n: inside, or on the generator that serves best.
+
+A contact point is one of a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body, plus
+the lowest point of an ellipsoid that turns with it, less a radius along the normal.
+
+numba compiles this file at the first call and keeps the result beside it.  It does not see a change of `compiled.py`:
+who changes the forces there touches this file, too.
+"""
+
+import numpy as np
+
+from thesis_lib.contact.compliant.compiled import CONVEX, SETTLED, SPEED, SWEEPS, _push, compiled
+
+CLOSE = 1e-9  # relative: friction on its limit, direction of the generator in rad
+MOST = 40  # Newton steps to either; some 4 are needed
+FURTHEST = 0.7  # rad a step over the generators
+SAMPLED = 8  # generators that are looked at first: more than one may be better than its neighbours
+
+
+@compiled
+def _limited(a, b, c, x, y, limit):
+    """d in |d| ≤ limit with (A + λ) d = −(x, y), λ ≥ 0 as small as that allows; A = [[a, b], [b, c]]."""
+    added = 0.0
+    for _ in range(MOST):
+        a_1, c_1 = a + added, c + added
+        det = a_1 * c_1 - b * b
+        d_1, d_2 = (b * y - c_1 * x) / det, (b * x - a_1 * y) / det
+        length = np.sqrt(d_1 * d_1 + d_2 * d_2)
+        if length <= limit * (1.0 + CLOSE):
+            break
+        if limit <= 0.0:
+            return 0.0, 0.0
+        # Newton's step for 1/|d|, which is nearly straight in λ (Moré and Sorensen 1983)
+        square = (c_1 * d_1 * d_1 - 2.0 * b * d_1 * d_2 + a_1 * d_2 * d_2) / det
+        added += length * length / square * (length - limit) / limit
+    return d_1, d_2
+
+
+@compiled
+def _friction(a, b, c, x, y, s_1, s_2, limit, sharing):
+    """Friction impulse of a step that takes the slip from (x, y) to (s_1, s_2) without it, of at most `limit`.
+
+    [[a, b], [b, c]] is the compliance along the surface; what ends the slip is shared by `sharing` contacts.
+    """
+    a, b, c = sharing * a, sharing * b, sharing * c
+    pull_1, pull_2, speed = s_1 - x, s_2 - y, np.sqrt(x * x + y * y)
+    if x * pull_1 + y * pull_2 < 0.0 and limit > 0.0:
+        # friction first holds against the slip, then, where it is too weak, in another direction
+        d_1, d_2 = _limited(a, b, c, pull_1, pull_2, np.inf)
+        if d_1 * d_1 + d_2 * d_2 > limit * limit:
+            d_1, d_2 = _limited(a, b, c, pull_1, pull_2, limit)
+            u_1, u_2 = x / speed, y / speed
+            w_1, w_2 = pull_1 - limit * (a * u_1 + b * u_2), pull_2 - limit * (b * u_1 + c * u_2)
+            part = -(x * w_1 + y * w_2) / (w_1 * w_1 + w_2 * w_2)
+            if part < 1.0 and u_1 * d_1 + u_2 * d_2 > 0.0:
+                return (1.0 - part) * d_1 - part * limit * u_1, (1.0 - part) * d_2 - part * limit * u_2
+    d_1, d_2 = _limited(a, b, c, s_1, s_2, np.inf)
+    if d_1 * d_1 + d_2 * d_2 <= limit * limit:
+        return d_1, d_2
+    return _limited(0.5 * a, 0.5 * b, 0.5 * c, 0.5 * (s_1 + x), 0.5 * (s_2 + y), limit)
+
+
+@compiled
+def _on_generator(Q, c, mu, angle):
+    """c·g and gᵀ Q g of the generator g at the angle, with their first and second derivatives by it."""
+    cos, sin = mu * np.cos(angle), mu * np.sin(angle)
+    gain, turn = c[0] * cos + c[1] * sin + c[2], c[1] * cos - c[0] * sin
+    p, q = Q[0, 0] * cos + Q[0, 1] * sin + Q[0, 2], Q[0, 1] * cos + Q[1, 1] * sin + Q[1, 2]
+    square = cos * p + sin * q + Q[0, 2] * cos + Q[1, 2] * sin + Q[2, 2]
+    first = 2.0 * (cos * q - sin * p)
+    along = Q[0, 0] * sin * sin - 2.0 * Q[0, 1] * sin * cos + Q[1, 1] * cos * cos
+    second = 2.0 * (along - cos * p - sin * q)
+    return gain, turn, c[2] - gain, square, first, second
+
+
+@compiled
+def _circular_cone(Q, c, mu, angle):
+    """f (f_1, f_2, f_n) that minimises ½ fᵀ Q f − fᵀ c on the cone |f_t| = μ f_n, or 0."""
+    if mu <= 0.0:
+        f_n = max(c[2], 0.0) / Q[2, 2]
+        return 0.0, 0.0, f_n
+    best, first_try = -np.inf, angle
+    for i in range(SAMPLED):
+        at = first_try + 2.0 * np.pi * i / SAMPLED
+        gain, _, _, square, _, _ = _on_generator(Q, c, mu, at)
+        if gain > best * np.sqrt(square):
+            best, angle = gain / np.sqrt(square), at
+    if best <= 0.0:
+        return 0.0, 0.0, 0.0
+    for _ in range(MOST):  # the largest log (c·g)² / gᵀ Q g
+        gain, turn, bend, square, first, second = _on_generator(Q, c, mu, angle)
+        slope = turn / gain - 0.5 * first / square
+        curvature = bend / gain - (turn / gain) ** 2 - 0.5 * second / square + 0.5 * (first / square) ** 2
+        step = -slope / curvature if curvature < 0.0 else np.sign(slope) * FURTHEST
+        step = min(max(step, -FURTHEST), FURTHEST)
+        while _on_generator(Q, c, mu, angle + step)[0] <= 0.0:
+            step *= 0.5
+        angle += step
+        if abs(step) < CLOSE:
+            break
+    gain, _, _, square, _, _ = _on_generator(Q, c, mu, angle)
+    f_n = gain / square
+    return mu * np.cos(angle) * f_n, mu * np.sin(angle) * f_n, f_n
+
+
+@compiled
+def _compliance(W, r, A):
+    """K = 1 − [r]ₓ W [r]ₓ into A (3, 3), with W (3, 3) and r (3,)."""
+    x, y, z = r[0], r[1], r[2]
+    # rows of −[r]ₓ W
+    for j in range(3):
+        A[0, j], A[1, j], A[2, j] = z * W[1, j] - y * W[2, j], x * W[2, j] - z * W[0, j], y * W[0, j] - x * W[1, j]
+    for i in range(3):
+        a, b, c = A[i, 0], A[i, 1], A[i, 2]
+        A[i, 0], A[i, 1], A[i, 2] = b * z - c * y, c * x - a * z, a * y - b * x
+        A[i, i] += 1.0
+
+
+@compiled
+def _convex(h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, Bs, Ks, forces):
+    """Forces per mass of convex contacts, into `forces` (p, 3), which holds those of the step before.
+
+    As in the plane: they are those of velocities in the middle of a step of h from `v`, `omega`; a and alpha (3,) are
+    the accelerations of the body without contact, and are changed.
+    """
+    p = len(depths)
+    pressing = 0
+    A, Q, c = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for k in range(p):
+        if depths[k] <= 0.0:
+            forces[k] = 0.0
+            continue
+        pressing += 1
+        _accelerate(forces[k, 0], forces[k, 1], forces[k, 2], rs[k], W, a, alpha)
+    for _ in range(SWEEPS if pressing > 1 else 1):
+        moved, total = 0.0, 0.0
+        for k in range(p):
+            if depths[k] <= 0.0:
+                continue
+            r, f, B, mu = rs[k], forces[k], Bs[k], mus[k]
+            _compliance(W, r, A)
+            u_1 = a[0] + alpha[1] * r[2] - alpha[2] * r[1] - A[0, 0] * f[0] - A[0, 1] * f[1] - A[0, 2] * f[2]
+            u_2 = a[1] + alpha[2] * r[0] - alpha[0] * r[2] - A[1, 0] * f[0] - A[1, 1] * f[1] - A[1, 2] * f[2]
+            u_n = a[2] + alpha[0] * r[1] - alpha[1] * r[0] - A[2, 0] * f[0] - A[2, 1] * f[1] - A[2, 2] * f[2]
+            s_1, s_2 = v[0] + omega[1] * r[2] - omega[2] * r[1], v[1] + omega[2] * r[0] - omega[0] * r[2]
+            v_n = v[2] + omega[0] * r[1] - omega[1] * r[0]
+            half = 1.0 + 0.5 * B * h
+            c_n = Ks[k] * depths[k] - B * v_n - half * u_n
+            largest = max(A[0, 0], A[1, 1])
+            # sticking: at the middle of a step that resolves it, or it would swing; else at its end
+            late = half if B * h * largest < half * largest + rho / ratio else 1.0 + B * h
+            for i in range(3):
+                share = half if i == 2 else late
+                for j in range(3):
+                    Q[i, j] = share * A[i, j]
+                Q[i, i] += rho if i == 2 else rho / ratio
+            c[0], c[1], c[2] = -B * s_1 - late * u_1, -B * s_2 - late * u_2, c_n
+            f_1, f_2, f_n = _solved(Q, c)
+            if f_n < 0.0 or f_1 * f_1 + f_2 * f_2 > mu * mu * f_n * f_n:
+                for i in range(2):
+                    for j in range(3):
+                        Q[i, j] = half * A[i, j]
+                    Q[i, i] += rho / ratio
+                c[0], c[1] = -B * s_1 - half * u_1, -B * s_2 - half * u_2
+                f_1, f_2, f_n = _circular_cone(Q, c, mu, np.arctan2(c[1], c[0]))
+            d_1, d_2, d_n = f_1 - f[0], f_2 - f[1], f_n - f[2]
+            _accelerate(d_1, d_2, d_n, r, W, a, alpha)
+            f[0], f[1], f[2] = f_1, f_2, f_n
+            moved = max(moved, abs(d_1) + abs(d_2) + abs(d_n))
+            total += f_n
+        if moved <= SETTLED * (total + 1e-12):
+            break
+
+
+@compiled
+def _accelerate(f_1, f_2, f_n, r, W, a, alpha):
+    """Add what a force at r does to the accelerations a and alpha (3,)."""
+    a[0], a[1], a[2] = a[0] + f_1, a[1] + f_2, a[2] + f_n
+    x, y, z = r[1] * f_n - r[2] * f_2, r[2] * f_1 - r[0] * f_n, r[0] * f_2 - r[1] * f_1
+    for i in range(3):
+        alpha[i] += W[i, 0] * x + W[i, 1] * y + W[i, 2] * z
+
+
+@compiled
+def _solved(Q, c):
+    """Q⁻¹ c of a matrix (3, 3)."""
+    m_0, m_1, m_2 = (
+        Q[1, 1] * Q[2, 2] - Q[1, 2] * Q[2, 1],
+        Q[1, 2] * Q[2, 0] - Q[1, 0] * Q[2, 2],
+        Q[1, 0] * Q[2, 1] - Q[1, 1] * Q[2, 0],
+    )
+    det = Q[0, 0] * m_0 + Q[0, 1] * m_1 + Q[0, 2] * m_2
+    x = c[0] * m_0 + Q[0, 1] * (Q[1, 2] * c[2] - c[1] * Q[2, 2]) + Q[0, 2] * (c[1] * Q[2, 1] - Q[1, 1] * c[2])
+    y = Q[0, 0] * (c[1] * Q[2, 2] - Q[1, 2] * c[2]) + c[0] * m_1 + Q[0, 2] * (Q[1, 0] * c[2] - c[1] * Q[2, 0])
+    z = Q[0, 0] * (Q[1, 1] * c[2] - c[1] * Q[2, 1]) + Q[0, 1] * (c[1] * Q[2, 0] - Q[1, 0] * c[2]) + c[0] * m_2
+    return x / det, y / det, z / det
+
+
+@compiled
+def _turn(q, x, y, z):
+    """Turn the quaternion q (4,) by the rotation vector (x, y, z) about axes of the world, by its series.
+
+    Steps of a contact turn by some 1e-3 rad.
+    """
+    half = 0.25 * (x * x + y * y + z * z)
+    share, c = 0.5 - half / 12.0, 1.0 - 0.5 * half + half * half / 24.0
+    x, y, z = share * x, share * y, share * z
+    w, a, b, d = q[0], q[1], q[2], q[3]
+    q[0] = c * w - x * a - y * b - z * d
+    q[1] = c * a + x * w + y * d - z * b
+    q[2] = c * b + y * w + z * a - x * d
+    q[3] = c * d + z * w + x * b - y * a
+
+
+@compiled
+def _matrix(q, T):
+    """The rotation matrix of the quaternion q into T (3, 3)."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    T[0, 0], T[0, 1], T[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    T[1, 0], T[1, 1], T[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    T[2, 0], T[2, 1], T[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@compiled
+def _turned_inertia(T, W_0, W):
+    """T W_0 Tᵀ into W (3, 3)."""
+    for i in range(3):
+        x = T[i, 0] * W_0[0, 0] + T[i, 1] * W_0[1, 0] + T[i, 2] * W_0[2, 0]
+        y = T[i, 0] * W_0[0, 1] + T[i, 1] * W_0[1, 1] + T[i, 2] * W_0[2, 1]
+        z = T[i, 0] * W_0[0, 2] + T[i, 1] * W_0[1, 2] + T[i, 2] * W_0[2, 2]
+        for j in range(3):
+            W[i, j] = x * T[j, 0] + y * T[j, 1] + z * T[j, 2]
+
+
+@compiled
+def _times(W, L, omega):
+    """W L into omega (3,)."""
+    for i in range(3):
+        omega[i] = W[i, 0] * L[0] + W[i, 1] * L[1] + W[i, 2] * L[2]
+
+
+@compiled
+def _rolled(T, squares, axes, radius, at):
+    """Lowest point, from its centre, of an ellipsoid with squares (3,) of the semi-axes along the columns of T `axes`,
+    less the radius along the normal; into `at` (3,)."""
+    at[0], at[1], at[2] = 0.0, 0.0, -radius
+    if squares[0] + squares[1] + squares[2] == 0.0:
+        return
+    # the normal in axes of the body, times the squares
+    length = 0.0
+    stretched = np.empty(3)
+    for j in range(3):
+        down = -(T[2, 0] * axes[0, j] + T[2, 1] * axes[1, j] + T[2, 2] * axes[2, j])
+        stretched[j] = squares[j] * down
+        length += squares[j] * down * down
+    if length <= 0.0:
+        return
+    length = np.sqrt(length)
+    for i in range(3):
+        for j in range(3):
+            turned = T[i, 0] * axes[0, j] + T[i, 1] * axes[1, j] + T[i, 2] * axes[2, j]
+            at[i] += turned * stretched[j] / length
+
+
+@compiled
+def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
+    """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
+
+    Args:
+        force: kind, exponent, damping along the surface over that across it (n,) and R m (n,) of a convex contact,
+            share (n,) of the depth by which the force acts above the point.
+        r_0: points (3, p, n) in m from the centre of mass, at the touch.
+        points: gap in m, μ, D and L in m of each point, (4, p, n).
+        body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
+            flight, (3, n).
+        outline: squares (3,) in m² of the semi-axes of an ellipsoid that rolls, axes of the body (3, 3, n) as columns
+            at the touch, and radius in m that is kept below.
+        velocity, spin: (3, n) in m/s and rad/s.
+        step: (n,) in s.
+        most: steps (n,).
+
+    Returns:
+        Shift (3, n) in m, turn (4, n) as a quaternion, velocity and spin (3, n), time (n,) in s, and of each point the
+        impulses per mass (3, p, n) in m/s.
+    """
+    kind, exponent, ratios, rhos, shares = force
+    gaps, mus, losses, lengths = points
+    W_0s, momenta, accelerations, couples = body
+    squares, axes, radius = outline
+    p, n = gaps.shape
+    shift, turned, after, spun = np.zeros((3, n)), np.zeros((4, n)), velocity.copy(), spin.copy()
+    elapsed, impulses = np.zeros(n), np.zeros((3, p, n))
+    x, q, v, L, omega = np.zeros(3), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
+    a, alpha, T, W, W_0, A = np.zeros(3), np.zeros(3), np.eye(3), np.eye(3), np.eye(3), np.eye(3)
+    beside, under, own = np.zeros(3), np.zeros(3), np.eye(3)
+    r, slid, forces = np.zeros((p, 3)), np.zeros((p, 2)), np.zeros((p, 3))
+    push, depths, deepest, carried = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
+    mu, Bs, Ks = np.zeros(p), np.zeros(p), np.zeros(p)
+    for i in range(n):
+        h, t = step[i], 0.0
+        q[0], q[1], q[2], q[3] = 1.0, 0.0, 0.0, 0.0
+        x[:], v[:], L[:], omega[:] = 0.0, velocity[:, i], momenta[:, i], spin[:, i]
+        W_0[:], own[:], mu[:] = W_0s[:, :, i], axes[:, :, i], mus[:, i]
+        deepest[:], carried[:], forces[:] = 0.0, 0.0, 0.0
+        _matrix(q, T)
+        _rolled(T, squares, own, radius, beside)
+        for _ in range(most[i]):
+            for j in range(3):
+                x[j] += 0.5 * h * v[j]
+            _turn(q, 0.5 * h * omega[0], 0.5 * h * omega[1], 0.5 * h * omega[2])
+            _matrix(q, T)
+            _rolled(T, squares, own, radius, under)
+            near = False
+            for k in range(p):
+                c_1, c_2, c_3 = (r_0[0, k, i] - beside[0], r_0[1, k, i] - beside[1], r_0[2, k, i] - beside[2])
+                r[k, 2] = under[2] + T[2, 0] * c_1 + T[2, 1] * c_2 + T[2, 2] * c_3
+                depths[k] = -(gaps[k, i] + x[2] + r[k, 2] - r_0[2, k, i])
+                push[k] = 0.0
+                if depths[k] < 0.0:  # no contact pushes above the surface
+                    forces[k] = 0.0
+                    continue
+                near = True
+                r[k, 0] = under[0] + T[0, 0] * c_1 + T[0, 1] * c_2 + T[0, 2] * c_3
+                r[k, 1] = under[1] + T[1, 0] * c_1 + T[1, 1] * c_2 + T[1, 2] * c_3
+                r[k, 2] += shares[i] * depths[k]
+                deepest[k] = max(deepest[k], depths[k])
+            _turned_inertia(T, W_0, W)
+            _times(W, L, omega)
+            pressing = 0
+            if near and kind == CONVEX:
+                for k in range(p):
+                    B = losses[k, i] * SPEED / lengths[k, i]
+                    Bs[k], Ks[k] = B * (1.0 + rhos[i]), (SPEED / lengths[k, i]) ** 2 * (1.0 + rhos[i])
+                a[:] = accelerations[:, i]
+                _times(W, couples[:, i], alpha)
+                _convex(h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, Bs, Ks, forces)
+                for k in range(p):
+                    push[k] = h * forces[k, 2]
+                    pressing += push[k] > 0.0
+            elif near:
+                for k in range(p):
+                    if depths[k] < 0.0:
+                        continue
+                    _compliance(W, r[k], A)
+                    slid[k, 0] = v[0] + omega[1] * r[k, 2] - omega[2] * r[k, 1]
+                    slid[k, 1] = v[1] + omega[2] * r[k, 0] - omega[0] * r[k, 2]
+                    fast = -(v[2] + omega[0] * r[k, 1] - omega[1] * r[k, 0]) / SPEED
+                    length = lengths[k, i]
+                    f, slope = _push(kind, exponent, depths[k] / length, fast, deepest[k] / length, losses[k, i])
+                    # what the force changes at its point until the middle of the step, with friction as before
+                    mobility = A[2, 2] + carried[k, 0] * A[2, 0] + carried[k, 1] * A[2, 1]
+                    kick = h * SPEED**2 / length
+                    push[k] = kick * f / (1.0 + 0.5 * kick * slope * mobility)
+                    pressing += push[k] > 0.0
+            for j in range(3):
+                v[j] += h * accelerations[j, i]
+                L[j] += h * couples[j, i]
+            for k in range(p):
+                if push[k] != 0.0:
+                    v[2] += push[k]
+                    L[0] += r[k, 1] * push[k]
+                    L[1] -= r[k, 0] * push[k]
+            _times(W, L, omega)
+            along_1 = along_2 = 0.0
+            for k in range(p):
+                if kind == CONVEX:
+                    d_1, d_2 = h * forces[k, 0], h * forces[k, 1]
+                elif push[k] == 0.0:
+                    carried[k] = 0.0
+                    continue
+                else:
+                    _compliance(W, r[k], A)
+                    limit = mu[k] * push[k]
+                    s_1 = v[0] + omega[1] * r[k, 2] - omega[2] * r[k, 1]
+                    s_2 = v[1] + omega[2] * r[k, 0] - omega[0] * r[k, 2]
+                    d_1, d_2 = _friction(A[0, 0], A[0, 1], A[1, 1], slid[k, 0], slid[k, 1], s_1, s_2, limit, pressing)
+                    carried[k, 0], carried[k, 1] = d_1 / push[k], d_2 / push[k]
+                along_1, along_2 = along_1 + d_1, along_2 + d_2
+                L[0] -= r[k, 2] * d_2
+                L[1] += r[k, 2] * d_1
+                L[2] += r[k, 0] * d_2 - r[k, 1] * d_1
+                impulses[0, k, i] += d_1
+                impulses[1, k, i] += d_2
+                impulses[2, k, i] += push[k]
+            v[0], v[1] = v[0] + along_1, v[1] + along_2
+            _times(W, L, omega)
+            for j in range(3):
+                x[j] += 0.5 * h * v[j]
+            _turn(q, 0.5 * h * omega[0], 0.5 * h * omega[1], 0.5 * h * omega[2])
+            t += h
+            deep = False
+            for k in range(p):
+                deep |= depths[k] > 0.0
+                if depths[k] <= 0.0:  # a corner that has left the surface may press again
+                    deepest[k] = 0.0
+            if not pressing and not deep:
+                break
+        _matrix(q, T)
+        _turned_inertia(T, W_0, W)
+        _times(W, L, omega)
+        shift[:, i], turned[:, i], after[:, i], spun[:, i], elapsed[i] = x, q, v, omega, t
+    return shift, turned, after, spun, elapsed, impulses
