@@ -249,7 +249,7 @@ def _observed(
     if dataset.space.is_plane:
         observations = observe(dataset, arcs, settings.episodes, settings.channels)
     else:
-        observations = observe_in_space(dataset, arcs)
+        observations = observe_in_space(dataset, arcs, settings.episodes)
     for name, why in testable_effects(observations, settings.contact_time)[1].items():
         if name in effects:
             raise UserError(f"{dataset.name} cannot test the effect {name}: {why}.")

@@ -13,7 +13,7 @@ import numpy as np
 
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS_IN_SPACE
 from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureField
-from thesis_lib.critique.contacts.bases import BASES, RESERVE
+from thesis_lib.critique.contacts.bases import BASES, RESERVE, RESERVE_IN_SPACE
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, OF_FRICTION
 from thesis_lib.critique.contacts.kinds import BRIEF
 from thesis_lib.critique.contacts.model import Model, inward
@@ -56,10 +56,10 @@ class Drops(World[Effect, Fit, Judgement]):
         of_space = CANDIDATE_LAWS if self.space.is_plane else LAWS_IN_SPACE
         laws = of_space if observations.rig.has_angle else ONE_LAW
         # and a friction with a parameter of its own acts on a slip that is known by half
-        slow = [name for name in RESERVE if observations.rig.has_angle or type(BASES[name].force) not in OF_FRICTION]
+        integrated = RESERVE if self.space.is_plane else RESERVE_IN_SPACE
+        slow = [name for name in integrated if observations.rig.has_angle or type(BASES[name].force) not in OF_FRICTION]
         added = (name for name in added_laws() if self.space.dimension in BASES[name].dimensions)
-        # contacts are integrated in the plane only
-        self.bases, self.reserve = (*laws, *added), tuple(slow) * (self.timed and self.space.is_plane)
+        self.bases, self.reserve = (*laws, *added), tuple(slow) * self.timed
         self.trials = np.unique(observations.trial)
         self.candidates, self.not_testable = testable_effects(observations, self.timed)
         self._noises: dict[tuple, Noise] = {}
@@ -131,7 +131,7 @@ class Drops(World[Effect, Fit, Judgement]):
         here = fitted.on(self.observations)
         before, after = here.before, here.after
         is_compliant = fitted.base in self.reserve
-        turn = fitted.values["tau"] * float(np.median(np.abs(after.omega - before.omega)))
+        turn = fitted.values["tau"] * float(np.median(np.linalg.norm(after.spin - before.spin, axis=0)))
         rigid = fit(fitted.model, self.quick, fitted.values, rounds=1)
         of_law = {p.name for p in BASE_PARAMETERS}
         start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []

@@ -13,7 +13,7 @@ which the prediction is the mean.  An episode bends: which corner hits first may
 goes to second order in the noise, and it has no κ, because its touch is solved for.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -26,7 +26,7 @@ from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.kinds import ByImpulse, Prediction, bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.at_impact import state_beside
-from thesis_lib.critique.likelihood.covariance import DATA, INSTANT, Noisy, copies_moved, noisy
+from thesis_lib.critique.likelihood.covariance import INSTANT, Noisy, copies_moved, noisy
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.mechanics.state import State
 
@@ -140,7 +140,8 @@ class Comparison:
             return replace(found, noise=found.noise + self.of_spin)
         if not o.span.any():
             return self._of_single()
-        whole = Noisy(*(np.zeros((len(o), 7) + (7,) * k) for k in (0, 1, 0)))
+        m = 2 * o.space.motions + 1
+        whole = Noisy(*(np.zeros((len(o), m) + (m,) * k) for k in (0, 1, 0)))
         for rows, part in ((o.span == 0.0, Comparison._of_single), (o.span != 0.0, Comparison._of_episodes)):
             if rows.any():
                 found = part(self.on(o.rows(np.flatnonzero(rows))))
@@ -168,7 +169,7 @@ class Comparison:
         prediction = given.prediction.each(lambda array: array[at])
         found = noisy(o, compare(self.dynamics, given.before.select(at), after.select(of), prediction))
         if o.touch_std:
-            found.noise[:, 6, 6] += o.touch_std**2
+            found.noise[:, -1, -1] += o.touch_std**2
         return found
 
     def _of_episodes(self) -> Noisy:
@@ -178,27 +179,42 @@ class Comparison:
 
             S = Σ_i (l_i l_iᵀ + 2 b_i b_iᵀ),    l_i = (r₊ − r₋)/2,    b_i = (r₊ + r₋)/2 − r_0
         """
-        o, has_arc = self.observations, self.dynamics.model.has_arc
-        variance, axes = np.linalg.eigh(o.cov)  # (n, side, channel, i), (n, side, channel, value or slope, i)
-        sigma = np.sqrt(np.maximum(variance, 0.0))[..., None, :] * axes
-        value, S = np.zeros((len(o), 7)), np.zeros((len(o), 7, 7))
-        S[:, 6, 6] = 1.0
+        o, has_arc, space = self.observations, self.dynamics.model.has_arc, self.observations.space
+        m, n = space.motions, len(o)
+        copies, value, S = 4 * m + 1, np.zeros((n, 2 * m + 1)), np.zeros((n, 2 * m + 1, 2 * m + 1))
+        S[:, -1, -1] = 1.0
+        ends = []
         for side in (0, 1):
-            copies = o.tiled(13, has_arc)
-            lines = [array.reshape(13, len(o), 2, 3) for array in (copies.value, copies.slope)]
-            for j, (channel, i) in enumerate(DATA):
-                for line, step in zip(lines, np.moveaxis(sigma[:, side, channel, :, i], 1, 0)):
-                    line[2 * j, :, side, channel] += step
-                    line[2 * j + 1, :, side, channel] -= step
-            state = state_beside(self.dynamics, copies, side)
+            moved = o.tiled(copies, has_arc)
+            values, slopes = (array.reshape(copies, n, 2, -1)[:, :, side] for array in (moved.value, moved.slope))
+            for j, step in enumerate(self._principal_steps(side)):
+                for k, sign in ((2 * j, 1.0), (2 * j + 1, -1.0)):
+                    values[k] = space.shift(values[k].T, sign * step[:, :, 0].T).T
+                    slopes[k] += sign * step[:, :, 1]
+            state = state_beside(self.dynamics, moved, side)
             if side == 0:
-                state = self.dynamics.end(state, copies.span)
-            r = np.concatenate([state.v, state.q], axis=1).reshape(13, len(o), 6)
-            value[:, :6] += (2 * side - 1) * r[12]
-            up, down, here = r[0:12:2], r[1:12:2], r[12]
-            for part in (0.5 * (up - down), np.sqrt(2.0) * (0.5 * (up + down) - here)):
-                S[:, :6, :6] += np.einsum("inj,ink->njk", part, part)
+                state = self.dynamics.end(state, moved.span)
+            here = state.select(np.arange((copies - 1) * n, copies * n))
+            off = space.difference(state.pose, np.tile(here.pose, copies)).T
+            r = np.concatenate([state.v, off], axis=1).reshape(copies, n, 2 * m)
+            up, down, middle = r[0:-1:2], r[1:-1:2], r[-1]
+            for part in (0.5 * (up - down), np.sqrt(2.0) * (0.5 * (up + down) - middle)):
+                S[:, :-1, :-1] += np.einsum("inj,ink->njk", part, part)
+            ends.append(here)
+        value[:, :-1] = np.concatenate([ends[1].v - ends[0].v, space.difference(ends[1].pose, ends[0].pose).T], axis=1)
         return Noisy(value, S, np.zeros_like(value))
+
+    def _principal_steps(self, side: int) -> Iterator[np.ndarray]:
+        """One standard deviation along each principal axis of the noise of one side, as steps (n, channels, value or
+        slope)."""
+        o = self.observations
+        for channels, cov in o.blocks:
+            variance, axes = np.linalg.eigh(cov[:, side])
+            for i in range(axes.shape[2]):
+                step = np.zeros((len(o), o.space.motions, 2))
+                sigma = np.sqrt(np.maximum(variance[:, i], 0.0))[:, None] * axes[:, :, i]
+                step[:, channels] = sigma.reshape(len(o), -1, 2)
+                yield step
 
 
 def over_spins(values: np.ndarray) -> np.ndarray:

@@ -17,7 +17,6 @@ from thesis_lib.critique.likelihood.observations import Observations
 
 INSTANT = 2e-3  # s, κ: the prior of t_c; half a frame at 250 Hz
 _H_INSTANT = 1e-4  # s, for the derivative by the instant of impact
-DATA = tuple(product(range(3), (0, 1)))  # of one side: channel, and value (0) or slope (1) of its line
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,15 @@ and pose and motion beside it are those of `windows`: lines for the place, torqu
 """
 
 import numpy as np
+import pandas as pd
 from scipy.stats import chi2
 
 from thesis_lib.bodies.solids import Sphere, contact_kind
+from thesis_lib.critique.likelihood.episodes_in_space import add_episodes
 from thesis_lib.critique.likelihood.flights_in_space import flights_in_space
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
-from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows
+from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows, turns_off
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.lines import lines_through
@@ -37,7 +39,6 @@ from thesis_lib.datasets.impacts.spikes import detect
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.mechanics.free_motion import attitudes
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import MAD_TO_STD
@@ -51,10 +52,12 @@ HARD = 0.4  # m/s: weaker hits are of no kind of contact
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
 
-def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> Observations:
+def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:
     """Observations of the hits of a dataset in space, as impacts.csv states them, else as trajectories show them.
 
     What cannot be used has a reason in `found`.
+
+    `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
 
     Raises:
         UserError: there are no trajectories or no orientations, the tracked frame is unknown and cannot be found, or
@@ -101,16 +104,24 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
     reason[rows[(off / grown > chi2.isf(IMPROBABLE, dof)).any(axis=1)]] = "second_hit"
     lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
     first = _under_gravity(lines, fitted.bow[:, 0], rig)
-    gap = rig.gap(first)
+    off_by = rig.gap(first)
     # geometry that is believed wrongly moves all of them alike
-    elsewhere = np.abs(gap - np.median(gap)) > OFF_SURFACE * rig.shape.extent if len(gap) else np.zeros(0, bool)
+    elsewhere = (
+        np.abs(off_by - np.median(off_by)) > OFF_SURFACE * rig.shape.extent if len(off_by) else np.zeros(0, bool)
+    )
     leaves = contact_velocity(first, rig)[2] >= 0.0
     for which, why in ((elsewhere, "off_surface"), (leaves, "no_approach")):
         reason[rows[which & (reason[rows] == "")]] = why
     kept = reason[rows] == ""
+    inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
+    edges = {
+        "start": np.where(used[kept, 0], inner, -np.inf).max(axis=1, initial=-np.inf),
+        "end": np.where(used[kept, 1], inner, np.inf).min(axis=1, initial=np.inf),
+    }
+    counts = dict(zip(("n_pre", "n_post"), used[kept].sum(axis=2).T))
     detected = State(states.pose[:, at], states.motion[:, at], trial, t + windows.t_0, None, SPACE)
     rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
-    o = Observations(
+    single = Observations(
         rig=rig,
         trial=trial[rows],
         surface=np.zeros(len(rows), int),
@@ -127,9 +138,15 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None) -> O
         noise_known=True,
         found=found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
     )
-    if dataset.has_angle:
-        return o
-    return without_angle(o, unseen_spin(np.linalg.norm(beside(o, 0).velocity, axis=0), header))
+    if not dataset.has_angle:
+        return without_angle(single, unseen_spin(np.linalg.norm(beside(single, 0).velocity, axis=0), header))
+    if not episodes:
+        return single
+    gap = np.full(len(at), np.nan)
+    gap[rows] = rig.gap(beside(single, 0))
+    hits = {"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "gap": gap, "reason": reason}
+    seen = (noise[0] * sigma[0], noise[1] * sigma[-1])
+    return add_episodes(single, samples, states, pd.DataFrame(hits), pd.DataFrame(edges | counts), seen, settings)
 
 
 def _require_turns(dataset: Dataset) -> None:
@@ -232,9 +249,7 @@ def _off_free_motion(
     places = lines_through(used * 1.0, tau, pose[:, :, :3] + fall * (tau**2)[..., None])
     off[:, 0] = (used[..., None] * places.residual**2).sum((1, 2, 3)) / noise[0] ** 2
     for side in (0, 1):
-        believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, tau.T)
-        left = SPACE.turn_between(believed, np.moveaxis(pose[:, :, 3:], -1, 0).swapaxes(1, 2))
-        off[:, 1] += ((left**2).sum(axis=0) * used[:, side].T).sum(axis=0) / noise[1] ** 2
+        off[:, 1] += turns_off(fitted, side, pose, tau, used, G) / noise[1] ** 2
     miss, dv = (part[:, 1] - part[:, 0] for part in (places.value, places.slope))
     aside = miss - (miss * dv).sum(1, keepdims=True) / np.maximum((dv * dv).sum(1, keepdims=True), 1e-9) * dv
     place = fitted.cov[:, :, [0, 2, 4], [0, 2, 4]].sum(axis=1).mean(axis=1)

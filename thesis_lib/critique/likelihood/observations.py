@@ -5,12 +5,13 @@ how the arcs meet is itself to be tested.  The lines give pose and velocity at t
 model (gravity, drag, tilt, ...).  Flights that are long enough also give their acceleration (`flights`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.bodies.walls import Wall, in_wall_frame, turns
 from thesis_lib.contact.space import velocity_error
@@ -24,7 +25,7 @@ from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
-from thesis_lib.datasets.impacts.episodes import find_episodes
+from thesis_lib.datasets.impacts.episodes import clearance_in_plane, find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.effects.effect import ORIGIN, Reference, Rig
 from thesis_lib.mechanics.frame import Frame
@@ -339,11 +340,11 @@ def without_angle(o: Observations, spin: float) -> Observations:
 def _with_episodes(single: Observations, samples: Samples, header: Header, settings: ArcSettings) -> Observations:
     """The single hits and the episodes, by trial and time; what the episodes hold is no longer left out."""
     found, rig = single.found, single.rig
-    left_out = found.left_out
     names = ["trial", "impact"]
-    all_hits = found.arcs[[*names, "t", "gap"]].merge(left_out[[*names, "reason"]], how="left", on=names)
+    all_hits = found.arcs[[*names, "t", "gap"]].merge(found.left_out[[*names, "reason"]], how="left", on=names)
     all_hits = all_hits.fillna({"reason": ""}).sort_values(["trial", "t"], ignore_index=True)
-    table = find_episodes(samples, all_hits, found.noise, header, settings)
+    clearance = clearance_in_plane(samples, found.noise, header)
+    table = find_episodes(samples, all_hits, found.noise, header.gravity, clearance, settings)
     if not len(table):
         return single
     trial, start, end = (table[name].to_numpy() for name in ("trial", "start", "end"))
@@ -358,11 +359,17 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     episodes = _single(len(table)) | lines.arrays(found.noise.variance(False))
     episodes |= {"trial": trial, "impact": table["impact"].to_numpy(), "t": t, "span": end - t}
     episodes["hits"] = (table["last"] - table["impact"] + 1).to_numpy()
+    return with_episodes(single, episodes, table)
+
+
+def with_episodes(single: Observations, episodes: Mapping[str, np.ndarray], table: pd.DataFrame) -> Observations:
+    """Single hits and `episodes`, by trial and time; the hits of the `table` of episodes are no longer left out."""
+    trial, t, left_out = episodes["trial"], episodes["t"], single.found.left_out
     order = np.lexsort((np.concatenate([single.t, t]), np.concatenate([single.trial, trial])))
     arrays = {name: np.concatenate([getattr(single, name), episodes[name]])[order] for name in ROWS}
     held = {(i, k) for i, first, last in table[["trial", "impact", "last"]].to_numpy() for k in range(first, last + 1)}
     still_out = left_out[[pair not in held for pair in zip(left_out["trial"], left_out["impact"])]]
-    return replace(single, **arrays, found=replace(found, left_out=still_out.reset_index(drop=True)))
+    return replace(single, **arrays, found=replace(single.found, left_out=still_out.reset_index(drop=True)))
 
 
 def _touch(

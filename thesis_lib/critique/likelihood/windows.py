@@ -105,3 +105,12 @@ def _start(measured: np.ndarray, tau: np.ndarray, used: np.ndarray) -> tuple[np.
     (t_0, q_0), (t_1, q_1) = ((tau[bodies, at], measured[:, bodies, at]) for at in (order[:, 0], order[:, 1]))
     spin = SPACE.turn_between(q_0, q_1) / (t_1 - t_0)
     return SPACE.attitude_after(q_0, -t_0 * spin), spin
+
+
+def turns_off(
+    fitted: SpaceWindows, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
+) -> np.ndarray:
+    """Sum (n,) in rad² of the squares by which the attitudes of one side miss torque-free motion; as `fit_windows`."""
+    believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, tau.T)
+    left = SPACE.turn_between(believed, np.moveaxis(pose[:, :, 3:], -1, 0).swapaxes(1, 2))
+    return ((left**2).sum(axis=0) * used[:, side].T).sum(axis=0)

@@ -45,15 +45,20 @@ class _Side:
 
 
 def find_episodes(
-    samples: Samples, hits: pd.DataFrame, noise: NoiseEstimate, header: Header, settings: ArcSettings
+    samples: Samples,
+    hits: pd.DataFrame,
+    noise: NoiseEstimate,
+    gravity: float,
+    clearance: tuple[np.ndarray, np.ndarray],
+    settings: ArcSettings,
 ) -> pd.DataFrame:
     """Episodes in `samples`, a row each with `EPISODE_COLUMNS`: trial, first and last hit with their times in s, times
     `start` and `end` in s of the last sample before and the first after, and the samples of both flights.
 
     `hits` are all detected, sorted by trial and time, with trial, impact, t (s), gap (m) and reason
-    ("" = used alone).
+    ("" = used alone); `clearance` (N,) and (N,) is the gap of the believed body at each sample and its one sigma, in m.
     """
-    gravity, sigma, stray = header.gravity, noise.used * np.sqrt(noise.colour), noise.stray
+    sigma, stray = noise.used * np.sqrt(noise.colour), noise.stray
     trial, t = (hits[name].to_numpy() for name in ("trial", "t"))
     number, reach = samples.position(trial, t), settings.max_window + MOST_SKIPPED + 1
     index, near = samples.around(number, trial, -reach, reach + 1)
@@ -71,7 +76,9 @@ def find_episodes(
     for hit, bound, way in ((first, low, -1), (last, high, 1)):
         side = _flight(samples, paths, index[hit], near[hit], t[hit], bound, way, sigma, gravity, settings)
         side = _straight(side, way, sigma, stray, settings)
-        good &= _is_flight(side, sigma, stray, gravity, settings) & _is_clear(side, way, gravity, header, level, sigma)
+        good &= _is_flight(side, sigma, stray, gravity, settings)
+        gap, spread = (part[index[hit]] for part in clearance)
+        good &= _is_clear(side.used, way, gap, spread, level)
         sides.append(side)
     rows = np.arange(len(groups))
     pre, post = sides
@@ -184,15 +191,19 @@ def _is_flight(side: _Side, sigma: np.ndarray, stray: np.ndarray, gravity: float
     return (count >= MIN_FLIGHT) & ~bent & (rest[:, 1] - chi2[:, 1] > -_REST)
 
 
-def _is_clear(side: _Side, way: int, gravity: float, header: Header, level: float, sigma: np.ndarray) -> np.ndarray:
-    """Mask (m,) of sides whose body is off the surface at all samples but the first and the last.
+def clearance_in_plane(samples: Samples, noise: NoiseEstimate, header: Header) -> tuple[np.ndarray, np.ndarray]:
+    """Gap (N,) of the believed planar body at each sample, without what the air made of its path, and its one sigma."""
+    sigma, q = noise.used * np.sqrt(noise.colour), samples.without_air()
+    r = header.body.shape.contact_point(q[:, 2])
+    return q[:, 1] + r[:, 1] - header.surface.height, np.hypot(sigma[1], r[:, 0] * sigma[2])
+
+
+def _is_clear(used: np.ndarray, way: int, gap: np.ndarray, sigma: np.ndarray, level: float) -> np.ndarray:
+    """Mask (m,) of sides whose body is off the surface at all samples (m, W) but the first and the last.
 
     A weak hit between few samples bends their path by too little to show, but the body must come down for it.  `level`
     in m is the gap at which bodies hit; that of a wrong surface or size is not 0.
     """
-    theta = side.q[..., 2]
-    r = header.body.shape.contact_point(theta)
-    gap = side.q[..., 1] - 0.5 * gravity * side.t**2 + r[..., 1] - header.surface.height - level
-    order = _ranked(side.used, way)
-    inner = (side.used > 0) & (order > 1) & (order < side.used.sum(1)[:, None])
-    return (~inner | (gap > _CLEAR * np.hypot(sigma[1], r[..., 0] * sigma[2]))).all(1)
+    order = _ranked(used, way)
+    inner = (used > 0) & (order > 1) & (order < used.sum(1)[:, None])
+    return (~inner | (gap - level > _CLEAR * sigma)).all(1)
