@@ -1,6 +1,7 @@
 """Accelerations of the flights between impacts, measured by parabolas (`thesis_lib/datasets/flights/parabolas.py`)."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -42,6 +43,13 @@ class Flights:
         """The flights at `rows`, and those that are not parabolas."""
         state = self.state.select(rows)
         return Flights(state, self.acceleration[rows], self.variance[rows], self.span[rows], self.bent)
+
+    @staticmethod
+    def joined(parts: "Sequence[Flights]") -> "Flights":
+        """The flights of all parts, one after the other."""
+        names = [one.name for one in fields(parts[0]) if one.name != "state"]
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return replace(parts[0], state=State.joined([part.state for part in parts]), **arrays)
 
     def of_trials(self, trials: np.ndarray) -> "Flights":
         """The flights of the given trials."""

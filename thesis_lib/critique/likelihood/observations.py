@@ -200,6 +200,12 @@ class Observations:
         """The impacts at `rows` (indices), with all flights and all that was found."""
         return replace(self, **{name: getattr(self, name)[rows] for name in ROWS})
 
+    def followed_by(self, others: "Sequence[Observations]") -> "Observations":
+        """These impacts and flights, then those of others on the same rig, for a model."""
+        parts = [self, *others]
+        arrays = {name: np.concatenate([getattr(o, name) for o in parts]) for name in FOR_MODELS + OF_SAMPLES}
+        return replace(self, **arrays, flights=self.flights.joined([o.flights for o in parts]))
+
     def tiled(self, copies: int, with_samples: bool) -> "Observations":
         """The impacts repeated `copies` times, for a model; without samples `nodes` and `weights` are not repeated."""
         names = FOR_MODELS + OF_SAMPLES * with_samples

@@ -26,6 +26,7 @@ from thesis_lib.mechanics.state import State
 NU = 8.0
 BESIDE_STATES = ("span", "offset")  # the observations' arrays that a prediction needs beside the states
 Parts = tuple[np.ndarray, ...]
+OfFlights = tuple[tuple[State, State], np.ndarray]  # states at impact, whitened residuals of flights
 KEPT = 2  # states of the point where a search stands, and of the next one that it tries
 SIGMA_LOW, SIGMA_HIGH = 1e-5, 3.0  # m/s, range of σ_m
 
@@ -49,7 +50,7 @@ class Whitening:
         L = np.linalg.cholesky(S + _scatter(observations, sigma_m))
         self._inverse = np.linalg.inv(L)
         self._log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
-        self._kept: dict[tuple, tuple[tuple[State, State], np.ndarray]] = {}
+        self._kept: dict[tuple, OfFlights] = {}
         self._known = known
 
     @classmethod
@@ -74,18 +75,9 @@ class Whitening:
         """Whitened residuals, as a call gives them, for each of several sets of values."""
         return together([(self, points)])[0]
 
-    def beside(self, values: Mapping[str, float]) -> tuple[tuple[State, State], np.ndarray]:
-        """States at impact and whitened residuals of flights."""
-        model, o = self.model, self.observations
-        key = tuple(values[name] for name in model.flight_parameters)
-        found = self._kept.pop(key, None)
-        if found is None:
-            here = Comparison(model, values, o)
-            found = (here.before, here.after), whitened(o.flights, here.dynamics)
-        while len(self._kept) >= KEPT:
-            del self._kept[next(iter(self._kept))]
-        self._kept[key] = found  # moved to the end: the least recently used goes first
-        return found
+    def at_impact(self, values: Mapping[str, float]) -> tuple:
+        """What the states at impact and flights depend on."""
+        return tuple(values[name] for name in self.model.flight_parameters)
 
     def stacked(self, values: Mapping[str, float]) -> np.ndarray:
         """All whitened residuals as one vector (N,), impacts first."""
@@ -98,7 +90,10 @@ class Whitening:
         return log_t(of_impacts, self._log_det), *beside
 
 
-def together(requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]]) -> list[list[Parts]]:
+Request = tuple[Whitening, Sequence[Mapping[str, float]]]
+
+
+def together(requests: Sequence[Request]) -> list[list[Parts]]:
     """Whitened residuals of one model, for each request at each of its sets of values.
 
     All impacts are predicted in one call, which takes less than twice as long as one of its many parts.
@@ -111,7 +106,7 @@ def together(requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]]
                 found[i, k] = known[1]
             else:
                 missing.append((i, k, whitening, values))
-    flights = {(i, k): w.beside(values) for i, (w, points) in enumerate(requests) for k, values in enumerate(points)}
+    flights = _beside(requests)
     for alike in _of_one_choice(missing):
         parts = [whitening.observations for _, _, whitening, _ in alike]
         sizes = [len(o) for o in parts]
@@ -130,6 +125,40 @@ def together(requests: Sequence[tuple[Whitening, Sequence[Mapping[str, float]]]]
         return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
 
     return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]
+
+
+def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
+    """States at impact and whitened residuals of flights, for each request at each of its sets of values.
+
+    Those that are not kept are found in one call, as the impacts are.
+    """
+    keys = {(i, k): (i, w.at_impact(at)) for i, (w, points) in enumerate(requests) for k, at in enumerate(points)}
+    known: dict[tuple, OfFlights] = {}
+    missing: dict[tuple, tuple] = {}
+    for (i, k), key in keys.items():
+        w, points = requests[i]
+        if key[1] in w._kept:
+            known[key] = w._kept[key[1]]
+        elif key not in missing:
+            missing[key] = (*key, w, points[k])
+    for alike in _of_one_choice(list(missing.values())):
+        whitenings, points = zip(*(one[2:] for one in alike))
+        parts = [w.observations for w in whitenings]
+        of_all = parts[0] if len(parts) == 1 else parts[0].followed_by(parts[1:])
+        model, sizes, of_flights = whitenings[0].model, [len(o) for o in parts], [len(o.flights) for o in parts]
+        here = Comparison(model, _by_impact(points, sizes), of_all)
+        z = whitened(of_all.flights, bind(model, _by_impact(points, of_flights), of_all.rig))
+        ends, ends_of_flights = np.cumsum(sizes), np.cumsum(of_flights)
+        for one, end, n, last, m in zip(alike, ends, sizes, ends_of_flights, of_flights):
+            rows = np.arange(end - n, end)
+            known[one[:2]] = (here.before.select(rows), here.after.select(rows)), z[last - m : last]
+    for key in keys.values():
+        kept = requests[key[0]][0]._kept
+        kept.pop(key[1], None)
+        while len(kept) >= KEPT:
+            del kept[next(iter(kept))]
+        kept[key[1]] = known[key]  # at the end: the least recently used goes first
+    return {at: known[key] for at, key in keys.items()}
 
 
 def _of_one_choice(missing: Sequence[tuple]) -> list[list[tuple]]:
