@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from folders import write
 from folders_in_space import body, header, impacts
@@ -161,3 +162,16 @@ def test_whatever_the_numbers_are_a_set_is_described_or_refused(spoilt):
             continue
         json.dumps(summarise(made), allow_nan=False)
         assert "flights" in summary_text(made)
+
+
+def test_bodies_that_are_held_first_or_caught_are_counted(tmp_path, capsys):
+    frame = flights(trials=10)  # all end above the table
+    parts = []
+    for trial, toss in frame.groupby("trial"):
+        held = toss.iloc[[0]].iloc[np.zeros(60, int)].assign(t=toss["t"].iloc[0] - np.arange(60, 0, -1) / 240.0)
+        parts += [held.iloc[30:] if trial < 4 else held[:0], toss]
+    facts = motion_facts(pd.concat(parts, ignore_index=True), dataset_of(header(), trajectories=frame).in_space)
+    assert (facts.held, facts.in_the_air) == (4, 10)
+    folder = write(tmp_path / "drops", header(), trajectories=pd.concat(parts, ignore_index=True))
+    assert main(["check", str(folder)]) == 0
+    assert "4 trials begin before the body is let go, 10 end in the air" in capsys.readouterr().out

@@ -56,6 +56,9 @@ def test_what_is_no_toss_is_refused(tmp_path, capsys, monkeypatch):
         torch.save(held, bad)
         assert init(tmp_path, bad, *columns, *OPTIONS) == 2
         assert said in capsys.readouterr().err
+    (tmp_path / "none.pt").mkdir()
+    assert init(tmp_path, tmp_path / "none.pt", *columns, *OPTIONS) == 2
+    assert "none.pt: 0 files of tensors" in capsys.readouterr().err
     bad.write_bytes((folder / "0.pt").read_bytes()[:-300])
     assert init(tmp_path, bad, *columns, *OPTIONS) == 2
     assert "cannot be read as tensors of torch" in capsys.readouterr().err

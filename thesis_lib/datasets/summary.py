@@ -95,6 +95,8 @@ def _motion(facts: MotionFacts, samples: int) -> dict:
         "lost_orientation": facts.lost_orientation,
         "jumps": len(facts.jumps) / samples,
         "reading": facts.reading or "as stated",
+        "held": facts.held,
+        "in_the_air": facts.in_the_air,
     }
 
 
@@ -137,6 +139,9 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
         fall = "" if part["fall"] is None else ", which fall by ({:.3g}, {:.3g}, {:.3g}) m/s²".format(*part["fall"])
         lost = f"orientation lost in {part['lost_orientation']:.1%} of the samples, jumps at {part['jumps']:.1%}"
         lines.append(f"flights     {part['flights']}{fall}; {lost}")
+        if part["held"] or part["in_the_air"]:
+            ends = f"{part['in_the_air']} end in the air: caught, out of view, or beyond the table's edge"
+            lines.append(f"releases    {part['held']} trials begin before the body is let go, {ends}")
     if (part := facts.get("impacts")) is not None:
         lines.append(
             f"impacts     {part['rows']}; contact points {part['contact_points']}; "

@@ -5,6 +5,7 @@ Quaternions that flights contradict, jumps of the orientation and its loss are d
 is a cause that a critique can name.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from thesis_lib.datasets.format.frames import body_states, surface_frames, track
 from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
-from thesis_lib.datasets.space.flights import find_flights, follow
+from thesis_lib.datasets.space.flights import Track, find_flights, follow
 from thesis_lib.datasets.space.motion import Motion, conjugate, turning
 from thesis_lib.datasets.space.torque_free import better_reading, falling, inner_samples
 
@@ -28,6 +29,7 @@ OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera that 
 JUMP = 0.3  # rad from one sample to the next, beyond three times the usual step around it
 NEIGHBOURS = 3  # samples on either side that say what is usual
 CENTRAL = 5e-3  # m from the tracked point to the centre of mass, within which both fall alike
+HELD = 0.1  # s before the first flight
 LOST = 0.2  # share of orientations that are lost, from which on it is said
 OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
 XYZW = [1, 2, 3, 0]  # of a quaternion with the scalar first
@@ -38,13 +40,19 @@ REVERSED = "reversed (of a left-handed frame, or turning the world into the body
 
 @dataclass(frozen=True)
 class MotionFacts:
-    """What the samples say: the free flights and their median acceleration (m/s²), and faults of the orientations."""
+    """What the samples say: the free flights and their median acceleration (m/s²), and faults of the orientations.
+
+    `held` trials begin before the body is let go; the last flight of those `in_the_air` ends off the surface: caught,
+    out of view, or beyond the table's edge.
+    """
 
     flights: int
     fall: np.ndarray | None
     lost_orientation: float  # share of the samples
     jumps: np.ndarray  # numbers of the samples after which the orientation is another
     reading: str  # as which the quaternions turn like a free body, "" if they do as they are
+    held: int = 0
+    in_the_air: int = 0
 
     @property
     def down(self) -> np.ndarray:
@@ -73,7 +81,28 @@ def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
         motion = Motion("", "", t, position, q[:, XYZW], readings=readings)
         R = Rotation.from_quat(header.tracked.attitude, scalar_first=True).as_matrix()
         reading = better_reading(motion, track, flights, R.T @ header.body.inertia_per_mass @ R)
-    return MotionFacts(len(flights), fall, lost, jumps, reading)
+    ends = _ends(table[rows], t, track, flights, header)
+    return MotionFacts(len(flights), fall, lost, jumps, reading, *ends)
+
+
+def _ends(
+    table: pd.DataFrame, t: np.ndarray, track: Track, flights: Sequence[slice], header: SpaceHeader
+) -> tuple[int, int]:
+    """Trials that begin held, and trials that end in the air, of samples at times `t` (n,) on one clock."""
+    trial = table["trial"].to_numpy()
+    start = {trial[flight.start]: t[flight.start] for flight in reversed(flights)}
+    first = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]])
+    held = sum(start.get(number, -np.inf) - begins > HELD for number, begins in zip(trial[first], t[first]))
+    if header.tracked is None or header.surfaces is not None:
+        return int(held), 0
+    last = np.array([flight.stop - 1 for flight in {trial[flight.start]: flight for flight in flights}.values()])
+    (frame,) = surface_frames(header)
+    states = frame.seen(body_states(tracked_states(table.iloc[last]), header))
+    solid = header.body.solid.about(header.body.centre)
+    # as far as the body falls until the next sample, too
+    speed = np.array([np.linalg.norm(track.v[min(at, len(t) - 1 - track.half)]) for at in last])
+    reach = OFF_SURFACE * solid.extent + 2.0 * np.nan_to_num(speed) * float(np.median(np.diff(t)))
+    return int(held), int(np.sum(states.height + solid.lowest(states.attitude)[2] > reach))
 
 
 def centre_path(table: pd.DataFrame, header: SpaceHeader) -> tuple[np.ndarray, np.ndarray]:

@@ -64,8 +64,8 @@ def read_tensors(paths: Sequence[Path], options: Reading, notes: list[str]) -> l
             "as CSV."
         )
     files = [file for path in paths for file in (_files(path) if path.is_dir() else [path])]
-    if len(files) > MAX_FILES:
-        raise UserError(f"{paths[0]}: {len(files):,} files of tensors; the limit is {MAX_FILES:,}.")
+    if not 0 < len(files) <= MAX_FILES:
+        raise UserError(f"{paths[0]}: {len(files):,} files of tensors; expected 1 to {MAX_FILES:,}.")
     try:
         if (size := sum(regular_size(file, MAX_FILE) for file in files)) > MAX_ALL:
             raise UserError(f"{paths[0]}: the files have {size:,} bytes; the limit is {MAX_ALL:,}. Convert parts.")
