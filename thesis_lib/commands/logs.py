@@ -6,6 +6,7 @@ from pathlib import Path
 
 from thesis_lib.commands.described import described
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import Progress
 
 DESCRIPTION = """\
 Convert a rig's logs into a dataset folder, then check it. Which form a file has is told by its ending and first line:
@@ -142,15 +143,20 @@ def convert_logs(args: argparse.Namespace) -> int:
     given: dict = {item.name: getattr(args, item.name) for item in fields(Reading)}
     given |= {"columns": parse_columns(args.columns), "delimiter": parse_delimiter(args.delimiter)}
     reading = Reading(**given)
-    conversion = convert(args.files, out.resolve().name, rig, reading)
-    write_dataset(conversion.dataset, out, float_format=None)
+    with Progress(out.resolve().name) as say:
+        conversion = convert(args.files, out.resolve().name, rig, reading, say)
+        say("writing the dataset")
+        write_dataset(conversion.dataset, out, float_format=None)
     if conversion.cuts:
         _write_cuts(conversion.cuts, out)
     for kind, texts in (("note", conversion.notes), ("warning", conversion.warnings)):
         for text in texts:
             print(f"{kind}: {text}")
     try:
-        print(described(out))
+        with Progress(out.resolve().name) as say:
+            say("checking the dataset")
+            text = described(out)
+        print(text)
     except UserError as error:
         raise UserError(f"{out} was written, but it is not usable yet.\n{error}") from None
     print(

@@ -1,6 +1,6 @@
 """Any log of a rig as a dataset: which form its files have, which reader takes them, how the motion is looked at."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,10 +36,20 @@ ONLY_PLANE = ("origin", "wall")
 OF_TENSORS = ("columns", "quaternion", "rate", "units", "scale")  # of `ONLY_TABLES`
 
 
-def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Reading) -> Conversion:
-    """The dataset in logs of one form; UserError where they cannot be read, or an option does not fit their form."""
+def convert(
+    files: Sequence[str | Path],
+    name: str,
+    rig: RigOptions,
+    reading: Reading,
+    say: Callable[[str], None] = lambda text: None,
+) -> Conversion:
+    """The dataset in logs of one form; UserError where they cannot be read, or an option does not fit their form.
+
+    `say` receives a line for each step.
+    """
     paths = [Path(file) for file in files]
     forms = {path: form_of(path) for path in paths}
+    say(f"reading {paths[0].name}")
     form = forms[paths[0]]
     if other := next((path for path in paths if forms[path] != form), None):
         raise UserError(f"{paths[0]} is {form}, but {other} is {forms[other]}; convert them one after the other.")
@@ -74,6 +84,7 @@ def convert(files: Sequence[str | Path], name: str, rig: RigOptions, reading: Re
         if reading.per_trial_files:
             motions = [replace(motion, trial=None) for motion in motions]
         view = _view(form, reading, frame, all(motion.trial is not None for motion in motions))
+    say("looking for free flights" + " and the tracked frame" * rig.in_space)
     conversion = convert_motions(motions, name, paths, rig, view, notes)
     conversion.warnings += warnings
     return conversion
