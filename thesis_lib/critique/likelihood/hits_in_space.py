@@ -14,6 +14,8 @@ and pose and motion beside it are those of `windows`: lines for the place, torqu
 |          | `noise` | m, rad |         | one sigma of a coordinate of p, and of each component of a turn   |
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from scipy.stats import chi2
@@ -34,9 +36,12 @@ from thesis_lib.datasets.format.frames import body_states, surface_frames, track
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
 from thesis_lib.datasets.impacts.found import found_in_space, ordinals
 from thesis_lib.datasets.impacts.spikes import detect
 from thesis_lib.datasets.impacts.spin import unseen_spin
+from thesis_lib.datasets.samples.copies import originals
+from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
@@ -77,7 +82,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     header = dataset.in_space
     _require_turns(dataset)
     settings = settings or ArcSettings(min_window=FEWEST)
-    whole = whole.iloc[np.lexsort((whole["t"], whole["trial"]))]
+    whole, told = _as_taken(whole.iloc[np.lexsort((whole["t"], whole["trial"]))], header)
     (frame,) = surface_frames(header)
     states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
     clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
@@ -136,7 +141,10 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         arcs=True,
         flights=flights_in_space(states, one_clock(whole)[1], Hits(trial, t + windows.t_0, reason == ""), rig, noise),
         noise_known=True,
-        found=found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
+        found=replace(
+            found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
+            warnings=told,
+        ),
     )
     if not dataset.has_angle:
         return without_angle(single, unseen_spin(np.linalg.norm(beside(single, 0).velocity, axis=0), header))
@@ -147,6 +155,20 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     hits = {"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "gap": gap, "reason": reason}
     seen = (noise[0] * sigma[0], noise[1] * sigma[-1])
     return add_episodes(single, samples, states, pd.DataFrame(hits), pd.DataFrame(edges | counts), seen, settings)
+
+
+def _as_taken(table: pd.DataFrame, header: SpaceHeader) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Rows without copies of pictures, at the times at which these were taken, and sentences on what was changed."""
+    trial, pose = table["trial"].to_numpy(), table[[*POSITION, *QUATERNION]].to_numpy(float)
+    pose = pose[:, np.isfinite(pose).all(axis=0)]
+    samples = Samples(trial, table["t"].to_numpy(float), pose, np.unique(trial, return_inverse=True)[1])
+    keep, copied = originals(samples)
+    samples, table = replace(samples.select(keep), q=samples.q[keep, :3]), table[keep]
+    # pictures that were taken at a lower rate than stated may have been shown late
+    if found := times_of_pictures(samples, None if copied else header.rate, lengths=3):
+        sure, t, stamped = found
+        return table[sure].assign(t=t), tuple(filter(None, (copied, stamped)))
+    return table, (copied,) * bool(copied)
 
 
 def _require_turns(dataset: Dataset) -> None:

@@ -22,9 +22,15 @@ FEWEST = 5
 
 def without_copies(samples: Samples) -> tuple[Samples, str]:
     """The samples without copies, and a sentence that says so; the same samples and "" where there are none."""
+    keep, said = originals(samples)
+    return (samples.select(keep) if said else samples), said
+
+
+def originals(samples: Samples) -> tuple[np.ndarray, str]:
+    """Mask (N,) of the samples that are no copies, and a sentence that says so; all and "" where there are none."""
     n = len(samples)
     if n < 3:
-        return samples, ""
+        return np.ones(n, bool), ""
     q, digit = samples.q, np.array([_digit(column) for column in samples.q.T])
     same_trial = samples.trial[1:] == samples.trial[:-1]
     equal = same_trial & (q[1:] == q[:-1]).all(axis=1)
@@ -44,11 +50,11 @@ def without_copies(samples: Samples) -> tuple[Samples, str]:
     clearly = amid(STEPS * digit + SIGMAS * sigma, False)
     copies, pictures = int(length[clearly].sum()), int((length + 1)[clearly].sum())
     if copies < max(FEWEST, SHARE * pictures):
-        return samples, ""
+        return np.ones(n, bool), ""
     keep = np.ones(n, bool)
     keep[1:] = ~(equal & np.repeat(moving, length + 1)[1:])
     rate, share = 1.0 / float(np.median(np.diff(samples.t)[same_trial])), copies / pictures
-    return samples.select(keep), (
+    return keep, (
         f"{100.0 * share:.2g} % of the pictures of the moving body ({copies} of {pictures}) repeat the one before, "
         f"digit for digit, as in video converted to a higher rate ({rate:.3g} pictures a second made of "
         f"{rate * (1.0 - share):.3g}): the copies are left out as lost frames. Export the pictures as they were taken."
