@@ -118,6 +118,8 @@ def test_a_ball_without_orientation_and_what_is_refused():
     floor = {"point": [0.1, 0.2, 0.3], "normal": CAMERA.apply([0.0, 0.0, 1.0]).tolist()}
     two = {key: value for key, value in content().items() if key != "surface"}
     two |= {"surfaces": [floor | {"name": "floor"}, floor | {"name": "shelf", "point": [0.1, 0.2, 1.0]}]}
+    one = two | {"surfaces": [floor | {"name": "floor"}]}
+    assert len(observe_in_space(dataset_of(one, impacts=hits(content(), 2)))) == len(hits(content(), 2))
     with pytest.raises(UserError, match="several surfaces cannot be told apart"):
         observe_in_space(dataset_of(two, impacts=hits(content(), 2)))
 

@@ -36,7 +36,7 @@ def given_in_space(dataset: Dataset) -> Observations:
     """
     header, table = dataset.in_space, dataset.impacts
     assert table is not None
-    if header.surfaces is not None:
+    if len(header.planes) > 1:
         raise UserError(
             f"{dataset.name}: impacts at several surfaces cannot be told apart. Give the surface that was hit as "
             "`surface`, and the impacts of each in a dataset of their own."

@@ -65,13 +65,15 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
 
     Raises:
-        UserError: there are no trajectories or no orientations, the tracked frame is unknown and cannot be found, or
-            there are several surfaces.
+        UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body that is no
+            ball has no orientation.
     """
     if dataset.impacts is not None and len(dataset.impacts):
         return given_in_space(dataset)
     whole = dataset.trajectories
-    if whole is None or dataset.in_space.surfaces is not None:
+    if whole is None:
+        raise UserError(f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them.")
+    if len(dataset.in_space.planes) > 1:
         raise UserError(
             f"{dataset.name}: hits in space are found on one surface, and there are several. Give the one that is hit "
             "as `surface`; tosses onto another one are a dataset of their own."

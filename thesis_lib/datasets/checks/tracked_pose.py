@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.solid_body import Tracked
+from thesis_lib.bodies.solid_body import FlatSurface, Tracked
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.table_forms import QUATERNION
@@ -22,11 +22,17 @@ SURE = 4.0  # sigmas of what is found
 def settled(dataset: Dataset) -> Dataset:
     """The dataset with the pose of its tracked frame: as it is if that is stated, else as its tosses say.
 
-    Of a ball without orientation the tracked point is taken to be the centre of mass.
+    Of a ball without orientation the tracked point is taken to be the centre of mass.  A single surface with a name is
+    the surface: beyond its extent nothing is hit that is as high.
 
     Raises:
         UserError: `tracked` is unknown, and the data do not say it; says what is missing.
     """
+    header = dataset.in_space
+    if header.surfaces is not None and len(header.surfaces) == 1:
+        (one,) = header.surfaces
+        surface = FlatSurface(point=one.point, normal=one.normal)
+        dataset = replace(dataset, header=header.model_copy(update={"surface": surface, "surfaces": None}))
     if dataset.in_space.tracked is not None:
         return dataset
     if not dataset.has_angle:
