@@ -339,15 +339,25 @@ class Dynamics:
         def summed(first: np.ndarray, changes: np.ndarray) -> np.ndarray:
             return np.cumsum(np.concatenate([first[:, None], changes], axis=1), axis=1)
 
-        turns = np.repeat((h * true.spin)[:, None], steps, axis=1)
-        middle = summed(true.attitude, turns)[:, :-1] + 0.5 * h * true.spin[:, None]
-        turned = true.tiled(steps).changed(attitude=middle.reshape(1, -1))
-        a = self.tiled(steps, len(true)).true_acceleration(turned).T.reshape(-1, steps, len(true))
-        motion = summed(true.motion, h * a)
-        pose = summed(true.pose, h * motion[:, :-1] + 0.5 * h * h * a)
+        each, d = np.arange(steps + 1), true.space.dimension
         end = true.tiled(steps + 1)
-        t = end.t + np.multiply.outer(np.arange(steps + 1), h).ravel()
-        return end.with_pose(pose.reshape(3, -1)).with_motion(motion.reshape(3, -1)).moved(t=t)
+        if true.space.is_plane:
+            turns = np.repeat((h * true.spin)[:, None], steps, axis=1)
+            middle = summed(true.attitude, turns)[:, :-1] + 0.5 * h * true.spin[:, None]
+            turned = true.tiled(steps).changed(attitude=middle.reshape(1, -1))
+        else:
+            fall = self.flying.fall(true).T
+            turned = self.along(true, fall, np.multiply.outer(each[1:] - 0.5, h))
+            end = self.along(true, fall, np.multiply.outer(each, h))
+        a = self.tiled(steps, len(true)).true_acceleration(turned).T.reshape(-1, steps, len(true))
+        m = true.space.motions if true.space.is_plane else d  # turns in space are those of `along`
+        motion = summed(true.motion[:m], h * a[:m])
+        pose = summed(true.pose[:m], h * motion[:, :-1] + 0.5 * h * h * a[:m])
+        t = true.tiled(steps + 1).t + np.multiply.outer(each, h).ravel()
+        pose, motion = (
+            np.concatenate([new.reshape(m, -1), old[m:]]) for new, old in ((pose, end.pose), (motion, end.motion))
+        )
+        return State(pose, motion, end.trial, t, end.surface, end.space)
 
     def arc(self, tau: np.ndarray, measured: State) -> np.ndarray | None:
         """True flight paths (n, W, 3) less parabolas, at times τ (n, W) in s; None if no effect bends them."""

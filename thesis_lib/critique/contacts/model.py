@@ -85,8 +85,8 @@ class Model:
 
     @cached_property
     def spins_evenly(self) -> bool:
-        """Whether the true acceleration in flight follows from angle and spin alone, and the spin stays."""
-        return self.space.is_plane and all(effect.even for effect in self.acting("acceleration"))
+        """Whether the true acceleration in flight follows from attitude and spin alone, and bodies turn freely."""
+        return all(effect.even for effect in self.acting("acceleration"))
 
     @cached_property
     def camera_is_exact(self) -> bool:
