@@ -119,7 +119,8 @@ def test_hits_are_told_by_the_corners_that_lie_within_4_mm(turn, kind):
 
 def test_what_cannot_be_searched_is_said(tossed):
     floor = {"name": "floor", "point": (0, 0, 0), "normal": (0, 0, 1)}
-    content = {"schema": 2, "body": BODY, "surfaces": [floor]}
+    wall = {"name": "wall", "point": (1, 0, 0), "normal": (-1, 0, 0)}
+    content = {"schema": 2, "body": BODY, "surfaces": [floor, wall]}
     several = dataset_of(content, trajectories=tossed.dataset.trajectories.assign(z=tossed.dataset.trajectories["z"]))
     with pytest.raises(UserError, match="on one surface"):
         observe_in_space(several)
