@@ -6,6 +6,8 @@ This is Coulomb's law for rolling: the normal force can act off the nominal cont
 impact ω changes, often its sign, and the couple with it; it never gives energy.  Through dv_t = −r_y dτ / k² and
 dv_n = r_x dτ / k² it also changes the slip and the end of restitution, which follow their own laws on the same path.
 
+In space the couple is against the turning about the level axes, whatever its direction.
+
 | on paper | in code | unit | shape |                                                              |
 |----------|---------|------|-------|--------------------------------------------------------------|
 | m_r      | `m_r`   | m    |       | lever of rolling resistance, at most the patch's half-width  |
@@ -14,8 +16,9 @@ dv_n = r_x dτ / k² it also changes the slip and the end of restitution, which 
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Impulse, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Impulse, Parameter
 from thesis_lib.effects.impulse_path import STEPS, NormalPath, added, friction, whole_impulse
+from thesis_lib.effects.path_in_space import with_and_without
 
 
 class ContactTorque(Effect):
@@ -26,11 +29,14 @@ class ContactTorque(Effect):
     parameters = (Parameter("m_r", "m", null=0.0, low=0.0, high=0.02, scale=5e-4),)
     needs_angle = True
     rank = 4
+    dimensions = IN_SPACE
     reference = "Brach 1989 (rigid body collisions: moment coefficient); Johnson 1985, chapter 8 (rolling resistance)"
 
     def impulse(self, impulse, contact, state, p, rig):
         if not np.any(p["m_r"]):
             return impulse
+        if contact.dimension == 3:
+            return with_and_without(impulse, contact, state.spin, m_r=p["m_r"])
         with np.errstate(all="ignore"):
             paths = _paths(contact, state.omega, p["m_r"])
         return added(impulse, paths, contact.mu, lever=p["m_r"])

@@ -44,6 +44,7 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
 from thesis_lib.bodies.walls import Wall
+from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.free_motion import spin_rate
@@ -127,9 +128,9 @@ class Rig:
     the root of its mean principal moment, and `down` (3,) the direction of gravity in the axes of the surface, None
     where it is against the normal.  `tracked` is the pose of the tracked frame in the body, from its centre of mass
     (None: the camera reports the body), and `world` (4,) the turn of the axes of the surface into those of the
-    recording (None: they are the same).  Between `walls` states have the number of theirs (`bodies.walls`), and the
-    height is 0.  Without `has_angle` neither the angle nor the spin is measured.  `reference` is where the effects
-    count places, times and releases from.
+    recording (None: they are the same).  `recorded` is what the frames of whole tosses say.  Between `walls` states
+    have the number of theirs (`bodies.walls`), and the height is 0.  Without `has_angle` neither the angle nor the spin
+    is measured.  `reference` is where the effects count places, times and releases from.
     """
 
     shape: Shape | Any
@@ -143,6 +144,7 @@ class Rig:
     down: np.ndarray | None = None
     tracked: Frame | None = None
     world: np.ndarray | None = None
+    recorded: WholeTosses | None = None
 
     @property
     def space(self) -> Space:
@@ -409,7 +411,7 @@ def in_order(effects: Iterable[Effect]) -> list[Effect]:
     | 1    | anisotropic_friction        | friction of either direction of the slip,                               |
     | 2    | velocity_dependent_friction | which then depends on its speed                                         |
     | 3    | tangential_compliance       | the spring that this friction holds                                     |
-    | 4    | contact_torque              | rolling, with what these leave of the spin                              |
+    | 4    | contact_torque, torsional_friction | rolling and spinning, with what these leave of the spin          |
     | 5    | adhesion                    | it takes its energy from the rebound that all else leaves               |
     | 6    | com_offset                  | the origin circles with the angular acceleration of all forces          |
     | 7    | curved_surface              | the axes of the surface, for the centre of mass                         |

@@ -40,7 +40,7 @@ _FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
 def whole_impulse(contact: Contact) -> np.ndarray:
     """Normal impulse (n,) in N s/kg of the path with constant μ: the length that is divided into steps."""
     with np.errstate(all="ignore"):
-        return exact_impulse(contact, contact.mu, contact.epsilon)[1]
+        return exact_impulse(contact, contact.mu, contact.epsilon)[-1]
 
 
 def friction(kicked: np.ndarray, limit: np.ndarray, K_tt: np.ndarray) -> np.ndarray:

@@ -14,8 +14,9 @@ speed (polymers); with v_s above all speeds both are a parabola in the speed.
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 from thesis_lib.effects.impulse_path import added, walk
+from thesis_lib.effects.path_in_space import with_and_without
 
 
 class VelocityDependentFriction(Effect):
@@ -29,12 +30,15 @@ class VelocityDependentFriction(Effect):
     )
     needs_angle = True
     rank = 2
+    dimensions = IN_SPACE
     reference = "Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, doi:10.1016/0005-1098(94)90209-7"
 
     def impulse(self, impulse, contact, state, p, rig):
         s, v_s = p["s"], p["v_s"]
         if not np.any(s):
             return impulse
+        if contact.dimension == 3:
+            return with_and_without(impulse, contact, state.spin, s=s, v_s=v_s)
 
         def factor(v_t: np.ndarray) -> np.ndarray:
             return 1.0 + s * np.exp(-((v_t / v_s) ** 2))

@@ -49,7 +49,10 @@ def knows_no_horizontal_direction(effect: Effect) -> str:
         return ""  # it counts places, or has a direction along the surface
     p, states = _sizes(effect, SPACE), tumbling_boxes(N, np.random.default_rng(8))
     back = of_rotation_vector(np.array([0.0, 0.0, -ANGLE]))
-    there = replace(RECORDED_BOX, world=multiplied(np.asarray(RECORDED_BOX.world), back))
+    recorded = RECORDED_BOX.recorded
+    assert recorded is not None
+    recorded = replace(recorded, turn=_ABOUT @ recorded.turn)
+    there = replace(RECORDED_BOX, world=multiplied(np.asarray(RECORDED_BOX.world), back), recorded=recorded)
     turned = _made(effect, p, there, _of_state(states, _about_vertical, _attitude_about))
     expected = _carried(_made(effect, p, RECORDED_BOX, states), _about_vertical, _attitude_about)
     return _differs(turned, expected, "turned about the vertical, {}")
@@ -84,8 +87,9 @@ def _sliding() -> State:
     """States in the plane, of the box's section across y."""
     rng = np.random.default_rng(9)
     theta = rng.uniform(-np.pi, np.pi, N)
-    y = SECTION.height - SECTION.shape.contact_point(theta)[:, 1]
-    v = rng.uniform(-1.0, 1.0, N), -rng.uniform(1.0, 3.0, N), rng.normal(0.0, 8.0, N)
+    r_x, r_y = SECTION.shape.contact_point(theta).T
+    y, omega = SECTION.height - r_y, rng.normal(0.0, 8.0, N)
+    v = rng.uniform(-1.0, 1.0, N), -rng.uniform(1.0, 3.0, N) - r_x * omega, omega
     return State.planar(rng.uniform(-0.3, 0.3, N), y, theta, *v, np.arange(N), rng.uniform(0.1, 1.0, N))
 
 

@@ -15,10 +15,11 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig, parameters_in
+from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.mechanics.contact import contact
 from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.inertia import mobility
-from thesis_lib.mechanics.space import PLANE, SPACE, Space, of_rotation_vector, rotation_matrix
+from thesis_lib.mechanics.space import PLANE, SPACE, Space, cross, of_rotation_vector, rotation_matrix
 from thesis_lib.mechanics.state import State
 
 MU, EPSILON = 0.25, 0.55
@@ -34,7 +35,15 @@ MOMENTS = np.diag([HALF[1] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[2] ** 2, HAL
 BOX = Rig(Box(half_extents=HALF), float(np.sqrt(np.trace(MOMENTS) / 3.0)), 9.81, 0.2, tensor=MOMENTS)
 # as recorded: the tracked frame somewhere on the body, the axes of the recording not those of the surface
 _TURNS = of_rotation_vector(np.array([[0.4, -1.0], [-0.7, 0.5], [1.1, 0.3]]))
-RECORDED_BOX = replace(BOX, tracked=Frame(np.array([0.02, -0.01, 0.03]), _TURNS[:, 0]), world=_TURNS[:, 1])
+_FRAMES = WholeTosses(
+    trial=np.repeat(np.arange(100), 2),
+    t=np.tile([0.0, 1.0], 100),
+    turn=np.outer([1.0, -2.0, 1.5], np.tile([0.0, 1.0], 100)),
+    touched=np.full(100, 0.5),
+)
+RECORDED_BOX = replace(
+    BOX, tracked=Frame(np.array([0.02, -0.01, 0.03]), _TURNS[:, 0]), world=_TURNS[:, 1], recorded=_FRAMES
+)
 Active = Sequence[tuple[Effect, Mapping[str, float]]]
 Calls = dict[str, tuple[tuple[object, ...], object]]
 
@@ -66,10 +75,12 @@ def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
 
 
 def tumbling_boxes(n: int, rng: np.random.Generator) -> State:
-    """States of the box in space: it touches the surface at all attitudes, falls and spins."""
+    """States of the box in space: it touches the surface at all attitudes, spins, and approaches with 1 to 3 m/s."""
     attitude = of_rotation_vector(rng.standard_normal((3, n)))
-    place = np.concatenate([rng.uniform(-0.3, 0.3, (2, n)), BOX.height - BOX.shape.lowest(attitude)[2:]])
+    r = BOX.shape.lowest(attitude)
+    place = np.concatenate([rng.uniform(-0.3, 0.3, (2, n)), BOX.height - r[2:]])
     fall = np.concatenate([rng.uniform(-1.0, 1.0, (2, n)), -rng.uniform(1.0, 3.0, (1, n)), rng.normal(0, 8.0, (3, n))])
+    fall[2] -= cross(fall[3:], r)[2]
     return State(np.concatenate([place, attitude]), fall, np.arange(n), rng.uniform(0.1, 1.0, n), space=SPACE)
 
 

@@ -27,3 +27,14 @@ def in_world(G: np.ndarray, attitude: np.ndarray) -> np.ndarray:
     if each.shape[2] == 1:
         return np.einsum("ijn,jk,lkn->iln", R, each[:, :, 0], R)
     return np.einsum("ijn,jkn,lkn->iln", R, each, R)
+
+
+def principal_axes(G: np.ndarray) -> np.ndarray:
+    """Principal axes (3, 3) of a tensor (3, 3) in its own axes, by column: each the one nearest to x, y and z."""
+    if np.count_nonzero(G - np.diag(np.diag(G))) == 0:
+        return np.eye(3)
+    axes, order = np.linalg.eigh(G)[1], []
+    for axis in range(3):
+        order.append(max((i for i in range(3) if i not in order), key=lambda i: abs(axes[axis, i])))
+    axes = axes[:, order]
+    return axes * np.sign(np.diag(axes))

@@ -95,7 +95,12 @@ class Model:
 
     @cached_property
     def camera_bends(self) -> bool:
-        """Whether the camera reports parabolas as other curves, so that paths have to be followed through it."""
+        """Whether the camera reports parabolas as other curves, so that paths have to be followed through it.
+
+        In space the tracked point is off the centre of mass, which circles about it as any attitude is wrong.
+        """
+        if not self.space.is_plane:
+            return not self.camera_is_exact
         return any(effect.bends for effect in self.acting("to_true", "to_measured"))
 
     @cached_property

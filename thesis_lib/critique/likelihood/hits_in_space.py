@@ -43,6 +43,7 @@ from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.datasets.samples.copies import originals
 from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.effects.effect import Rig
+from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -128,13 +129,15 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     counts = dict(zip(("n_pre", "n_post"), used[kept].sum(axis=2).T))
     detected = State(states.pose[:, at], states.motion[:, at], trial, t + windows.t_0, None, SPACE)
     rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
+    since = t + windows.t_0 - _first_sample(samples)[at]
+    rig = replace(rig, recorded=WholeTosses.of(states, trial, since))
     single = Observations(
         rig=rig,
         trial=trial[rows],
         surface=np.zeros(len(rows), int),
         impact=ordinals(trial)[rows],
         hits=np.ones(len(rows), int),
-        t=t[rows] + windows.t_0[rows] - _first_sample(samples)[at[rows]],
+        t=since[rows],
         span=np.zeros(len(rows)),
         **{name: getattr(fitted, name)[kept] for name in ("value", "slope", "bow", "nodes", "weights")},
         cov=fitted.cov[kept] * np.outer(sigma, sigma),

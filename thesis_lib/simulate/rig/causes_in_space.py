@@ -22,6 +22,7 @@ from thesis_lib.bodies.solids import Edged
 from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.inertia import principal_axes
 from thesis_lib.mechanics.space import (
     conjugate,
     cross,
@@ -108,10 +109,8 @@ def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
     body, tracked, get = header.body, header.tracked, _getter(hidden)
     if isinstance(shape := body.shape, Mesh):
         raise UserError("Nothing is hidden in a mesh; toss another shape.")
-    principal, axes = np.linalg.eigh(body.inertia_per_mass)
-    if np.abs(body.inertia_per_mass - np.diag(np.diag(body.inertia_per_mass))).max() <= 1e-12 * principal.max():
-        principal, axes = np.diag(body.inertia_per_mass), np.eye(3)
-    principal = principal * (1.0 + get("wrong_inertia.d_I"))
+    axes = principal_axes(body.inertia_per_mass)
+    principal = np.diag(axes.T @ body.inertia_per_mass @ axes) * (1.0 + get("wrong_inertia.d_I"))
     principal = principal * (1.0 + np.array([0.0, get("inertia_ratios.a_y"), get("inertia_ratios.a_z")]))
     tensor = (body.mass or 1.0) * (axes * principal) @ axes.T
     if s := get("wrong_size.s"):

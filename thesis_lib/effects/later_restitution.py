@@ -1,0 +1,35 @@
+"""Later restitution: hits after the first of a toss have another restitution (loose parts that move, wet faces).
+
+    ε ← clip(ε (1 + d), 0, 1)   for all hits but the first of each toss
+
+| on paper | in code | unit | shape |                                                       |
+|----------|---------|------|-------|-------------------------------------------------------|
+| d        | `d`     | 1    |       | relative change from the first hit to all later ones  |
+
+What changes from toss to toss is wear.
+"""
+
+import numpy as np
+
+from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
+from thesis_lib.effects.later_hits import is_later
+
+
+class LaterRestitution(Effect):
+    name = "later_restitution"
+    family = "contact_law"
+    title = "another restitution at later hits"
+    equation = "ε = ε₀ (1 + d) after the first hit"
+    parameters = (Parameter("d", "1", null=0.0, low=-0.95, high=2.0, scale=0.1),)
+    dimensions = ONLY_SPACE
+    reference = "definition of the restitution"
+
+    def applies_to(self, rig):
+        return rig.recorded is not None
+
+    def coefficients(self, mu, epsilon, contact, state, p, rig):
+        factor = np.where(is_later(state, rig), 1.0 + p["d"], 1.0)
+        return mu, np.clip(epsilon * factor, 0.0, 1.0)
+
+
+EFFECT = LaterRestitution()

@@ -1,0 +1,156 @@
+"""The path of an impact in space in steps of the normal impulse, as `impulse_path` in the plane; compiled.
+
+Shared by effects; not an effect itself.  Per unit mass, with the normal impulse p as "time",
+
+    dv = K (dc_t, dp) + (G⁻¹ dτ) × r,   dω = G⁻¹ (r × (dc_t, dp) + dτ)
+
+Two things resist the motion of a contact, each as strongly as the motion would need to end, within a ball:
+
+    slip and spin about the normal   (dc_1 / μ f, dc_2 / μ f, dτ_n / m_t)   of at most dp      Coulomb, in one cone
+    rolling                          (dτ_1, dτ_2)                           of at most m_r dp
+
+f = 1 + s exp(−(|v_t| / v_s)²) is Stribeck's factor.  A step y within a ball of radius R solves (B + λ) y = −u with the
+least λ ≥ 0 for which |y| ≤ R, so that it opposes the velocity at its end.  Restitution ends by Stronge's energetic
+coefficient.  An effect takes the difference of the path with it and that without it.
+
+| on paper      | in code    | unit | shape     |                                                     |
+|---------------|------------|------|-----------|-----------------------------------------------------|
+| v, ω          | `v`, `w`   | m/s, rad/s | (3, n) | of the contact point, of the body                |
+| K, G⁻¹        | `K`, `mobility` | 1/kg, 1/(kg m²) | (3, 3, n) | as in `mechanics.contact`               |
+| m_t, m_r      | `m_t`, `m_r` | m  | (n,)      | levers of torsional and of rolling friction         |
+| s, v_s        | `s`, `v_s` | 1, m/s | (n,)    | Stribeck's                                          |
+
+Sources: those of `impulse_path`; for the one cone Contensou 1963, and Leine and Glocker 2003,
+doi:10.1016/S0997-7538(02)01256-9.
+"""
+
+import numpy as np
+from numba import njit
+
+from thesis_lib.effects.effect import Impulse
+from thesis_lib.effects.impulse_path import STEPS, whole_impulse
+from thesis_lib.mechanics.contact import Contact
+
+_TINY = 1e-30  # m/s; a step without any rise of v_n lies wholly in compression or in restitution
+_FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
+_SMOOTH = 1e-9  # least μ, so that the ball has a size
+_NEWTON, _FOUND = 30, 1e-13  # steps to λ, and of the radius of the ball; some 5 are needed
+
+compiled = njit(cache=True, error_model="numpy")
+
+
+def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **parameters) -> Impulse:
+    """`impulse` with what the path has more with these parameters (s, v_s, m_t, m_r) than without.
+
+    The contact still pushes; friction stays inside the cone of the largest μ on the way, or where the law itself is,
+    and couples within their levers times c_n.
+    """
+    n = len(contact.v_n)
+    s, v_s, m_t, m_r = (
+        np.array(np.broadcast_to(parameters.get(name, value), n), dtype=float)
+        for name, value in (("s", 0.0), ("v_s", 1.0), ("m_t", 0.0), ("m_r", 0.0))
+    )
+    mu, epsilon = (np.array(np.broadcast_to(part, n), dtype=float) for part in (contact.mu, contact.epsilon))
+    dp, none = whole_impulse(contact) / STEPS, np.zeros(n)
+    v, w, r, K, mobility = (
+        np.array(part, dtype=float) for part in (contact.v, spin, contact.r, contact.K, contact.mobility)
+    )
+    with_it, without = np.zeros((6, n)), np.zeros((6, n))
+    _follow(v, w, r, K, mobility, mu, epsilon, dp, s, v_s, m_t, m_r, STEPS, with_it)
+    _follow(v, w, r, K, mobility, mu, epsilon, dp, none, v_s, none, none, STEPS, without)
+    more = with_it - without
+    more = np.where(np.isfinite(more), more, 0.0)
+    c = np.array(impulse.c)
+    c_n = np.maximum(c[2] + more[2], 0.0)
+    most = np.maximum(mu * (1.0 + np.maximum(s, 0.0)) * c_n, np.hypot(c[0], c[1]))
+    c_t, rolling = _within(c[:2] + more[:2], most), _within(more[3:5], m_r * c_n)
+    couple = np.concatenate([rolling, np.clip(more[5:], -m_t * c_n, m_t * c_n)])
+    return Impulse(np.concatenate([c_t, c_n[None]]), impulse.couple + couple)
+
+
+def _within(u: np.ndarray, most: np.ndarray) -> np.ndarray:
+    """Vectors (2, n), shortened to `most` (n,)."""
+    return u * np.minimum(1.0, most / np.maximum(np.hypot(u[0], u[1]), _TINY))
+
+
+@compiled
+def _solved(a, b, c, d, e, f, x, y, z):
+    """The solution of the symmetric system ((a, b, c), (b, d, e), (c, e, f)) · = (x, y, z)."""
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * A + b * B + c * C
+    return (A * x + B * y + C * z) / det, (B * x + D * y + E * z) / det, (C * x + E * y + F * z) / det
+
+
+@compiled
+def _resisted(a, b, c, d, e, f, x, y, z, radius):
+    """y of the module's text, with B as of `_solved` and u = (x, y, z)."""
+    more = 0.0
+    for _ in range(_NEWTON):
+        p, q, r = _solved(a + more, b, c, d + more, e, f + more, -x, -y, -z)
+        size = np.sqrt(p * p + q * q + r * r)
+        if more == 0.0 and size <= radius:
+            break
+        if not abs(size - radius) > _FOUND * radius:
+            break
+        i, j, k = _solved(a + more, b, c, d + more, e, f + more, p, q, r)
+        more += (size / radius - 1.0) * size * size / (p * i + q * j + r * k)
+    return p, q, r
+
+
+@compiled
+def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, steps, found):
+    """Impulses and couples (6, n) at the ends of the paths, into `found`."""
+    for i in range(len(mu0)):
+        dp, r, H, K = dp0[i], r0[:, i].copy(), mobility[:, :, i].copy(), K0[:, :, i].copy()
+        # turning by an impulse along each axis, and motion of the contact point by a couple about each axis
+        turn, lift = np.empty((3, 3)), np.empty((3, 3))
+        for j in range(3):
+            e = np.zeros(3)
+            e[j] = 1.0
+            turn[:, j] = H @ np.cross(r, e)
+            lift[:, j] = np.cross(H[:, j].copy(), r)
+        v, w, last = v0[:, i].copy(), w0[:, i].copy(), np.zeros(6)
+        before, rolled, total = v.copy(), np.zeros(2), np.zeros(6)
+        low, compression, work, rise = v[2], 0.0, 0.0, 0.0
+        t = m_t[i]
+        for _ in range(steps):
+            old = v[2]
+            x, y = 1.5 * v[0] - 0.5 * before[0], 1.5 * v[1] - 0.5 * before[1]
+            before[:] = v
+            f = max(mu0[i], _SMOOTH) * (1.0 + s[i] * np.exp(-(x * x + y * y) / (v_s[i] * v_s[i])))
+            # friction expects the couple of the step before, so that a sticking contact goes on sticking while it rolls
+            v += K[:, 2] * dp + lift[:, 0] * rolled[0] + lift[:, 1] * rolled[1]
+            w += turn[:, 2] * dp + H[:, 0] * rolled[0] + H[:, 1] * rolled[1]
+            if t > 0.0:
+                p, q, z = _resisted(
+                    *(f * f * K[0, 0], f * f * K[0, 1], f * t * lift[0, 2], f * f * K[1, 1], f * t * lift[1, 2]),
+                    *(t * t * H[2, 2], f * v[0], f * v[1], t * w[2], dp),
+                )
+            else:
+                p, q, z = _resisted(
+                    *(f * f * K[0, 0], f * f * K[0, 1], 0.0, f * f * K[1, 1], 0.0, 1.0, f * v[0], f * v[1], 0.0, dp)
+                )
+            last[0], last[1], last[2], last[5] = f * p, f * q, dp, t * z
+            v += K[:, 0] * last[0] + K[:, 1] * last[1] + lift[:, 2] * last[5]
+            w += turn[:, 0] * last[0] + turn[:, 1] * last[1] + H[:, 2] * last[5]
+            if m_r[i] > 0.0:
+                w -= H[:, 0] * rolled[0] + H[:, 1] * rolled[1]
+                v -= lift[:, 0] * rolled[0] + lift[:, 1] * rolled[1]
+                p, q, _z = _resisted(H[0, 0], H[0, 1], 0.0, H[1, 1], 0.0, 1.0, w[0], w[1], 0.0, m_r[i] * dp)
+                rolled[0], rolled[1] = p, q
+                w += H[:, 0] * p + H[:, 1] * q
+                v += lift[:, 0] * p + lift[:, 1] * q
+            last[3], last[4] = rolled
+            rise = v[2] - old
+            below = min(v[2], 0.0)
+            share = (below - low + _TINY) / (rise + _TINY)
+            compression += share * (below + low) * dp
+            work += (v[2] + old) * dp
+            low = below
+            total += last
+        b = max(rise / dp, _FLATTEST * K[2, 2])
+        compression -= low * low / b
+        square = v[2] * v[2] + b * ((1.0 - epsilon[i] * epsilon[i]) * compression - work)
+        share = (np.sqrt(max(square, 0.0)) - v[2]) / (b * dp)
+        found[:, i] = total + share * last
