@@ -32,7 +32,7 @@ class InertiaRatios(Effect):
     reference = "Goldstein, Classical Mechanics, chapter 5"
 
     def inertia(self, G, p):
-        a = vector(p, _NAMES)
+        G, a = np.asarray(G), vector(p, _NAMES)
         axes = principal_axes(G[:, :, 0])
         moments = np.einsum("ji,jkn,ki->in", axes, G, axes)
         more = np.concatenate([np.zeros((1, a.shape[1])), a]) * moments
