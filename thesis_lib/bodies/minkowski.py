@@ -54,5 +54,8 @@ class SupportPoint:
 
     def lowest(self, attitude: np.ndarray) -> np.ndarray:
         """The point (3, n) in m from the body's origin, in axes of the world, at attitudes (4, n)."""
-        down = SPACE.turned_back(attitude, np.array([[0.0], [0.0], [-1.0]]))
-        return SPACE.turned(attitude, self.solid.minkowski.support(down, self.index))
+        parts = self.solid.minkowski
+        if parts.squares.any():
+            down = SPACE.turned_back(attitude, np.array([[0.0], [0.0], [-1.0]]))
+            return SPACE.turned(attitude, parts.support(down, self.index))
+        return SPACE.turned(attitude, parts.centres[:, self.index]) - [[0.0], [0.0], [parts.radius]]

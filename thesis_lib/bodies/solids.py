@@ -204,7 +204,7 @@ class Box(Edged):
     def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
         return (np.array(self.half_extents) - self.edge_radius)[:, None] * _sign(unit)
 
-    @property
+    @cached_property
     def minkowski(self) -> MinkowskiSum:
         inner = self.corners * (1.0 - self.edge_radius / np.array(self.half_extents))[:, None]
         return MinkowskiSum(inner, np.zeros(3), self.edge_radius)
@@ -370,7 +370,7 @@ class Recentred(Solid):
         """The same solid with edges of another radius in m; AttributeError if it has no edges."""
         return Recentred(solid=self.solid.rounded(edge_radius), origin=self.origin)  # pyright: ignore[reportAttributeAccessIssue]
 
-    @property
+    @cached_property
     def minkowski(self) -> MinkowskiSum:
         own = self.solid.minkowski
         return own._replace(centres=own.centres - self._shift)

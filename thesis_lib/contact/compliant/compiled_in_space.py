@@ -24,7 +24,8 @@ from thesis_lib.contact.compliant.compiled import CONVEX, SETTLED, SPEED, SWEEPS
 CLOSE = 1e-9  # relative: friction on its limit, direction of the generator in rad
 MOST = 40  # Newton steps to either; some 4 are needed
 FURTHEST = 0.7  # rad a step over the generators
-SAMPLED = 8  # generators that are looked at first: more than one may be better than its neighbours
+# directions of generators that are looked at first: more than one may be better than its neighbours
+FIRST = np.stack([np.cos(0.25 * np.pi * np.arange(8)), np.sin(0.25 * np.pi * np.arange(8))], axis=1)
 
 
 @compiled
@@ -71,9 +72,10 @@ def _friction(a, b, c, x, y, s_1, s_2, limit, sharing):
 
 
 @compiled
-def _on_generator(Q, c, mu, angle):
-    """c·g and gᵀ Q g of the generator g at the angle, with their first and second derivatives by it."""
-    cos, sin = mu * np.cos(angle), mu * np.sin(angle)
+def _on_generator(Q, c, mu, cos, sin):
+    """c·g and gᵀ Q g of the generator g in the direction (cos, sin), with their first and second derivatives by its
+    angle."""
+    cos, sin = mu * cos, mu * sin
     gain, turn = c[0] * cos + c[1] * sin + c[2], c[1] * cos - c[0] * sin
     p, q = Q[0, 0] * cos + Q[0, 1] * sin + Q[0, 2], Q[0, 1] * cos + Q[1, 1] * sin + Q[1, 2]
     square = cos * p + sin * q + Q[0, 2] * cos + Q[1, 2] * sin + Q[2, 2]
@@ -84,33 +86,33 @@ def _on_generator(Q, c, mu, angle):
 
 
 @compiled
-def _circular_cone(Q, c, mu, angle):
+def _circular_cone(Q, c, mu):
     """f (f_1, f_2, f_n) that minimises ½ fᵀ Q f − fᵀ c on the cone |f_t| = μ f_n, or 0."""
     if mu <= 0.0:
-        f_n = max(c[2], 0.0) / Q[2, 2]
-        return 0.0, 0.0, f_n
-    best, first_try = -np.inf, angle
-    for i in range(SAMPLED):
-        at = first_try + 2.0 * np.pi * i / SAMPLED
-        gain, _, _, square, _, _ = _on_generator(Q, c, mu, at)
+        return 0.0, 0.0, max(c[2], 0.0) / Q[2, 2]
+    best, cos, sin = -np.inf, 1.0, 0.0
+    for i in range(len(FIRST)):
+        gain, _, _, square, _, _ = _on_generator(Q, c, mu, FIRST[i, 0], FIRST[i, 1])
         if gain > best * np.sqrt(square):
-            best, angle = gain / np.sqrt(square), at
+            best, cos, sin = gain / np.sqrt(square), FIRST[i, 0], FIRST[i, 1]
     if best <= 0.0:
         return 0.0, 0.0, 0.0
     for _ in range(MOST):  # the largest log (c·g)² / gᵀ Q g
-        gain, turn, bend, square, first, second = _on_generator(Q, c, mu, angle)
+        gain, turn, bend, square, first, second = _on_generator(Q, c, mu, cos, sin)
         slope = turn / gain - 0.5 * first / square
         curvature = bend / gain - (turn / gain) ** 2 - 0.5 * second / square + 0.5 * (first / square) ** 2
         step = -slope / curvature if curvature < 0.0 else np.sign(slope) * FURTHEST
         step = min(max(step, -FURTHEST), FURTHEST)
-        while _on_generator(Q, c, mu, angle + step)[0] <= 0.0:
+        a, b = np.cos(step), np.sin(step)
+        while _on_generator(Q, c, mu, a * cos - b * sin, a * sin + b * cos)[0] <= 0.0:
             step *= 0.5
-        angle += step
+            a, b = np.cos(step), np.sin(step)
+        cos, sin = a * cos - b * sin, a * sin + b * cos
         if abs(step) < CLOSE:
             break
-    gain, _, _, square, _, _ = _on_generator(Q, c, mu, angle)
+    gain, _, _, square, _, _ = _on_generator(Q, c, mu, cos, sin)
     f_n = gain / square
-    return mu * np.cos(angle) * f_n, mu * np.sin(angle) * f_n, f_n
+    return mu * cos * f_n, mu * sin * f_n, f_n
 
 
 @compiled
@@ -172,7 +174,7 @@ def _convex(h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, Bs, Ks, force
                         Q[i, j] = half * A[i, j]
                     Q[i, i] += rho / ratio
                 c[0], c[1] = -B * s_1 - half * u_1, -B * s_2 - half * u_2
-                f_1, f_2, f_n = _circular_cone(Q, c, mu, np.arctan2(c[1], c[0]))
+                f_1, f_2, f_n = _circular_cone(Q, c, mu)
             d_1, d_2, d_n = f_1 - f[0], f_2 - f[1], f_n - f[2]
             _accelerate(d_1, d_2, d_n, r, W, a, alpha)
             f[0], f[1], f[2] = f_1, f_2, f_n

@@ -88,8 +88,10 @@ class SavedSpaceModel(SavedModel):
 
     def after(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         dynamics = self.dynamics
-        approaches = dynamics.approaches(dynamics.to_true(state))
-        motion = np.where(approaches, dynamics.predict(state).motion, state.motion)
+        true = dynamics.to_true(state)
+        approaches = dynamics.approaches(true)
+        after = dynamics.to_measured(dynamics.off(true)) if dynamics.integrated else dynamics.predict(state)
+        motion = np.where(approaches, after.motion, state.motion)
         seen = tracked_of_body(surface_frames(self.rig)[0].shown(state.with_motion(motion)), self.rig)
         return seen.v, approaches
 
