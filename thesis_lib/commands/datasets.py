@@ -122,7 +122,7 @@ def build_parser() -> Parser:
     example.add_argument("--shape", help=f"{shape} (ellipse, square or puck)")
     lasting = (
         "how long a central impact at 2.5 m/s lasts, at most 5 ms; default: 1 ms, as of hard plastic on metal; rubber "
-        "takes 3 ms and more, and with 0.02 ms drops are nearly those of a rigid body"
+        "takes 3 ms and more, and with 0.02 ms drops are nearly those of a rigid body; with --space 2 ms"
     )
     example.add_argument("--contact-time", type=float, metavar="MS", help=lasting)
     filters = ["moving_average", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
@@ -187,7 +187,8 @@ def _example(args: argparse.Namespace) -> int:
     write = _recording if args.mechanism else _tosses if args.space else _puck if args.shape == "puck" else _drops
     if args.shape not in (None, "ellipse", "square", "puck") and write is not _tosses:
         raise UserError(f"--shape {args.shape}: it is ellipse, square or puck; bodies in space need --space.")
-    of_drops = (*(["shape"] if args.mechanism else []), "contact_time", "filter", "cutoff")
+    own = ["shape"] if args.mechanism else []
+    of_drops = (*own, *([] if args.space else ["contact_time"]), "filter", "cutoff")
     if write is not _drops and any(getattr(args, name) is not None for name in of_drops):
         from thesis_lib.statistics.wording import listed
 
@@ -224,6 +225,8 @@ def _tosses(args: argparse.Namespace, out: Path, given: dict) -> str:
         from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 
         given["engine"] = MujocoTosses()
+    if args.contact_time is not None:
+        given["contact_time"] = _contact_time(args.contact_time)
     shape, hidden = args.shape or "box", args.hidden or "nothing"
     write_dataset(simulate_tosses(out.resolve().name, shape, hidden, **given), out)
     return ""
@@ -271,9 +274,7 @@ def _drops_in(engine: str, milliseconds: float | None) -> dict:
     """Keywords `engine` and `contact` of `simulate_example`; UserError if the engine is not installed."""
     from importlib.util import find_spec
 
-    lasting = 1.0 if milliseconds is None else milliseconds
-    if not 0.0 < lasting <= 5.0:
-        raise UserError(f"--contact-time must be above 0 and at most 5 ms; got {lasting:g}.")
+    lasting = _contact_time(1.0 if milliseconds is None else milliseconds)
     package = {"own": "numpy", "mujoco": "mujoco", "drake": "pydrake"}[engine]
     if find_spec(package) is None:
         raise UserError(f"--engine {engine} needs a package: pip install {engine}, or leave --engine out.")
@@ -281,15 +282,22 @@ def _drops_in(engine: str, milliseconds: float | None) -> dict:
         from thesis_lib.simulate.mujoco.contact import MujocoContact
         from thesis_lib.simulate.mujoco.drops import DropsInMujoco
 
-        return {"engine": DropsInMujoco(), "contact": MujocoContact(contact_time=1e-3 * lasting)}
+        return {"engine": DropsInMujoco(), "contact": MujocoContact(contact_time=lasting)}
     from thesis_lib.simulate.rig.hidden_causes import CompliantContact
 
-    contact = {"contact": CompliantContact(contact_time=1e-3 * lasting)}
+    contact = {"contact": CompliantContact(contact_time=lasting)}
     if engine == "own":
         return contact
     from thesis_lib.simulate.drake.drops import DropsInDrake
 
     return contact | {"engine": DropsInDrake("point")}
+
+
+def _contact_time(milliseconds: float) -> float:
+    """The contact time in s; UserError if it is out of range."""
+    if not 0.0 < milliseconds <= 5.0:
+        raise UserError(f"--contact-time must be above 0 and at most 5 ms; got {milliseconds:g}.")
+    return 1e-3 * milliseconds
 
 
 def _refuse_existing(out: Path, force: bool) -> None:

@@ -12,7 +12,7 @@ from thesis_lib.simulate.tosses.camera import CameraInSpace, film
 from thesis_lib.simulate.tosses.world import TossedWorld, TossEngine
 from thesis_lib.statistics.wording import listed
 
-CONTACT_TIME = 2e-3  # s
+CONTACT_TIME = 2e-3  # s, of a central hit
 SHAPES: Mapping[str, Solid] = {
     "box": Box(half_extents=(0.05, 0.04, 0.03)),
     "sphere": Sphere(radius=0.04),
@@ -31,6 +31,7 @@ def simulate_tosses(
     drops: int = 60,
     seed: int = 0,
     engine: TossEngine | None = None,
+    contact_time: float = CONTACT_TIME,
 ) -> Dataset:
     """Tosses of a body at 240 Hz; `hidden` is a cause with a `size`, or the sizes by effect and parameter.
 
@@ -50,7 +51,7 @@ def simulate_tosses(
         }
     )
     world = TossedWorld(
-        header, contact_time=CONTACT_TIME, hidden=sizes_of(hidden, size) if isinstance(hidden, str) else hidden
+        header, contact_time=contact_time, hidden=sizes_of(hidden, size) if isinstance(hidden, str) else hidden
     )
     return film(name, world, engine or _own(), CameraInSpace(seconds=1.2), drops, generator(seed, "tosses", shape))
 
