@@ -28,8 +28,8 @@ def test_a_tutorial_is_short(page: Path) -> None:
     assert len(page.read_text(encoding="utf-8").splitlines()) < LONGEST
 
 
-def test_there_are_eight_tutorials() -> None:
-    assert len(TUTORIALS) == 8
+def test_there_are_nine_tutorials() -> None:
+    assert len(TUTORIALS) == 9
 
 
 def test_a_tutorial_that_is_not_true_is_noticed(tmp_path: Path) -> None:
