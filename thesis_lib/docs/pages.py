@@ -21,6 +21,7 @@ from thesis_lib.critique.proof import (
     measured_models,
     next_drops,
     proposals,
+    space,
 )
 from thesis_lib.critique.proof import engines as engine_proof
 from thesis_lib.critique.proof.results import outcomes, recovered
@@ -40,6 +41,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "fits of measured drops": lambda: direct_fits.tables()[1],
     "measured sets": measured.as_markdown,
     "engines": engine_proof.as_markdown,
+    "proof in space": space.as_markdown,
     "proposals": proposals.as_markdown,
     "next experiment": next_drops.as_markdown,
     "models of measured sets": measured_models.as_markdown,
