@@ -125,6 +125,14 @@ def test_rests_on_several_faces_give_it_without_a_hit(shape):
     assert_right(header, found)
 
 
+@pytest.mark.slow
+def test_flights_are_found_where_most_of_a_recording_is_rest():
+    header = rig("box 5:4:3", 7)
+    ups = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (4, 1))
+    table = at_rest(header, tossed(header, 24, 7), ups, 7, frames=4000)
+    assert_right(header, found_in(header, table))
+
+
 def test_rests_on_one_face_leave_open_which_face_it_is_and_the_turn_about_it():
     header = rig("box 3:2:1", 6)
     table = at_rest(header, tossed(header, 24, 6, before_hits=True), np.tile([0.0, 0.0, 1.0], (24, 1)), 6)

@@ -71,7 +71,8 @@ def falling_body(t: np.ndarray, position: np.ndarray, R: np.ndarray, gravity: fl
 def _search(t: np.ndarray, poses: np.ndarray, half: int, gravity: float) -> tuple[np.ndarray, np.ndarray] | None:
     """c and g with which most windows fall; None if none does."""
     a = parabolas(t, poses, half, float(np.median(np.diff(t))))[1]
-    a = a[np.isfinite(a).all(axis=1)]
+    # of long recordings most is rest and a hand's carrying, which hardly accelerates
+    a = a[np.isfinite(a).all(axis=1) & (np.linalg.norm(a[:, :3], axis=1) > NEAR_G * gravity)]
     rng = np.random.default_rng(0)  # the answer is that of the data
     if len(a) < 3:
         return None
