@@ -93,5 +93,8 @@ def test_one_long_recording_is_cut_into_tosses(tmp_path):
             parts.append(part.assign(t=part["t"] + start))
         start += float(rest["t"].max()) + 1 / 240.0
     log = pd.concat(parts).drop(columns="trial")
+    log["t"] += 2000.0
+    log["t"] = log["t"].map("{:.7g}".format)  # to milliseconds
     code, made = init(tmp_path, log, "--quaternion", "xyzw", *SHAPE)
     assert code == 0 and len(made.trials) == 12
+    assert abs(made.rate - 240.0) < 0.2

@@ -16,7 +16,7 @@ from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, medi
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.header_file import Model
 from thesis_lib.datasets.format.space_header import SpaceHeader
-from thesis_lib.datasets.sources.recorded import Recorded
+from thesis_lib.datasets.sources.recorded import Recorded, long_period
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.drops import Cuts
 from thesis_lib.foundation.errors import UserError
@@ -85,14 +85,15 @@ def solid_dataset(recorded: Recorded, up: np.ndarray, found: "TrackedFrame | Non
 
     UserError if a value of the experiment is impossible, or a mesh is not closed.
     """
-    rig, step = recorded.rig, np.diff(recorded.motion.t)
+    rig, motion = recorded.rig, recorded.motion
     body: dict = {"shape": rig.shape, "mass": rig.mass, "homogeneous": True}
     if rig.size_uncertainty is not None:
         body["uncertainty"] = {"size": rig.size_uncertainty}
     point, normal = (rig.surface_height or 0.0) * up, up
     if found is not None and rig.surface_height is None:
         point, normal = found.point, found.normal
-    rate = float(f"{1.0 / np.median(step):.6g}") if len(step) else None
+    # of many steps together, as stamps of a long recording may have few digits
+    rate = float(f"{1.0 / long_period(motion.t, recorded.piece):.6g}") if len(motion) > 1 else None
     content = {
         "schema": 2,
         "description": _description(recorded.files),

@@ -11,12 +11,10 @@ from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.datasets.sources.conversion import Conversion
 from thesis_lib.datasets.sources.kept_in_space import keep_in_space
 from thesis_lib.datasets.sources.projected import project
-from thesis_lib.datasets.sources.recorded import Recorded, View
+from thesis_lib.datasets.sources.recorded import PART, Recorded, View, long_period
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.motion import Motion, handed, join
 from thesis_lib.foundation.errors import UserError
-
-PART = 100  # samples within which a clock of arrival wanders by less than it jitters
 
 
 def convert_motions(
@@ -51,7 +49,7 @@ def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: l
     row = np.arange(len(piece)) - np.repeat(first, np.diff(np.r_[first, len(piece)]))
     part = np.cumsum(row % PART == 0)
     samples = Samples(part, motion.t, motion.position, part)
-    found = times_of_pictures(samples, rate or 1.0 / _long_period(motion.t, piece), lengths=3)
+    found = times_of_pictures(samples, rate or 1.0 / long_period(motion.t, piece), lengths=3)
     if found is None:
         return motion, piece
     sure, t, said = found
@@ -59,15 +57,3 @@ def _at_exposure(motion: Motion, piece: np.ndarray, rate: float | None, notes: l
     rises = t > np.maximum.accumulate(np.r_[-np.inf, t[:-1]])  # a part that has counted one too many runs into the next
     rows = np.flatnonzero(sure)[rises]
     return replace(motion.part(rows), t=t[rises]), piece[rows]
-
-
-def _long_period(t: np.ndarray, piece: np.ndarray) -> float:
-    """Median step in s over ever more rows: of a period that is nearly known, the steps between two rows are, too."""
-    period = 0.0
-    for span in 2 ** np.arange(2, 16):
-        step = (t[span:] - t[:-span])[piece[span:] == piece[:-span]]
-        if period and len(step) < PART:
-            break
-        steps = np.maximum(np.round(step / period), 1.0) if period else float(span)
-        period = float(np.median(step / steps)) if len(step) else float(np.median(np.diff(t)))
-    return period

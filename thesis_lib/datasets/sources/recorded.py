@@ -12,6 +12,7 @@ from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.torque_free import falling
 
 MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
+PART = 100  # samples within which a clock of arrival wanders by less than it jitters
 STRAIGHT = 0.99  # share of a direction along an axis, from which on it is that axis
 
 
@@ -84,3 +85,15 @@ class Recorded:
             f"none of {len(drops)} drops reaches the surface: their falls end {low:.3f} m above it (median). Is the "
             f"surface at {surface:.3f} m (--surface-height)? Are the shape and --frame right?"
         )
+
+
+def long_period(t: np.ndarray, piece: np.ndarray) -> float:
+    """Median step in s over ever more rows: of a period that is nearly known, the steps between two rows are, too."""
+    period = 0.0
+    for span in 2 ** np.arange(2, 16):
+        step = (t[span:] - t[:-span])[piece[span:] == piece[:-span]]
+        if period and len(step) < PART:
+            break
+        steps = np.maximum(np.round(step / period), 1.0) if period else float(span)
+        period = float(np.median(step / steps)) if len(step) else float(np.median(np.diff(t)))
+    return period
