@@ -246,6 +246,7 @@ class Effect:
         needs_trajectories: whether impacts alone cannot test it.
         needs_contact_time: whether it is about nothing but the time that contacts take.
         needs_angle: whether only the angle or the spin shows it, or an unknown spin before the impact mimics it.
+        needs_history: whether it depends on what was before a hit, so that whole tosses must be recorded.
         needs_one_surface: whether it has no meaning between walls, as it is about gravity or a place along one surface.
         includes: names of other effects that it is at some of its parameters: it is no alternative to them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
@@ -271,6 +272,7 @@ class Effect:
     needs_trajectories: bool = False
     needs_contact_time: bool = False
     needs_angle: bool = False
+    needs_history: bool = False
     needs_one_surface: bool = False
     includes: tuple[str, ...] = ()
     breaks_mirror: bool = False

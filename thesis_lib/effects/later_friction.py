@@ -21,11 +21,9 @@ class LaterFriction(Effect):
     title = "another friction at later hits"
     equation = "μ = μ₀ (1 + d) after the first hit"
     parameters = (Parameter("d", "1", null=0.0, low=-0.95, high=3.0, scale=0.1),)
+    needs_history = True
     dimensions = ONLY_SPACE
     reference = "definition of the coefficient of friction"
-
-    def applies_to(self, rig):
-        return rig.recorded is not None
 
     def coefficients(self, mu, epsilon, contact, state, p, rig):
         factor = np.where(is_later(state, rig), 1.0 + p["d"], 1.0)

@@ -26,12 +26,13 @@ class RotationScale(Effect):
     parameters = (Parameter("s_R", "1", null=0.0, low=-0.5, high=1.0, scale=0.02),)
     channels = ("impact", "touch", "flight")
     needs_angle = True
+    needs_history = True
     rank = 65
     dimensions = ONLY_SPACE
     reference = "Titterton and Weston 2004, Strapdown Inertial Navigation Technology (scale factor of a gyroscope)"
 
     def applies_to(self, rig):
-        return rig.recorded is not None and not isinstance(rig.shape, Sphere)
+        return not isinstance(rig.shape, Sphere)
 
     def to_true(self, state, p, rig):
         E = _summed(state, p["s_R"], rig)

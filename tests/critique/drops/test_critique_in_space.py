@@ -1,16 +1,19 @@
 """A critique of a box that tumbles in space names what is hidden, and nothing where nothing is."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from tosses import simulate_tosses
 
+from thesis_lib.bodies.solids import Sphere
 from thesis_lib.contact import LAWS, LAWS_IN_SPACE
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.world import testable_effects as usable_effects
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
@@ -122,6 +125,21 @@ def test_lines_in_space_lead_to_the_states_and_back(observed, effect):
         assert np.all(np.abs(slope - observed.slope[:, side]) < limits)
         off = observed.space.difference(value.T, observed.value[:, side].T)
         assert np.all(np.abs(off.T) < 0.1 * limits)
+
+
+def test_what_a_body_in_space_cannot_show_is_said_with_the_reason(observed):
+    testable, why_not = usable_effects(observed, timed=False)
+    assert set(testable) | set(why_not) == set(EFFECTS)
+    assert {"angle_offset", "later_friction", "misread_rotation", "rounded_corners", "torsional_friction"} <= set(
+        testable
+    )
+    assert why_not["lens"] == "does not hold in 3 dimensions"
+    ball = Sphere(radius=0.04).about(np.array([0.0, 0.0, 1e-3]))
+    rig = replace(observed.rig, shape=ball, has_angle=False, recorded=None)
+    _, why_not = usable_effects(replace(observed, rig=rig), timed=False)
+    assert why_not["rounded_corners"] == "does not apply to a body of shape sphere"
+    assert why_not["orientation_dependent_friction"].startswith("orientation is not measured")
+    assert why_not["later_restitution"].startswith("no trajectories of whole tosses")
 
 
 def test_hits_drawn_from_a_model_differ_from_it_by_their_noise(observed, rng):

@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from thesis_lib.bodies.solids import Recentred
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS_IN_SPACE
 from thesis_lib.contact.compliant.normal_force import HuntCrossley, PressureField
 from thesis_lib.critique.contacts.bases import BASES, RESERVE, RESERVE_IN_SPACE
@@ -31,6 +32,7 @@ from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Effort, Slopes, World
 from thesis_lib.effects import EFFECTS, Effect, effects_in
 from thesis_lib.effects.at_wall import effects_at
+from thesis_lib.effects.effect import Rig
 from thesis_lib.extensions.registry import added_laws
 from thesis_lib.mechanics.space import Space
 
@@ -226,11 +228,14 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
     for name, effect in [*library.items(), *((effect.name, effect) for effect in effects_at(rig.walls))]:
         if rig.space.dimension not in effect.dimensions:
             why_not[name] = f"does not hold in {rig.space.dimension} dimensions"
+        elif effect.needs_history and rig.recorded is None:
+            why_not[name] = "no trajectories of whole tosses: it depends on what was before a hit"
         elif not effect.applies_to(rig):
             flat = rig.gravity == 0.0 and effect.channels == ("flight",)
-            why_not[name] = "there is no gravity" if flat else f"does not apply to a body of shape {rig.shape.kind}"
+            why_not[name] = "there is no gravity" if flat else f"does not apply to a body of shape {_shape_of(rig)}"
         elif effect.needs_angle and not rig.has_angle:
-            why_not[name] = "theta is not measured: only the spin shows it, or the unknown spin does the same"
+            what = "theta" if rig.space.is_plane else "orientation"
+            why_not[name] = f"{what} is not measured: only the spin shows it, or the unknown spin does the same"
         elif effect.needs_one_surface and rig.walls:
             why_not[name] = "there are walls instead of one surface"
         elif effect.needs_trajectories and not observations.arcs:
@@ -242,3 +247,8 @@ def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str,
         else:
             testable[name] = effect
     return testable, why_not
+
+
+def _shape_of(rig: Rig) -> str:
+    """The kind of the believed shape, wherever its origin is."""
+    return (rig.shape.solid if isinstance(rig.shape, Recentred) else rig.shape).kind

@@ -25,6 +25,7 @@ from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
+MOST_TRIES = 4  # starts of a fit; of a discrete parameter each of its values
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
@@ -249,9 +250,10 @@ class _Search:
             tries = [t | basin for t in tries for basin in self._basins(simple, t)]
             tries = [self._best_of([(simple, t) for t in tries], 1).values]
         # the noise of a fit without the last effect holds where that has hardly begun
-        small = [all(abs(t[name] - p.null) <= p.scale for name, p in self.sizes.items()) for t in tries[:4]]
+        tries = tries[: max(MOST_TRIES, *(len(p.options) for p in self.sizes.values()), 0)]
+        small = [all(abs(t[name] - p.null) <= p.scale for name, p in self.sizes.items()) for t in tries]
         first = [noise if is_small else None for is_small in small]
-        found = self._best_of([(o, t) for t in tries[:4]], rounds, first)
+        found = self._best_of([(o, t) for t in tries], rounds, first)
         if rounds > 1 or "mu" not in start:
             found = self._stuck(found, most)
         back = self.kind.withdrawn(found.values)
@@ -260,7 +262,10 @@ class _Search:
 
     def _best_of(self, tasks: Sequence, rounds: int, noise: Sequence[Noise | None] = ()) -> Fit:
         """The best of fits as `fit_each` makes them."""
-        return max(fit_each(self.model, tasks, rounds, noise), key=lambda fitted: fitted.score)
+        # a rotation that is read wrongly may have no score at all
+        return max(
+            fit_each(self.model, tasks, rounds, noise), key=lambda fitted: np.nan_to_num(fitted.score, nan=-np.inf)
+        )
 
     def _with_sizes(self, start: dict[str, float]) -> list[dict[str, float]]:
         """Starts with the parameters of the last effect, where `start` lacks them."""
