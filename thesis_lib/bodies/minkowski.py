@@ -48,9 +48,11 @@ class SupportPoint:
     def __init__(self, solid: Any, index: np.ndarray) -> None:
         self.solid, self.kind, self.index = solid, solid.kind, index
 
-    def rounded(self, edge_radius: float) -> "SupportPoint":
-        """The same point where the edges have another radius in m."""
-        return SupportPoint(self.solid.rounded(edge_radius), self.index)
+    def nearest(self, solid: Any, rows: np.ndarray) -> "SupportPoint":
+        """Of the bodies at `rows` the points of a similar solid whose centres are the nearest."""
+        own, other = self.solid.minkowski.centres, solid.minkowski.centres
+        nearest = ((own[:, :, None] - other[:, None]) ** 2).sum(axis=0).argmin(axis=1)
+        return SupportPoint(solid, nearest[self.index[rows]])
 
     def lowest(self, attitude: np.ndarray) -> np.ndarray:
         """The point (3, n) in m from the body's origin, in axes of the world, at attitudes (4, n)."""

@@ -19,6 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from thesis_lib.bodies.minkowski import SupportPoint
 from thesis_lib.bodies.shapes import Corner, Polygon
 from thesis_lib.bodies.solids import Edged, Recentred
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
@@ -39,14 +40,14 @@ class RoundedCorners(Effect):
 
     def contact_point(self, r, state, p, rig):
         if (solid := _edged(rig.shape)) is not None:
-            return r + _moved_in_space(solid, state, p["rho"])
+            return r + _moved_in_space(rig.shape, solid, state, p["rho"])
         if not isinstance(rig.shape, Polygon | Corner):
             return r
         return r + np.array(_moved(rig.shape, state.theta, p["rho"]))
 
     def gap(self, gap, state, p, rig):
         if (solid := _edged(rig.shape)) is not None:
-            return gap - _moved_in_space(solid, state, p["rho"])[-1]
+            return gap - _moved_in_space(rig.shape, solid, state, p["rho"])[-1]
         if not isinstance(rig.shape, Polygon | Corner):
             return gap
         return gap - _moved(rig.shape, state.theta, p["rho"])[1]
@@ -54,17 +55,25 @@ class RoundedCorners(Effect):
 
 def _edged(shape) -> Edged | None:
     """The solid whose edges could be rounded further; None if there is none."""
-    solid = shape.solid if isinstance(shape, Recentred) else shape
+    solid = shape.solid if isinstance(shape, SupportPoint) else shape
+    solid = solid.solid if isinstance(solid, Recentred) else solid
     return solid if isinstance(solid, Edged) else None
 
 
-def _moved_in_space(solid, state, rho):
-    """Contact point (3, n) of the solid with further rounded edges minus that of the solid; of its frame."""
+def _moved_in_space(shape, solid, state, rho):
+    """Contact point (3, n) of the solid with further rounded edges minus that of the solid; of its frame.
+
+    Where the shape is one contact point of each body, that of the nearest corner.
+    """
+    is_point = isinstance(shape, SupportPoint)
+    whole, own = (shape.solid, shape) if is_point else (solid, solid)
     radius = np.broadcast_to(np.minimum(solid.edge_radius + rho, solid.inradius), len(state))
-    moved, believed = np.zeros((3, len(state))), solid.lowest(state.attitude)
+    moved, believed = np.zeros((3, len(state))), own.lowest(state.attitude)
     for one in np.unique(radius):  # a fit tries a few
-        rows = radius == one
-        moved[:, rows] = _rounded(solid, float(one)).lowest(state.attitude[:, rows]) - believed[:, rows]
+        rows = np.flatnonzero(radius == one)
+        rounded = _rounded(whole, float(one))
+        there = shape.nearest(rounded, rows) if is_point else rounded
+        moved[:, rows] = there.lowest(state.attitude[:, rows]) - believed[:, rows]
     return moved
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.bodies.solids import Hull
+from thesis_lib.bodies.solids import Box, Hull
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.episodes import MOST_HITS, play
 from thesis_lib.critique.contacts.kinds import bind
@@ -14,6 +14,7 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
 from thesis_lib.critique.likelihood.synthesis import synthesise
+from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
@@ -61,6 +62,27 @@ def test_episodes_in_a_plane_of_space_are_those_of_the_plane(law):
     # a corner may touch, or be caught in another's contact, by a hair
     assert (np.abs(off).max(axis=0) < SAME).mean() > 0.9
     np.testing.assert_allclose(after[[1, 3, 5]], 0.0, atol=1e-9)
+
+
+def test_rounded_corners_act_on_every_corner_that_presses():
+    rng, n, rho = np.random.default_rng(3), 60, 3e-3
+    sharp = Box(half_extents=(0.05, 0.04, 0.03))
+    tensor = sharp.moments.inertia_per_mass
+    attitude = of_rotation_vector(2.0 * rng.standard_normal((3, n)))
+    v = np.concatenate([rng.uniform(-1, 1, (2, n)), rng.uniform(-2.5, -1.5, (1, n)), 5.0 * rng.standard_normal((3, n))])
+    round_box = sharp.rounded(rho)
+    pose = np.concatenate([np.zeros((2, n)), -round_box.lowest(attitude)[2:], attitude])
+    states, span = State(pose, v, np.arange(n), np.zeros(n), None, SPACE), np.full(n, 4e-3)
+
+    def played(solid, effects, values):
+        model = Model(BASES["compliant_contact"], effects, takes_time=True, space=SPACE)
+        return play(bind(model, VALUES | values, Rig(solid, K_G, 9.81, 0.0, tensor=tensor)), states, span).after.motion
+
+    expected, believed = played(round_box, (), {}), played(sharp, (), {})
+    found = played(sharp, (EFFECTS["rounded_corners"],), {"rounded_corners.rho": rho})
+    scale = np.repeat([1.0, K_G], 3)[:, None]
+    # as an effect the round corner does not roll on while it presses
+    assert np.median(np.abs(found - expected) * scale) < 0.1 * np.median(np.abs(believed - expected) * scale)
 
 
 @pytest.fixture(scope="module")
