@@ -5,11 +5,17 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.proof import space
+from thesis_lib.critique.proof.cases import Case
+from thesis_lib.critique.proof.cases import make as make_in_plane
 from thesis_lib.critique.proof.space import LIST, engine_of, write_list
+from thesis_lib.critique.proof.store import groups_in
 from thesis_lib.datasets.format.frames import body_states, tracked_states
+from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES
 from thesis_lib.simulate.tosses.drawn import NOTHING, NOTHING_HIDDEN, OF_EACH_CAUSE, SpaceCase, cases, make
+from thesis_lib.simulate.tosses.lifted import lifted
 
 
 def test_the_stored_list_is_what_the_seed_draws(tmp_path):
@@ -81,3 +87,14 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
     assert list(judged.index[judged["wrong"]]) == [("mujoco", "magnus", 0), ("own", NOTHING, 1)]
     page = space.as_markdown(store)
     assert "1 of 2 (" in page and "6 of 80 datasets: 6 by `abc`" in page and "magnus + com_offset" in page
+
+
+@pytest.mark.slow
+def test_a_lifted_planar_set_gets_the_verdict_the_effect_and_the_size_of_its_plane():
+    planar, true = make_in_plane(Case("mechanism", "com_offset_x", 1000))
+    made = lifted(planar, generator(1000, "lifted", "com_offset_x"))
+    found = criticise_drops(made, rng=generator(1000, "critique", made.digest()))
+    assert found.verdict == "effects" and groups_in(found.discovery.steps) == "com_offset"
+    fitted = found.discovery.fitted
+    for name, value in ({"com_offset.c_y": 0.0, "com_offset.c_z": 0.0} | true).items():
+        assert abs(fitted.values[name] - value) < 2.0 * fitted.std[name] < 5e-6
