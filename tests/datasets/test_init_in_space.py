@@ -45,6 +45,15 @@ def test_units_and_the_axis_that_is_up_are_found_or_given(tmp_path, capsys):
     assert "free flights with --up y" in capsys.readouterr().err
 
 
+def test_one_fall_among_many_trials_does_not_say_where_up_is(tmp_path, capsys):
+    frame = flights(trials=12)
+    still = frame["trial"] > 0
+    frame.loc[still, ["x", "y", "z"]] = 2e-4 * np.random.default_rng(0).standard_normal((int(still.sum()), 3))
+    log = frame.rename(columns={"x": "y", "y": "z", "z": "x"})
+    assert init(tmp_path, log, "--quaternion", "xyzw", *SHAPE)[0] == 2
+    assert "there are 1 free flights with --up x" in capsys.readouterr().err
+
+
 def test_another_order_of_the_quaternion_is_refused_with_the_option(tmp_path, capsys):
     code, _ = init(tmp_path, flights(trials=20), "--quaternion", "wxyz", "--columns", "q1=qx,q2=qy,q3=qz,q4=qw", *SHAPE)
     assert code == 2 and "It does with --quaternion xyzw" in capsys.readouterr().err

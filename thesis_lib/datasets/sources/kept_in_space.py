@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from thesis_lib.datasets.space.tracked_frame import TrackedFrame
 
 LEVEL = 2e-3  # rad between the axis that is up and the fall, within which they are one
+OFTEN = 0.25  # of the trials: fewer flights do not say where up is
 OFF_TABLE = 2e-3  # m between the table as given and as hits and rests have it, from which on it is said
 
 
@@ -44,7 +45,8 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     flights = find_flights(track, -size * up) if falls is None else []
     if falls is None and not flights and not view.up_is_given:
         fall = falling(motion.t, path, size)
-        falls = fall[1] if fall and not fall[0] else None
+        often = fall is not None and fall[2] >= OFTEN * len(np.unique(recorded.piece))
+        falls = fall[1] if fall and often and not fall[0] else None
     if falls is not None:
         up = -falls
         flights = find_flights(track, size * falls)
