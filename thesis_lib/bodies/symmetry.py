@@ -48,6 +48,35 @@ class Symmetry:
         """Axes 0, 1, 2 of the shape about which every turn keeps the body; three of a ball."""
         return [axis for axis in range(3) if self.keeps(turn_about(axis, 1.0))]
 
+    @cached_property
+    def stands(self) -> np.ndarray:
+        """Directions (k, 3) as `standing` has them."""
+        return standing(self.solid)
+
+    def leaning(self, up: np.ndarray) -> np.ndarray:
+        """Turns (m, 3) in rad, axes of the body, that take unit vectors `up` (m, 3) to the nearest of these directions.
+
+        None of a ball.
+        """
+        if len(self.axes) == 3:
+            return np.zeros_like(up)
+        nearest = self.nearest_stand(up)[1]
+        across, cosine = np.cross(up, nearest), np.einsum("mi,mi->m", up, nearest)
+        sine = np.linalg.norm(across, axis=1)
+        return across * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[:, None]
+
+    def nearest_stand(self, up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Number (m,) and direction (m, 3) of the stand that is nearest to unit vectors `up` (m, 3)."""
+        stands = np.broadcast_to(self.stands, (len(up), *self.stands.shape))
+        for axis in self.axes:
+            w = np.eye(3)[axis]
+            level = up - np.outer(up @ w, w)
+            level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
+            along = self.stands @ w
+            stands = along[:, None] * w + np.sqrt(np.maximum(1.0 - along**2, 0.0))[:, None] * level[:, None, :]
+        number = np.einsum("mi,mki->mk", up, stands).argmax(axis=1)
+        return number, stands[np.arange(len(up)), number]
+
     def nearest(self, R: np.ndarray, to: np.ndarray) -> np.ndarray:
         """Of all attitudes Q R (3, 3) that are the same for this body, the one that is nearest to another."""
         if len(self.axes) == 3:

@@ -305,13 +305,17 @@ class Dynamics:
         return at
 
     def sliding(self, true: State) -> np.ndarray:
-        """Acceleration (n,) in m/s² along the surface of planar bodies that slide on it."""
+        """Acceleration along the surface, (n,) in m/s², in space (2, n), of bodies that slide on it."""
         seen, at = self.contact(true)
         mu, _ = self.coefficients(seen, at)
         for effect, p in self.active:
             mu = effect.sliding(mu, at, seen, p, self.rig)
-        a_t, a_n = self.true_acceleration(true)[:, :2].T
-        return a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
+        if true.space.is_plane:
+            a_t, a_n = self.true_acceleration(true)[:, :2].T
+            return a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
+        *along, a_n = self.true_acceleration(true)[:, :3].T
+        slip = np.stack(at.v[:2])
+        return np.stack(along) - mu * np.maximum(-a_n, 0.0) * slip / np.maximum(np.hypot(*slip), 1e-9)
 
     def flown(self, true: State, h: np.ndarray) -> State:
         """The states after times h (n,) in s of flight."""

@@ -40,6 +40,7 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
 LASTS = 3e-3  # s from a hit, within which samples may lie in the contact; one step at least
+SHORTEST = 0.1  # s: in a shorter one the body rises by less than 12 mm, and may rock on an edge
 IMPROBABLE = 1e-6  # of χ² of a flight without an undetected hit
 UNSEEN = 0.1  # m, one sigma of the centre of mass before flights are seen
 ODD = 3.0  # median misfits of a flight, from which on it has no say in where the centre of mass is
@@ -165,7 +166,7 @@ def flights_in_space(states: State, clock: np.ndarray, hits: Hits, rig: Rig, noi
 
 
 def _between(states: State, clock: np.ndarray, hits: Hits, rig: Rig) -> list[slice]:
-    """Rows of the flights between hits, of at least `MIN_FLIGHT` samples."""
+    """Rows of the flights between hits, of at least `SHORTEST` and `MIN_FLIGHT` samples."""
     if not rig.gravity or len(clock) <= MIN_FLIGHT:
         return []
     down = np.array([0.0, 0.0, -1.0]) if rig.down is None else rig.down
@@ -176,7 +177,11 @@ def _between(states: State, clock: np.ndarray, hits: Hits, rig: Rig) -> list[sli
     for hit in (number - 1, number):
         label[np.abs(hits.instants(hit, states.trial, np.inf) - states.t) < lasts] = -1
     edges = np.flatnonzero(np.diff(label, prepend=-2, append=-2) | np.r_[0, np.diff(number), 0])
-    return [slice(a, b) for a, b in itertools.pairwise(edges.tolist()) if label[a] >= 0 and b - a >= MIN_FLIGHT]
+    return [
+        slice(a, b)
+        for a, b in itertools.pairwise(edges.tolist())
+        if label[a] >= 0 and b - a >= MIN_FLIGHT and clock[b - 1] - clock[a] > SHORTEST
+    ]
 
 
 def _misfits(samples: _Samples, Q: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
@@ -238,7 +243,7 @@ def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, nois
     found = np.einsum("niwt,inw->nt", P, turns)
     begun = np.linalg.solve(R, found[..., None])[:, :6, 0].T
     left = np.moveaxis(turns, 0, -1) - np.einsum("niwt,nt->nwi", P, found)
-    sigma = float(_seen(np.einsum("nwt,nwi->nti", Q[..., TERMS:], left), noise).mean())
+    sigma = _seen(np.einsum("nwt,nwi->nti", Q[..., TERMS:], left), noise)
     weights, variance = [], []
     for part in (slice(6, 9), slice(9, 12)):  # made independent of each other
         inverse = np.linalg.inv(R[:, part, part])
@@ -247,7 +252,7 @@ def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, nois
         one = np.diagonal(cov, axis1=1, axis2=2)
         root = np.sqrt(one)[..., None] * (axes / np.sqrt(value)[:, None]) @ np.swapaxes(axes, 1, 2)
         weights.append(np.einsum("nab,niwb->naiw", root @ inverse, P[..., part]))
-        variance.append(sigma**2 * one)
+        variance.append(np.einsum("naiw,i->na", weights[-1] ** 2, sigma**2))
     at, _ = attitudes(q, spin, G, np.multiply.outer(COURSE, 0.5 * samples.span))
     return _Turns(
         turns,

@@ -25,6 +25,7 @@ from thesis_lib.critique.likelihood.episodes_in_space import add_episodes
 from thesis_lib.critique.likelihood.flights_in_space import flights_in_space
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
+from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows, turns_off
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
@@ -131,6 +132,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
     since = t + windows.t_0 - _first_sample(samples)[at]
     rig = replace(rig, recorded=WholeTosses.of(states, trial, since))
+    hits = Hits(trial, t + windows.t_0, reason == "")
     single = Observations(
         rig=rig,
         trial=trial[rows],
@@ -144,7 +146,8 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         t_std=t_std[rows],
         offset=np.zeros((len(rows), 3)),
         arcs=True,
-        flights=flights_in_space(states, one_clock(whole)[1], Hits(trial, t + windows.t_0, reason == ""), rig, noise),
+        flights=flights_in_space(states, one_clock(whole)[1], hits, rig, noise),
+        supports=supports_in_space(states, samples, hits, rig, noise) if dataset.has_angle else (),
         noise_known=True,
         found=replace(
             found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),

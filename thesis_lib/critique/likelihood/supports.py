@@ -3,6 +3,9 @@
     rest    (φ_n at the angle at which the body lies, θ − that angle),          of the true pose behind the measured one
     slide   a − â,   â = a_t − μ_s a_n sgn(v_t),  a_t, a_n: acceleration in flight along and into the surface
 
+In space the lean is the turn about t_1 and t_2 from the nearest stand to how the body lies, and friction is against the
+velocity.  An attitude that was read wrongly shows as a large turn, as the model's pose says which stand is nearest.
+
 They are found by `thesis_lib/datasets/impacts/supports.py`.  Rests separate an angle offset from all that acts at
 impacts, and a surface at another height from rounded corners, which a body does not lie on; slides show friction.  μ_s
 is that of impacts unless `sliding_friction` is on.
@@ -11,6 +14,7 @@ is that of impacts unless `sliding_friction` is on.
 |-----------|-------------------------|---------|--------|-----------------------------------------------|
 | φ_n, θ    | `residuals` of `Rests`  | m, rad  | (m, 2) | gap, and angle to that at which the body lies |
 | a − â     | `residuals` of `Slides` | m/s²    | (m, 1) | along the surface                             |
+|           | of `SpaceRests`, `SpaceSlides` |  | (m, 3), (m, 2) | the same in space                      |
 """
 
 from collections.abc import Sequence
@@ -20,18 +24,24 @@ from typing import Self
 import numpy as np
 
 from thesis_lib.bodies.lying import lying_angle
+from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.likelihood.beside import Beside
+from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.impacts.found import FoundImpacts
 from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides
+from thesis_lib.datasets.impacts.supports_in_space import UP, resting_and_sliding
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
 _H = 1e-3  # s, for the acceleration that a camera reports: its map is linear in the velocity
 
 
 @dataclass(frozen=True)
-class _OnSurface:
+class OnSurface:
     """m measured states on the surface, and the variance (m, c) of their residuals."""
 
     state: State
@@ -57,7 +67,7 @@ class _OnSurface:
 
 
 @dataclass(frozen=True)
-class Rests(_OnSurface):
+class Rests(OnSurface):
     """Bodies that lie still."""
 
     channel = "rest"
@@ -75,7 +85,7 @@ class Rests(_OnSurface):
 
 
 @dataclass(frozen=True)
-class Slides(_OnSurface):
+class Slides(OnSurface):
     """Bodies that slide without turning; `acceleration` (m, 1) along the surface in m/s²."""
 
     acceleration: np.ndarray
@@ -103,6 +113,54 @@ class Slides(_OnSurface):
         return replace(self, acceleration=self.acceleration - residuals)
 
 
+@dataclass(frozen=True)
+class SpaceRests(OnSurface):
+    """Bodies that lie still, of one solid."""
+
+    symmetry: Symmetry
+
+    channel = "rest"
+
+    def residuals(self, dynamics: Dynamics) -> np.ndarray:
+        """Gap in m and turns in rad (m, 3)."""
+        true = dynamics.to_true(self.state)
+        turn = true.turned(self.symmetry.leaning(SPACE.turned_back(true.attitude, UP).T).T)
+        standing = true.changed(attitude=SPACE.attitude_after(true.attitude, -turn))
+        return np.stack([dynamics.gap(standing), *turn[:2]], axis=1)
+
+    def less(self, residuals: np.ndarray) -> Self:
+        """The same, lower and turned back by (m, 3)."""
+        gap, *turn = residuals.T
+        attitude = SPACE.attitude_after(self.state.attitude, -np.stack([*turn, 0.0 * gap]))
+        position = self.state.position - gap * UP
+        return replace(self, state=self.state.changed(position=position, attitude=attitude))
+
+
+@dataclass(frozen=True)
+class SpaceSlides(OnSurface):
+    """Bodies that slide without turning; `acceleration` (m, 2) along the surface in m/s²."""
+
+    acceleration: np.ndarray
+
+    channel = "slide"
+
+    def of_trials(self, trials: np.ndarray) -> Self:
+        """Those of the given trials."""
+        return replace(super().of_trials(trials), acceleration=self.acceleration[np.isin(self.trial, trials)])
+
+    def residuals(self, dynamics: Dynamics) -> np.ndarray:
+        """Acceleration measured minus predicted (m, 2) in m/s²."""
+        true = dynamics.to_true(self.state)
+        a = dynamics.sliding(true)
+        later = true.changed(velocity=true.velocity + _H * np.concatenate([a, np.zeros_like(a[:1])]))
+        seen = dynamics.to_measured(later).velocity - dynamics.to_measured(true).velocity
+        return self.acceleration - seen[:2].T / _H
+
+    def less(self, residuals: np.ndarray) -> Self:
+        """The same with accelerations that are smaller by (m, 2)."""
+        return replace(self, acceleration=self.acceleration - residuals)
+
+
 KINDS = {"rest": (Rests, find_rests), "slide": (Slides, find_slides)}
 
 
@@ -113,3 +171,19 @@ def supports_of(found: FoundImpacts, header: Header, channels: Sequence[str]) ->
     of = (KINDS[name] for name in channels)
     parts = ((kind, find(found.samples, found.hits, header, found.noise.used)) for kind, find in of)
     return tuple(kind.of(part) for kind, part in parts if part is not None)
+
+
+def supports_in_space(
+    states: State, samples: Samples, hits: Hits, rig: Rig, noise: tuple[float, float]
+) -> tuple[Beside, ...]:
+    """The rests and slides of the believed body in space, as `resting_and_sliding` finds them."""
+    if not rig.gravity or not len(states):
+        return ()
+    symmetry = Symmetry(rig.shape, np.asarray(rig.tensor))  # pyright: ignore[reportArgumentType]
+    rests, slides = resting_and_sliding(states, samples, hits, symmetry, noise)
+    found = []
+    if rests is not None:
+        found.append(SpaceRests(rests.state, rests.variance, symmetry))
+    if slides is not None:
+        found.append(SpaceSlides(slides.state, slides.variance, slides.measured))
+    return tuple(found)

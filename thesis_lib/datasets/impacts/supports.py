@@ -51,7 +51,7 @@ class Supported:
 
 def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
     """A rest a trial at most, the first after its last hit; None of too few.  `sigma` (3,): noise in m, m, rad."""
-    first, last = _stretches(samples, resting(samples, sigma, (0, 1, 2)))
+    first, last = stretches(samples, resting(samples, sigma, (0, 1, 2)))
     last_hit = hits.instants(hits.before(samples.trial[last], samples.t[last]) - 1, samples.trial[last], np.inf)
     after = samples.t[first] > last_hit
     first, last = first[after], last[after]
@@ -73,21 +73,28 @@ def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) 
         return values - np.stack([np.median(values[of == k], axis=0) for k in range(len(sides))])[of]
 
     slope = [theilslopes(column, by_side(q[:, 0]))[0] for column in by_side(measured).T]
-    freedom = len(q) / max(len(q) - len(sides) - 1, 1)
     left = by_side(measured - np.outer(q[:, 0], slope))
-    size = int(np.sqrt(len(q)))
-    batches = left[: len(q) // size * size].reshape(-1, size, 2).mean(axis=1)
-    shared = np.maximum(size * batches.var(axis=0) / np.maximum(left.var(axis=0), np.finfo(float).tiny), 1.0)
-    scatter = quantile_std(left, MOST) ** 2 * freedom * shared
-    variance = sigma[1:] ** 2 / count[:, None] + scatter
+    variance = sigma[1:] ** 2 / count[:, None] + scatter(left, len(sides) + 1)
     return Supported(samples.trial[first], samples.t[first], q, np.zeros_like(q), measured, variance)
+
+
+def scatter(left: np.ndarray, parameters: int) -> np.ndarray:
+    """Variance (c,) of rests about what `parameters` fitted to each component leave (m, c), in order of the trials.
+
+    Neighbouring rests that err together count as fewer.
+    """
+    size = int(np.sqrt(len(left)))
+    freedom = len(left) / max(len(left) - parameters, 1)
+    batches = left[: len(left) // size * size].reshape(-1, size, left.shape[1]).mean(axis=1)
+    shared = np.maximum(size * batches.var(axis=0) / np.maximum(left.var(axis=0), np.finfo(float).tiny), 1.0)
+    return quantile_std(left, MOST) ** 2 * freedom * shared
 
 
 def find_slides(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
     """All slides of at least `LONG` samples, by parabolas through x; None of too few."""
     moving = resting(samples, sigma, (1, 2)) & ~resting(samples, sigma, (0, 1, 2))
     rows = []
-    for a, b in zip(*_stretches(samples, moving)):
+    for a, b in zip(*stretches(samples, moving)):
         t, q = samples.t[a : b + 1], samples.q[a : b + 1]
         if len(t) < LONG or (np.abs(q - q.mean(axis=0)) > WITHIN * sigma)[:, 1:].any():
             continue
@@ -111,13 +118,13 @@ def find_slides(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray)
         return None
     against = -acceleration[near] * np.sign(v[near])
     noise = sigma[0] ** 2 * variance[near]
-    scatter = max(float(robust_std(against - np.median(against)) ** 2 - np.median(noise)), 0.0)
+    beyond = max(float(robust_std(against - np.median(against)) ** 2 - np.median(noise)), 0.0)
     velocity = np.stack([v, 0.0 * v, 0.0 * v], axis=1)[near]
     measured = acceleration[near, None]
-    return Supported(trial[near].astype(int), t[near], q[near], velocity, measured, (noise + scatter)[:, None])
+    return Supported(trial[near].astype(int), t[near], q[near], velocity, measured, (noise + beyond)[:, None])
 
 
-def _stretches(samples: Samples, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def stretches(samples: Samples, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First and last rows (k,) of the stretches of a run in which `mask` (N,) is set, of at least `ROWS` samples."""
     if not len(samples):
         return np.zeros(0, int), np.zeros(0, int)

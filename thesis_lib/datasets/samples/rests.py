@@ -5,6 +5,7 @@ of them in a row stay within the noise of their mean.  They make runs of their o
 the noise along a flight, reaches into a rest.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,8 +24,8 @@ def without_rests(samples: Samples, sigma: np.ndarray) -> Samples:
     return replace(samples, run=np.r_[0, np.cumsum(begins)][: len(samples)])
 
 
-def resting(samples: Samples, sigma: np.ndarray, channels: tuple[int, ...] = (0, 1)) -> np.ndarray:
-    """Mask (N,) of samples that rest in all of the `channels` of x, y, θ."""
+def resting(samples: Samples, sigma: np.ndarray, channels: Sequence[int] = (0, 1)) -> np.ndarray:
+    """Mask (N,) of samples that rest in all of the `channels` of their q (N, c), whose noise is `sigma` (c,)."""
     rests = np.zeros(len(samples), bool)
     if len(samples) < ROWS:
         return rests

@@ -25,7 +25,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.solid_body import SolidBody, Tracked
-from thesis_lib.bodies.symmetry import Symmetry, standing
+from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.datasets.space.falling_body import FallingBody, falling_body
 from thesis_lib.datasets.space.touches import Touches, touches
 from thesis_lib.foundation.errors import UserError
@@ -124,7 +124,6 @@ class _Fit:
         self.body, self.falls, self.met = body, falls, met
         self.solid = body.solid.about(body.centre)
         self.symmetry = Symmetry(self.solid, body.inertia_per_mass)
-        self.stands = standing(self.solid)
         self.frame = Frame.of_surface(np.zeros(3), -falls.gravity / np.linalg.norm(falls.gravity))
         self.axes = self.frame.vectors_out(np.eye(3))  # columns: t_1, t_2, n
         stated = body.uncertainty.center_of_mass if body.uncertainty else None
@@ -147,23 +146,7 @@ class _Fit:
 
     def slants(self, R: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Turns (m, 3) in rad from how the body lies to how it would stand, for each rest."""
-        return self.leaning((self.met.attitude.inv().apply(self.normal(x)) @ R.T)[self.met.rests])
-
-    def leaning(self, up: np.ndarray) -> np.ndarray:
-        """Turns (m, 3) in rad to the nearest stand from where the unit vectors (m, 3) of S are up."""
-        if len(self.symmetry.axes) == 3:
-            return np.zeros_like(up)
-        stands = np.broadcast_to(self.stands, (len(up), *self.stands.shape))
-        for axis in self.symmetry.axes:
-            w = np.eye(3)[axis]
-            level = up - np.outer(up @ w, w)
-            level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), 1e-9)
-            along = self.stands @ w
-            stands = along[:, None] * w + np.sqrt(np.maximum(1.0 - along**2, 0.0))[:, None] * level[:, None, :]
-        nearest = stands[np.arange(len(up)), np.einsum("mi,mki->mk", up, stands).argmax(axis=1)]
-        across, cosine = np.cross(up, nearest), np.einsum("mi,mi->m", up, nearest)
-        sine = np.linalg.norm(across, axis=1)
-        return across * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[:, None]
+        return self.symmetry.leaning((self.met.attitude.inv().apply(self.normal(x)) @ R.T)[self.met.rests])
 
     def residuals(self, x: np.ndarray, R: np.ndarray) -> np.ndarray:
         turned = Rotation.from_rotvec(x[:3]).as_matrix() @ R
@@ -184,7 +167,7 @@ class _Fit:
             m = up.reshape(-1, 3).T
             gaps = self.met.place @ n + np.einsum("ik,ik->k", self.solid.support(-m), m).reshape(up.shape[:2])
             gaps -= np.median(gaps, axis=1, keepdims=True)
-            leans = self.leaning(up[:, self.met.rests].reshape(-1, 3)).reshape(len(part), -1, 3)
+            leans = self.symmetry.leaning(up[:, self.met.rests].reshape(-1, 3)).reshape(len(part), -1, 3)
             cost = np.log1p((gaps / (COARSE[0] * self.solid.extent)) ** 2).sum(axis=1)
             costs.append(cost + np.log1p((leans**2).sum(axis=2) / COARSE[1] ** 2).sum(axis=1))
         chosen: list[np.ndarray] = []
