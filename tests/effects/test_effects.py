@@ -54,6 +54,16 @@ def test_names_are_unique() -> None:
     assert [EFFECTS[name].name for name in EFFECTS] == list(EFFECTS)
 
 
+def test_a_choice_is_said_in_words() -> None:
+    (reading,), (plane,), (axis,) = (
+        EFFECTS["misread_rotation"].parameters,
+        EFFECTS["mirrored_rotation"].parameters,
+        EFFECTS["mirrored_rotation"].own_in_space,
+    )
+    assert [reading.said(value) for value in reading.options][:2] == ["conjugate", "scalar last"]
+    assert plane.said(1.0) == axis.said(1.0) == "on" and axis.said(3.0) == "on (3)"
+
+
 @pytest.mark.parametrize("law", list(LAWS))
 def test_all_nulls_together_change_no_law(law: str, rig: Rig, states: State) -> None:
     mu = 0.25 if LAWS[law].mu_unit == "1" else 0.5

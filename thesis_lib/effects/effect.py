@@ -72,6 +72,7 @@ class Parameter:
         starts: further starting values, for effects whose misfit has more than one minimum.
         discrete: the other value, for effects that are on or off (a mirrored axis); else None.
         choices: further values of a discrete one, as of one axis among three.
+        words: what its values but the null stand for, of one with choices.
         along: "x", "t" or "trial" of one that is itself a place, a time or a release, from `Rig.reference`; else "".
         of: the parameter of the law in whose place it acts: the effect is absent where both are equal, and `null` is a
             start; "" of one that is absent at its null.
@@ -86,6 +87,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
     discrete: float | None = None
     choices: tuple[float, ...] = ()
+    words: tuple[str, ...] = ()
     along: Coordinate | Literal[""] = ""
     of: str = ""
 
@@ -97,6 +99,12 @@ class Parameter:
     def options(self) -> tuple[float, ...]:
         """All values of a discrete parameter but its null."""
         return () if self.discrete is None else (self.discrete, *self.choices)
+
+    def said(self, value: float) -> str:
+        """What the value of a discrete parameter stands for: one of its `words`, or "on"; of `choices` its number."""
+        if self.words and value in self.options:
+            return self.words[self.options.index(value)]
+        return f"on ({value:g})" if value in self.choices else "on"
 
 
 @dataclass(frozen=True)

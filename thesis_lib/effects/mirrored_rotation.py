@@ -10,6 +10,8 @@ On or off, no size.  The contact point follows from the true angle.  It looks li
 |          | `mirrored` | 1    |       | 0 off, 1 on; in space 1, 2, 3: x, y or z is mirrored                 |
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from thesis_lib.bodies.solids import Sphere
@@ -27,7 +29,7 @@ class MirroredRotation(Effect):
     title = "mirrored rotation"
     equation = "θ_measured = −θ, ω_measured = −ω"
     parameters = (_ON,)
-    own_in_space = (Parameter("mirrored", "1", 0.0, low=0.0, high=3.0, scale=1.0, discrete=1.0, choices=(2.0, 3.0)),)
+    own_in_space = (replace(_ON, high=3.0, choices=(2.0, 3.0)),)
     embedded = (("mirrored", "mirrored", 1.0),)
     channels = ("impact", "touch")
     needs_angle = True

@@ -25,7 +25,6 @@ _READINGS = (
     _ORDER,
     *(np.diag(np.where(np.arange(4) == i, -1.0, 1.0)) for i in (1, 2, 3)),
 )
-READINGS = ("as it should be", "conjugate", "scalar last", "sign of x", "sign of y", "sign of z")
 
 
 class MisreadRotation(Effect):
@@ -34,7 +33,17 @@ class MisreadRotation(Effect):
     title = "misread quaternion"
     equation = "q_measured = P q: conjugate, scalar last, or one sign"
     parameters = (
-        Parameter("reading", "1", 0.0, low=0.0, high=5.0, scale=1.0, discrete=1.0, choices=(2.0, 3.0, 4.0, 5.0)),
+        Parameter(
+            "reading",
+            "1",
+            null=0.0,
+            low=0.0,
+            high=5.0,
+            scale=1.0,
+            discrete=1.0,
+            choices=(2.0, 3.0, 4.0, 5.0),
+            words=("conjugate", "scalar last", "sign of x", "sign of y", "sign of z"),
+        ),
     )
     channels = ("impact", "touch", "flight")
     needs_angle = True

@@ -71,15 +71,10 @@ def _moved_in_space(shape, solid, state, rho):
     moved, believed = np.zeros((3, len(state))), own.lowest(state.attitude)
     for one in np.unique(radius):  # a fit tries a few
         rows = np.flatnonzero(radius == one)
-        rounded = _rounded(whole, float(one))
+        rounded = whole.rounded(float(one))
         there = shape.nearest(rounded, rows) if is_point else rounded
         moved[:, rows] = there.lowest(state.attitude[:, rows]) - believed[:, rows]
     return moved
-
-
-@lru_cache(maxsize=64)
-def _rounded(solid, radius):
-    return solid.rounded(radius)
 
 
 def _moved(shape, theta, rho):

@@ -373,7 +373,7 @@ def test_what_is_unexplained_is_followed_to_where_it_is_largest(hidden_impacts):
 
 
 def test_it_says_where_effects_count_from_in_the_numbers_of_the_dataset(told, hidden_impacts):
-    assert told["reference"] == vars(hidden_impacts.training.rig.reference)
+    assert told["reference"] == hidden_impacts.training.rig.reference.content(PLANE)
     assert abs(told["reference"]["trial"] - 40.0) < 10.0  # the middle of 80 releases
     there = {"x": 3.02, "t": 1700000000.25, "trial": 20260114.0}
     edges = {"x_1": {"value": 0.05}, "x_2": {"value": -0.1}}

@@ -110,7 +110,9 @@ def why_not(effect: Mapping, it: str = "it") -> str:
 
 def named(effect: Mapping) -> str:
     """Its title, with what else it may be."""
-    title = EFFECTS[effect["name"]].title
+    of = EFFECTS[effect["name"]]
+    chosen = [p.said(effect["parameters"][p.name]["value"]) for p in (*of.parameters, *of.own_in_space) if p.words]
+    title = f"{of.title}: {listed(chosen)}" if chosen else of.title
     if (effect.get("stand_in") or {}).get("instead"):
         likely = [EFFECTS[name].title for name in effect["stand_in"]["instead"]]
         return f"{alternatives_listed(likely)} (fitted as {title})"

@@ -89,13 +89,15 @@ def captions(critique: DropsCritique) -> dict[str, str]:
 
 def sizes(effect: Mapping) -> list[str]:
     """Each parameter of an effect with its 95 % interval; effects that are on or off have no size."""
-    switches = [name for name, p in _declared(effect["name"]).items() if p.discrete is not None]
-    return ["on" if name in switches else fitted(name, p) for name, p in effect["parameters"].items()]
+    switches = {name: p for name, p in _declared(effect["name"]).items() if p.discrete is not None}
+    found = effect["parameters"].items()
+    return [switches[name].said(p["value"]) if name in switches else fitted(name, p) for name, p in found]
 
 
 def _declared(effect: str) -> dict[str, Parameter]:
     """The parameters of an effect by name; none if the library does not hold it."""
-    return {p.name: p for p in EFFECTS[effect].parameters} if effect in EFFECTS else {}
+    of = EFFECTS.get(effect)
+    return {p.name: p for p in (*of.parameters, *of.own_in_space)} if of else {}
 
 
 def _family(name: str) -> str:
