@@ -10,8 +10,9 @@
 | slide   | slide on the surface | acceleration, with that by friction    | the same                                |
 
 All but the first count in units of noise.  In the plane rests and slides are in the data only where the settings ask
-for them (`CritiqueSettings.channels`), in space always; flights in space have how their acceleration changes, too.  A fault of the touch may concern few impacts, as of one corner.  An error is material
-where it differs by what the settings say (`SearchSettings.matters`), over the floor that noise alone leaves: 1 sigma.
+for them (`CritiqueSettings.channels`), in space always; flights in space have how their acceleration changes, too.  A
+fault of the touch may concern few impacts, as of one corner.  An error is material where it differs by what the
+settings say (`SearchSettings.matters`), over the floor that noise alone leaves: 1 sigma.
 """
 
 from collections.abc import Iterable, Mapping
