@@ -116,10 +116,10 @@ def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
     impact, across it, along the normal, and the length of the couple.
     """
     here = fitted.on(observations)
-    if not observations.rig.has_angle:
-        return velocity_left(here)
     if not observations.space.is_plane:
         return _in_space(here)
+    if not observations.rig.has_angle:
+        return velocity_left(here)
     R, k_g = here.R[:, :3], observations.rig.k_g
     *_, r = velocities(fitted, observations)
     couple = residual_couple(R, r, mass=1.0, k_g=k_g) / k_g
@@ -128,6 +128,9 @@ def contact_residuals(fitted: Fit, observations: Observations) -> np.ndarray:
 
 def _in_space(here: Comparison) -> np.ndarray:
     o, (before, _) = here.observations, here.at_impulse
+    if not o.rig.has_angle:
+        left = np.einsum("ijn,jn->ni", slip_axes(before, o.rig), velocity_left(here)[:, :3].T)
+        return np.column_stack([left, np.zeros(len(o))])
     error, r = here.R[:, : SPACE.motions].T, o.rig.lowest(before)
     G = in_world(o.rig.tensor, before.attitude)  # pyright: ignore[reportArgumentType]
     of_point = SPACE.velocity_at(error[:3], error[3:], r)
