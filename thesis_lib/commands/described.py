@@ -2,8 +2,10 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from thesis_lib.datasets.format.dataset import Dataset
+if TYPE_CHECKING:
+    from thesis_lib.datasets.format.dataset import Dataset
 
 
 def described(folder: str | Path, as_json: bool = False, compare: bool = False) -> str:
@@ -25,7 +27,7 @@ def described(folder: str | Path, as_json: bool = False, compare: bool = False) 
     return json.dumps({"valid": True, "problems": [], **facts}, ensure_ascii=False, allow_nan=False)
 
 
-def hits_told(dataset: Dataset, compare: bool = False) -> dict:
+def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     """What a critique would use of a dataset in space, ready for JSON.
 
     Keys `used`, `trials`, `by_contact`, `left_out` (reason -> kind of contact -> count), `warnings`, `tracked` (a
