@@ -150,8 +150,10 @@ def regions_table(where: Mapping) -> Markup:
 
 
 def tests_table(where: Mapping) -> Markup:
-    """Tests of whole classes of models."""
+    """Tests of whole classes of models; nothing where none is made."""
     rows = []
+    if not where.get("class_tests"):
+        return Markup()
     for name, test in where.get("class_tests", {}).items():
         p, detail = test.get("p_value"), ""
         if p is None:
