@@ -1,7 +1,7 @@
 """Questions of a critique that have an answer in the plane only, declared where they stand.
 
-Mirror parity, the energy disc, the bound of the best impulse, one planar body or two, releases that are worth a try,
-regions of the planar state, model.json: `of_the_plane` says so of a function, and what it returns for a body in space.
+One planar body or two, releases that are worth a try, pictures of flights, the page's impact by impact: `of_the_plane`
+says so of a function, and what it returns for a body in space.
 """
 
 from collections.abc import Callable
