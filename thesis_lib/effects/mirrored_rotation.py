@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from thesis_lib.bodies.solids import Sphere
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
 from thesis_lib.effects.relabelled_rotation import relabelled
 
@@ -36,9 +35,6 @@ class MirroredRotation(Effect):
     rank = 80
     dimensions = IN_SPACE
     reference = "handedness of axes"
-
-    def applies_to(self, rig):
-        return not isinstance(rig.shape, Sphere)
 
     def to_true(self, state, p, rig):
         if not p["mirrored"] > 0.5:

@@ -14,7 +14,6 @@ Of a body with three equal inertias flights cannot show it; hits and rests can.
 
 import numpy as np
 
-from thesis_lib.bodies.solids import Sphere
 from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
 from thesis_lib.effects.relabelled_rotation import relabelled
 
@@ -51,9 +50,6 @@ class MisreadRotation(Effect):
     dimensions = ONLY_SPACE
     breaks_mirror = True
     reference = "Solà 2017, arXiv:1711.02508 (conventions of quaternions)"
-
-    def applies_to(self, rig):
-        return not isinstance(rig.shape, Sphere)
 
     def to_true(self, state, p, rig):
         return _as(state, round(p["reading"]), rig, back=True)

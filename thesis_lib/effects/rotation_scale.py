@@ -13,7 +13,6 @@ wrong at later hits, and the more so.
 
 import numpy as np
 
-from thesis_lib.bodies.solids import Sphere
 from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
 from thesis_lib.mechanics.space import conjugate, multiplied
 
@@ -30,9 +29,6 @@ class RotationScale(Effect):
     rank = 65
     dimensions = ONLY_SPACE
     reference = "Titterton and Weston 2004, Strapdown Inertial Navigation Technology (scale factor of a gyroscope)"
-
-    def applies_to(self, rig):
-        return not isinstance(rig.shape, Sphere)
 
     def to_true(self, state, p, rig):
         E = _summed(state, p["s_R"], rig)

@@ -142,6 +142,13 @@ def test_what_a_body_in_space_cannot_show_is_said_with_the_reason(observed):
     assert why_not["later_restitution"].startswith("no trajectories of whole tosses")
 
 
+def test_a_ball_shows_how_its_rotation_was_read_but_not_how_its_frame_is_turned(observed):
+    rig = replace(observed.rig, shape=Sphere(radius=0.04))
+    testable, why_not = usable_effects(replace(observed, rig=rig), timed=False)
+    assert {"mirrored_rotation", "misread_rotation", "rotation_scale"} <= set(testable)  # spin against slip
+    assert why_not["angle_offset"] == "does not apply to a body of shape sphere"
+
+
 def test_hits_drawn_from_a_model_differ_from_it_by_their_noise(observed, rng):
     model = Model(LAWS["anitescu_potra_newton"], space=observed.space)
     squares = []
