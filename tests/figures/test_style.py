@@ -10,13 +10,11 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+from fontTools.subset import Options
 from fontTools.ttLib import TTFont
-from matplotlib.backends import _backend_pdf_ps
-from matplotlib.ft2font import FT2Font, LoadFlags
 
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.figures.chapter3.contact_space import GROUPS
-from thesis_lib.figures.fonts import SmallFont, glyphs_alone
 from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE, style_of
 from thesis_lib.figures.style import house_style, new_figure, save_figure
 
@@ -70,26 +68,7 @@ def test_fonts_are_embedded_as_outlines_without_tables_that_no_reader_uses(tmp_p
     assert fonts
     for font in fonts:
         assert "glyf" in font and not {"GDEF", "GPOS", "GSUB"} & set(font.keys())
-    whole = _backend_pdf_ps.get_glyphs_subset
-    with glyphs_alone():
-        assert _backend_pdf_ps.get_glyphs_subset is not whole
-    assert _backend_pdf_ps.get_glyphs_subset is whole  # nobody else's fonts are changed
-
-
-def test_glyphs_of_a_small_font_are_those_of_the_whole_one():
-    """Outlines, widths and hints; letters with accents are made of parts."""
-    file = f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans.ttf"
-    whole, numbers = FT2Font(file), FT2Font(file).get_charmap()
-    small = SmallFont(file, [numbers[ord(letter)] for letter in "Häθçµμω²½−"])
-    TTFont(io.BytesIO(small.data)).ensureDecompiled()
-    alone = FT2Font(io.BytesIO(small.data))
-    assert len(small.glyph_index_map) > 10
-    for number, own in small.glyph_index_map.items():
-        for flags in (LoadFlags.NO_SCALE, LoadFlags.DEFAULT):
-            expected, found = whole.load_glyph(number, flags=flags), alone.load_glyph(own, flags=flags)
-            assert found.horiAdvance == expected.horiAdvance and found.bbox == expected.bbox
-            for these, those in zip(alone.get_path(), whole.get_path()):
-                np.testing.assert_array_equal(these, those)
+    assert "GPOS" not in Options._drop_tables_default  # nobody else's fonts are changed
 
 
 def test_nothing_but_the_three_files_is_left(tmp_path):

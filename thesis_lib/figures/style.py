@@ -9,7 +9,8 @@ Figures are made without pyplot, so that they share no state and need no window 
 
 import functools
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -21,7 +22,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from thesis_lib.figures.fonts import glyphs_alone
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.files import atomic, write_table
 
@@ -107,7 +107,7 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path, png: byte
         explain(path.name, table.columns)
     with atomic(path.with_name(f"{path.name}.png")) as tmp:
         tmp.write_bytes(png_of(figure) if png is None else png)
-    with atomic(path.with_name(f"{path.name}.pdf")) as tmp, glyphs_alone():
+    with atomic(path.with_name(f"{path.name}.pdf")) as tmp, _fonts_without_layout():
         figure.savefig(tmp, metadata={"Creator": None, "Producer": None, "CreationDate": None})
     write_table(table, path.with_name(f"{path.name}.csv"))
 
@@ -121,3 +121,19 @@ def _settle(figure: Figure) -> None:
     if (engine := figure.get_layout_engine()) is not None:
         engine.execute(figure)
         figure.set_layout_engine(None)
+
+
+@contextmanager
+def _fonts_without_layout() -> Iterator[None]:
+    """Embed fonts without their tables of ligatures and kerning, which a PDF that places each glyph does not use.
+
+    To reduce these tables to the glyphs in use takes as long as all else in a figure, and matplotlib has no option.
+    """
+    from fontTools.subset import Options
+
+    kept = Options._drop_tables_default
+    Options._drop_tables_default = [*kept, "GDEF", "GPOS", "GSUB"]
+    try:
+        yield
+    finally:
+        Options._drop_tables_default = kept
