@@ -23,73 +23,43 @@ UNMEASURED = 1.0  # CPU s of a job that was never measured, such as a target wit
 TRUST = 30.0  # CPU s of finished jobs from which on their pace counts more than the measured one
 
 
-class JobLines:
-    """Reads Snakemake's log piece by piece and reports the jobs that have ended.
+def job_lines(log: str, cpu_s: Mapping[str, float], cpu: float, wall: float) -> list[str]:
+    """What the log of a run says so far: how many jobs there are, and a line for each that has ended.
 
-    `cpu_s` maps a rule to the CPU time expected of one job in s.
+    `cpu_s` maps a rule to the CPU time expected of one job; `cpu` and `wall` are the CPU time of the ended jobs and the
+    wall time of the run so far, in s.
     """
+    lines = []
+    for run in re.split(r"^job +count\n", log, flags=re.MULTILINE)[1:]:
+        table = run.partition("\n\n")[0]
+        left = Counter({rule: int(n) for rule, n in re.findall(r"^(\w+) +(\d+)$", table, re.MULTILINE)})
+        if not (total := left.pop("total", 0)):  # the table is still being written
+            break
+        cores = int((re.search(r"^Provided cores: (\d+)", log, re.MULTILINE) or ["", "1"])[1])
+        names = dict(re.findall(r"^    jobid: (\d+)\n(?:    .*\n)*?    wildcards: (.*)", run, re.MULTILINE))
+        names |= dict(re.findall(r"^Job (\d+): (.*)", run, re.MULTILINE))
+        whole = rest = _expected(left, cpu_s)
+        jobs, on = (f"{n} {noun}{'s' * (n > 1)}" for n, noun in ((total, "job"), (cores, "core")))
+        lines.append(f"{jobs}, about {duration(whole)} of CPU on this machine: about {duration(whole / cores)} on {on}")
+        for i, (job, rule) in enumerate(re.findall(r"^Finished jobid: (\d+) \(Rule: (\w+)\)", run, re.MULTILINE), 1):
+            left[rule] -= 1
+            rest = _expected(left, cpu_s)
+            pace = (cpu + TRUST) / (whole - rest + TRUST)
+            then = f", about {duration(pace * rest / cores)} left" if rest > 0.0 else ""
+            name = f"{rule}: {names[job]}" if job in names else rule
+            lines.append(f"[{i}/{total}] {name}; {duration(cpu)} of CPU in {duration(wall)}{then}")
+    return lines
 
-    def __init__(self, cpu_s: Mapping[str, float]):
-        self._cpu_s = cpu_s
-        self._in_table = False
-        self._left: Counter[str] = Counter()  # jobs of each rule that have not ended
-        self._names: dict[str, str] = {}  # job number -> its message, or its wildcards
-        self._job, self._total, self._ended, self._cores = "", 0, 0, 1
-        self._measured = 0.0  # CPU time that was expected of the ended jobs, s
 
-    def read(self, text: str, cpu: float, wall: float) -> list[str]:
-        """What to print of the jobs that ended in `text`, further whole lines of the log.
-
-        `cpu` and `wall` are the CPU time of the ended jobs and the wall time of the run so far, in s.
-        """
-        return [said for line in text.splitlines() if (said := self._read_line(line, cpu, wall))]
-
-    def _read_line(self, line: str, cpu: float, wall: float) -> str:
-        if self._in_table:
-            if row := re.fullmatch(r"(\w+) +(\d+)", line):
-                self._in_table = row[1] != "total"
-                if self._in_table:
-                    self._left[row[1]] = int(row[2])
-                else:
-                    self._total = int(row[2])
-                    return self._start()
-        elif re.fullmatch(r"job +count", line):
-            self._in_table, self._ended = True, 0
-            self._left.clear()
-        elif cores := re.match(r"Provided cores: (\d+)", line):
-            self._cores = int(cores[1])
-        elif job := re.match(r"Job (\d+): (.*)", line):
-            self._names[job[1]] = job[2]
-        elif job := re.match(r"    jobid: (\d+)", line):
-            self._job = job[1]
-        elif wildcards := re.match(r"    wildcards: (.*)", line):
-            self._names.setdefault(self._job, wildcards[1])
-        elif job := re.match(r"Finished jobid: (\d+) \(Rule: (\w+)\)", line):
-            return self._end(job[1], job[2], cpu, wall)
-        return ""
-
-    def _start(self) -> str:
-        measured = sum(n * self._cpu_s.get(rule, UNMEASURED) for rule, n in self._left.items())
-        jobs, cores = (f"{n} {noun}{'s' * (n > 1)}" for n, noun in ((self._total, "job"), (self._cores, "core")))
-        alone = duration(measured / self._cores)
-        return f"{jobs}, about {duration(measured)} of CPU on this machine: about {alone} on {cores}"
-
-    def _end(self, job: str, rule: str, cpu: float, wall: float) -> str:
-        self._ended += 1
-        self._left[rule] -= 1
-        self._measured += self._cpu_s.get(rule, UNMEASURED)
-        name = f"{rule}: {self._names[job]}" if job in self._names else rule
-        measured_left = sum(n * self._cpu_s.get(rule, UNMEASURED) for rule, n in self._left.items())
-        pace = (cpu + TRUST) / (self._measured + TRUST)
-        rest = f", about {duration(pace * measured_left / self._cores)} left" if measured_left > 0.0 else ""
-        return f"[{self._ended}/{self._total}] {name}; {duration(cpu)} of CPU in {duration(wall)}{rest}"
+def _expected(jobs: Mapping[str, int], cpu_s: Mapping[str, float]) -> float:
+    return sum(n * cpu_s.get(rule, UNMEASURED) for rule, n in jobs.items())
 
 
 @contextlib.contextmanager
 def printed_jobs(cpu_s: Mapping[str, float]) -> Iterator[None]:
     """While Snakemake runs as a child of this process, print a line for each job that ends."""
     old, over = set(LOGS.glob("*.log")), threading.Event()
-    thread = threading.Thread(target=_follow, args=(JobLines(cpu_s), old, over), daemon=True)
+    thread = threading.Thread(target=_follow, args=(cpu_s, old, over), daemon=True)
     thread.start()
     try:
         yield
@@ -98,22 +68,18 @@ def printed_jobs(cpu_s: Mapping[str, float]) -> Iterator[None]:
         thread.join()
 
 
-def _follow(lines: JobLines, old: set[Path], over: threading.Event) -> None:
-    """Print new text of the log that is not among the `old` ones, until `over`."""
-    start, cpu, position, log, last = time.monotonic(), 0.0, 0, None, False
+def _follow(cpu_s: Mapping[str, float], old: set[Path], over: threading.Event) -> None:
+    """Print the lines of the log that is not among the `old` ones, until `over`."""
+    start, cpu, shown, last = time.monotonic(), 0.0, 0, False
     while not last:
         last = over.wait(EVERY)
-        log = log or max(set(LOGS.glob("*.log")) - old, default=None)
-        if log is None:
-            continue
-        with log.open("rb") as stream:
-            stream.seek(position)
-            text = stream.read()
-        text = text[: text.rfind(b"\n") + 1]
-        position += len(text)
         cpu = max(cpu, _cpu_of_children())
-        for line in lines.read(text.decode(errors="replace"), cpu, time.monotonic() - start):
-            print(line, flush=True)
+        for log in set(LOGS.glob("*.log")) - old:
+            text = log.read_text(encoding="utf-8", errors="replace").rpartition("\n")[0]
+            lines = job_lines(text, cpu_s, cpu, time.monotonic() - start)
+            for line in lines[shown:]:
+                print(line, flush=True)
+            shown = len(lines)
 
 
 def _cpu_of_children() -> float:

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from tests.workflow.pipeline_copy import ROOT
-from thesis_lib.job_lines import TRUST, UNMEASURED, JobLines
+from thesis_lib.job_lines import TRUST, UNMEASURED, job_lines
 
 HEAD = """\
 Provided cores: 2
@@ -27,17 +27,20 @@ rule draw:
 
 
 def test_each_job_that_ends_has_a_line_with_what_is_done_and_what_is_left():
-    lines = JobLines({"fit": 100.0})
-    (begin,) = lines.read(HEAD, cpu=0.0, wall=1.0)
+    (begin,) = job_lines(HEAD, {"fit": 100.0}, cpu=0.0, wall=1.0)
     assert begin == "3 jobs, about 3 min of CPU on this machine: about 2 min on 2 cores"
     # took half as long as expected; what is left shares two cores
     pace = (50.0 + TRUST) / (100.0 + TRUST)
     left = pace * (100.0 + UNMEASURED) / 2
-    (said,) = lines.read("Finished jobid: 1 (Rule: fit)\n1 of 3 steps (33%) done\n", cpu=50.0, wall=60.0)
-    assert said == f"[1/3] fit: Fitting the block; 50 s of CPU in 60 s, about {left:.0f} s left"
-    said = lines.read("Finished jobid: 2 (Rule: fit)\nFinished jobid: 0 (Rule: all)\n", cpu=100.0, wall=120.0)
-    assert said[0].startswith("[2/3] fit: shape=wheel; 2 min of CPU in 2 min, about 0 s left")
-    assert said[1] == "[3/3] all; 2 min of CPU in 2 min"
+    first = HEAD + "Finished jobid: 1 (Rule: fit)\n1 of 3 steps (33%) done\n"
+    assert job_lines(first, {"fit": 100.0}, cpu=50.0, wall=60.0) == [
+        begin,
+        f"[1/3] fit: Fitting the block; 50 s of CPU in 60 s, about {left:.0f} s left",
+    ]
+    whole = first + "Finished jobid: 2 (Rule: fit)\nFinished jobid: 0 (Rule: all)\n"
+    second, last = job_lines(whole, {"fit": 100.0}, cpu=100.0, wall=120.0)[2:]
+    assert second.startswith("[2/3] fit: shape=wheel; 2 min of CPU in 2 min, about 0 s left")
+    assert last == "[3/3] all; 2 min of CPU in 2 min"
 
 
 SNAKEFILE = """
