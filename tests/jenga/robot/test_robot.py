@@ -164,14 +164,11 @@ def test_the_error_of_a_grasp_is_as_declared_and_drawn_only_if_there_is_one(monk
 
 
 @pytest.mark.slow
-def test_weak_jaws_lose_the_block_and_a_weld_does_not():
-    results = []
-    for settings in (RobotSettings(jaw_force=0.02, jaw_friction=0.05), RobotSettings(weld=True)):
-        tower = Tower(SEED, robot=settings).settle()
-        _out(tower)
-        results.append(Gripper(tower).extract(FREE_BLOCK))
-    assert not results[0].success and "lost" in results[0].reason
-    assert results[1].success
+def test_weak_jaws_lose_the_block():
+    tower = Tower(SEED, robot=RobotSettings(jaw_force=0.02, jaw_friction=0.05)).settle()
+    _out(tower)
+    result = Gripper(tower).extract(FREE_BLOCK)
+    assert not result.success and "lost" in result.reason
 
 
 def test_a_full_top_layer_opens_the_next():

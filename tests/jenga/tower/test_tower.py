@@ -8,7 +8,6 @@ from tower_for_tests import SEED, Settled
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.tower.settings import HealthSettings, HiddenEffects, TowerSettings
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower, TowerError, check, check_standing, draw_sizes
-from thesis_lib.jenga.tower.tower_model import rotation
 
 GRAVITY = 9.81
 WEIGHT_TOLERANCE = 0.02  # of the weight: forces ripple by this while the tower creeps
@@ -75,14 +74,6 @@ def test_perturbation_is_the_others_displacement_and_rotation():
     mujoco.mj_forward(tower.model, tower.data)
     assert tower.perturbation(3) == pytest.approx((5e-3, angle), rel=1e-2)
     assert tower.perturbation(50)[0] < 1e-4
-
-
-def test_rotation_agrees_with_mujoco():
-    quaternion = np.random.default_rng(0).standard_normal(4)
-    quaternion /= np.linalg.norm(quaternion)
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    assert np.allclose(rotation(quaternion).ravel(), matrix)
 
 
 @pytest.mark.parametrize("iterations", [10])

@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from thesis_lib.figures.style import INK, WIDTH, Drawn, house_style, new_figure
-from thesis_lib.jenga.tower.tower_model import BLOCKS, rotation
+from thesis_lib.jenga.tower.tower_model import BLOCKS
+from thesis_lib.mechanics.space import rotation_matrix
 
 AZIMUTH, ELEVATION = np.radians(35.0), np.radians(22.0)
 Colour = tuple[float, float, float]
@@ -44,7 +45,7 @@ def draw_tower(ax: Axes, poses: np.ndarray, sizes: np.ndarray, painted: Mapping[
     order = present[np.lexsort((poses[present, :2] @ camera[:2], level))]
     polygons, shades = [], []
     for block in order:
-        matrix = rotation(poses[block, 3:])
+        matrix = rotation_matrix(poses[block, 3:])
         for axis, side, corners in FACES:
             normal = side * matrix[:, axis]
             if normal @ camera <= 0:

@@ -91,7 +91,6 @@ class Gripper:
         pose = self._target(block, layer, place)
         self._carry(pose)
         self._command_jaws(OPEN)
-        self._weld(False)
         tower.simulate(OPENING)
         self.let_go()
         tower.simulate(RESTING)
@@ -111,7 +110,6 @@ class Gripper:
         mujoco.mj_forward(tower.model, tower.data)
         self._command_jaws(SQUEEZE)
         tower.simulate(CLOSING)
-        self._weld(True)
 
     def _error(self, rng: np.random.Generator | None) -> np.ndarray:
         """Error of the hand along and across the block (m) and of its turn (rad); draws only if there is one."""
@@ -135,21 +133,6 @@ class Gripper:
         model, geom = self.tower.model, self.tower.core[block]
         for mask, row in ((model.geom_conaffinity, geom), (model.body_conaffinity, model.geom_bodyid[geom])):
             mask[row] = mask[row] | JAW if yes else mask[row] & ~JAW
-
-    def _weld(self, active: bool) -> None:
-        """Join hand and block rigidly, for comparison only."""
-        if not self.settings.weld:
-            return
-        model, data = self.tower.model, self.tower.data
-        body = model.geom_bodyid[self.tower.core[self.held]]
-        row = int(np.flatnonzero(model.eq_obj2id == body)[0])
-        if active:
-            inverse, place, turn = np.empty(4), np.empty(3), np.empty(4)
-            mujoco.mju_negQuat(inverse, data.xquat[self._body])
-            mujoco.mju_rotVecQuat(place, data.xpos[body] - data.xpos[self._body], inverse)
-            mujoco.mju_mulQuat(turn, inverse, data.xquat[body])
-            model.eq_data[row, :11] = [0, 0, 0, *place, *turn, 1.0]
-        data.eq_active[row] = active
 
     def _pull(self, way: np.ndarray, seconds: float) -> None:
         drives = [self._drive[name] for name in HAND[:3]]
@@ -216,7 +199,6 @@ class Gripper:
 
     def let_go(self) -> None:
         """Release the held block where it is, and park the hand."""
-        self._weld(False)
         self._let_jaws_touch(self.held, False)
         self._put_hand((*PARKED, 0.0))
         mujoco.mj_forward(self.tower.model, self.tower.data)

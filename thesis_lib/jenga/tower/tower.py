@@ -20,7 +20,8 @@ import numpy as np
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.tower.settings import HealthSettings, RobotSettings, Setup, TowerSettings
-from thesis_lib.jenga.tower.tower_model import BLOCKS, LAYERS, PARKED, PER_LAYER, rotation, stacked, tower_xml
+from thesis_lib.jenga.tower.tower_model import BLOCKS, LAYERS, PARKED, PER_LAYER, stacked, tower_xml
+from thesis_lib.mechanics.space import rotation_matrix
 
 REACHABLE = np.arange(BLOCKS - 3 * PER_LAYER)
 STATE_KIND = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -181,7 +182,7 @@ class Tower:
         before, rows = (self.reference if since is None else since)[others], self.core[others]
         distance = np.linalg.norm(self.data.geom_xpos[rows] - before[:, :3], axis=1).max()
         # trace of the product of rotations is 1 + 2 cos(angle)
-        trace = (self.data.geom_xmat[rows].reshape(-1, 3, 3) * rotation(before[:, 3:])).sum((1, 2))
+        trace = np.einsum("nij,ijn->n", self.data.geom_xmat[rows].reshape(-1, 3, 3), rotation_matrix(before[:, 3:].T))
         return float(distance), float(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)).max())
 
     def fallen(self) -> np.ndarray:

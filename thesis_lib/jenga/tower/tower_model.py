@@ -21,6 +21,7 @@ worse solution.  See E. Todorov, T. Erez, Y. Tassa, IROS 2012, doi 10.1109/IROS.
 import numpy as np
 
 from thesis_lib.jenga.tower.settings import RobotSettings, TowerSettings
+from thesis_lib.mechanics.space import rotation_matrix
 
 LAYERS, PER_LAYER = 18, 3
 BLOCKS = LAYERS * PER_LAYER
@@ -52,7 +53,7 @@ def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarr
     origin, turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     if pose is not None:
         origin, turn = pose[:3], pose[3:]
-    matrix = rotation(turn)
+    matrix = rotation_matrix(turn)
     slippery = settings.hidden.slippery_layer == block // PER_LAYER
     # MuJoCo takes the higher friction of two geoms unless one has priority
     surface = f' priority="1" friction="{settings.hidden.slippery_friction} .005 .0001"' if slippery else ""
@@ -61,17 +62,6 @@ def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarr
     lines += [f'<geom class="foot" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in feet]
     lines += [f'<geom class="bumper" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in bumpers]
     return "".join(lines)
-
-
-def rotation(quaternion: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), real part first."""
-    w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def stacked(sizes: np.ndarray, settings: TowerSettings) -> np.ndarray:
@@ -163,7 +153,6 @@ def tower_xml(
         bodies.append(f'<body name="block{block}" {where}><freejoint/>{geom}</body>')
     pusher, pusher_drives = _pusher(robot, settings)
     gripper, gripper_drives = _gripper(robot, settings)
-    welds = "".join(f'<weld body1="hand" body2="block{block}" active="false"/>' for block in single)
     return f"""<mujoco>
 <compiler angle="radian"/>
 <option timestep="{settings.timestep}" integrator="implicitfast" solver="Newton" iterations="{settings.iterations}"
@@ -182,5 +171,4 @@ def tower_xml(
   {geoms["static"]}{"".join(bodies)}{pusher}{gripper}
 </worldbody>
 <actuator>{pusher_drives}{gripper_drives}</actuator>
-<equality>{welds if robot.weld else ""}</equality>
 </mujoco>"""
