@@ -16,7 +16,7 @@ the slip s, half of Coulomb's at v_s.
 import numpy as np
 from numba import njit
 
-HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX, PRESSURE_FIELD = range(5)
+HYSTERESIS, LINEAR_DAMPER, HUNT_CROSSLEY, CONVEX, PRESSURE_FIELD, PYRAMID = range(6)
 SPEED = 1.0  # m/s, v₀
 SWEEPS, SETTLED = 50, 1e-7  # over convex contacts that press at once, and their relative change at the last
 RESOLVED = 0.25  # (ω h)² of a tangential spring

@@ -8,7 +8,8 @@ momentum L, which the body keeps without torque,
 Friction has two components.  It ends the slip within the step, if |c_t| ≤ μ c_n; else it is μ c_n against the slip in
 the middle of the step, (½ A + λ) c_t = −s, with A the compliance along the surface, or, where the slip turns round
 within the step, first against the slip before and then against the one after.  A convex contact has the force
-that minimises its program in the circular cone |f_t| ≤ μ f_n: inside, or on the generator that serves best.
+that minimises its program in the circular cone |f_t| ≤ μ f_n: inside, or on the generator that serves best.  On a
+pyramid it is the sum of pushes g ≥ 0 along four edges, n ± μ t_1 and n ± μ t_2, each with its share of R.
 
 A contact point is one of a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body, plus
 the lowest point of an ellipsoid that turns with it, less a radius along the normal.
@@ -19,7 +20,7 @@ who changes the forces there touches this file, too.
 
 import numpy as np
 
-from thesis_lib.contact.compliant.compiled import CONVEX, SETTLED, SPEED, SWEEPS, _push, compiled
+from thesis_lib.contact.compliant.compiled import CONVEX, PYRAMID, SETTLED, SPEED, SWEEPS, _push, compiled
 
 CLOSE = 1e-9  # relative: friction on its limit, direction of the generator in rad
 MOST = 40  # Newton steps to either; some 4 are needed
@@ -116,6 +117,63 @@ def _circular_cone(Q, c, mu):
 
 
 @compiled
+def _on_edges(Q, c, free, g):
+    """g (4,) with Q g = c where `free`, else 0, by elimination; Q (4, 4) is positive definite."""
+    M, x = np.zeros((4, 4)), np.zeros(4)
+    for i in range(4):
+        M[i, i] = 1.0
+        if free[i]:
+            x[i] = c[i]
+            for j in range(4):
+                if free[j]:
+                    M[i, j] = Q[i, j]
+    for i in range(4):
+        for j in range(i + 1, 4):
+            share = M[j, i] / M[i, i]
+            for k in range(i, 4):
+                M[j, k] -= share * M[i, k]
+            x[j] -= share * x[i]
+    for i in range(3, -1, -1):
+        g[i] = x[i]
+        for j in range(i + 1, 4):
+            g[i] -= M[i, j] * g[j]
+        g[i] /= M[i, i]
+
+
+@compiled
+def _pyramid(Q, c, mu, regular):
+    """f (f_1, f_2, f_n) = Σ g_i e_i of g ≥ 0 that minimise ½ fᵀ Q f − fᵀ c + ½ `regular` Σ g_i², e_i the four edges.
+
+    The signs of g and of its slopes are put right one at a time, the first that is wrong each time (Murty 1974).
+    """
+    if mu <= 0.0:
+        return 0.0, 0.0, max(c[2], 0.0) / Q[2, 2]
+    P, d, g, free = np.empty((4, 4)), np.empty(4), np.empty(4), np.ones(4, np.bool_)
+    for i in range(4):
+        a, x = i // 2, mu if i % 2 == 0 else -mu
+        d[i] = c[2] + x * c[a]
+        for j in range(4):
+            b, y = j // 2, mu if j % 2 == 0 else -mu
+            P[i, j] = Q[2, 2] + x * Q[a, 2] + y * Q[2, b] + x * y * Q[a, b]
+        P[i, i] += regular
+    for _ in range(MOST):
+        _on_edges(P, d, free, g)
+        wrong = -1
+        for i in range(3, -1, -1):
+            slope = d[i]
+            for j in range(4):
+                slope -= P[i, j] * g[j]
+            if (g[i] < 0.0) if free[i] else (slope > CLOSE * abs(d[i])):
+                wrong = i
+        if wrong < 0:
+            break
+        free[wrong] = not free[wrong]
+    for i in range(4):
+        g[i] = max(g[i], 0.0)
+    return mu * (g[0] - g[1]), mu * (g[2] - g[3]), g[0] + g[1] + g[2] + g[3]
+
+
+@compiled
 def _compliance(W, r, A):
     """K = 1 − [r]ₓ W [r]ₓ into A (3, 3), with W (3, 3) and r (3,)."""
     x, y, z = r[0], r[1], r[2]
@@ -129,7 +187,7 @@ def _compliance(W, r, A):
 
 
 @compiled
-def _convex(h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, Bs, Ks, forces):
+def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, Bs, Ks, forces):
     """Forces per mass of convex contacts, into `forces` (p, 3), which holds those of the step before.
 
     As in the plane: they are those of velocities in the middle of a step of h from `v`, `omega`; a and alpha (3,) are
@@ -159,22 +217,29 @@ def _convex(h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, Bs, Ks, force
             half = 1.0 + 0.5 * B * h
             c_n = Ks[k] * depths[k] - B * v_n - half * u_n
             largest = max(A[0, 0], A[1, 1])
-            # sticking: at the middle of a step that resolves it, or it would swing; else at its end
-            late = half if B * h * largest < half * largest + rho / ratio else 1.0 + B * h
-            for i in range(3):
-                share = half if i == 2 else late
-                for j in range(3):
-                    Q[i, j] = share * A[i, j]
-                Q[i, i] += rho if i == 2 else rho / ratio
-            c[0], c[1], c[2] = -B * s_1 - late * u_1, -B * s_2 - late * u_2, c_n
-            f_1, f_2, f_n = _solved(Q, c)
-            if f_n < 0.0 or f_1 * f_1 + f_2 * f_2 > mu * mu * f_n * f_n:
-                for i in range(2):
+            if kind == PYRAMID:
+                for i in range(3):
                     for j in range(3):
                         Q[i, j] = half * A[i, j]
-                    Q[i, i] += rho / ratio
-                c[0], c[1] = -B * s_1 - half * u_1, -B * s_2 - half * u_2
-                f_1, f_2, f_n = _circular_cone(Q, c, mu)
+                c[0], c[1], c[2] = -B * s_1 - half * u_1, -B * s_2 - half * u_2, c_n
+                f_1, f_2, f_n = _pyramid(Q, c, mu, 2.0 * mu * mu * rho)
+            else:
+                # sticking: at the middle of a step that resolves it, or it would swing; else at its end
+                late = half if B * h * largest < half * largest + rho / ratio else 1.0 + B * h
+                for i in range(3):
+                    share = half if i == 2 else late
+                    for j in range(3):
+                        Q[i, j] = share * A[i, j]
+                    Q[i, i] += rho if i == 2 else rho / ratio
+                c[0], c[1], c[2] = -B * s_1 - late * u_1, -B * s_2 - late * u_2, c_n
+                f_1, f_2, f_n = _solved(Q, c)
+                if f_n < 0.0 or f_1 * f_1 + f_2 * f_2 > mu * mu * f_n * f_n:
+                    for i in range(2):
+                        for j in range(3):
+                            Q[i, j] = half * A[i, j]
+                        Q[i, i] += rho / ratio
+                    c[0], c[1] = -B * s_1 - half * u_1, -B * s_2 - half * u_2
+                    f_1, f_2, f_n = _circular_cone(Q, c, mu)
             d_1, d_2, d_n = f_1 - f[0], f_2 - f[1], f_n - f[2]
             _accelerate(d_1, d_2, d_n, r, W, a, alpha)
             f[0], f[1], f[2] = f_1, f_2, f_n
@@ -279,8 +344,8 @@ def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
     """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
 
     Args:
-        force: kind, exponent, damping along the surface over that across it (n,) and R m (n,) of a convex contact,
-            share (n,) of the depth by which the force acts above the point.
+        force: kind, exponent, damping along the surface over that across it (n,) and R m (n,) of a convex contact, on a
+            pyramid along the surface; share (n,) of the depth by which the force acts above the point.
         r_0: points (3, p, n) in m from the centre of mass, at the touch.
         points: gap in m, μ, D and L in m of each point, (4, p, n).
         body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
@@ -296,6 +361,7 @@ def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
         impulses per mass (3, p, n) in m/s.
     """
     kind, exponent, ratios, rhos, shares = force
+    is_convex = kind in (CONVEX, PYRAMID)
     gaps, mus, losses, lengths = points
     W_0s, momenta, accelerations, couples = body
     squares, axes, radius = outline
@@ -339,13 +405,13 @@ def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
             _turned_inertia(T, W_0, W)
             _times(W, L, omega)
             pressing = 0
-            if near and kind == CONVEX:
+            if near and is_convex:
                 for k in range(p):
-                    B = losses[k, i] * SPEED / lengths[k, i]
-                    Bs[k], Ks[k] = B * (1.0 + rhos[i]), (SPEED / lengths[k, i]) ** 2 * (1.0 + rhos[i])
+                    B, share = losses[k, i] * SPEED / lengths[k, i], 0.5 * mu[k] * mu[k] if kind == PYRAMID else 1.0
+                    Bs[k], Ks[k] = B * (1.0 + share * rhos[i]), (SPEED / lengths[k, i]) ** 2 * (1.0 + share * rhos[i])
                 a[:] = accelerations[:, i]
                 _times(W, couples[:, i], alpha)
-                _convex(h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, Bs, Ks, forces)
+                _convex(kind, h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, Bs, Ks, forces)
                 for k in range(p):
                     push[k] = h * forces[k, 2]
                     pressing += push[k] > 0.0
@@ -375,7 +441,7 @@ def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
             _times(W, L, omega)
             along_1 = along_2 = 0.0
             for k in range(p):
-                if kind == CONVEX:
+                if is_convex:
                     d_1, d_2 = h * forces[k, 0], h * forces[k, 1]
                 elif push[k] == 0.0:
                     carried[k] = 0.0

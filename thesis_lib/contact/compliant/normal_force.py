@@ -32,6 +32,9 @@ the normal force.  Where R is small, the contact points get the acceleration a* 
 slides, the program lifts the body.  MuJoCo's R is (1 − d)/d with its impedance d and its own estimate of A, 2/3 of a
 body that cannot leave its plane.
 
+On a pyramid f is a sum of pushes along four edges, n ± μ t_1 and n ± μ t_2, each with R_e = 2 μ² R_t, so that a contact
+that sticks has R_t along the surface, and R_n = μ² R_t/2.  So friction is weaker, and turns, between t_1 and t_2.
+
 Sources: Walton and Braun 1986, doi:10.1122/1.549893; Schwager and Pöschel 2007, doi:10.1007/s10035-007-0065-z; Hunt and
 Crossley 1975, doi:10.1115/1.3423596; Johnson 1985, section 11.4, doi:10.1017/CBO9781139171731 (Hertz); Todorov 2014,
 doi:10.1109/ICRA.2014.6907751 (convex contact; a* and R in MuJoCo's documentation, "Computation", "Constraint model");
@@ -51,6 +54,7 @@ from thesis_lib.contact.compliant.compiled import (
     HYSTERESIS,
     LINEAR_DAMPER,
     PRESSURE_FIELD,
+    PYRAMID,
     SPEED,
     pushes,
 )
@@ -208,3 +212,10 @@ class ConvexDamper(LinearDamper):
     """A linear damper with the friction of a convex program."""
 
     kind: ClassVar[int] = CONVEX
+
+
+@dataclass(frozen=True)
+class PyramidDamper(ConvexDamper):
+    """A linear damper with friction on a pyramid, whose edges lie along t_1 and t_2 of the surface."""
+
+    kind: ClassVar[int] = PYRAMID

@@ -23,6 +23,7 @@ from thesis_lib.contact.compliant.normal_force import (
     LinearDamper,
     NormalForce,
     PressureField,
+    PyramidDamper,
 )
 from thesis_lib.contact.law import ImpulseFunction, Law
 from thesis_lib.contact.slip_path import slip_path
@@ -48,8 +49,10 @@ def _compression(space: Contact, mu: np.ndarray) -> np.ndarray:
     return slip_hodograph.impulse(space, mu, np.zeros_like(mu), slip_hodograph.Restitution.POISSON)[2]
 
 
-def _compliant(name: str, title: str, force: NormalForce, reference: str) -> Law:
-    return replace(mirtich.LAW, name=name, title=title, impulse=_limit(force), reference=reference, force=force)
+def _compliant(name: str, title: str, force: NormalForce, reference: str, *, only: int = 0) -> Law:
+    dimensions = frozenset({only}) if only else mirtich.LAW.dimensions
+    same = {"title": title, "reference": reference, "force": force, "dimensions": dimensions}
+    return replace(mirtich.LAW, name=name, impulse=_limit(force), **same)
 
 
 COMPLIANT = (
@@ -84,9 +87,16 @@ COMPLIANT = (
         "contact of a pressure field",
         PressureField(),
         "Elandt et al. 2019, doi:10.1109/IROS40897.2019.8968548",
+        only=2,  # integrated over the chord that the surface cuts off
+    ),
+    _compliant(
+        "pyramid_contact",
+        "spring and damper with convex friction on a pyramid",
+        PyramidDamper(),
+        "Todorov 2014, doi:10.1109/ICRA.2014.6907751",
+        only=3,  # in the plane it is the convex contact
     ),
 )
 BASES: Mapping[str, Law] = ChainMap({law.name: law for law in COMPLIANT}, LAWS)
-RESERVE = tuple(law.name for law in COMPLIANT)  # those that are tried where rigid laws leave an error
-# a pressure field is integrated over the chord that the surface cuts off, in the plane
-RESERVE_IN_SPACE = tuple(law.name for law in COMPLIANT if not isinstance(law.force, PressureField))
+# those that are tried where rigid laws leave an error
+RESERVE, RESERVE_IN_SPACE = (tuple(law.name for law in COMPLIANT if d in law.dimensions) for d in (2, 3))

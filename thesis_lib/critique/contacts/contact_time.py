@@ -25,9 +25,11 @@ change τ from impact to impact.
 | T        |         | s    |       | duration of a central contact                                            |
 """
 
+from dataclasses import replace
+
 import numpy as np
 
-from thesis_lib.contact.compliant.normal_force import ConvexDamper, PressureField
+from thesis_lib.contact.compliant.normal_force import ConvexDamper, PressureField, PyramidDamper
 from thesis_lib.effects.effect import Parameter
 
 BASE_PARAMETERS = (
@@ -40,9 +42,15 @@ DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.01, high=500.0,
 # of a convex contact: near 0 its force is that of a spring and a damper, near 1 it gives the contact the same motion
 # whatever mass stands behind it; d of MuJoCo's solimp, for a body that cannot leave its plane
 IMPEDANCE = Parameter("impedance", "1", null=0.01, low=1e-3, high=0.9999, scale=0.1)
+# of friction on a pyramid: R_t m = (1 − d)/d; d of MuJoCo's solimp at an impratio of 1
+OF_PYRAMID = replace(IMPEDANCE, null=0.9, low=0.1)
 # of a pressure field: the slip at which friction is half of Coulomb's
 STICTION_TOLERANCE = Parameter("stiction_tolerance", "m/s", null=1e-3, low=0.0, high=0.05, scale=1e-3)
-OF_FRICTION = {ConvexDamper: (DAMPING_RATIO, IMPEDANCE), PressureField: (STICTION_TOLERANCE,)}
+OF_FRICTION = {
+    ConvexDamper: (DAMPING_RATIO, IMPEDANCE),
+    PyramidDamper: (OF_PYRAMID,),
+    PressureField: (STICTION_TOLERANCE,),
+}
 LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact is no spring under a mass
 TURNED = 0.25  # of t̄ Δω: turning of the body until the impulse acts, beyond that of the arc before
 
