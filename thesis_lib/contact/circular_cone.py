@@ -11,8 +11,8 @@ multiplied by D = (a_1 + λ)(a_2 + λ), the edge of the cone is
 
     |N(λ)| = ℓ D(λ) − s·N(λ),    N = −((a_2 + λ) b_1, (a_1 + λ) b_2),    c = N / D,
 
-which is solved by Newton's method.  Where a stick impulse exists it is taken; of 200 000 random impacts all others had
-one root (with ℓ > 0 there is at least one).
+which is solved by Newton's method (`sliding/cone.py`).  Where a stick impulse exists it is taken; of 200 000 random
+impacts all others had one root (with ℓ > 0 there is at least one).
 
 | problem                                   | A                 | b               | ℓ          | s            |
 |-------------------------------------------|-------------------|-----------------|------------|--------------|
@@ -29,11 +29,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thesis_lib.contact.roots import increasing_root
 from thesis_lib.mechanics.contact import Contact
 
 Pair = tuple[np.ndarray, np.ndarray]
-ROUNDING = 4.0 * np.finfo(float).eps  # of the terms of |N| = ℓ D − s·N: what they differ by less is 0
 
 
 class Principal(NamedTuple):
@@ -66,33 +64,12 @@ def cone_point(a: Pair, b: Pair, limit: np.ndarray, slope: Pair | None = None) -
 
     Principal values a and vector b, ℓ = `limit`, s = `slope`.  With ℓ = 0 and s = 0 there is no friction.
     """
-    (a_1, a_2), (b_1, b_2) = a, b
-    s_1, s_2 = slope if slope is not None else (0.0, 0.0)
-    stick = b_1 / -a_1, b_2 / -a_2
-    slides = np.hypot(*stick) > limit - s_1 * stick[0] - s_2 * stick[1]
-    if not np.any(slides):
-        zero = 0.0 * limit
-        return stick[0] + zero, stick[1] + zero
-    # without friction the root is at infinity, and where it sticks nobody asks for it: solve another problem there
-    solved = slides & (limit > 0.0)
-    l = np.where(solved, limit, 1.0)
-    t_1, t_2 = np.where(solved, s_1, 0.0), np.where(solved, s_2, 0.0)
-    b_1, b_2 = np.where(solved, b_1, 2.0 * a_1), np.where(solved, b_2, 0.0)
+    from thesis_lib.contact.sliding.cone import impulses
 
-    def inside(λ: np.ndarray) -> Pair:
-        # ℓ D − s·N − |N|, and its slope
-        d_1, d_2 = a_1 + λ, a_2 + λ
-        n_1, n_2 = -d_2 * b_1, -d_1 * b_2
-        length, room = np.hypot(n_1, n_2), l * d_1 * d_2
-        value = room - t_1 * n_1 - t_2 * n_2 - length
-        value = np.where(np.abs(value) <= ROUNDING * (room + length), 0.0, value)
-        return value, l * (d_1 + d_2) + t_1 * b_1 + t_2 * b_2 + (n_1 * b_1 + n_2 * b_2) / length
-
-    λ = increasing_root(inside, np.zeros(np.shape(l)), np.hypot(b_1, b_2) / l)
-    c_1, c_2 = b_1 / -(a_1 + λ), b_2 / -(a_2 + λ)
-    frictionless = slides & ~solved
-    c_1, c_2 = np.where(frictionless, 0.0, c_1), np.where(frictionless, 0.0, c_2)
-    return np.where(slides, c_1, stick[0]), np.where(slides, c_2, stick[1])
+    parts = np.broadcast_arrays(*a, *b, limit, *(slope or (0.0, 0.0)))
+    c = np.empty((2, *parts[0].shape))
+    impulses(np.array(parts, dtype=float).reshape(7, -1), c.reshape(2, -1))
+    return c[0], c[1]
 
 
 def impulse_to_normal_velocity(contact: Contact, mu: np.ndarray, dv_n: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thesis_lib.mechanics.space import Space, cross
+from thesis_lib.mechanics.space import Space, by_column, by_row, cross
 
 if TYPE_CHECKING:
     from thesis_lib.mechanics.state import State
@@ -165,10 +165,9 @@ def contact_at(
         K_tn = -r_x * y_I
         K = ((inverse_mass + r_y * y_I, K_tn), (K_tn, inverse_mass + r_x * x_I))
         return Contact((v_x - r_y * omega, v_y + r_x * omega), K, r, mobility)
-    # row i of −[r]ₓ is e_i × r, so that K_ij = 1/m + (e_i × r)·G⁻¹ (e_j × r)
-    zero = np.zeros_like(r[0])
-    S = np.array([[zero, r[2], -r[1]], [-r[2], zero, r[0]], [r[1], -r[0], zero]])
-    K = np.einsum("ikn,kln,jln->ijn", S, mobility, S)
+    from thesis_lib.mechanics import products
+
+    K = by_column(products.compliance, r, by_row(mobility))
     K[[0, 1, 2], [0, 1, 2]] += inverse_mass
     return Contact(velocity + cross(spin, r), K, r, mobility)
 
@@ -205,4 +204,7 @@ def velocity_change(
 
 def _product(A: np.ndarray, b) -> np.ndarray:
     """A b (3, ...) of matrices (3, 3, ...)."""
-    return np.stack([row[0] * b[0] + row[1] * b[1] + row[2] * b[2] for row in A])
+    from thesis_lib.mechanics import products
+
+    vectors = b if isinstance(b, np.ndarray) else np.array(np.broadcast_arrays(*b))
+    return by_column(products.product, by_row(A), vectors)

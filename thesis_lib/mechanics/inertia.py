@@ -10,23 +10,23 @@ Impacts and flights depend on the inertia per mass only.
 
 import numpy as np
 
-from thesis_lib.mechanics.space import Space, rotation_matrix
+from thesis_lib.mechanics.space import Space, by_column
 
 
 def mobility(space: Space, G: np.ndarray | float, attitude: np.ndarray) -> np.ndarray:
     """G⁻¹ in 1/m²: in the plane as G is, in space (3, 3, n) in the axes of the world at attitudes (4, n)."""
     if space.is_plane:
         return 1.0 / G
-    inverse = np.linalg.inv(np.moveaxis(np.asarray(G), (0, 1), (-2, -1)))
-    return in_world(np.moveaxis(inverse, (-2, -1), (0, 1)), attitude)
+    from thesis_lib.mechanics import products
+
+    return by_column(products.in_world, products.inverse(np.reshape(G, (9, -1))), attitude)
 
 
 def in_world(G: np.ndarray, attitude: np.ndarray) -> np.ndarray:
     """G (3, 3, n) in m² in the axes of the world, of tensors as `G` in those of bodies at (4, n)."""
-    R, each = rotation_matrix(attitude), G if G.ndim == 3 else G[:, :, None]
-    if each.shape[2] == 1:
-        return np.einsum("ijn,jk,lkn->iln", R, each[:, :, 0], R)
-    return np.einsum("ijn,jkn,lkn->iln", R, each, R)
+    from thesis_lib.mechanics import products
+
+    return by_column(products.in_world, np.reshape(G, (9, -1)), attitude)
 
 
 def principal_axes(G: np.ndarray) -> np.ndarray:

@@ -16,11 +16,10 @@ Hamilton's; (w, x, y, z) and its opposite are the same attitude.
 Source: Solà 2017, Quaternion kinematics for the error-state Kalman filter, arXiv:1711.02508.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-
-SMALL = 1e-4  # rad: half angles below it are by their series, exact to rounding
 
 
 @dataclass(frozen=True)
@@ -78,14 +77,22 @@ class Space:
     # attitudes --------------------------------------------------------------------------------------------------
     def attitude_after(self, attitude: np.ndarray, turn: np.ndarray) -> np.ndarray:
         """Attitude after a turn by the rotation vectors `turn` (turns, n) in rad, about axes of the world."""
-        return attitude + turn if self.is_plane else multiplied(of_rotation_vector(turn), attitude)
+        if self.is_plane:
+            return attitude + turn
+        from thesis_lib.mechanics import products
+
+        return by_column(products.turned_by, turn, attitude)
 
     def turn_between(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Rotation vector (turns, n) in rad, about axes of the world, from the first attitude to the second.
 
         In space it is the shortest one; in the plane angles count on.
         """
-        return second - first if self.is_plane else rotation_vector(multiplied(second, conjugate(first)))
+        if self.is_plane:
+            return second - first
+        from thesis_lib.mechanics import products
+
+        return by_column(products.turn_between, first, second)
 
     def shift(self, pose: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Poses after small changes (d + turns, n) in m, rad."""
@@ -106,59 +113,69 @@ PLANE = Space(2, 1, 1)
 SPACE = Space(3, 4, 3)
 
 
+def by_column(kernel: Callable[..., np.ndarray], *arrays: np.ndarray) -> np.ndarray:
+    """What a kernel of `products` makes of arrays (c, ...), which broadcast beyond their components."""
+    if all(array.ndim == 2 for array in arrays):
+        return kernel(*arrays)
+    shape = np.broadcast_shapes(*(array.shape[1:] for array in arrays))
+    ones = ((len(array), *(1,) * (len(shape) + 1 - array.ndim), *array.shape[1:]) for array in arrays)
+    full = (np.broadcast_to(array.reshape(one), (len(array), *shape)) for array, one in zip(arrays, ones))
+    found = kernel(*(array.reshape(len(array), -1) for array in full))
+    return found.reshape(*found.shape[:-1], *shape)
+
+
+def by_row(A: np.ndarray) -> np.ndarray:
+    """Matrices (3, 3, ...) as (9, ...), row by row."""
+    return np.reshape(A, (9, *np.shape(A)[2:]))
+
+
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a × b (3, ...) of vectors (3, ...)."""
-    first = a[1] * b[2] - a[2] * b[1]
-    product = np.empty((3, *np.shape(first)))
-    product[0], product[1], product[2] = first, a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    return product
+    from thesis_lib.mechanics import products
+
+    return by_column(products.cross, a, b)
 
 
 def multiplied(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Product p q (4, ...) of quaternions: first the turn q, then p."""
-    w = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
-    product = np.empty((4, *np.shape(w)))
-    product[0], product[1:] = w, p[:1] * q[1:] + q[:1] * p[1:] + cross(p[1:], q[1:])
-    return product
+    from thesis_lib.mechanics import products
+
+    return by_column(products.multiplied, p, q)
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
     """The opposite turn (4, ...) of unit quaternions."""
-    return np.concatenate([q[:1], -q[1:]])
+    opposite = -q
+    opposite[0] = q[0]
+    return opposite
 
 
 def rotated(q: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Vectors u (3, ...) turned by unit quaternions q (4, ...): u + 2 s (a × u) + 2 a × (a × u) for q = (s, a)."""
-    twice = 2.0 * cross(q[1:], u)
-    return u + q[:1] * twice + cross(q[1:], twice)
+    from thesis_lib.mechanics import products
+
+    return by_column(products.rotated, q, u)
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
     """Matrices (3, 3, ...) of unit quaternions q (4, ...): columns are the axes of the body in the world."""
-    w, x, y, z = q
-    _, X, Y, Z = 2.0 * q
-    R = np.empty((3, 3, *np.shape(w)))
-    R[0, 0], R[0, 1], R[0, 2] = 1.0 - (y * Y + z * Z), y * X - w * Z, w * Y + z * X
-    R[1, 0], R[1, 1], R[1, 2] = w * Z + x * Y, 1.0 - (z * Z + x * X), z * Y - w * X
-    R[2, 0], R[2, 1], R[2, 2] = x * Z - w * Y, w * X + y * Z, 1.0 - (x * X + y * Y)
-    return R
+    from thesis_lib.mechanics import products
+
+    return by_column(products.rotation_matrix, q)
 
 
 def of_rotation_vector(turn: np.ndarray) -> np.ndarray:
     """Unit quaternions (4, ...) of rotation vectors (3, ...) in rad."""
-    half = 0.5 * np.sqrt((turn * turn).sum(axis=0))
-    # sin(h)/(2h), by its series near 0
-    share = np.where(half < SMALL, 0.5 - half * half / 12.0, 0.5 * np.sin(half) / np.maximum(half, SMALL))
-    return np.concatenate([np.cos(half)[None], share * turn])
+    from thesis_lib.mechanics import products
+
+    return by_column(products.of_rotation_vector, turn)
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
     """The shortest rotation vectors (3, ...) in rad of unit quaternions (4, ...)."""
-    q = np.where(q[:1] < 0.0, -q, q)
-    sine = np.sqrt((q[1:] * q[1:]).sum(axis=0))
-    angle = 2.0 * np.arctan2(sine, q[0])
-    share = np.where(sine < SMALL, 2.0 + sine * sine / 3.0, angle / np.maximum(sine, SMALL))
-    return share * q[1:]
+    from thesis_lib.mechanics import products
+
+    return by_column(products.rotation_vector, q)
 
 
 def of_rotation_matrix(R: np.ndarray) -> np.ndarray:
