@@ -256,11 +256,12 @@ def _claims_samples() -> list[Sample]:
 
 
 def _read_claims(folder: Path, out: Path) -> None:
+    from thesis_lib.foundation.files import read_cells
     from thesis_lib.ledger.evaluate import evaluate
     from thesis_lib.ledger.expected import read_expected
     from thesis_lib.ledger.format import read_ledger
     from thesis_lib.ledger.page import write_page
-    from thesis_lib.ledger.reading import Cells, read_present
+    from thesis_lib.ledger.reading import read_present
     from thesis_lib.ledger.result import write_results
 
     if folder.joinpath("expected.yaml").exists():
@@ -269,7 +270,7 @@ def _read_claims(folder: Path, out: Path) -> None:
     results = evaluate(read_ledger(folder / "claims.yaml"), folder, read_present(folder / "present.json"))
     write_results(results, out / "claims.csv")
     write_page(results, out / "claims.html", "quick")
-    Cells.read(folder / "table.csv")
+    read_cells(folder / "table.csv")
 
 
 def _model_samples() -> list[Sample]:

@@ -191,10 +191,10 @@ def test_a_source_that_is_not_one_cell_is_an_error(make_claim, results, source, 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "is empty"),
-        (b"law,mu\nmirtich,0.062,7\n", "data row 0: 3 cells under 2 columns"),
-        (b"law,mu,mu\nmirtich,0.062,7\n", "two columns called mu"),
-        (b"law,mu\n\xff,0.062\n", "cannot be read"),
+        (b"", "it is empty"),
+        (b"law,mu\nmirtich,0.062,7\n", "line 2 has 3 cells instead of 2"),
+        (b"law,mu,mu\nmirtich,0.062,7\n", "two columns have the same name"),
+        (b"law,mu\n\xff,0.062\n", "is not a CSV table"),
     ],
 )
 def test_a_damaged_table_is_an_error(make_claim, results, content, words):

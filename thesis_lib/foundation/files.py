@@ -8,6 +8,7 @@ inputs give equal bytes.
 import contextlib
 import csv
 import json
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_by
 # finer than any measurement here, coarser than the last bits, which differ between BLAS builds
 FLOAT_FORMAT = "%.9g"
 MAX_TABLE = 200_000_000  # bytes; the largest table of a full run has 7 MB
+MAX_CELLS_READ = 30_000_000  # bytes; in memory, texts take about thirty times as much
 MAX_CELLS = 100_000_000  # of a Parquet table, whose size on disk says little
 MAX_HEADER = 100_000  # characters in the first line
 MAX_JSON = 50_000_000  # bytes
@@ -73,26 +75,40 @@ def read_table(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     return table
 
 
+def read_cells(path: str | Path) -> pd.DataFrame:
+    """The same as texts, as pandas would take a law called "NA" for NaN; for CSV only."""
+    path = Path(path)
+    with _named(path):
+        names, *rows = _rows(path, regular_size(path, MAX_CELLS_READ))
+        return pd.DataFrame(rows, columns=names, dtype=object)
+
+
 def _read_csv(path: Path, size: int) -> pd.DataFrame:
     # pandas fills a short row with NaN, so that a truncated table would pass for a whole one
+    deque(_rows(path, size), maxlen=0)
+    table = pd.read_csv(path)
+    _check_numbers(path.stem, table)
+    return table
+
+
+def _rows(path: Path, size: int) -> Iterator[list[str]]:
+    """Header and rows of a whole CSV file."""
     with path.open("rb") as file:
         head = file.readline(MAX_HEADER)
         if len(head) == MAX_HEADER:
             raise ValueError(f"its first line is longer than {MAX_HEADER:,} characters")
         file.seek(max(0, size - 1))
         if file.read(1) != b"\n":
-            raise ValueError("the last row was cut off")
+            raise ValueError("the last row was cut off" if size else "it is empty")
     with path.open(encoding="utf-8", newline="") as file:
         rows = csv.reader(file, strict=True)
-        names = next(rows)
+        yield (names := next(rows))
         if len(set(names)) < len(names):
             raise ValueError("two columns have the same name")
         for row in rows:
             if len(row) != len(names):
                 raise ValueError(f"line {rows.line_num} has {len(row)} cells instead of {len(names)}")
-    table = pd.read_csv(path)
-    _check_numbers(path.stem, table)
-    return table
+            yield row
 
 
 def _check_numbers(name: str, table: pd.DataFrame) -> None:

@@ -7,14 +7,17 @@ a dataset unknown to the run) gives a result of status `error`, never a pass.
 import functools
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import FLOAT_FORMAT
+from thesis_lib.foundation.files import FLOAT_FORMAT, read_cells
 from thesis_lib.ledger.checks import Extreme, Interval, IsTrue, Ordering, Threshold
 from thesis_lib.ledger.format import Claim, Ledger
-from thesis_lib.ledger.reading import Cells, number
+from thesis_lib.ledger.reading import number
 from thesis_lib.ledger.result import ClaimStatus, Result
 
 SAME_NUMBER = 1e-8  # relative; tables carry 9 digits, so equal numbers differ by at most 5e-10
@@ -27,7 +30,7 @@ def evaluate(ledger: Ledger, results_dir: str | Path, present: Mapping[str, bool
     `results_dir` holds the sources; `present`: whether this run had each dataset (`reading.read_present`); `scale` at
     which it ran, which may be too noisy to decide a claim.
     """
-    read = functools.cache(lambda file: Cells.read(Path(results_dir) / file))
+    read = functools.cache(lambda file: read_cells(Path(results_dir) / file))
     results = [_evaluate(claim, present, read) for claim in ledger.claims]
     return [_undecided(result) if scale == "quick" else result for result in results]
 
@@ -40,7 +43,7 @@ def _undecided(result: Result) -> Result:
     return replace(result, status=ClaimStatus.UNDECIDED, finding=why)
 
 
-def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], Cells]) -> Result:
+def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], pd.DataFrame]) -> Result:
     published = _published(claim)
     if unknown := [name for name in claim.needs if name not in present]:
         known = ", ".join(sorted(present)) or "none"
@@ -48,71 +51,62 @@ def _evaluate(claim: Claim, present: Mapping[str, bool], read: Callable[[str], C
         return Result(claim, ClaimStatus.ERROR, published, finding=finding)
     if absent := [name for name in claim.needs if not present[name]]:
         return Result(claim, ClaimStatus.NO_DATA, published, finding=f"needs the dataset {', '.join(absent)}")
+    table = pd.DataFrame()
     try:
-        rows = _Rows.select(claim, read)
+        table = read(claim.source.file)
         measures = {Ordering: _measure_ordering, Extreme: _measure_extreme, IsTrue: _measure_flag}
-        return replace(measures.get(type(claim.check), _measure_number)(rows), published=published)
+        measure = measures.get(type(claim.check), _measure_number)
+        return replace(measure(claim, _selected(claim, table)), published=published)
+    except KeyError as column:
+        finding = f"{claim.source.file} has no column {column}; it has {', '.join(table.columns)}"
     except UserError as error:
-        return Result(claim, ClaimStatus.ERROR, published, finding=str(error))
+        finding = str(error)
+    return Result(claim, ClaimStatus.ERROR, published, finding=finding)
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """The rows selected by a claim's source; their values are still text."""
+def _selected(claim: Claim, table: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a table that a claim's source selects; their cells are text."""
+    source = claim.source
+    table[source.column]  # report a missing column before a missing row
+    rows = _with(table, source.where)
+    if rows.empty:
+        raise UserError(f"{source.file} has no row with {_condition(source.where)}")
+    return rows
 
-    cells: Cells
-    rows: list[int]
-    claim: Claim
 
-    @classmethod
-    def select(cls, claim: Claim, read: Callable[[str], Cells]) -> "_Rows":
-        source, cells = claim.source, read(claim.source.file)
-        rows = list(range(len(cells.rows)))
-        for name, value in source.where.items():
-            column = cells.column(name)
-            rows = [i for i in rows if _matches(column[i], value)]
-        cells.column(source.column)  # report a missing column before a missing row
-        if not rows:
-            raise UserError(f"{cells.path} has no row with {_condition(source.where)}")
-        return cls(cells, rows, claim)
+def _with(rows: pd.DataFrame, cells: Mapping[str, object]) -> pd.DataFrame:
+    for name, value in cells.items():
+        rows = rows.loc[[_matches(cell, value) for cell in rows[name]]]
+    return rows
 
-    def only(self) -> int:
-        if len(self.rows) > 1:
-            where = _condition(self.claim.source.where)
-            raise UserError(f"{self.cells.path} has {len(self.rows)} rows with {where}; one is wanted")
-        return self.rows[0]
 
-    def named(self, key: str, name: object) -> int:
-        column = self.cells.column(key)
-        rows = [i for i in self.rows if _matches(column[i], name)]
-        if len(rows) != 1:
-            where = _condition({**self.claim.source.where, key: name})
-            raise UserError(f"{self.cells.path} has {len(rows) or 'no'} rows with {where}; one is wanted")
-        return rows[0]
+def _only(claim: Claim, rows: pd.DataFrame, **further: object) -> pd.Series:
+    """The one row, of those with further cells."""
+    rows = _with(rows, further)
+    if len(rows) != 1:
+        where = _condition({**claim.source.where, **further})
+        raise UserError(f"{claim.source.file} has {len(rows) or 'no'} rows with {where}; one is wanted")
+    return rows.iloc[0]
 
-    def value(self, row: int) -> float:
-        return self._number(self.claim.source.column, row)
 
-    def std(self, row: int) -> float:
-        """Standard error in a row; NaN if the claim names no column for it."""
-        name = self.claim.source.std_column
-        if name is None:
-            return math.nan
-        std = self._number(name, row)
-        if std < 0:
-            raise UserError(f"{self.cells.path}, data row {row}: {name} is {_short(std)}, below zero")
-        return std
+def _std(claim: Claim, row: pd.Series) -> float:
+    """Standard error in a row; NaN if the claim names no column for it."""
+    name = claim.source.std_column
+    std = math.nan if name is None else _number(claim, row, name)
+    if std < 0:
+        raise UserError(f"{claim.source.file}, data row {row.name}: {name} is {_short(std)}, below zero")
+    return std
 
-    def _number(self, column: str, row: int) -> float:
-        cell = self.cells.column(column)[row]
-        try:
-            value = number(cell)
-        except ValueError:
-            value = math.inf
-        if not math.isfinite(value):
-            content = "empty or NaN" if math.isnan(value) else repr(cell)
-            raise UserError(f"{self.cells.path}, data row {row}: {column} is {content}, not a finite number")
-        return value
+
+def _number(claim: Claim, row: pd.Series, column: str) -> float:
+    try:
+        value = number(row[column])
+    except ValueError:
+        value = math.inf
+    if not math.isfinite(value):
+        content = "empty or NaN" if math.isnan(value) else repr(row[column])
+        raise UserError(f"{claim.source.file}, data row {row.name}: {column} is {content}, not a finite number")
+    return value
 
 
 def _short(value: float) -> str:
@@ -149,9 +143,9 @@ def _published(claim: Claim) -> str:
     return FLOAT_FORMAT % claim.published
 
 
-def _measure_number(rows: _Rows) -> Result:
-    claim, check, row = rows.claim, rows.claim.check, rows.only()
-    value, std = rows.value(row), rows.std(row)
+def _measure_number(claim: Claim, rows: pd.DataFrame) -> Result:
+    check, row = claim.check, _only(claim, rows)
+    value, std = _number(claim, row, claim.source.column), _std(claim, row)
     if isinstance(check, Threshold):
         name, reference, sign = "the threshold", check.threshold, 1.0 if check.kind == "greater" else -1.0
         holds = sign * (value - reference) > (check.k * std if check.k else 0.0)
@@ -170,66 +164,79 @@ def _measure_number(rows: _Rows) -> Result:
     return Result(claim, _status(holds), "", FLOAT_FORMAT % value, std, difference, relative, finding)
 
 
-def _measure_flag(rows: _Rows) -> Result:
-    row, column = rows.only(), rows.claim.source.column
-    cell = rows.cells.column(column)[row].strip().lower()
+def _measure_flag(claim: Claim, rows: pd.DataFrame) -> Result:
+    row, column = _only(claim, rows), claim.source.column
+    cell = row[column].strip().lower()
     if cell not in ("true", "false", "1", "0"):
-        raise UserError(f"{rows.cells.path}, data row {row}: {column} is {cell!r}, neither true nor false")
+        raise UserError(f"{claim.source.file}, data row {row.name}: {column} is {cell!r}, neither true nor false")
     ours = "true" if cell in ("true", "1") else "false"
-    return Result(rows.claim, _status(ours == "true"), ours=ours, finding=f"found {ours}")
+    return Result(claim, _status(ours == "true"), ours=ours, finding=f"found {ours}")
 
 
-def _measure_ordering(rows: _Rows) -> Result:
-    check = rows.claim.check
-    groups = [[rows.named(check.key, name) for name in group] for group in check.groups]
+def _measure_ordering(claim: Claim, rows: pd.DataFrame) -> Result:
+    check = claim.check
+    groups = [[_member(claim, _only(claim, rows, **{check.key: name})) for name in group] for group in check.groups]
     # all pairs, not only those of neighbouring groups: with ties allowed the order is not transitive
     pairs = [(a, b) for i, low in enumerate(groups) for high in groups[i + 1 :] for a in low for b in high]
     ascending = check.order == "ascending"
-    return _ranked(rows, [row for group in groups for row in group], pairs, 1.0 if ascending else -1.0, ascending)
+    return _ranked(claim, [one for group in groups for one in group], pairs, 1.0 if ascending else -1.0, ascending)
 
 
-def _measure_extreme(rows: _Rows) -> Result:
-    check = rows.claim.check
-    top = rows.named(check.key, check.row)
-    others = rows.rows if check.among is None else [rows.named(check.key, name) for name in check.among]
-    if len(others) < 2:
-        raise UserError(f"{rows.cells.path}: {check.row} is the only row selected, so it is trivially extreme")
-    pairs = [(row, top) for row in others if row != top]
+def _measure_extreme(claim: Claim, rows: pd.DataFrame) -> Result:
+    check = claim.check
+    best = _only(claim, rows, **{check.key: check.row})
+    if check.among is not None:
+        rows = pd.DataFrame([_only(claim, rows, **{check.key: name}) for name in check.among])
+    if len(rows) < 2:
+        raise UserError(f"{claim.source.file}: {check.row} is the only row selected, so it is trivially extreme")
+    others = {i: _member(claim, row) for i, row in rows.iterrows()}
+    top = others[best.name]
+    pairs = [(one, top) for i, one in others.items() if i != best.name]
     largest = check.kind == "argmax"
-    return _ranked(rows, others, pairs, 1.0 if largest else -1.0, not largest)
+    return _ranked(claim, list(others.values()), pairs, 1.0 if largest else -1.0, not largest)
 
 
-def _ranked(rows: _Rows, members: list[int], pairs: list[tuple[int, int]], sign: float, ascending: bool) -> Result:
+class _Member(NamedTuple):
+    """A row that is compared with others: its name and value, and its standard error if that counts."""
+
+    name: str
+    value: float
+    std: float
+
+    def __str__(self) -> str:
+        return f"{self.name} ({_short(self.value)})"
+
+
+def _member(claim: Claim, row: pd.Series) -> _Member:
+    value = _number(claim, row, claim.source.column)
+    return _Member(row[claim.check.key], value, _std(claim, row) if claim.check.k else 0.0)
+
+
+def _ranked(
+    claim: Claim, members: list[_Member], pairs: list[tuple[_Member, _Member]], sign: float, ascending: bool
+) -> Result:
     """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or be ≥ −tie_tolerance.
 
     `ascending`: our values are shown with the smallest first.
     """
-    check = rows.claim.check
-    value = {row: rows.value(row) for row in members}
-    std = {row: rows.std(row) for row in members} if check.k else dict.fromkeys(members, 0.0)
-    column = rows.cells.column(check.key)
-
-    def show(row: int) -> str:
-        return f"{column[row]} ({_short(value[row])})"
-
-    broken = []
+    check, broken = claim.check, []
     for before, after in pairs:
-        step = sign * (value[after] - value[before])
+        step = sign * (after.value - before.value)
         if check.tie_tolerance:
             holds = step >= -check.tie_tolerance * (1 + SLACK)
         else:
-            holds = step > check.k * math.hypot(std[before], std[after])
+            holds = step > check.k * math.hypot(before.std, after.std)
         if not holds:
             side = "above" if sign > 0 else "below"
-            broken.append((step, f"{show(after)} is not {side} {show(before)}" + " by enough" * (step > 0)))
+            broken.append((step, f"{after} is not {side} {before}" + " by enough" * (step > 0)))
     broken.sort(key=lambda item: item[0])  # the worst first
     finding = "; ".join(text for _, text in broken[:3])
     if len(broken) > 3:
         finding += f"; and {len(broken) - 3} more pairs"
     # equal values by name, for a deterministic order
-    order = sorted(members, key=lambda row: (value[row] if ascending else -value[row], column[row]))
-    ours = (" < " if ascending else " > ").join(show(row) for row in order)
-    return Result(rows.claim, _status(not broken), ours=ours, finding=finding)
+    order = sorted(members, key=lambda one: (one.value if ascending else -one.value, one.name))
+    ours = (" < " if ascending else " > ").join(map(str, order))
+    return Result(claim, _status(not broken), ours=ours, finding=finding)
 
 
 def _status(holds: bool) -> ClaimStatus:

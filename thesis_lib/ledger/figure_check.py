@@ -11,7 +11,6 @@ the figure's CSV.  The last row is always kept, so that its position gives the n
 """
 
 import fnmatch
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -19,8 +18,8 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import write_table
-from thesis_lib.ledger.reading import Cells, number
+from thesis_lib.foundation.files import read_cells, write_table
+from thesis_lib.ledger.reading import number
 from thesis_lib.records.record import Figure, Tolerance
 
 SCALES = ("quick", "default")  # scales with stored copies; others are not compared
@@ -44,32 +43,28 @@ def kept_rows(total: int, most: int) -> list[int]:
 
 def store_figure(csv: str | Path, stored: str | Path, figure: Figure) -> None:
     """Write the thinned copy of a figure's CSV; UserError if it is missing or has columns or cells to be refused."""
-    cells = Cells.read(csv)
-    if problems := _form(cells, figure):
+    cells = read_cells(csv)
+    if problems := _form(cells, csv, figure):
         raise UserError(f"{csv} cannot be stored: " + "; ".join(problems))
-    rows = kept_rows(len(cells.rows), figure.most_rows)
-    table = pd.DataFrame({ROW: rows})
-    for name in _columns(figure):
-        column = cells.column(name)
-        table[name] = pd.Series([column[i] for i in rows], dtype=object)
-    write_table(table, stored)
+    thinned = cells.iloc[kept_rows(len(cells), figure.most_rows)]
+    write_table(thinned[_columns(figure)].rename_axis(ROW).reset_index(), stored)
 
 
 def check_figure(csv: str | Path, stored: str | Path, figure: Figure) -> list[str]:
     """Differences between a figure's CSV and its stored copy; UserError if one is missing or cannot be read."""
     if not Path(stored).is_file():
         raise UserError(f"{stored} does not exist; store it: python -m thesis_lib claims update")
-    cells, copy = Cells.read(csv), Cells.read(stored)
-    if problems := _form(cells, figure) or _copy_form(copy, figure):
+    cells, copy = read_cells(csv), read_cells(stored)
+    if problems := _form(cells, csv, figure) or _copy_form(copy, stored, figure):
         return problems
-    positions = [int(cell) for cell in copy.column(ROW)]
-    before, now = positions[-1] + 1, len(cells.rows)
+    copy = copy.set_index(copy.pop(ROW).astype(int))
+    before, now = copy.index[-1] + 1, len(cells)
     if now != before:
         return [f"has {now} rows, the stored copy had {before}"]
-    pairs = {name: ([cells.column(name)[i] for i in positions], copy.column(name)) for name in _columns(figure)}
-    found = [_compare_text(*pairs[name], positions) for name in figure.text_columns]
-    found += [_compare_numbers(*pairs[name], positions, limit) for name, limit in figure.number_columns.items()]
-    return [f"column {name}: {text}" for name, text in zip(_columns(figure), found) if text]
+    ours = cells.iloc[copy.index]
+    found = {name: _compare_text(ours[name], copy[name]) for name in figure.text_columns}
+    found |= {name: _compare_numbers(ours[name], copy[name], limit) for name, limit in figure.number_columns.items()}
+    return [f"column {name}: {text}" for name, text in found.items() if text]
 
 
 def check_figures(
@@ -105,7 +100,7 @@ def update_figures(
         status, finding = _check_one(results_dir / csv, copy, figure, dataset, present)
         if status not in (AGREES, NO_DATA):
             try:
-                refused += _form(Cells.read(results_dir / csv), figure)
+                refused += _form(read_cells(results_dir / csv), results_dir / csv, figure)
                 _known(dataset, present)
                 todo.append((results_dir / csv, copy, figure, finding if copy.is_file() else "new"))
             except UserError as error:
@@ -168,38 +163,36 @@ def _unused_copies(stored_dir: Path, figures: Iterable[Figure]) -> list[tuple[st
     ]
 
 
-def _form(cells: Cells, figure: Figure) -> list[str]:
+def _form(cells: pd.DataFrame, path: str | Path, figure: Figure) -> list[str]:
     """Mistakes in a figure's CSV itself."""
-    wanted, path = _columns(figure), cells.path
+    wanted = _columns(figure)
     problems = [f"column {name} is missing in {path}" for name in wanted if name not in cells.columns]
     extra = [name for name in cells.columns if name not in wanted]
     problems += [f"column {name} of {path} has no tolerance and is no key" for name in extra]
-    if not cells.rows:
+    if cells.empty:
         problems.append(f"{path} has no rows")
     for name in () if problems else figure.number_columns:
-        column = cells.column(name)
-        bad = [i for i, cell in enumerate(column) if _number(cell) is None]
+        bad = [(i, cell) for i, cell in enumerate(cells[name]) if _number(cell) is None]
         if bad:
-            problems.append(f"column {name} holds {column[bad[0]]!r} in row {bad[0]}, no number (make it a key?)")
-        elif all(math.isnan(number(cell)) for cell in column):
+            problems.append(f"column {name} holds {bad[0][1]!r} in row {bad[0][0]}, no number (make it a key?)")
+        elif cells[name].map(number).isna().all():
             problems.append(f"column {name} is NaN in every row")
     return problems
 
 
-def _copy_form(copy: Cells, figure: Figure) -> list[str]:
+def _copy_form(copy: pd.DataFrame, path: str | Path, figure: Figure) -> list[str]:
     """Mistakes in a stored copy itself: wrong columns, text for numbers, or rows removed by hand."""
     wanted = [ROW, *_columns(figure)]
     if sorted(copy.columns) != sorted(wanted):
         mistake = f"has the columns {', '.join(copy.columns)} instead of {', '.join(wanted)}"
-    elif any(_number(cell) is None for name in figure.number_columns for cell in copy.column(name)):
+    elif any(_number(cell) is None for name in figure.number_columns for cell in copy[name]):
         mistake = "holds text where a number is wanted"
     else:
-        positions = copy.column(ROW)
-        whole = positions and all(cell.isdecimal() for cell in positions)
-        if whole and list(map(int, positions)) == kept_rows(int(positions[-1]) + 1, figure.most_rows):
+        positions = [int(cell) if cell.isdecimal() else -1 for cell in copy[ROW]]
+        if positions and positions == kept_rows(positions[-1] + 1, figure.most_rows):
             return []
         mistake = "is not the evenly spaced copy that would be stored"
-    return [f"{copy.path} {mistake}; {REMEDY}"]
+    return [f"{path} {mistake}; {REMEDY}"]
 
 
 def _number(cell: str) -> float | None:
@@ -209,29 +202,25 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _compare_text(ours: list[str], stored: list[str], positions: list[int]) -> str:
-    bad = [difference for difference in zip(positions, ours, stored) if difference[1] != difference[2]]
-    if not bad:
-        return ""
-    row, now, before = bad[0]
-    return f"{len(bad)} of {len(stored)} rows differ; row {row}: {now!r}, stored {before!r}"
-
-
-def _compare_numbers(ours: list[str], stored: list[str], positions: list[int], tolerance: Tolerance) -> str:
-    a, b = np.array(list(map(number, ours))), np.array(list(map(number, stored)))
-    same = (a == b) | (np.isnan(a) & np.isnan(b))  # an infinity or NaN agrees only with itself
-    with np.errstate(invalid="ignore"):
-        # finite: otherwise an infinite stored value would allow everything
-        allowed = tolerance.abs + tolerance.rel * np.abs(b)
-        difference = np.abs(a - b)
-        finite = np.isfinite(a) & np.isfinite(b)
-        near = finite & (difference <= allowed)
-        excess = np.where(finite, difference - allowed, np.inf)
-    bad = np.flatnonzero(~(same | near))
+def _compare_text(ours: pd.Series, stored: pd.Series) -> str:
+    bad = np.flatnonzero(ours != stored)
     if not len(bad):
         return ""
+    first = bad[0]
+    differs = f"row {stored.index[first]}: {ours.iloc[first]!r}, stored {stored.iloc[first]!r}"
+    return f"{len(bad)} of {len(stored)} rows differ; {differs}"
+
+
+def _compare_numbers(ours: pd.Series, stored: pd.Series, tolerance: Tolerance) -> str:
+    a, b = ours.map(number).to_numpy(float), stored.map(number).to_numpy(float)
+    bad = np.flatnonzero(~np.isclose(a, b, rtol=tolerance.rel, atol=tolerance.abs, equal_nan=True))
+    if not len(bad):
+        return ""
+    allowed = tolerance.abs + tolerance.rel * np.abs(b)
+    with np.errstate(invalid="ignore"):  # an infinity or NaN differs most
+        excess = np.nan_to_num(np.abs(a - b) - allowed, nan=np.inf)
     worst = bad[np.argmax(excess[bad])]
     return (
-        f"{len(bad)} of {len(a)} rows differ; worst in row {positions[worst]}: {a[worst]:.6g}, "
+        f"{len(bad)} of {len(a)} rows differ; worst in row {stored.index[worst]}: {a[worst]:.6g}, "
         f"stored {b[worst]:.6g}, allowed ±{allowed[worst]:.2g}"
     )

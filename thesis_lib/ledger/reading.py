@@ -1,28 +1,22 @@
-"""Strict reading of YAML and CSV; one error lists every mistake.
+"""Strict reading of YAML; one error lists every mistake.
 
 YAML is validated by a pydantic model.  Each mistake is listed with its line and place; list entries are named by
-their `id` if they have one.  CSV cells stay text until a number is asked for: pandas would turn a law called "NA"
-into NaN and rename the second of two columns of the same name.
+their `id` if they have one.
 """
 
-import csv
-import io
 import math
-from collections import Counter
 from collections.abc import Container, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, StringConstraints, ValidationError
 
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json
 from thesis_lib.foundation.mistakes import Mistake, dotted, mistakes_in
-from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes
 from thesis_lib.foundation.yaml_file import Document, Key, read_yaml
 
 SHOWN = 100  # mistakes listed in full
-MAX_CSV = 30_000_000  # bytes; in memory, lists of cells take about thirty times as much
 
 
 def _not_a_flag(value: Any) -> Any:
@@ -92,48 +86,6 @@ def _sentence(mistake: Mistake, content: Any) -> str:
     said = mistake.of(dotted(place) or ("" if claim else "the whole file"))
     missing = f" ({mistake.meaning})" if mistake.meaning and mistake.what == "the key is missing" else ""
     return ": ".join([*at, said + missing])
-
-
-class Cells:
-    """A CSV table whose cells are text."""
-
-    def __init__(self, path: Path, columns: list[str], rows: list[list[str]]) -> None:
-        self.path, self.columns, self.rows = path, columns, rows
-
-    @classmethod
-    def read(cls, path: str | Path) -> Self:
-        """Read a CSV with one header line.
-
-        UserError if the file is missing; CorruptFileError if it is empty or not UTF-8, repeats a column, or has a row
-        of another length.
-        """
-        path = Path(path)
-        try:
-            text = read_bytes(path, MAX_CSV).decode("utf-8")
-            lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if line]
-        except MissingFile as error:
-            raise UserError(f"{path} does not exist; run the rule that makes it (snakemake {path}).") from error
-        except (FileProblem, csv.Error, UnicodeDecodeError) as error:
-            reason = error.what if isinstance(error, FileProblem) else error
-            raise CorruptFileError(f"{path} cannot be read ({reason}); delete it and run again.") from error
-        if not lines:
-            raise CorruptFileError(f"{path} is empty; delete it and run again.")
-        columns, rows = lines[0], lines[1:]
-        twice = sorted(name for name, count in Counter(columns).items() if count > 1)
-        if twice:
-            raise CorruptFileError(f"{path} has two columns called {', '.join(twice)[:200]}; delete it and run again.")
-        for i, row in enumerate(rows):
-            if len(row) != len(columns):
-                cells = f"{len(row)} cells under {len(columns)} columns"
-                raise CorruptFileError(f"{path}, data row {i}: {cells}; delete it and run again.")
-        return cls(path, columns, rows)
-
-    def column(self, name: str) -> list[str]:
-        """The cells of one column; UserError if there is none of this name."""
-        if name not in self.columns:
-            raise UserError(f"{self.path} has no column {name!r}; it has {', '.join(self.columns)}.")
-        index = self.columns.index(name)
-        return [row[index] for row in self.rows]
 
 
 def number(cell: str) -> float:
