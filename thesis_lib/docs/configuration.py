@@ -1,4 +1,4 @@
-"""Every key of the configuration in tables, one per section, from the models that check it."""
+"""Every key of the configuration, and of the headers of datasets and recordings, from the models that check them."""
 
 import json
 import types
@@ -39,6 +39,29 @@ def rows(section: type[Section], values: Section | None = None) -> list[tuple[st
     return keys
 
 
+def header_text(header: type[Section]) -> str:
+    """Every key of a header with its default, those of a mechanism's first kind before those of the next."""
+    return table(("key", "needed", "kind", "meaning"), _header_rows("", header))
+
+
+def _header_rows(path: str, section: type[Section]) -> Iterator[tuple[str, str, str, str]]:
+    for name, field in section.model_fields.items():
+        key = f"{path}{field.alias or name}"
+        if name == "shape":
+            yield code(key), "yes", "see above", "m, in the frame of the body"
+        elif inner := _sections_in(field.annotation):
+            if listed := key == "surfaces":
+                yield code(key), "no", "list", field.description or ""
+            for one in inner:
+                yield from _header_rows(f"{key}{'[]' * listed}.", one)
+        else:
+            needed = "yes" if field.is_required() else "no"
+            if not field.is_required() and field.default not in (None, ""):
+                number = isinstance(field.default, (int, float)) and not isinstance(field.default, bool)
+                needed += f", default {f'{field.default:g}' if number else json.dumps(field.default)}"
+            yield code(key), needed, kind(field).removesuffix(" or null"), field.description or ""
+
+
 def kind(field: FieldInfo) -> str:
     """The values that a key accepts, in words, with limits."""
     return " ".join(filter(None, (_kind(field.annotation), _limits(field.metadata))))
@@ -59,6 +82,12 @@ def _sections(path: str, section: type[Section], values: Section | None) -> Iter
 def _section_of(annotation: Any) -> type[Section] | None:
     """The section that a key holds; no key holds sections in lists or under names."""
     return annotation if isinstance(annotation, type) and issubclass(annotation, Section) else None
+
+
+def _sections_in(annotation: Any) -> list[type[Section]]:
+    if section := _section_of(annotation):
+        return [section]
+    return [section for part in get_args(annotation) for section in _sections_in(part)]
 
 
 def _default(value: Any) -> str:

@@ -25,15 +25,18 @@ from thesis_lib.critique.proof import (
 )
 from thesis_lib.critique.proof import engines as engine_proof
 from thesis_lib.critique.proof.results import outcomes, recovered
-from thesis_lib.docs import configuration, dataset_keys
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.recordings.header import RecordingHeader
+from thesis_lib.docs import configuration
 from thesis_lib.docs.templates import filled
 from thesis_lib.foundation.errors import UserError
 
 BLOCKS: dict[str, Callable[[], str]] = {
     "configuration": configuration.text,
-    "dataset keys": dataset_keys.text,
-    "dataset keys in space": dataset_keys.space_text,
-    "recording keys": dataset_keys.recording_text,
+    "dataset keys": lambda: configuration.header_text(Header),
+    "dataset keys in space": lambda: configuration.header_text(SpaceHeader),
+    "recording keys": lambda: configuration.header_text(RecordingHeader),
     "headline": headline.as_markdown,
     "ages of the proof": headline.ages_as_markdown,
     "real contacts": lambda: by_contact.as_markdown(outcomes(), recovered(), folded=True).rstrip("\n"),
