@@ -13,6 +13,7 @@ pace of this machine against that of the one where the scale was measured (`mach
 import csv
 import math
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -23,7 +24,6 @@ from pydantic import TypeAdapter
 from thesis_lib.foundation.command_line import Parser, command
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import write_text
-from thesis_lib.pace import pace_s
 
 MEASURED = Path("config/resources.yaml")
 BENCHMARKS = Path("logs/benchmarks")  # below the results
@@ -41,11 +41,12 @@ NESTED_MB = 400  # on a cluster each job is two more Snakemake processes of abou
 SMALLEST_MB = 200  # of jobs that end before the first sample: Python, numpy and pandas
 MEMORY_STEP_MB = 100
 TIME_MARGIN = 4.0  # cores may be slower than the measured ones, and shared
+REPEATED = 30  # times a fixed piece of work; the quickest counts: others were disturbed
 START_MINUTES = 10  # reading libraries from a busy file system, and the nested Snakemakes
 
 HEADER = """\
 # The largest job of each rule: peak memory (MB) and CPU time (s), by scale; of several jobs also the mean CPU time.
-# machine: CPU time of a fixed piece of work where a scale was measured (thesis_lib/pace.py), and of all of its jobs.
+# machine: CPU time of a fixed piece of work (pace_s there) where a scale was measured, and of all of its jobs.
 # thesis_lib/resources.py turns the worst of the scales into what a job asks of a cluster.
 # Written by `python -m thesis_lib.resources record --scale SCALE`.
 """
@@ -173,6 +174,29 @@ def write_measured(measured: Measured, path: str | Path = MEASURED) -> None:
         ]
         lines.append(f"{rule}: {{{', '.join(scales)}}}\n")
     write_text(HEADER + "".join(lines), path)
+
+
+def pace_s() -> float:
+    """CPU time in s of a fixed piece of work of the kinds that most jobs consist of: steps of Python, whole arrays.
+
+    It takes a second or two, and tells machines apart that differ by a factor of two, not by a tenth.
+    """
+    return min(_work() for _ in range(REPEATED))
+
+
+def _work() -> float:
+    import numpy as np
+
+    begin = time.process_time()
+    total = 0
+    for i in range(70_000):
+        total += i * i % 7
+    short, long = np.linspace(0.1, 1.0, 30), np.linspace(-1.0, 0.0, 100_000)
+    for _ in range(3_000):
+        short = np.sqrt(short * short + 1e-3)
+    for _ in range(15):
+        np.exp(long).sum()
+    return time.process_time() - begin
 
 
 @command

@@ -41,7 +41,7 @@ ALLOWED = {
 }
 # runs other programs and waits for them; no result passes through
 WAITING = {
-    *("thesis_lib/pipeline.py", "thesis_lib/job_lines.py", "thesis_lib/pace.py"),
+    *("thesis_lib/pipeline.py", "thesis_lib/job_lines.py", "thesis_lib/resources.py"),
     *("thesis_lib/commands/batch.py", "thesis_lib/foundation/isolated.py"),
 }
 

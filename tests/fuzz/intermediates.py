@@ -92,7 +92,7 @@ def read_jenga(folder: Path, out: Path) -> None:
 def policy_samples() -> list[Sample]:
     import torch
 
-    from thesis_lib.jenga.play.ppo_settings import PpoSettings
+    from thesis_lib.jenga.play.settings import PpoSettings
 
     settings = PpoSettings()
     widths = [9, *settings.hidden]

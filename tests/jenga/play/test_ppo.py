@@ -8,7 +8,6 @@ from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.jenga.play.policies import Push, Retract
 from thesis_lib.jenga.play.ppo import read_policy, train_ppo
-from thesis_lib.jenga.play.ppo_settings import EpisodeSettings, PpoSettings, RewardSettings
 from thesis_lib.jenga.play.push_env import (
     DAMAGED,
     FELL,
@@ -25,6 +24,7 @@ from thesis_lib.jenga.play.push_env import (
     perturbation,
     step_reward,
 )
+from thesis_lib.jenga.play.settings import EpisodeSettings, PpoSettings, RewardSettings
 from thesis_lib.jenga.robot.samples import STATE
 from thesis_lib.jenga.tower.tower import TowerError
 

@@ -24,9 +24,9 @@ Source: thesis, section 5.5.4, figure 5-9, which names the costs without equatio
 import numpy as np
 
 from thesis_lib.jenga.learners.learner import Learner
-from thesis_lib.jenga.play.controller_settings import ControllerSettings
 from thesis_lib.jenga.play.no_move import no_move
 from thesis_lib.jenga.play.policies import Action, Policy, Push, Retract
+from thesis_lib.jenga.play.settings import ControllerSettings
 from thesis_lib.jenga.robot.samples import STATE, TOWER, YAW, X, Y
 
 OFFSETS, HEADINGS = 5, 5  # values of each in the held pairs, from one extreme to the other

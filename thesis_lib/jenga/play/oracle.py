@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from thesis_lib.jenga.play.controller_settings import OracleSettings
 from thesis_lib.jenga.play.policies import Action, Policy, Push, Retract
+from thesis_lib.jenga.play.settings import OracleSettings
 from thesis_lib.jenga.robot.movable import comes_out
 from thesis_lib.jenga.robot.samples import MM
 from thesis_lib.jenga.tower.tower import Tower, TowerError

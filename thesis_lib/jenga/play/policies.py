@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from thesis_lib.jenga.play.controller_settings import RuleSettings, SupervisorSettings
+from thesis_lib.jenga.play.settings import RuleSettings, SupervisorSettings
 from thesis_lib.jenga.robot.samples import F_N, MM, TOWER, YAW, Y
 from thesis_lib.jenga.tower.settings import CollectSettings
 

@@ -35,8 +35,8 @@ import torch
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import atomic
 from thesis_lib.jenga.play.policies import Action, Policy
-from thesis_lib.jenga.play.ppo_settings import PpoSettings
 from thesis_lib.jenga.play.push_env import REASONS, Episode, PushEnv, as_action, observation
+from thesis_lib.jenga.play.settings import PpoSettings
 from thesis_lib.jenga.tower.settings import Setup
 
 SCHEMA = 1

@@ -24,7 +24,7 @@ import gymnasium
 import numpy as np
 
 from thesis_lib.jenga.play.policies import Action, Push, Retract
-from thesis_lib.jenga.play.ppo_settings import EpisodeSettings, RewardSettings
+from thesis_lib.jenga.play.settings import EpisodeSettings, RewardSettings
 from thesis_lib.jenga.robot.robot import Robot, Sensor
 from thesis_lib.jenga.robot.samples import ACTION, CONTEXT, MM, STATE, X
 from thesis_lib.jenga.tower.settings import Setup

@@ -1,12 +1,117 @@
-"""Settings of all of chapter 5: towers, numbers of samples, policies."""
+"""Settings of all of chapter 5: towers, numbers of samples, policies.
+
+Those of policies are the same for all learners: own choices, fixed on development towers 0 to 4.  Of the
+reinforcement-learning baseline (reward, episodes, optimiser) the thesis gives none.
+"""
 
 from pydantic import Field
 
 from thesis_lib.foundation.settings import Section
 from thesis_lib.jenga.learners.settings import LearnerSettings, NutsSettings
-from thesis_lib.jenga.play.controller_settings import ControllerSettings, PlaySettings
-from thesis_lib.jenga.play.ppo_settings import PpoSettings
 from thesis_lib.jenga.tower.settings import Setup
+
+
+class RewardSettings(Section):
+    """R = Σ_t [b1 Δx_t − b2 D1(p_t) − b3 D2(p_t)] + b4 D3, second-hand; see `push_env`."""
+
+    progress: float = Field(0.1, ge=0, description="b1, per mm that the block moves along the push")
+    tower: float = Field(0.2, ge=0, description="b2, per step, of the tower's perturbation (D1, 0 to 1)")
+    fall: float = Field(100.0, ge=0, description="b3 where D2 is 1; own reading of D2 = 100 (a second source: −100)")
+    extraction: float = Field(4.0, ge=0, description="b4, where the block is out and nothing is damaged (D3)")
+    start: float = Field(0.08, ge=0, description="p from which D1 rises linearly; as quoted")
+    limit: float = Field(0.4, gt=0, description="p at which D1 is 1 and beyond which D2 is 1; as quoted")
+    distance: float = Field(20.0, gt=0, description="mm of any other block that are p = `limit`; as quoted")
+    angle: float = Field(30.0, gt=0, description="degrees of any other block that are p = `limit`; as quoted")
+    scale: float = Field(0.1, gt=0, description="of the whole reward; own choice: keeps the value's errors near 1")
+
+
+class EpisodeSettings(Section):
+    """One episode is one push of one block; all own choice."""
+
+    first_tower: int = Field(2000, ge=2000, description="seeds of training towers are drawn from here on")
+    towers: int = Field(10**6, ge=1, description="number of seeds that they are drawn from")
+    pushes_per_tower: int = Field(20, ge=1, description="pushes after which a new tower is built and settled")
+    full: bool = Field(False, description="push on the full tower instead of the reduced one (4 times slower)")
+    offset: float = Field(8.0, gt=0, le=12.5, description="mm, contact offset of action ±1; the controller's largest")
+    heading: float = Field(0.15, gt=0, le=1, description="rad, heading of action ±1; the controller's largest")
+    retract: float = Field(0.5, ge=-1, lt=1, description="third action above which the robot retracts; own choice")
+
+
+class PpoSettings(Section):
+    """Proximal policy optimisation; stable-baselines3's numbers unless said."""
+
+    reward: RewardSettings = Field(RewardSettings(), description="what is to be gained")
+    episode: EpisodeSettings = Field(EpisodeSettings(), description="towers, blocks, actions")
+    hidden: tuple[int, ...] = Field((64, 64), min_length=1, description="units of both networks' layers; second-hand")
+    rollout: int = Field(256, ge=2, description="most samples between updates; own choice: a few pushes")
+    batch: int = Field(64, ge=2, description="samples of a gradient step")
+    epochs: int = Field(10, ge=1, description="passes over each rollout")
+    rate: float = Field(3e-4, gt=0, description="of Adam")
+    discount: float = Field(0.99, gt=0, le=1, description="γ")
+    trace: float = Field(0.95, ge=0, le=1, description="λ of the generalised advantage estimate")
+    clip: float = Field(0.2, gt=0, description="of the ratio of probabilities")
+    spread: float = Field(-0.7, description="first log deviation of actions; own choice: 16 % of first steps retract")
+    segment: int = Field(5000, ge=2, description="samples after which training is saved; own choice: 2 CPU minutes")
+
+
+class RuleSettings(Section):
+    """The hand-written rule: straight, centred, with two thresholds.
+
+    From a grid of 6 × 4 thresholds on straight pushes of tower 0, replayed under 6 draws of the sensor noise (flat
+    between 0.3 and 1 N, 1.5 and 2 mm), then games on tower 1: 0.3 N, 1 mm gave 6 extractions; 0.75 N, 1.5 mm 9; 1.5 N,
+    2 mm 8.
+    """
+
+    force: float = Field(0.75, gt=0, description="N along the push, above which the block is given up")
+    tower: float = Field(1.5, gt=0, description="mm of tower perturbation as seen, above which it is given up")
+
+
+class SupervisorSettings(Section):
+    """The exploration's hand-coded supervisor (thesis, section 5.5.3): mitigates damage, tuned to allow mistakes."""
+
+    force: float = Field(3.0, gt=0, description="N along the push, above which the block is given up")
+    tower: float = Field(4.0, gt=0, description="mm of tower perturbation as seen, above which it is given up")
+    stray: float = Field(12.0, gt=0, description="mm sideways or of yaw·r_g, beyond which it is given up")
+
+
+class OracleSettings(Section):
+    """The ceiling: each push is simulated before it is made."""
+
+    offsets: tuple[float, ...] = Field((0.0,), min_length=1, description="mm, contacts of straight pushes, in turn")
+    damage: float = Field(5.0, gt=0, description="mm of tower perturbation in push and extraction that is too much")
+
+
+class ControllerSettings(Section):
+    """Model predictive control; costs are dimensionless, 1 is what giving up costs.
+
+    Weights: one grid of 960 points for all learners, on straight pushes of tower 0 replayed through HMA, MOR and
+    network at 100 and 1000 samples, scored by blocks brought out less 0.15 per mm of tower displacement.  Then
+    `effort`, `stray`, `no_move` and `probe` were set by hand after three games of HMA and one of the network on towers
+    1 and 2, so HMA was tuned more than the others.
+    """
+
+    sequences: int = Field(64, ge=3, description="action sequences tried at each step")
+    horizon: int = Field(5, ge=1, le=15, description="H, steps that each looks ahead")
+    offset: float = Field(8.0, ge=0, le=12.5, description="mm, largest contact offset tried")
+    heading: float = Field(0.15, ge=0, le=1, description="rad, largest heading tried")
+    progress: float = Field(0.33, ge=0, description="weight of the share of the advance that the block does not make")
+    growth: float = Field(0.33, ge=0, description="weight of the tower's growth per advance, mm/mm")
+    damage: float = Field(3.2, gt=0, description="mm of tower perturbation (squared) that cost as much as giving up")
+    stray: float = Field(12.0, gt=0, description="mm sideways or of yaw·r_g (squared) that cost as much as giving up")
+    no_move: float = Field(1.0, ge=0, description="weight of the growth of p(no move); 0 for the ablation")
+    effort: float = Field(0.1, ge=0, description="weight of (offset/largest)² + (heading/largest)²: no idle steering")
+    change: float = Field(0.01, ge=0, description="cost of lifting the finger to touch elsewhere")
+    probe: int = Field(2, ge=0, description="pushes before a block may be given up: the first poses are the noisiest")
+    give_up: float = Field(1.0, gt=0, description="cost of retracting: what giving up a block is worth")
+
+
+class PlaySettings(Section):
+    """Everything that plays."""
+
+    rule: RuleSettings = Field(RuleSettings(), description="the hand-written rule")
+    supervisor: SupervisorSettings = Field(SupervisorSettings(), description="the exploration's supervisor")
+    oracle: OracleSettings = Field(OracleSettings(), description="the ceiling")
+    controller: ControllerSettings = Field(ControllerSettings(), description="model predictive control")
 
 
 class TowerChoice(Section):

@@ -5,7 +5,7 @@ import sys
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
 from thesis_lib.jenga.play.ppo import train_to_files
-from thesis_lib.jenga.play.ppo_settings import PpoSettings
+from thesis_lib.jenga.play.settings import PpoSettings
 from thesis_lib.jenga.tower.settings import Setup
 
 params = snakemake.params
