@@ -11,12 +11,12 @@ what is left has d² = RᵀS⁻¹R − (gᵀS⁻¹R)² / gᵀS⁻¹g.  If its me
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.statistics.spread import robust_std
-from thesis_lib.statistics.tails import chi_square_quantile
 
 STEP = 1e-3  # of ε, for slopes
 UNKNOWN = 1e-4  # (m/s)², for weights where the noise is not known
@@ -102,6 +102,6 @@ def own_restitution(fitted: Fit, observations: Observations) -> OwnRestitution:
         return OwnRestitution(rows, o.trial[rows], np.zeros(0), np.zeros(0), np.inf)
     information, across = information[rows], across[rows]
     d2 = np.einsum("ni,nij,nj->n", R[rows], inverse[rows], R[rows]) - across**2 / information
-    left = float(np.median(d2)) / float(chi_square_quantile(np.array([0.5]), len(known) - 1)[0])
+    left = float(np.median(d2)) / float(chi2.median(len(known) - 1))
     std = information**-0.5 if o.noise_known else np.full(len(rows), np.nan)
     return OwnRestitution(rows, o.trial[rows], values["epsilon"] - across / information, std, left)

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
+from scipy.stats import chi2
 
 from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import NU, SIGMA_LOW, Whitening
-from thesis_lib.statistics.tails import chi_square_quantile
 
 # of the likelihood, over that of a normal one: the floor for tails heavier than Student's t
 LEAST_CURVATURE = 0.1
@@ -87,7 +87,7 @@ def _lesser(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 @lru_cache
 def _of_normal(m: int) -> tuple[float, float]:
     """The same for normal residuals."""
-    return _curvature_and_variance(chi_square_quantile((np.arange(2000) + 0.5) / 2000, m), m)
+    return _curvature_and_variance(chi2.ppf((np.arange(2000) + 0.5) / 2000, m), m)
 
 
 def _curvature_and_variance(d2: np.ndarray, m: int) -> tuple[float, float]:

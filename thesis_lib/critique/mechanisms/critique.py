@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from thesis_lib.critique.mechanisms.effects import CANDIDATES, MechanismEffect
 from thesis_lib.critique.mechanisms.model import BelievedArm, BelievedModel, BelievedWheel
@@ -36,7 +37,6 @@ from thesis_lib.datasets.recordings.recording import Recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.statistics.tails import chi_square_tail
 
 GROUP = 3  # largest group of effects that counts as an answer
 MIN_TRIALS = 4
@@ -224,7 +224,7 @@ def is_excess_material(excess: float, p_value: float, settings: MechanismSetting
 def _beyond_noise(judgement: ForceJudgement) -> Remaining:
     """The misfit against that of noise, 1, with the p-value of |z|² from its χ² distribution."""
     z = judgement.z
-    return Remaining(chi_square_tail(float(z @ z), len(z)), judgement.misfit, 1.0, ())
+    return Remaining(float(chi2.sf(z @ z, max(len(z), 1))), judgement.misfit, 1.0, ())
 
 
 def states_of_windows(weak: WeakForm) -> tuple[list[str], np.ndarray]:

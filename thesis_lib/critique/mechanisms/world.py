@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.stats import chi2
 
 from thesis_lib.critique.mechanisms.effects import MechanismEffect, MotionSteps
 from thesis_lib.critique.mechanisms.windows import WeakForm
@@ -27,7 +28,6 @@ from thesis_lib.critique.selection.scan import RANK
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import Effort, Slopes, World
 from thesis_lib.statistics.bootstrap import central_95, draw_counts
-from thesis_lib.statistics.tails import chi_square_tail
 
 BASE = "believed"
 ROUNDS = 3  # linear fits
@@ -232,7 +232,7 @@ def sensor_excess(fitted: ForceFit) -> tuple[float, float]:
     if not known.any():
         return 0.0, 1.0
     squares = (directions.T @ own)[known] ** 2 / (1.0 - share[known])
-    return float(np.sqrt(squares.mean())), chi_square_tail(squares.sum(), known.sum())
+    return float(np.sqrt(squares.mean())), float(chi2.sf(squares.sum(), max(known.sum(), 1)))
 
 
 def _covariance(U: np.ndarray) -> np.ndarray:

@@ -10,9 +10,9 @@ time T inside.  Of the change of velocity inside, two neighbouring samples hold
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import theilslopes
 
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.statistics.tails import theil_sen
 
 LONGER = 0.01  # s; the arcs allow for shorter contacts
 FEWEST = 6  # contacts
@@ -82,7 +82,7 @@ def _by_speed(speed: np.ndarray, depth: np.ndarray) -> bool:
     """Whether contacts are the deeper the faster they are, as no wrong height makes them."""
     if np.ptp(speed) == 0.0 or np.ptp(depth) == 0.0:
         return False
-    slope, low, _ = theil_sen(speed, depth)
+    slope, _, low, _ = np.array(theilslopes(depth, speed)).tolist()
     return low > 0.0 and slope * float(np.median(speed)) > BY_SPEED * float(np.median(depth))
 
 

@@ -20,6 +20,7 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import theilslopes
 
 from thesis_lib.datasets.flights.arcs import ArcFits
 from thesis_lib.datasets.flights.low_pass import LowPass
@@ -27,7 +28,6 @@ from thesis_lib.datasets.flights.windows import sides_of, windows_around
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.statistics.tails import theil_sen
 
 EDGES = np.array([0, 1, 2, 3, 4, 6, 8, 12, 16, 24])  # sampling intervals from the impact
 _BEYOND = 32  # the edge after the last
@@ -188,7 +188,7 @@ def contact_guard(fits: ArcFits, header: Header) -> float:
     if len(sunk) < LEAST_SUNK:
         return 0.0
     some = np.unique(np.linspace(0, len(sunk) - 1, MOST_SUNK).astype(int))
-    slope, low, _ = theil_sen(speed[some], sunk[some])
+    slope, _, low, _ = np.array(theilslopes(sunk[some], speed[some])).tolist()
     return min(_CONTACT * slope, LONGEST) if low > 0.0 else 0.0
 
 

@@ -32,6 +32,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import Impacts
@@ -45,7 +46,6 @@ from thesis_lib.identify.impacts.drop_spread import spreads
 from thesis_lib.identify.impacts.settings import MeasuredRatio
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
-from thesis_lib.statistics.tails import chi_square_tail
 
 EARLIER = "earlier_vy_post"  # planar_impact only, see `thesis_lib.datasets.sources.published`
 EARLIER_VY_POST = -3.0 * 9.81 / 250.0  # m/s, its first publication less its second
@@ -313,7 +313,7 @@ def _row(
     if not link.has_cov:  # noise is known up to a factor, and (1) cannot be tested
         row["velocity_noise"] = fit.scale
     else:
-        row |= {"scale": fit.scale, "chi2": chi2, "dof": dof, "p_value": chi_square_tail(chi2, dof)}
+        row |= {"scale": fit.scale, "chi2": chi2, "dof": dof, "p_value": float(stats.chi2.sf(chi2, max(dof, 1)))}
     for i, (_, parameter) in enumerate(link.free, start=1):
         row |= {parameter.name: fit.p[i], f"{parameter.name}_std": spread[:, i].std(ddof=1)}
     return row

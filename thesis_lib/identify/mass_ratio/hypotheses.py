@@ -11,6 +11,7 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from thesis_lib.identify.mass_ratio.arc_fit import ArcFit, fit_arcs
 from thesis_lib.identify.mass_ratio.likelihood import (
@@ -23,7 +24,6 @@ from thesis_lib.identify.mass_ratio.likelihood import (
 )
 from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcStatistics, ArcSums
 from thesis_lib.identify.segmentation import floored
-from thesis_lib.statistics.tails import chi_square_tail
 
 STEP_WINDOW = 2  # steps tried on each side of the segmentation's
 # with more impacts, one step on each side is tried: the number of hypotheses is 5 to the number of impacts
@@ -70,7 +70,7 @@ class FittedHypotheses:
         self.weight = np.exp(-0.5 * (score - self.chi2_min)) if self.any else np.zeros(len(score))
         self.dof = int(self.fit.dof[self.row])
         # a drop with as many unknowns as rows fits exactly: nothing to test
-        self.p_value = chi_square_tail(self.fit.misfit[self.row], self.dof) if self.dof > 0 else 1.0
+        self.p_value = float(chi2.sf(self.fit.misfit[self.row], self.dof)) if self.dof > 0 else 1.0
 
 
 class DropHypotheses:

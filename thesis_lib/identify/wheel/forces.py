@@ -33,6 +33,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from scipy.stats import chi2
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.window import States, free_body_window
@@ -42,7 +43,6 @@ from thesis_lib.identify.segmentation import check_states, floored
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 from thesis_lib.statistics.spread import robust_std
-from thesis_lib.statistics.tails import chi_square_tail
 
 TOLERANCE = 3.0  # standard deviations within which a gap or a sliding velocity counts as zero
 # starting values of I / (m l²): the whole range for a wheel with its mass inside the tips
@@ -214,7 +214,7 @@ def white(residuals: np.ndarray) -> float:
     for j in range(1, LAGS + 1):
         rho = np.sum(channels[j:] * channels[:-j], axis=0) / power
         q += n * (n + 2.0) * float(np.sum(rho**2)) / (n - j)
-    return chi_square_tail(q, LAGS * count)
+    return float(chi2.sf(q, LAGS * count))
 
 
 class _Fit:

@@ -15,13 +15,13 @@ test (throws in one direction, unknown noise), it gives a reason instead of a p-
 from collections.abc import Callable
 
 import numpy as np
+from scipy.stats import binom, f, norm
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
 from thesis_lib.critique.likelihood.covariance import noise_covariance
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.statistics.spread import robust_std
-from thesis_lib.statistics.tails import binomial_tail, f_tail, normal_tail
 
 SIGMAS = 3.0  # standard deviations: an impact beyond is outside a class
 NOISE_TRUST = 1.2  # the noise may be this factor too small before a share beyond SIGMAS is significant
@@ -69,14 +69,14 @@ def rigid_point(fitted: Fit, observations: Observations) -> dict:
 
     variance = np.einsum("nii->ni", _noise(couple_and_gain, fitted, observations))
     z, up = (couple_and_gain(*velocities(fitted, observations)) / np.sqrt(variance + 1e-300)).T
-    beyond = SIGMAS / NOISE_TRUST
+    beyond = norm.sf(SIGMAS / NOISE_TRUST)
     count, gained, n = int(np.sum(np.abs(z) > SIGMAS)), int(np.sum(up > SIGMAS)), len(z)
-    p = min(binomial_tail(count, n, 2.0 * normal_tail(beyond)), binomial_tail(gained, n, normal_tail(beyond)))
+    p = min(binom.sf(count - 1, n, 2.0 * beyond), binom.sf(gained - 1, n, beyond))
     return {
-        "p_value": min(1.0, 2.0 * p),
+        "p_value": float(min(1.0, 2.0 * p)),
         "share_couple": count / n,
         "share_energy_gain": gained / n,
-        "expected_share": 2.0 * normal_tail(SIGMAS),
+        "expected_share": float(2.0 * norm.sf(SIGMAS)),
         "couple_mean_square_sigma": float(robust_std(z) ** 2),
     }
 
@@ -186,4 +186,4 @@ def _p_of(coefficients: np.ndarray, covariance: np.ndarray, rest: int) -> float:
     if rank == 0 or rest < 1:
         return 1.0
     statistic = float(coefficients @ np.linalg.pinv(covariance, hermitian=True) @ coefficients) / rank
-    return f_tail(statistic, rank, rest)
+    return float(f.sf(statistic, rank, rest))
