@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from folders_in_space import mesh
+from scipy.spatial.transform import Rotation
 from tossed import flights
 
 from thesis_lib.commands.datasets import main
@@ -57,6 +58,19 @@ def test_one_fall_among_many_trials_does_not_say_where_up_is(tmp_path, capsys):
 def test_another_order_of_the_quaternion_is_refused_with_the_option(tmp_path, capsys):
     code, _ = init(tmp_path, flights(trials=20), "--quaternion", "wxyz", "--columns", "q1=qx,q2=qy,q3=qz,q4=qw", *SHAPE)
     assert code == 2 and "It does with --quaternion xyzw" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("order", "mirror", "option"), [("xyzw", 1.0, "wxyz"), ("wxyz", -1.0, "--left-handed")])
+def test_a_wrong_reading_is_refused_whatever_point_is_tracked(tmp_path, capsys, order, mirror, option):
+    frame = flights(trials=20)
+    turn = Rotation.from_quat(frame[Q].to_numpy(), scalar_first=True)
+    frame[["x", "y", "z"]] += turn.apply([0.04, 0.01, 0.0])
+    frame[Q[1:]] *= mirror
+    columns = ("--columns", "q1=qw,q2=qx,q3=qy,q4=qz")
+    code, _ = init(tmp_path, frame, "--quaternion", order, *columns, *SHAPE)
+    assert code == 2 and f"does not fall as a free body does. It does with --{option.lstrip('-')}" in (
+        capsys.readouterr().err.replace("--quaternion ", "--")
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """What `datasets check` says of a set in space: units, gravity, orientations; and nothing where nothing is wrong."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -32,7 +33,7 @@ def test_nothing_is_said_of_good_flights(spin):
     frame = flights(spin=spin)
     assert said(trajectories=frame) == ""
     facts = motion_facts(frame, dataset_of(header(), trajectories=frame).in_space)
-    assert facts.flights == 8 and facts.reading == "" and not len(facts.jumps) and facts.lost_orientation == 0.0
+    assert facts.flights == 8 and facts.reading == "" and not len(facts.turned.rows) and facts.lost_orientation == 0.0
     np.testing.assert_allclose(facts.fall, [0.0, 0.0, -9.81], atol=0.2)
 
 
@@ -56,13 +57,13 @@ def test_gravity_along_another_axis_is_refused_with_the_one_to_write():
     assert "no free flight is seen" in said(trajectories=still)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "right"),
-    [
-        (lambda q: q[:, [1, 2, 3, 0]], "as x, y, z, w (the scalar last)"),
-        (lambda q: q * [1, -1, -1, -1], "reversed (of a left-handed frame"),
-    ],
-)
+MISREAD = [
+    (lambda q: q[:, [1, 2, 3, 0]], "as x, y, z, w (the scalar last)"),
+    (lambda q: q * [1, -1, -1, -1], "reversed (of a left-handed frame"),
+]
+
+
+@pytest.mark.parametrize(("wrong", "right"), MISREAD)
 def test_quaternions_that_are_written_otherwise_are_named(wrong, right):
     frame = flights(trials=20)
     frame[Q] = wrong(frame[Q].to_numpy())
@@ -85,10 +86,47 @@ def test_lost_orientations_and_jumps_are_counted():
     assert "the orientation is lost in 34% of the samples" in said(trajectories=frame)
     flipped = flights()
     turn = Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0])
-    rows = slice(90, 110)
+    rows = slice(90, 109)
     q = Rotation.from_quat(flipped.loc[rows, Q].to_numpy(), scalar_first=True) * turn
     flipped.loc[rows, Q] = q.as_quat(scalar_first=True)
-    assert "the orientation jumps at 2 of 480 samples" in said(trajectories=flipped)
+    text = said(trajectories=flipped)
+    assert "the orientation jumps at 2 of 480 samples, by 90° (median), and 4.2% of the samples lie between" in text
+    fast = flights(spin=15.0)  # which turns by half a radian while eight frames are lost
+    assert "jumps" not in said(trajectories=fast.drop(index=range(30, 38)))
+
+
+def test_another_tag_that_takes_over_is_named_and_a_hit_is_not():
+    frame = flights()
+    rows = slice(90, 109)
+    away = Rotation.from_quat(frame.loc[rows, Q].to_numpy(), scalar_first=True).apply([0.004, 0.0, 0.0])
+    moved = frame.copy()
+    moved.loc[rows, ["x", "y", "z"]] += away
+    assert "the position jumps at 2 of 480 samples, by 4.2 mm (median), and 4.2% of the samples" in said(
+        trajectories=moved
+    )
+    hit = frame.copy()
+    late = (hit["trial"] == 1) & (hit["t"] > 0.1)
+    hit.loc[late, "z"] += 3.0 * (hit["t"][late] - 0.1)
+    assert "jumps" not in said(trajectories=hit)
+
+
+def test_a_clock_that_is_off_shows_in_the_fall():
+    text = said(header(rate=None), trajectories=flights(trials=20).assign(t=lambda frame: frame["t"] * 250.0 / 240.0))
+    found = re.search(r"fall by 9.*frames are taken at (\S+) Hz and not at the 230.4 Hz of their times", text)
+    assert found and float(found[1]) == pytest.approx(240.0, rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("lever", "wrong", "right"), [([0.04, 0.0, 0.0], *MISREAD[0]), ([0.01, 0.01, 0.0], *MISREAD[1])]
+)
+def test_quaternions_that_are_written_otherwise_are_named_whatever_point_is_tracked(lever, wrong, right):
+    frame = flights(trials=12)
+    frame[["x", "y", "z"]] += Rotation.from_quat(frame[Q].to_numpy(), scalar_first=True).apply(lever)
+    tracked = {"position": lever}
+    assert said(header(tracked=tracked), trajectories=frame) == ""
+    frame[Q] = wrong(frame[Q].to_numpy())
+    assert f"read {right}" in said(header(tracked=tracked), trajectories=frame)
+    assert f"read {right}" in said(header(tracked="unknown"), trajectories=frame)
 
 
 @pytest.mark.parametrize(

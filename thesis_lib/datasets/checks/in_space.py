@@ -6,28 +6,30 @@ is a cause that a critique can name.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.checks.copied_releases import copied_releases, copies_text
+from thesis_lib.datasets.checks.jumps import NO_JUMPS, Jumps, place_jumps, turn_jumps
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
+from thesis_lib.datasets.space.falling_body import reading_that_falls
 from thesis_lib.datasets.space.flights import Track, find_flights, follow
-from thesis_lib.datasets.space.motion import Motion, conjugate, turning
+from thesis_lib.datasets.space.motion import Motion, conjugate
 from thesis_lib.datasets.space.torque_free import better_reading, falling, inner_samples
+from thesis_lib.statistics.spread import robust_mean
 
 FEWEST = 20  # samples that say anything of a motion
 PAUSE = 10.0  # s between trials on one clock
 OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera that is levelled by eye is within
-JUMP = 0.3  # rad from one sample to the next, beyond three times the usual step around it
-NEIGHBOURS = 3  # samples on either side that say what is usual
+SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which bodies may fall at another rate than gravity's
 CENTRAL = 5e-3  # m from the tracked point to the centre of mass, within which both fall alike
 HELD = 0.1  # s before the first flight
 LOST = 0.2  # share of orientations that are lost, from which on it is said
@@ -49,8 +51,10 @@ class MotionFacts:
     flights: int
     fall: np.ndarray | None
     lost_orientation: float  # share of the samples
-    jumps: np.ndarray  # numbers of the samples after which the orientation is another
-    reading: str  # as which the quaternions turn like a free body, "" if they do as they are
+    turned: Jumps  # of the orientation
+    moved: Jumps = NO_JUMPS  # of the tracked point
+    reading: str = ""  # as which the quaternions turn like a free body, "" if they do as they are
+    fall_error: float = 0.0  # m/s², standard error of the size of `fall`
     held: int = 0
     in_the_air: int = 0
 
@@ -62,27 +66,42 @@ class MotionFacts:
 
 def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
     """What the samples of trajectories.csv say, its rows whole and in order."""
-    turned = np.isfinite(table["qw"].to_numpy(float))
-    g, lost, jumps = np.array(header.gravity), float(np.mean(~turned)), _jumps(table, turned)
-    size, rows = float(np.linalg.norm(g)), turned if turned.any() else ~turned
+    seen = np.isfinite(table["qw"].to_numpy(float))
+    q, trial, t = (table[names].to_numpy(float) for names in (list(QUATERNION), "trial", "t"))
+    facts = MotionFacts(0, None, float(np.mean(~seen)), turn_jumps(trial, t, q))
+    g, rows = np.array(header.gravity), seen if seen.any() else ~seen
+    size = float(np.linalg.norm(g))
     if rows.sum() < FEWEST or not size:
-        return MotionFacts(0, None, lost, jumps, "")
-    t, position = centre_path(table[rows], header)
+        return facts
+    if seen.any():
+        facts = replace(facts, reading=reading_that_falls(_motion(table[rows]), size))
+    trial, t, place = one_clock(table[rows])
+    moved = place_jumps(trial, t, place, q[rows] if seen.any() else None)
+    facts = replace(facts, moved=replace(moved, rows=np.flatnonzero(rows)[moved.rows]))
+    position = centre_path(table[rows], header)[1]
     track = follow(t, position, size)
     flights = find_flights(track, g)
     if not flights:
-        return MotionFacts(0, None, lost, jumps, "")
-    fall = np.median(track.a[inner_samples(flights, track)], axis=0)
-    reading = ""
-    if turned.any() and header.tracked is not None:
-        q = table.loc[rows, list(QUATERNION)].to_numpy(float)
-        readings = {SCALAR_LAST: lambda: q, REVERSED: lambda: conjugate(q[:, XYZW])}
-        readings[f"{SCALAR_LAST} and {REVERSED}"] = lambda: conjugate(q)
-        motion = Motion("", "", t, position, q[:, XYZW], readings=readings)
+        return facts
+    fall = np.nanmedian(track.a[inner_samples(flights, track)], axis=0)
+    down = fall / np.linalg.norm(fall)
+    along = np.array([np.nanmedian(track.a[inner_samples([flight], track)] @ down) for flight in flights])
+    error = robust_mean(along)[1]
+    if not facts.reading and seen.any() and header.tracked is not None:
         R = Rotation.from_quat(header.tracked.attitude, scalar_first=True).as_matrix()
-        reading = better_reading(motion, track, flights, R.T @ header.body.inertia_per_mass @ R)
-    ends = _ends(table[rows], t, track, flights, header)
-    return MotionFacts(len(flights), fall, lost, jumps, reading, *ends)
+        motion = replace(_motion(table[rows]), t=t, position=position)
+        tensor = R.T @ header.body.inertia_per_mass @ R
+        facts = replace(facts, reading=better_reading(motion, track, flights, tensor))
+    held, in_the_air = _ends(table[rows], t, track, flights, header)
+    return replace(facts, flights=len(flights), fall=fall, fall_error=error, held=held, in_the_air=in_the_air)
+
+
+def _motion(table: pd.DataFrame) -> Motion:
+    """The motion in whole rows, on one clock, with the readings that a dataset may need."""
+    q, (_, t, position) = table[list(QUATERNION)].to_numpy(float), one_clock(table)
+    readings = {SCALAR_LAST: lambda: q, REVERSED: lambda: conjugate(q[:, XYZW])}
+    readings[f"{SCALAR_LAST} and {REVERSED}"] = lambda: conjugate(q)
+    return Motion("", "", t, position, q[:, XYZW], readings=readings)
 
 
 def _ends(
@@ -121,17 +140,6 @@ def one_clock(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     last = np.r_[first[1:], len(t)] - 1
     start = np.r_[0.0, np.cumsum(t[last] - t[first] + PAUSE)[:-1]] - t[first]
     return trial, t + np.repeat(start, last - first + 1), table[list(POSITION)].to_numpy(float)
-
-
-def _jumps(table: pd.DataFrame, turned: np.ndarray) -> np.ndarray:
-    rows, trial = np.flatnonzero(turned), table["trial"].to_numpy()
-    if len(rows) < 2 * NEIGHBOURS + 2:
-        return np.zeros(0, int)
-    q = table[list(QUATERNION)].to_numpy(float)[rows][:, XYZW]
-    step = np.linalg.norm(turning(Motion("", "", np.arange(len(q), dtype=float), q[:, :3], q)), axis=1)
-    step[(trial[rows[1:]] != trial[rows[:-1]]) | (np.diff(rows) > 1)] = 0.0
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(step, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
-    return rows[1:][step > JUMP + 3.0 * np.median(around, axis=1)]
 
 
 def check_header(header: SpaceHeader, report: ValidationReport) -> None:
@@ -178,18 +186,52 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
         table.report.warn(
             FILE, "gravity", what, f"if the axes of the recording are not level, write gravity: [{shown}]"
         )
+    elif facts.flights:
+        _check_fall(table, header, facts, float(np.median(np.diff(t)[within])))
     if facts.reading:
-        what = f"in free flight the body does not turn as a free body does; read {facts.reading}, it does"
+        what = f"in free flight the body does not move as a free body does; read {facts.reading}, it does"
         table.warn("columns qw, qx, qy, qz", what, "find out how the recording was written, and convert it")
-    if len(facts.jumps):
-        what = f"the orientation jumps at {len(facts.jumps)} of {len(t)} samples: a tag flips, or markers are swapped"
-        rows = np.isin(np.arange(len(t)), facts.jumps)
-        table.warn("columns qw, qx, qy, qz", what, "leave the orientation of such samples empty", rows)
+    _check_jumps(table, facts)
     if copies := copied_releases(trial, t, position @ header.planes[0][1]):
         table.warn("column trial", copies_text(copies), COPIED)
     if LOST < facts.lost_orientation < 1.0:
         what = f"the orientation is lost in {facts.lost_orientation:.0%} of the samples"
         table.warn("columns qw, qx, qy, qz", what, "nothing, if the tracker lost it; the positions are used")
+
+
+def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step: float) -> None:
+    """Report bodies that fall faster or slower than gravity says."""
+    assert facts.fall is not None
+    size, stated = float(np.linalg.norm(facts.fall)), float(np.linalg.norm(header.gravity))
+    if abs(size - stated) > max(SLOWER * stated, SURELY * facts.fall_error):
+        clock = np.sqrt(stated / size)
+        what = (
+            f"{facts.flights} free flights fall by {size:.3g} m/s², and gravity is stated as {stated:.3g}: so it looks "
+            f"if frames are taken at {clock / step:.4g} Hz and not at the {1.0 / step:.4g} Hz of their times, or if "
+            f"lengths are {abs(size / stated - 1.0):.1%} too {'large' if size > stated else 'small'}"
+        )
+        table.warn("columns t, x, y, z", what, "correct the times, the lengths, or gravity")
+
+
+def _check_jumps(table: UsableRows, facts: MotionFacts) -> None:
+    """Report a tag that flips, and another one that takes over."""
+    n = len(table.data)
+    if (count := len((turned := facts.turned).rows)) > 0:
+        what = (
+            f"the orientation jumps at {count} of {n} samples, by {np.degrees(turned.size):.0f}° (median), and "
+            f"{turned.share:.1%} of the samples lie between a jump and the jump back: a tag flips, or markers are "
+            "swapped"
+        )
+        rows = np.isin(np.arange(n), turned.rows)
+        table.warn("columns qw, qx, qy, qz", what, "leave the orientation of such samples empty", rows)
+    if (count := len((moved := facts.moved).rows)) > 0:
+        what = (
+            f"the position jumps at {count} of {n} samples, by {1e3 * moved.size:.2g} mm (median), and "
+            f"{moved.share:.1%} of the samples lie between a jump and the jump back: another tag takes over, or "
+            "markers are swapped"
+        )
+        rows = np.isin(np.arange(n), moved.rows)
+        table.warn("columns x, y, z", what, "use one tag throughout, or remove such samples", rows)
 
 
 def _nothing_falls(table: UsableRows, header: SpaceHeader) -> None:

@@ -12,7 +12,9 @@ from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.sources.conversion import Conversion, solid_dataset
 from thesis_lib.datasets.sources.recorded import Recorded
 from thesis_lib.datasets.space.drops import IN_THE_AIR, cut_drops, until_rest, whole_pieces
+from thesis_lib.datasets.space.falling_body import reading_that_falls
 from thesis_lib.datasets.space.flights import find_flights, follow
+from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.torque_free import better_reading, falling
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
@@ -35,6 +37,8 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.gravity
     dataset, up = solid_dataset(recorded, view.up), view.up
     body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
+    if motion.oriented and (other := reading_that_falls(motion, size)):
+        raise _misread(motion, "the centre of mass of the body does not fall as a free body does", other)
     found = _tracked_frame(recorded, body) if view.tracked else None
     path = motion.position if found is None else found.path
     track = follow(motion.t, path, size)
@@ -67,10 +71,7 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     mounted = rotation_matrix(header.tracked.attitude)
     tensor = mounted.T @ body.inertia_per_mass @ mounted
     if motion.oriented and (other := better_reading(motion, track, flights, tensor)):
-        raise UserError(
-            f"{motion.source}: read as stated, the body does not turn in free flight as a free body does. It does with "
-            f"{other}. Find out how the log was written, and say so."
-        )
+        raise _misread(motion, "the body does not turn in free flight as a free body does", other)
     (surface,) = surface_frames(header)
     pose = np.concatenate([motion.position.T, attitude])
     states = State(pose, np.zeros((6, len(motion))), recorded.piece, motion.t, None, SPACE)
@@ -90,6 +91,12 @@ def keep_in_space(recorded: Recorded) -> Conversion:
     columns = dict(zip(POSE_IN_SPACE, pose[:, rows]))
     poses = pd.DataFrame({"trial": np.repeat([d.trial for d in used], count), "t": motion.t[rows] - start} | columns)
     return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes)
+
+
+def _misread(motion: Motion, what: str, other: str) -> UserError:
+    return UserError(
+        f"{motion.source}: read as stated, {what}. It does with {other}. Find out how the log was written, and say so."
+    )
 
 
 def _tracked_frame(recorded: Recorded, body: SolidBody) -> "TrackedFrame | None":

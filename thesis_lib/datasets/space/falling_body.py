@@ -19,14 +19,18 @@ Source of the search: Fischler and Bolles, Commun. ACM 24 (1981), doi:10.1145/35
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets.space.flights import NEAR_G, find_flights, follow, parabolas
+from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
 WINDOW = 0.03  # s, half of a window of the search at least: the rotation must show in it
-DRAWS, MOST_WINDOWS = 3000, 1500  # of the search
+DRAWS, MOST_WINDOWS, JUDGES = 3000, 1500, 300  # of the search, and windows that judge a draw
 FAR = 0.1  # m, one sigma of c in a draw; keeps c near 0 where nothing turns
 UNSEEN = 1.0  # m, one sigma of c before the flights are seen
+BETTER = 1.3  # typical misfit of windows as stated over that of another reading, which makes it the likely one
+FEWEST = 20  # windows by which readings are compared
 ROUNDS = 3  # flights are found again with the centre that they gave
 ODD = 3.0  # median misfits of a flight, from which on it is left out
 
@@ -51,14 +55,10 @@ def falling_body(t: np.ndarray, position: np.ndarray, R: np.ndarray, gravity: fl
     Raises:
         UserError: nothing in it falls so.
     """
-    track = follow(t, position, gravity)
-    step = float(np.median(np.diff(t)))
-    found = _search(
-        t, np.concatenate([position, R.reshape(-1, 9)], axis=1), max(track.half, int(WINDOW / step)), gravity
-    )
+    found = _Windows.of(t, position, gravity).falling(R)
     if found is None:
         raise UserError(f"no free flight is in it: nowhere does a point of the body accelerate by {gravity:g} m/s².")
-    c, g = found
+    c, g, _ = found
     for _ in range(ROUNDS):
         path = position + R @ c
         flights = find_flights(follow(t, path, gravity), gravity * g / np.linalg.norm(g))
@@ -68,33 +68,74 @@ def falling_body(t: np.ndarray, position: np.ndarray, R: np.ndarray, gravity: fl
     return FallingBody(c, g, covariance, flights, position + R @ c)
 
 
-def _search(t: np.ndarray, poses: np.ndarray, half: int, gravity: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """c and g with which most windows fall; None if none does."""
-    a = parabolas(t, poses, half, float(np.median(np.diff(t))))[1]
-    # of long recordings most is rest and a hand's carrying, which hardly accelerates
-    a = a[np.isfinite(a).all(axis=1) & (np.linalg.norm(a[:, :3], axis=1) > NEAR_G * gravity)]
-    rng = np.random.default_rng(0)  # the answer is that of the data
-    if len(a) < 3:
-        return None
-    if len(a) > MOST_WINDOWS:
-        a = a[np.sort(rng.choice(len(a), MOST_WINDOWS, replace=False))]
-    y, A = a[:, :3], a[:, 3:].reshape(-1, 3, 3)
-    M = np.concatenate([A, np.broadcast_to(-np.eye(3), A.shape)], axis=2)  # M (c, g) = −y
+def reading_that_falls(motion: Motion, gravity: float) -> str:
+    """The one of the motion's other readings with which a point of the body falls far better than as read; else "".
 
-    def solved(rows: np.ndarray) -> np.ndarray:  # (..., k) -> (..., 6)
-        left, right = M[rows].reshape(*rows.shape[:-1], -1, 6), -y[rows].reshape(*rows.shape[:-1], -1, 1)
-        turned = left.swapaxes(-1, -2)
-        return np.linalg.solve(turned @ left + np.diag([FAR**-2] * 3 + [1e-9] * 3), turned @ right)[..., 0]
+    With rotations that are read wrongly only the tracked point can fall.  Where that is the centre of mass, this says
+    nothing: torque-free turning does (`torque_free`).
+    """
+    windows, off = _Windows.of(motion.t, motion.position, gravity), {}
+    for name, read in {"": lambda: motion.quaternion, **motion.readings}.items():
+        found = windows.falling(Rotation.from_quat(read()).as_matrix())
+        if found is not None:
+            off[name] = np.sort(found[2])
+    middle = max((np.count_nonzero(one < NEAR_G * gravity) for one in off.values()), default=0) // 2
+    if middle < FEWEST:
+        return ""
+    best = min(off, key=lambda name: off[name][middle])
+    return "" if "" in off and off[""][middle] < BETTER * off[best][middle] else best
 
-    x = solved(rng.integers(0, len(a), (DRAWS, 3)))
-    x = x[np.abs(np.linalg.norm(x[:, 3:], axis=1) - gravity) < NEAR_G * gravity]
-    agree = [np.count_nonzero(np.linalg.norm(M @ one + y, axis=1) < NEAR_G * gravity) for one in x]
-    if not len(x) or max(agree) < 3:
-        return None
-    best = x[int(np.argmax(agree))]
-    for _ in range(10):
-        best = solved(np.flatnonzero(np.linalg.norm(M @ best + y, axis=1) < NEAR_G * gravity))
-    return best[:3], best[3:]
+
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Local parabolas around some samples `at` of those that accelerate, through `half` samples on either side."""
+
+    t: np.ndarray
+    position: np.ndarray
+    gravity: float
+    step: float
+    half: int
+    at: np.ndarray
+    y: np.ndarray  # (k, 3) accelerations there
+
+    @classmethod
+    def of(cls, t: np.ndarray, position: np.ndarray, gravity: float) -> "_Windows":
+        step = float(np.median(np.diff(t)))
+        half = max(follow(t, position, gravity).half, int(WINDOW / step))
+        a = parabolas(t, position, half, step)[1]
+        # of long recordings most is rest and a hand's carrying, which hardly accelerates
+        with np.errstate(invalid="ignore"):
+            at = np.flatnonzero(np.linalg.norm(a, axis=1) > NEAR_G * gravity)
+        if len(at) > MOST_WINDOWS:
+            at = np.sort(np.random.default_rng(0).choice(at, MOST_WINDOWS, replace=False))
+        return cls(t, position, gravity, step, half, at, a[at])
+
+    def falling(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """c, g and misfits (k,) in m/s² of the centre with which most windows fall; None if none does."""
+        A = parabolas(self.t, R.reshape(-1, 9), self.half, self.step, self.at)[1][self.at].reshape(-1, 3, 3)
+        y, gravity, rng = self.y, self.gravity, np.random.default_rng(0)  # the answer is that of the data
+        if len(y) < 3:
+            return None
+        M = np.concatenate([A, np.broadcast_to(-np.eye(3), A.shape)], axis=2)  # M (c, g) = −y
+
+        def solved(rows: np.ndarray) -> np.ndarray:  # (..., k) -> (..., 6)
+            left, right = M[rows].reshape(*rows.shape[:-1], -1, 6), -y[rows].reshape(*rows.shape[:-1], -1, 1)
+            turned = left.swapaxes(-1, -2)
+            return np.linalg.solve(turned @ left + np.diag([FAR**-2] * 3 + [1e-9] * 3), turned @ right)[..., 0]
+
+        def off(one: np.ndarray, by: int = 1) -> np.ndarray:
+            return np.linalg.norm(M[::by] @ one + y[::by], axis=1)
+
+        x = solved(rng.integers(0, len(y), (DRAWS, 3)))
+        x = x[np.abs(np.linalg.norm(x[:, 3:], axis=1) - gravity) < NEAR_G * gravity]
+        by = len(y) // JUDGES + 1
+        counts = [np.count_nonzero(off(one, by) < NEAR_G * gravity) for one in x]
+        if not len(x) or max(counts) < 3:
+            return None
+        best = x[int(np.argmax(counts))]
+        for _ in range(10):
+            best = solved(np.flatnonzero(off(best) < NEAR_G * gravity))
+        return best[:3], best[3:], off(best)
 
 
 def _fitted(t: np.ndarray, position: np.ndarray, R: np.ndarray, flights: list[slice]):

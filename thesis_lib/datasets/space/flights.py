@@ -73,8 +73,11 @@ def _deviation(half: int, noise: float, step: float) -> float:
     return 2.0 * noise / step**2 * np.sqrt(180.0 / (n * (n**2 - 1.0) * (n**2 - 4.0)))
 
 
-def parabolas(t: np.ndarray, position: np.ndarray, half: int, step: float):
-    """v (n, d), a (n, d) and the rms residual (n,) of parabolas around each sample; NaN across gaps and at the ends."""
+def parabolas(t: np.ndarray, position: np.ndarray, half: int, step: float, at: np.ndarray | None = None):
+    """v (n, d), a (n, d) and the rms residual (n,) of parabolas around each sample; NaN across gaps and at the ends.
+
+    `at`: numbers of the samples around which they are asked for; the others are NaN.
+    """
     n, d = position.shape
     width = 2 * half + 1
     v, a, rest = np.full((n, d), np.nan), np.full((n, d), np.nan), np.full(n, np.nan)
@@ -83,6 +86,7 @@ def parabolas(t: np.ndarray, position: np.ndarray, half: int, step: float):
     windows = np.lib.stride_tricks.sliding_window_view
     times, values = windows(t, width), windows(position, width, axis=0)
     unbroken = np.flatnonzero(windows(np.r_[np.inf, np.diff(t)], width)[:, 1:].max(axis=1) <= GAP * step)
+    unbroken = unbroken if at is None else np.intersect1d(unbroken, at - half)
     for start in range(0, len(unbroken), CHUNK):
         which = unbroken[start : start + CHUNK]
         s = (times[which] - times[which, half, None]) / step

@@ -1,0 +1,122 @@
+"""Jumps of a tracker in space: a tag that flips, another tag or marker that takes over.
+
+    turn:   |Δφ_i| > `TURN` + 3 times what is usual beside it
+    place:  |d_i| > `ODD` times what is usual,  p = a + v s + b s² (+ d_i from sample i on)  in the samples beside it,
+            where that fits as well as elsewhere, and the spin stays what it is: at a hit it does not
+
+Δφ_i is the turn from one sample to the next, p (3,) the tracked point, s time; steps across lost frames and from trial
+to trial are none.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.datasets.space.motion import Motion, turning
+
+TURN = 0.3  # rad
+NEIGHBOURS = 3  # samples on either side that say what is usual
+BESIDE = 4  # samples on either side of a jump of place
+ODD, PLACE = 5.0, 1e-3  # usual steps, and m: a jump of place is larger
+SMOOTH = 2.0  # usual misfits of a parabola with a step, beyond which it is none
+STEADY = 4.0  # usual changes of the spin; a hit changes it by more
+CHUNK = 50_000  # windows fitted at once
+LOST = 1.5  # usual steps of time; longer ones lack samples
+
+
+@dataclass(frozen=True, eq=False)
+class Jumps:
+    """Jumps in a table.
+
+    Attributes:
+        rows: (k,) numbers of the samples from which on the pose is another.
+        size: median, in rad or m; 0 without jumps.
+        share: of the samples that lie between a jump and the jump back.
+    """
+
+    rows: np.ndarray
+    size: float
+    share: float
+
+
+NO_JUMPS = Jumps(np.zeros(0, int), 0.0, 0.0)
+
+
+def turn_jumps(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> Jumps:
+    """Jumps of the orientation (n, 4), scalar first, NaN where it is lost, at times (n,) in s."""
+    rows = np.flatnonzero(np.isfinite(quaternion[:, 0]))
+    if len(rows) < 2 * NEIGHBOURS + 2:
+        return NO_JUMPS
+    q = quaternion[rows][:, [1, 2, 3, 0]]
+    step = np.linalg.norm(turning(Motion("", "", np.arange(len(q), dtype=float), q[:, :3], q)), axis=1)
+    step[~_unbroken(trial, t)[rows[:-1]] | (np.diff(rows) > 1)] = 0.0
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(step, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
+    far = step > TURN + 3.0 * np.median(around, axis=1)
+    return _jumps(trial, rows[1:][far], step[far])
+
+
+def place_jumps(trial: np.ndarray, t: np.ndarray, position: np.ndarray, quaternion: np.ndarray | None) -> Jumps:
+    """Jumps of the tracked point (n, 3) in m at which the body turns on, at times (n,) in s that rise within a trial.
+
+    `quaternion` (n, 4), scalar first; None of a ball whose orientation nobody measured.
+    """
+    whole = np.lib.stride_tricks.sliding_window_view(_unbroken(trial, t), 2 * BESIDE - 1) if len(t) > 2 * BESIDE else []
+    at = np.flatnonzero(np.all(whole, axis=1)) + BESIDE if len(whole) else np.zeros(0, int)
+    if not len(at):
+        return NO_JUMPS
+    size, rest, hit = np.concatenate([_steps(t, position, part) for part in np.array_split(at, len(at) // CHUNK + 1)]).T
+    far = (size > max(ODD * np.median(size), PLACE)) & (rest < SMOOTH * np.median(rest)) & (hit < 1.0)
+    beside = np.zeros(len(t) + 2 * BESIDE)
+    beside[at + BESIDE] = size
+    if quaternion is not None:
+        kick = _spin_changes(t, quaternion, at)
+        far &= kick < STEADY * np.median(kick)
+    far &= size == np.lib.stride_tricks.sliding_window_view(beside, 2 * BESIDE + 1).max(axis=1)[at]
+    return _jumps(trial, at[far], size[far])
+
+
+def _steps(t: np.ndarray, position: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Rows (k, 3) of the step in m before each sample `at`, the rms misfit in m, and the step that a hit would make.
+
+    A hit between two samples moves the place by as much as the changed velocity does between them, at most; that way
+    over the step, where both are fitted.
+    """
+    rows = at[:, None] + np.arange(-BESIDE, BESIDE)
+    s = t[rows] - t[at, None]
+    s = s / np.ptp(s, axis=1)[:, None]
+    later = np.broadcast_to(rows[:1] >= at[0], s.shape).astype(float)
+    X, y = np.stack([np.ones_like(s), s, s**2, later, later * s], axis=-1), position[rows] - position[at, None]
+    both, step = _solved(X, y), _solved(X[..., :4], y)
+    rest = np.sqrt(np.mean((y - X[..., :4] @ step) ** 2, axis=(1, 2)))
+    way, size = (np.linalg.norm(both[:, i], axis=1) for i in (4, 3))
+    return np.stack(
+        [np.linalg.norm(step[:, 3], axis=1), rest, way / (2 * BESIDE - 1) / np.maximum(size, 1e-12)], axis=1
+    )
+
+
+def _spin_changes(t: np.ndarray, quaternion: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Changes (k,) in rad/s of the mean spin from the samples before each sample `at` to those from it on."""
+    q = quaternion[:, [1, 2, 3, 0]]
+    turns = np.concatenate([np.zeros((1, 3)), np.cumsum(turning(Motion("", "", t, q[:, :3], q)), axis=0)])
+    ends = np.array([[0, BESIDE - 1], [-BESIDE, -1]])
+    before, after = ((turns[at + b] - turns[at + a]) / (t[at + b] - t[at + a])[:, None] for a, b in ends)
+    return np.linalg.norm(after - before, axis=1)
+
+
+def _solved(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.linalg.solve(X.swapaxes(1, 2) @ X, X.swapaxes(1, 2) @ y)
+
+
+def _unbroken(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Steps (n - 1,) within a trial that lack no sample."""
+    dt, same = np.diff(t), trial[1:] == trial[:-1]
+    return same & (dt < LOST * (np.median(dt[same]) if same.any() else 0.0))
+
+
+def _jumps(trial: np.ndarray, rows: np.ndarray, size: np.ndarray) -> Jumps:
+    here = np.bincount(rows, minlength=len(trial))
+    between = 0
+    for number in np.unique(trial[rows]):
+        other = np.cumsum(here[trial == number]) % 2 == 1
+        between += min(int(other.sum()), int((~other).sum()))
+    return Jumps(rows, float(np.median(size)) if len(size) else 0.0, between / max(len(trial), 1))
