@@ -226,17 +226,8 @@ def arm_force_summary(forces: "pd.DataFrame", parameters: "pd.DataFrame") -> "pd
         for method in METHODS:
             of = rows[rows["method"] == method].dropna(subset="error")
             error, fine = of["error"].to_numpy(), of["accepted"].to_numpy(bool)
-            out.append(
-                {
-                    "quantity": quantity,
-                    "method": method,
-                    "n_trajectories": len(of),
-                    "n_failed": int((~fine).sum()),
-                    "error_median": float(np.median(error)),
-                    "error_90": float(np.quantile(error, 0.9)),
-                    "error_max": float(error.max()),
-                    "share_1_percent": float(np.mean(fine & (error <= 0.01))),
-                    "share_5_percent": float(np.mean(fine & (error <= 0.05))),
-                }
-            )
+            row = {"quantity": quantity, "method": method, "n_trajectories": len(of), "n_failed": int((~fine).sum())}
+            row |= {"error_median": float(np.median(error)), "error_90": float(np.quantile(error, 0.9))}
+            row |= {"error_max": float(error.max())}
+            out.append(row | {f"share_{p}_percent": float(np.mean(fine & (error <= 0.01 * p))) for p in (1, 5)})
     return pd.DataFrame(out)

@@ -175,17 +175,9 @@ def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: f
         status = WheelStatus.OK if _believed(chi2_n, p_white, n) else WheelStatus.MISFIT
     record = fit.motion(best.x, n - 1)
     inertia = wheel.mass * wheel.length**2 * float(np.exp(best.x[3]))
-    return WheelFit(
-        record=record,
-        inertia=inertia,
-        inertia_std=inertia * float(np.sqrt(covariance[3, 3])),
-        sigma=sigma,
-        covariance=covariance,
-        deviations=fit.deviations(best.x, covariance, record),
-        chi2_n=chi2_n,
-        p_white=p_white,
-        status=status,
-    )
+    inertia_std = inertia * float(np.sqrt(covariance[3, 3]))
+    deviations = fit.deviations(best.x, covariance, record)
+    return WheelFit(record, inertia, inertia_std, sigma, covariance, deviations, chi2_n, p_white, status)
 
 
 def _stages(fit: "_Fit", starts: list[np.ndarray], sigma: np.ndarray, stage: int) -> tuple[object, float, float]:

@@ -141,22 +141,13 @@ def wheel_force_study(
             covered = np.abs(fit.record.c_n - truth.c_n)[used, pair] <= 2.0 * fit.std_n[used, pair]
             for method in METHODS:
                 fitted = method == "fit"
-                rows.append(
-                    {
-                        "record": i,
-                        "pair": made.pairs[pair],
-                        "order": order,
-                        "method": method,
-                        "snr": np.inf if method == "noise_free" else settings.snr,
-                        "contact_steps": int(used.sum()),
-                        **force_errors(forces, method, pair),
-                        "within_2_std": float(covered.mean()) if fitted else np.nan,
-                        "inertia_error": forces.inertia[method] / made.inertia - 1.0,
-                        "chi2_n": fit.chi2_n if fitted else np.nan,
-                        "p_white": fit.p_white if fitted else np.nan,
-                        "status": forces.status[method],
-                    }
-                )
+                snr = np.inf if method == "noise_free" else settings.snr
+                row = {"record": i, "pair": made.pairs[pair], "order": order, "method": method, "snr": snr}
+                row |= {"contact_steps": int(used.sum()), **force_errors(forces, method, pair)}
+                row |= {"within_2_std": float(covered.mean()) if fitted else np.nan}
+                row |= {"inertia_error": forces.inertia[method] / made.inertia - 1.0}
+                row |= {name: getattr(fit, name) if fitted else np.nan for name in ("chi2_n", "p_white")}
+                rows.append(row | {"status": forces.status[method]})
     return pd.DataFrame(rows)
 
 
