@@ -62,16 +62,9 @@ def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
     """States of bodies that touch the surface and approach it with 0.8 to 3.3 m/s, sliding either way."""
     theta, omega = rng.uniform(-np.pi, np.pi, n), rng.uniform(-15.0, 15.0, n)
     r = rig.shape.contact_point(theta)
-    return State.planar(
-        x=rng.uniform(-0.3, 0.3, n),
-        y=rig.height - r[:, 1],
-        theta=theta,
-        vx=rng.uniform(-1.5, 1.5, n),
-        vy=-rng.uniform(0.8, 3.3, n) - r[:, 0] * omega,
-        omega=omega,
-        trial=np.arange(n),
-        t=rng.uniform(0.1, 1.0, n),
-    )
+    x, vx, down, t = (rng.uniform(*ends, n) for ends in ((-0.3, 0.3), (-1.5, 1.5), (0.8, 3.3), (0.1, 1.0)))
+    y, vy = rig.height - r[:, 1], -down - r[:, 0] * omega
+    return State.planar(x=x, y=y, theta=theta, vx=vx, vy=vy, omega=omega, trial=np.arange(n), t=t)
 
 
 def tumbling_boxes(n: int, rng: np.random.Generator) -> State:

@@ -88,20 +88,13 @@ def arm_window(
         UserError: a value is not finite.
     """
     states = States.of(arm, h, q, v, f_ext)
-    gap_tolerance, v_tolerance = ALLOWANCE * h**2, 1e-9
+    zero = {"gap_tolerance": ALLOWANCE * h**2, "v_tolerance": 1e-9}
     if sigma is not None:
-        gap_tolerance += tolerances * float(np.sqrt(np.mean((states.J_n * sigma[0]) ** 2 @ np.ones(5))))
-        v_tolerance += tolerances * float(np.sqrt(np.mean((states.J_t * sigma[1]) ** 2 @ np.ones(5))))
-    return window_of(
-        states,
-        regressor(arm, q[:-1], v[:-1], np.diff(v, axis=0) / h),
-        np.zeros_like(f_ext),
-        mu,
-        NAMES,
-        theta_min=np.array([-np.inf, 0.0, -np.inf, 0.0, 0.0, 0.0]),
-        gap_tolerance=gap_tolerance,
-        v_tolerance=v_tolerance,
-    )
+        for name, J, noise in zip(zero, (states.J_n, states.J_t), sigma):
+            zero[name] += tolerances * float(np.sqrt(np.mean((J * noise) ** 2 @ np.ones(5))))
+    least = np.array([-np.inf, 0.0, -np.inf, 0.0, 0.0, 0.0])
+    Y = regressor(arm, q[:-1], v[:-1], np.diff(v, axis=0) / h)
+    return window_of(states, Y, np.zeros_like(f_ext), mu, NAMES, theta_min=least, **zero)
 
 
 def window_rank(window: ContactWindow) -> int:

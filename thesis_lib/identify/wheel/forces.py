@@ -130,14 +130,9 @@ def plain_forces(
         return solve_mode_qp(free_body_window(states, mu, gravity=gravity, known={"m": wheel.mass}), program)
     # gap y + r_y and velocity v_x - r_y ω of a tip within half a spoke's angle of the foot point
     reach = wheel.length * np.sin(np.pi / wheel.spokes)
-    window = free_body_window(
-        states,
-        mu,
-        gravity=gravity,
-        known={"m": wheel.mass},
-        gap_tolerance=TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2])),
-        v_tolerance=TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2])),
-    )
+    zero = {"gap_tolerance": TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2]))}
+    zero |= {"v_tolerance": TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2]))}
+    window = free_body_window(states, mu, gravity=gravity, known={"m": wheel.mass}, **zero)
     # effect of noise on the dynamics: differences of v over h, with m l² as the largest possible inertia
     force = np.sqrt(2.0) * wheel.mass / h * sigma[1] * [1.0, 1.0, wheel.length**2]
     noise = TOLERANCE * float(np.linalg.norm(force)) / window.force_scale

@@ -83,15 +83,11 @@ def identify(
     exact = plain_forces(made, h, truth.q, truth.v, mu)
     plain = plain_forces(made, h, noisy.q, noisy.v, mu, noisy.sigma)
     fit = fit_wheel(made, h, noisy.q, noisy.v, mu, epsilon)
-    return WheelForces(
-        truth=truth,
-        pairs=touched_pairs(truth.c_n),
-        c_n={"noise_free": exact.c_n, "plain": plain.c_n, "fit": fit.record.c_n},
-        c_t={"noise_free": exact.c_t, "plain": plain.c_t, "fit": fit.record.c_t},
-        status={"noise_free": str(exact.status), "plain": str(plain.status), "fit": str(fit.status)},
-        inertia={"noise_free": exact.theta[0], "plain": plain.theta[0], "fit": fit.inertia},
-        fit=fit,
-    )
+    found = {"noise_free": (exact, exact.theta[0]), "plain": (plain, plain.theta[0]), "fit": (fit.record, fit.inertia)}
+    c_n, c_t = ({name: getattr(of, part) for name, (of, _) in found.items()} for part in ("c_n", "c_t"))
+    status = {"noise_free": str(exact.status), "plain": str(plain.status), "fit": str(fit.status)}
+    inertia = {name: value for name, (_, value) in found.items()}
+    return WheelForces(truth, touched_pairs(truth.c_n), c_n, c_t, status, inertia, fit)
 
 
 def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float]:
