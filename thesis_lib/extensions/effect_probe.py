@@ -35,12 +35,8 @@ MOMENTS = np.diag([HALF[1] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[2] ** 2, HAL
 BOX = Rig(Box(half_extents=HALF), float(np.sqrt(np.trace(MOMENTS) / 3.0)), 9.81, 0.2, tensor=MOMENTS)
 # as recorded: the tracked frame somewhere on the body, the axes of the recording not those of the surface
 _TURNS = of_rotation_vector(np.array([[0.4, -1.0], [-0.7, 0.5], [1.1, 0.3]]))
-_FRAMES = WholeTosses(
-    trial=np.repeat(np.arange(100), 2),
-    t=np.tile([0.0, 1.0], 100),
-    turn=np.outer([1.0, -2.0, 1.5], np.tile([0.0, 1.0], 100)),
-    touched=np.full(100, 0.5),
-)
+_ENDS = np.tile([0.0, 1.0], 100)
+_FRAMES = WholeTosses(np.repeat(np.arange(100), 2), _ENDS, np.outer([1.0, -2.0, 1.5], _ENDS), np.full(100, 0.5))
 RECORDED_BOX = replace(
     BOX, tracked=Frame(np.array([0.02, -0.01, 0.03]), _TURNS[:, 0]), world=_TURNS[:, 1], recorded=_FRAMES
 )
