@@ -60,6 +60,28 @@ def test_another_order_of_the_quaternion_is_refused_with_the_option(tmp_path, ca
     assert code == 2 and "It does with --quaternion xyzw" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("lost", [np.nan, 0.0])
+@pytest.mark.parametrize("cut", [False, True])
+def test_where_the_orientation_is_lost_the_position_stays(tmp_path, capsys, lost, cut):
+    frame = flights(trials=12, frames=100)
+    frame = frame[frame["z"] > 0.03].reset_index(drop=True)
+    rows = np.random.default_rng(1).random(len(frame)) < 0.1
+    frame.loc[rows, Q] = lost
+    gone = frame.index[frame["trial"] == 3][20:24]
+    frame.loc[gone, [*Q, "x", "y", "z"]] = lost  # the body itself
+    options = ["--quaternion", "wxyz", "--columns", "q1=qw,q2=qx,q3=qy,q4=qz", *SHAPE]
+    log = frame.assign(t=frame["t"] + 2.0 * frame["trial"]).drop(columns="trial") if cut else frame
+    code, made = init(tmp_path, log, *options)
+    assert code == 0 and f"{rows.sum() - rows[gone].sum()} of {len(frame)} samples have a position and no" in (
+        capsys.readouterr().out
+    )
+    found, known = made.trajectories, frame.drop(index=gone)
+    if not cut:
+        np.testing.assert_allclose(found[["trial", "t", "x", "y", "z"]], known[["trial", "t", "x", "y", "z"]])
+        assert (found["qw"].isna().to_numpy() == rows[known.index]).all()
+    assert 0.07 < found["qw"].isna().mean() < 0.13 and np.isfinite(found[["x", "y", "z"]]).to_numpy().all()
+
+
 @pytest.mark.parametrize(("order", "mirror", "option"), [("xyzw", 1.0, "wxyz"), ("wxyz", -1.0, "--left-handed")])
 def test_a_wrong_reading_is_refused_whatever_point_is_tracked(tmp_path, capsys, order, mirror, option):
     frame = flights(trials=20)

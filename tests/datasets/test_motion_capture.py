@@ -1,5 +1,7 @@
 """Forms of motion capture beside Motive's and Vicon's: Qualisys, older OptiTrack, C3D, named bodies in bags, points."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,6 +12,7 @@ from tests.datasets.test_logs_in_space import SHAPE, edited, init, same_drops
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import find_impacts, read_dataset
 from thesis_lib.datasets.sources.logs import convert
+from thesis_lib.datasets.sources.motion_capture import c3d
 from thesis_lib.datasets.sources.motion_capture.bags import read_bag
 from thesis_lib.datasets.sources.motion_capture.c3d import read_c3d
 from thesis_lib.datasets.sources.motion_capture.optitrack import BEGINS, read_optitrack
@@ -88,6 +91,15 @@ def test_bodies_of_a_bag_by_name_or_number(tmp_path, short, message, ending, bod
 
 def test_a_rotation_of_a_c3d_file(tmp_path, short):
     same_motion(read_c3d(write_c3d(short, tmp_path / "a.c3d", "rotations", "m"), "plate", []), short, 0.0)
+
+
+def test_a_rotation_that_is_lost_leaves_the_place_of_a_c3d_file():
+    matrices = np.tile(np.eye(4)[:, :, None], (1, 1, 3))
+    matrices[:3, 3] = [[100.0], [200.0], [300.0]]
+    matrices[:3, :3, 1] = 0.0
+    matrices[..., 2] = 0.0
+    motion = c3d._rotated(Path("a.c3d"), "plate", matrices, 1e-3, 100.0)
+    assert motion.placed.tolist() == [True, True, False] and motion.seen.tolist() == [True, False, False]
 
 
 def test_markers_of_a_c3d_file_and_of_qualisys_are_the_same_body(tmp_path, short):

@@ -81,8 +81,12 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
             "as `surface`; tosses onto another one are a dataset of their own."
         )
     dataset = settled(dataset)
-    if dataset.has_angle:
-        whole = whole[np.isfinite(whole["qw"].to_numpy(float))]
+    turned, lost = np.isfinite(whole["qw"].to_numpy(float)), ()
+    if dataset.has_angle and not turned.all():
+        lost = (
+            f"{np.sum(~turned)} of {len(turned)} rows have no orientation, and no hit or flight is found from them",
+        )
+        whole = whole[turned]
     header = dataset.in_space
     _require_turns(dataset)
     settings = settings or ArcSettings(min_window=FEWEST)
@@ -151,7 +155,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         noise_known=True,
         found=replace(
             found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
-            warnings=told,
+            warnings=(*lost, *told),
         ),
     )
     if not dataset.has_angle:

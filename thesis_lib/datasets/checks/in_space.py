@@ -196,7 +196,11 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
         table.warn("column trial", copies_text(copies), COPIED)
     if LOST < facts.lost_orientation < 1.0:
         what = f"the orientation is lost in {facts.lost_orientation:.0%} of the samples"
-        table.warn("columns qw, qx, qy, qz", what, "nothing, if the tracker lost it; the positions are used")
+        table.warn(
+            "columns qw, qx, qy, qz",
+            what,
+            "nothing, if the tracker lost it: hits and flights are found without such rows",
+        )
 
 
 def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step: float) -> None:

@@ -11,7 +11,7 @@ from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.sources.conversion import Conversion, solid_dataset
 from thesis_lib.datasets.sources.recorded import Recorded
-from thesis_lib.datasets.space.drops import IN_THE_AIR, cut_drops, until_rest, whole_pieces
+from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
 from thesis_lib.datasets.space.falling_body import reading_that_falls
 from thesis_lib.datasets.space.flights import find_flights, follow
 from thesis_lib.datasets.space.motion import Motion
@@ -29,11 +29,13 @@ OFF_TABLE = 2e-3  # m between the table as given and as hits and rests have it, 
 
 
 def keep_in_space(recorded: Recorded) -> Conversion:
-    """The dataset of the motion as it is.
+    """The dataset of the motion as it is; rows without an orientation say where the body is, and nothing else.
 
     Raises:
         UserError: no free flight is found, rotations fit far better if they are read otherwise, or no drop is left.
     """
+    everything, turned = recorded, np.flatnonzero(recorded.motion.seen)
+    recorded = replace(recorded, motion=recorded.motion.part(turned), piece=recorded.piece[turned])
     motion, rig, view, notes, size = recorded.motion, recorded.rig, recorded.view, recorded.notes, recorded.gravity
     dataset, up = solid_dataset(recorded, view.up), view.up
     body, attitude = dataset.in_space.body, motion.quaternion[:, [3, 0, 1, 2]].T
@@ -85,12 +87,21 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         notes.append(f"{len(drops)} drops cut out of the recording, {len(drops) - len(used)} left out: {IN_THE_AIR}")
     if not used:
         raise UserError(recorded.no_drop(drops, height))
-    rows = np.concatenate([np.arange(drop.start, drop.stop) for drop in used])
-    count = [drop.stop - drop.start for drop in used]
-    start = np.repeat(motion.t[[drop.start for drop in used]], count)
-    columns = dict(zip(POSE_IN_SPACE, pose[:, rows]))
-    poses = pd.DataFrame({"trial": np.repeat([d.trial for d in used], count), "t": motion.t[rows] - start} | columns)
+    parts = [_rows(drop, turned, everything.piece, view.cut) for drop in used]
+    rows, count = np.concatenate(parts), [len(part) for part in parts]
+    whole = everything.motion
+    start = np.repeat(whole.t[[part[0] for part in parts]], count)
+    pose = np.concatenate([whole.position, whole.quaternion[:, [3, 0, 1, 2]]], axis=1)[rows]
+    columns = {"trial": np.repeat([drop.trial for drop in used], count), "t": whole.t[rows] - start}
+    poses = pd.DataFrame(columns | dict(zip(POSE_IN_SPACE, pose.T)))
     return Conversion(replace(dataset, trajectories=poses, has_angle=motion.oriented), notes)
+
+
+def _rows(drop: Drop, turned: np.ndarray, piece: np.ndarray, cut: bool) -> np.ndarray:
+    """Numbers of all samples of a drop, of which those that are `turned` have been counted."""
+    if not cut:
+        return np.flatnonzero(piece == piece[turned[drop.start]])
+    return np.arange(turned[drop.start], turned[drop.stop - 1] + 1)
 
 
 def _misread(motion: Motion, what: str, other: str) -> UserError:

@@ -28,9 +28,13 @@ def convert_motions(
     samples = sum(map(len, motions))
     if not motions[0].oriented:
         needs_no_angle(rig.shape, motions[0].source)
-    motion, piece = join([handed(motion, view.left_handed) for motion in motions])
+    motion, piece = join([handed(motion, view.left_handed) for motion in motions], placed=rig.in_space)
     if len(motion) < samples:
         notes.append(f"{samples - len(motion)} of {samples} samples left out: the body was not seen")
+    if unturned := int(np.sum(~motion.seen)):
+        notes.append(
+            f"{unturned} of {samples} samples have a position and no orientation: they stay as rows without one"
+        )
     motion, piece = _at_exposure(motion, piece, rig.rate, notes)
     try:
         recorded = Recorded(motion, piece, name, files, rig, view, notes)

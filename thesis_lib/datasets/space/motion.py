@@ -55,6 +55,12 @@ class Motion:
         whole = np.isfinite(self.position).all(axis=1) & np.isfinite(self.quaternion).all(axis=1)
         return whole & np.isfinite(self.t)
 
+    @property
+    def placed(self) -> np.ndarray:
+        """Samples (n,) with a time and a place; zeros without an orientation stand for a body that is lost."""
+        lost = ~self.position.any(axis=1) & ~np.isfinite(self.quaternion).all(axis=1)
+        return np.isfinite(self.position).all(axis=1) & np.isfinite(self.t) & ~lost
+
     def part(self, chosen: np.ndarray) -> "Motion":
         """The samples `chosen` (mask or index) alone."""
         trial = None if self.trial is None else self.trial[chosen]
@@ -64,7 +70,11 @@ class Motion:
 
 
 def unit(quaternion: np.ndarray, where: str) -> np.ndarray:
-    """Quaternions (n, 4) of length 1; UserError if they are none (`where` says which file and columns)."""
+    """Quaternions (n, 4) of length 1, NaN for zeros, as systems write a lost orientation.
+
+    UserError if they are none (`where` says which file and columns).
+    """
+    quaternion = np.where(quaternion.any(axis=1, keepdims=True), quaternion, np.nan)
     length = np.linalg.norm(quaternion, axis=1)
     with np.errstate(invalid="ignore"):
         wrong = np.abs(length - 1.0) > UNIT_LENGTH
@@ -132,20 +142,22 @@ def quaternions(rotations: np.ndarray, read: Callable[[np.ndarray], "Rotation"])
 PAUSE = 10.0  # s between recordings that are joined: nothing goes on across it
 
 
-def join(motions: Sequence[Motion]) -> tuple[Motion, np.ndarray]:
+def join(motions: Sequence[Motion], placed: bool = False) -> tuple[Motion, np.ndarray]:
     """The seen samples of several recordings as one, one after the other, and the number (n,) of each sample's piece.
 
+    `placed`: also those with a place and no orientation, NaN.
     A piece is a trial of a recording that names trials, else a whole recording.  UserError if time does not rise
     within one, or if nothing is seen.
     """
     pieces = []
     for motion in motions:
         labels = np.zeros(len(motion)) if motion.trial is None else motion.trial
-        pieces += [motion.part((labels == label) & motion.seen) for label in dict.fromkeys(labels.tolist())]
+        kept = motion.placed if placed else motion.seen
+        pieces += [motion.part((labels == label) & kept) for label in dict.fromkeys(labels.tolist())]
     pieces = [piece for piece in pieces if len(piece)]
     if len({piece.oriented for piece in pieces}) > 1:
         raise UserError("Some of the files have the orientation of the body, others do not; convert them separately.")
-    if not pieces:
+    if not any(piece.seen.any() for piece in pieces):
         raise UserError(f"{motions[0].source} holds no whole pose of {motions[0].body or 'the body'}.")
     clock, times = 0.0, []
     for piece in pieces:

@@ -123,8 +123,7 @@ def rotations(
     """Quaternions (n, 4) from the cells of axes x, y, z and, of a quaternion, w; and the same read otherwise."""
     if "w" in cells:
         raw = np.stack([cells[axis] for axis in "xyzw"], axis=1)
-        lost = ~np.any(np.abs(raw) > 0.0, axis=1)
-        return unit(np.where(lost[:, None], np.nan, raw), f"{path}, body {body}"), {}
+        return unit(raw, f"{path}, body {body}"), {}
     angles = np.stack([cells[axis] for axis in "xyz"], axis=1)
 
     def read(letters: str) -> np.ndarray:
