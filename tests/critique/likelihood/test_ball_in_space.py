@@ -1,6 +1,7 @@
 """A ball in space whose orientation nobody measured: its hits, restitution from a few, and a verdict."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from tosses import simulate_tosses
 
@@ -58,3 +59,26 @@ def test_what_needs_an_orientation_is_refused():
 
 def _bare():
     return tossed(2).trajectories.drop(columns=["qw", "qx", "qy", "qz"])
+
+
+def test_the_flight_after_a_slow_hit_ends_before_the_next_one():
+    # bounces that die out: the third and later ones look like one that comes late
+    rate, epsilon, sigma, speeds = 188.0, 0.34, 3e-4, np.array([2.4])
+    while len(speeds) < 7:
+        speeds = np.append(speeds, epsilon * speeds[-1])
+    rng, tables = np.random.default_rng(5), []
+    for trial in range(60):
+        t = rng.uniform(0.0, 1.0 / rate) + np.arange(round(0.7 * rate)) / rate
+        touch = np.cumsum(np.concatenate([[speeds[0] / 9.81], 2.0 * speeds[1:] / 9.81]))
+        number = np.searchsorted(touch, t)
+        up = np.append(np.append(0.0, speeds[1:]), 0.0)[number]
+        since = t - np.append(0.0, touch)[number]
+        start = np.where(number == 0, 0.5 * speeds[0] ** 2 / 9.81, 0.0)
+        z = 0.03 + np.where(number < len(touch), start + up * since - 0.5 * 9.81 * since**2, 0.0)
+        place = np.stack([0.2 * t, 0.0 * t, z]) + sigma * rng.standard_normal((3, len(t)))
+        tables.append(pd.DataFrame({"trial": trial, "t": t} | dict(zip("xyz", place))))
+    stated = content(rate=rate, noise={"position": sigma})
+    o = observe_in_space(dataset_of(stated, trajectories=pd.concat(tables, ignore_index=True)))
+    slow = np.abs(beside(o, 0).velocity[2] + speeds[1]) < 0.1
+    off = (beside(o, 1).velocity[2] - speeds[2])[slow] / np.sqrt(o.cov[slow, 1, 5, 5])
+    assert slow.sum() > 50 and abs(off.mean()) < 3.0 / np.sqrt(slow.sum()) and np.std(off) < 1.4

@@ -38,6 +38,7 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
 from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
+from thesis_lib.datasets.impacts.episodes import MOST_SKIPPED, end_off_line
 from thesis_lib.datasets.impacts.found import found_in_space, ordinals
 from thesis_lib.datasets.impacts.spikes import detect
 from thesis_lib.datasets.impacts.spin import unseen_spin
@@ -100,7 +101,8 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
     noise = _noise(samples, states, header)
     at = detect(samples, clock, np.full(3, noise[0]), settings)
-    windows = windows_around(samples, at, settings.max_window)
+    # the instant of a hit with another one near runs away, and would leave the flight beside it a sample behind the hit
+    windows = windows_around(samples, at, settings.max_window, beyond=0)
     t, t_std, side = _instants(windows, dataset.gravity, noise[0], settings)
     trial, reason = samples.trial[at], np.full(len(at), "", object)
     near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
@@ -253,7 +255,11 @@ def _instants(
     for _ in range(ROUNDS):
         side = sides_of(windows, t, settings, None)
         tau = windows.t - t[:, None]
-        lines = lines_through(side, tau, windows.q + 0.5 * gravity * (tau**2)[..., None] * [0.0, 1.0, 0.0])
+        falls = windows.q + 0.5 * gravity * (tau**2)[..., None] * [0.0, 1.0, 0.0]
+        for way, used in ((1, side[:, 0]), (-1, side[:, 1])):
+            for _ in range(MOST_SKIPPED):  # the next hit may have come earlier than it was detected
+                used *= 1.0 - end_off_line(used, tau, falls, np.full(3, sigma), way)
+        lines = lines_through(side, tau, falls)
         dv, miss = lines.slope[:, 1] - lines.slope[:, 0], lines.value[:, 1] - lines.value[:, 0]
         t = np.clip(t - (miss * dv).sum(1) / np.maximum((dv * dv).sum(1), 1e-9), windows.low, windows.high)
     if lines is None:

@@ -35,8 +35,11 @@ class Windows:
         return (passed & ~before).sum(1) - (self.usable & before & ~passed).sum(1)
 
 
-def windows_around(samples: Samples, at: np.ndarray, size: int) -> Windows:
-    """The `size` + 1 samples on either side of the instants after the samples `at` (n,)."""
+def windows_around(samples: Samples, at: np.ndarray, size: int, beyond: int = 1) -> Windows:
+    """The `size` + 1 samples on either side of the instants after the samples `at` (n,).
+
+    They hold as many samples `beyond` neighbouring hits, which may be detected a sample early or late.
+    """
     last = len(samples) - 1
     index = at[:, None] + np.arange(-size, size + 2)
     usable = (index >= 0) & (index <= last)
@@ -45,8 +48,8 @@ def windows_around(samples: Samples, at: np.ndarray, size: int) -> Windows:
     before = index <= at[:, None]
     usable &= samples.run[index] == np.where(before, samples.run[at][:, None], samples.run[at + 1][:, None])
     # a neighbouring hit ends the window; the times of its two samples exclude them later
-    hit_before = np.r_[-1, at[:-1]] if len(at) else at
-    hit_after = np.r_[at[1:], last] + 1 if len(at) else at
+    hit_before = np.r_[-1, at[:-1] + 1 - beyond] if len(at) else at
+    hit_after = np.r_[at[1:] + beyond, last] if len(at) else at
     usable &= (index >= hit_before[:, None]) & (index <= hit_after[:, None])
     t_0 = 0.5 * (samples.t[at] + samples.t[at + 1])
     q_0 = 0.5 * (samples.q[at] + samples.q[at + 1])

@@ -143,7 +143,7 @@ def _flight(
     used = inside * 1.0
     used *= _ranked(used, way) <= settings.max_window + MOST_SKIPPED
     for _ in range(MOST_SKIPPED):
-        used *= 1.0 - _off(used, t, q, sigma, way)
+        used *= 1.0 - end_off_line(used, t, q, sigma, way)
     return _Side(t, q, used * (_ranked(used, way) <= settings.max_window))
 
 
@@ -152,8 +152,9 @@ def _ranked(used: np.ndarray, way: int) -> np.ndarray:
     return np.cumsum(used[:, ::way], axis=1)[:, ::way]
 
 
-def _off(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarray, way: int) -> np.ndarray:
-    """1 (m, W) for the sample beside the episode where it is off the line through those from the third on."""
+def end_off_line(used: np.ndarray, t: np.ndarray, q: np.ndarray, sigma: np.ndarray, way: int) -> np.ndarray:
+    """1 (m, W) for the first sample used, the last if `way` is −1, where it is off the line through those beyond the
+    next one."""
     order = _ranked(used, way)
     beside, others = used * (order == 1), used * (order > 2)
     line = lines_through(others[:, None], t, q)
