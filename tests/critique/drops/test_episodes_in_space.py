@@ -1,5 +1,7 @@
 """Episodes in space: the plane is a case, what a model draws fits it, and a box in our own simulator is explained."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.tosses.example import CONTACT_TIME, simulate_tosses
 
+BELIEVED = {"mu": 0.25, "epsilon": 0.5, "tau": 5e-4, "damping_ratio": 1.0, "impedance": 0.9}
 VALUES = {"mu": 0.25, "epsilon": 0.5, "tau": 5e-4}
 K_G = 0.03
 SECTION = Polygon(vertices=((0.05, 0.03), (-0.05, 0.03), (-0.05, -0.03), (0.05, -0.03)))
@@ -88,6 +91,21 @@ def test_rounded_corners_act_on_every_corner_that_presses():
 @pytest.fixture(scope="module")
 def tossed():
     return observe_in_space(simulate_tosses("tosses", "box", "nothing", drops=25, seed=1))
+
+
+def test_of_a_body_too_high_to_touch_the_gap_is_compared(tossed):
+    """Without a contact the pose after impact is that before, and only the gap says that a hit was seen there."""
+    single = tossed.single
+    high = single.value.copy()
+    high[:, :, 2] += 0.02 * (np.arange(len(single)) % 2)[:, None]
+    slow = single.slope.copy()
+    slow[:, 0, 2:] = [-0.1, 0.0, 0.0, 0.0]
+    raised = replace(single, value=high, slope=slow)
+    seen = Comparison(Model(BASES["convex_contact"], takes_time=True, space=SPACE), BELIEVED, raised)
+    up = seen.dynamics.gap(seen.before) > 0.01
+    assert up.sum() > 10
+    np.testing.assert_allclose(seen.R[up, -1], seen.dynamics.gap(seen.before.select(np.flatnonzero(up))))
+    assert np.linalg.eigvalsh(seen.covariance()[up])[:, 0].min() > 1e-12
 
 
 def test_hits_and_episodes_drawn_from_a_model_differ_from_it_by_their_noise(tossed):

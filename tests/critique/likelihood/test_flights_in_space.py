@@ -71,6 +71,8 @@ def test_what_a_right_model_leaves_is_noise_of_unit_variance(as_believed):
     assert len(z) > TRIALS
     assert robust_std(z, None) == pytest.approx(1.0, abs=NEAR)
     np.testing.assert_allclose(robust_std(z), 1.0, atol=0.5)  # four standard errors of a component
+    # no contact of another corner, however weak, within what counts as a flight: it would turn the body
+    assert np.abs(z).max() < 5.0
     across = np.corrcoef(np.clip(z, -3.0, 3.0).T) - np.eye(12)
     assert np.abs(across).max() < 4.0 / np.sqrt(len(z))
     assert not len(as_believed.flights.bent)

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 from tosses import simulate_tosses
 
@@ -13,7 +14,7 @@ from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.format.space_header import SpaceHeader
-from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
@@ -103,6 +104,20 @@ def test_the_corner_that_hits_is_the_lowest_one_of_the_believed_body(tossed):
     before = beside(tossed.found, 0)
     gap = tossed.found.rig.gap(before)[tossed.alone]
     assert np.median(np.abs(gap)) < 1e-3 and np.abs(np.median(gap)) < 3e-4
+
+
+def test_noise_that_a_filter_has_smoothed_makes_no_hits(tossed):
+    table = tossed.dataset.trajectories.copy()
+    low_pass = butter(2, 0.4, output="sos")  # at a fifth of the rate: neighbours differ by a sixth of the noise
+    q = table[list(QUATERNION)].to_numpy()
+    table[list(QUATERNION)] = q * np.cumprod(np.r_[1.0, np.sign((q[1:] * q[:-1]).sum(axis=1))])[:, None]
+    poses = table.groupby("trial")[list(POSE_IN_SPACE)]
+    table[list(POSE_IN_SPACE)] = poses.transform(lambda column: sosfiltfilt(low_pass, column))
+    header = tossed.dataset.header.model_copy(update={"noise": None})
+    found = observe_in_space(type(tossed.dataset)("drops", header, table), episodes=False)
+    assert len(found) + len(found.found.left_out) <= len(tossed.true)
+    assert len(found) > 0.6 * len(tossed.found)
+    assert (found.found.left_out["reason"] != "off_surface").all()
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from thesis_lib.effects.effect import Parameter, Rig
 from thesis_lib.mechanics.state import State
 
 BRIEF = 2e-5  # s: least τ at which fits of integrated contacts start; below `SHORTEST` there is no slope along τ
+STRUCK = 1e-9  # m/s or rad/s: rounding changes velocities by less
 FAR = 3.0  # scales from the null; no fit of an integrated contact comes back from there, that of an impulse law does
 
 
@@ -37,8 +38,8 @@ class Prediction:
 
     Attributes:
         v: (n, 3) velocity after, m/s and rad/s.
-        touch: (n,) gap in m that is left where the arcs meet, NaN where a contact was integrated and `q` says where
-            the body is; None of impacts as stated.
+        touch: (n,) gap in m that is left where the arcs meet, or where an integrated contact does not begin; NaN where
+            a contact was integrated and `q` says where the body is; None of impacts as stated.
         q: (n, 3) poses after, m and rad, NaN where they are those before; None if all are.
     """
 
@@ -78,7 +79,10 @@ class ByImpulse(Dynamics):
         for played, ends in self.played(before, span):
             q = np.full((n, before.space.poses), np.nan) if q is None else q
             v[played], q[played] = ends.v, ends.q
-        touch[rows] = np.nan if self.integrated else touch[rows]
+        if self.integrated:  # a body that meets nothing is where it was before: its gap is all that is left to compare
+            single = before.select(rows)
+            struck = (np.abs(v[rows] - single.v) > STRUCK).any(axis=1)
+            touch[rows] = np.where(struck, np.nan, self.select(rows).gap(self.select(rows).to_true(single)))
         return Prediction(v, touch, q)
 
     def played(self, before: State, span: np.ndarray) -> Iterator[tuple[np.ndarray, State]]:

@@ -119,7 +119,9 @@ class _Samples:
         return np.einsum("n...w,nwk->n...k", weights, along)
 
 
-def flights_in_space(states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: tuple[float, float]) -> Flights:
+def flights_in_space(
+    states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: tuple[float, float], low: float = -np.inf
+) -> Flights:
     """The flights between hits.
 
     Args:
@@ -127,8 +129,9 @@ def flights_in_space(states: State, clock: np.ndarray, hits: Hits, rig: Rig, noi
         clock: (N,) s, rises over all trials, with a pause between two of them.
         hits: all that were found, at times as in `states`.
         noise: one sigma of a coordinate in m and of a component of a small turn in rad, at least.
+        low: m, gap below which the body may touch: many a contact is too weak to be found as a hit.
     """
-    flights = _between(states, clock, hits, rig)
+    flights = _between(states, clock, hits, rig, noise[0], low)
     if not flights:
         return no_flights(SPACE)
     samples = _Samples.of(states, clock, flights)
@@ -165,17 +168,21 @@ def flights_in_space(states: State, clock: np.ndarray, hits: Hits, rig: Rig, noi
     return found.select(np.flatnonzero(~bent))
 
 
-def _between(states: State, clock: np.ndarray, hits: Hits, rig: Rig) -> list[slice]:
-    """Rows of the flights between hits, of at least `SHORTEST` and `MIN_FLIGHT` samples."""
+def _between(states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: float, low: float) -> list[slice]:
+    """Rows of the flights between hits and above `low`, of at least `SHORTEST` and `MIN_FLIGHT` samples."""
     if not rig.gravity or len(clock) <= MIN_FLIGHT:
         return []
     down = np.array([0.0, 0.0, -1.0]) if rig.down is None else rig.down
     label, number = np.full(len(clock), -1), hits.before(states.trial, states.t)
-    for i, flight in enumerate(find_flights(follow(clock, states.position.T, rig.gravity), rig.gravity * down)):
+    track = follow(clock, states.position.T, rig.gravity, noise)
+    for i, flight in enumerate(find_flights(track, rig.gravity * down)):
         label[flight] = i
     lasts = max(LASTS, float(np.median(np.diff(clock))))
     for hit in (number - 1, number):
         label[np.abs(hits.instants(hit, states.trial, np.inf) - states.t) < lasts] = -1
+    gap = rig.gap(states)
+    change = 0.5 * np.abs(np.diff(gap)) * (np.diff(states.trial) == 0)  # to the lowest point between two samples
+    label[gap - np.maximum(np.r_[change, 0.0], np.r_[0.0, change]) < low] = -1
     edges = np.flatnonzero(np.diff(label, prepend=-2, append=-2) | np.r_[0, np.diff(number), 0])
     return [
         slice(a, b)

@@ -49,13 +49,17 @@ from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
-from thesis_lib.statistics.spread import MAD_TO_STD
+from thesis_lib.statistics.spread import MAD_TO_STD, robust_std
 
 FEWEST = 3  # samples on either side of a hit
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that have no other one in their window, at least
 ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
 OFF_SURFACE = 0.25  # extents of the body from where most hits are: a hand, a wall, another body, the table's edge
+SPREAD = 3.0  # robust standard deviations of the gap at hits
+MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that of samples shows a filter
+UPWARDS = 5  # of values and slopes of all channels: the slope of n
+SURE = 3.0  # standard errors by which a surface pushes a body away
 HARD = 0.4  # m/s: weaker hits are of no kind of contact
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
@@ -125,7 +129,12 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         np.abs(off_by - np.median(off_by)) > OFF_SURFACE * rig.shape.extent if len(off_by) else np.zeros(0, bool)
     )
     leaves = contact_velocity(first, rig)[2] >= 0.0
-    for which, why in ((elsewhere, "off_surface"), (leaves, "no_approach")):
+    push = (
+        fitted.slope[:, 1, 2] - fitted.slope[:, 0, 2] - rig.fall(lines)[2] * (fitted.bow[:, 1, 1] - fitted.bow[:, 0, 1])
+    )
+    of_push = np.sqrt(grown[0] * fitted.cov[:, :, UPWARDS, UPWARDS].sum(axis=1))
+    unpushed = push < SURE * of_push
+    for which, why in ((elsewhere, "off_surface"), (leaves, "no_approach"), (unpushed, "no_push")):
         reason[rows[which & (reason[rows] == "")]] = why
     kept = reason[rows] == ""
     inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
@@ -152,7 +161,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         t_std=t_std[rows],
         offset=np.zeros((len(rows), 3)),
         arcs=True,
-        flights=flights_in_space(states, one_clock(whole)[1], hits, rig, noise),
+        flights=flights_in_space(states, one_clock(whole)[1], hits, rig, noise, _touching(off_by[kept])),
         supports=supports_in_space(states, samples, hits, rig, noise) if dataset.has_angle else (),
         noise_known=True,
         found=replace(
@@ -169,6 +178,13 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     hits = {"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "gap": gap, "reason": reason}
     seen = (noise[0] * sigma[0], noise[1] * sigma[-1])
     return add_episodes(single, samples, states, pd.DataFrame(hits), pd.DataFrame(edges | counts), seen, settings)
+
+
+def _touching(gap: np.ndarray) -> float:
+    """Gap in m below which the body may touch, of gaps (n,) at hits by the geometry that is believed."""
+    if not len(gap):
+        return -np.inf
+    return float(np.median(gap) + SPREAD * robust_std(gap - np.median(gap)))
 
 
 def _as_taken(table: pd.DataFrame, header: SpaceHeader) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -231,12 +247,17 @@ def jump(o: Observations) -> np.ndarray:
 
 
 def _noise(samples: Samples, states: State, header: SpaceHeader) -> tuple[float, float]:
-    """One sigma of the centre of mass in m and of a turn in rad: as stated, and at least what the samples show."""
+    """One sigma of the centre of mass in m and of a turn in rad: as stated, and at least what the samples show.
+
+    Noise that a filter has smoothed is that of white noise with the same effect on lines.
+    """
     same = (samples.run[2:] == samples.run[:-2])[:, None]
     turns = SPACE.turn_between(states.attitude[:, :-1], states.attitude[:, 1:]).T
     seen = np.abs(np.diff(turns, axis=0))[same[:, 0]]
     rotation = float(np.median(seen[seen > 0.0])) * MAD_TO_STD / np.sqrt(6.0) if (seen > 0.0).any() else 0.0
-    position = float(np.sqrt(np.nanmean(noise_from_differences(samples) ** 2)))
+    position, smoothed = _noise_of_means(samples, 1), _noise_of_means(samples, MEANS)
+    if smoothed > SMOOTHED * position:
+        position, rotation = smoothed, rotation * smoothed / position
     if (stated := header.noise) is not None:
         rotation = stated.rotation or rotation
         if stated.position is not None and header.tracked is not None:
@@ -244,6 +265,16 @@ def _noise(samples: Samples, states: State, header: SpaceHeader) -> tuple[float,
             stated_position = np.sqrt(np.mean(np.square(stated.position)) + 2.0 / 3.0 * (arm * rotation) ** 2)
             position = max(position, float(stated_position))
     return max(position, 1e-7), max(rotation, 1e-7)
+
+
+def _noise_of_means(samples: Samples, size: int) -> float:
+    """Noise of a coordinate in m by the means of `size` neighbours, times √size: the same for white noise."""
+    first = np.flatnonzero(np.diff(samples.run, prepend=-1))
+    within = np.arange(len(samples)) - np.repeat(first, np.diff(np.r_[first, len(samples)]))
+    starts = np.flatnonzero((within % size == 0)[: len(samples) - size + 1])
+    rows = starts[samples.run[starts] == samples.run[starts + size - 1], None] + np.arange(size)
+    means = replace(samples.select(rows[:, 0]), t=samples.t[rows].mean(axis=1), q=samples.q[rows].mean(axis=1))
+    return float(np.sqrt(size * np.nanmean(noise_from_differences(means) ** 2)))
 
 
 def _instants(

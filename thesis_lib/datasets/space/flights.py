@@ -39,10 +39,13 @@ class Track:
     noise: float  # m, one sigma of a coordinate
 
 
-def follow(t: np.ndarray, position: np.ndarray, gravity: float) -> Track:
-    """Local fits to positions (n, d) at times `t` (n,); the window suits a `gravity` in m/s²."""
+def follow(t: np.ndarray, position: np.ndarray, gravity: float, noise: float = NOISE_FLOOR) -> Track:
+    """Local fits to positions (n, d) at times `t` (n,); the window suits a `gravity` in m/s².
+
+    `noise`: of a coordinate in m, at least; neighbours show less of it if a filter has smoothed them.
+    """
     step = _step(t)
-    noise = max(_noise(t, position, step), NOISE_FLOOR)
+    noise = max(_noise(t, position, step), noise)
     half = 2
     longest = max(2, int(LARGEST / step))
     while half < longest and _deviation(half, noise, step) > PRECISION * gravity:
