@@ -23,9 +23,9 @@ from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.proposal.effect_file import effect_of
 from thesis_lib.critique.proposal.regression import regress
 from thesis_lib.critique.proposal.terms import Term, testable_terms
-from thesis_lib.critique.selection.discovery import Path, Step, judge_held_out, paired_gain
+from thesis_lib.critique.selection.discovery import Path, Shortlist, Step, judge_held_out, paired_gain
 from thesis_lib.critique.selection.scan import Scan, scan
-from thesis_lib.critique.selection.search import Search, Shortlist
+from thesis_lib.critique.selection.search import Search
 from thesis_lib.effects import EFFECTS, Effect
 from thesis_lib.foundation.randomness import streams
 

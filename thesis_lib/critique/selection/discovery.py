@@ -52,11 +52,31 @@ class Rejected(Generic[E, F, J]):
     than: J
 
 
+@dataclass(frozen=True)
+class Shortlist(Generic[F]):
+    """What a step chooses from.
+
+    Attributes:
+        quick: by the name of the candidate, the best quick fit with it, the best first.
+        contenders: models without any of them, over which a fit gains.
+        tests: score tests, with the null that counts all candidates.
+        base: of the fits that are judged, where it is not that of the quick ones.
+        alike: candidates that explain the same as the first, where that is not asked of the tests.
+    """
+
+    quick: Mapping[str, F]
+    contenders: Sequence[F]
+    tests: Scan
+    base: str | None = None
+    alike: tuple[str, ...] | None = None
+
+
 @dataclass
 class Path(Generic[E, F, J]):
     """How far a search has come, and as it was before a base of the reserve was taken (`simpler`).
 
     `unasked`: effects with significant quick fits that were no finalists, where none of the finalists entered.
+    `ended`: whether no effect enters; `shortlist`: what the next step chooses from, where that is known.
     """
 
     base: str
@@ -67,15 +87,19 @@ class Path(Generic[E, F, J]):
     first_scan: Scan | None = None
     below: F | None = None
     unasked: tuple[str, ...] = ()
+    ended: bool = False
+    shortlist: Shortlist[F] | None = None
     simpler: "Path[E, F, J] | None" = None
 
-    def remember(self, step: Step[E, F, J] | None) -> None:
-        """Keep a copy, with a step that would have entered, unless there is one."""
+    def remember(self, step: Step[E, F, J] | None, shortlist: Shortlist[F]) -> None:
+        """Keep a copy, with a step that would have entered, or with what it would choose from, unless there is one."""
         if self.simpler is None:
             known = [one for one in self.steps if step is None or one.effect.name != step.effect.name]
             copy = replace(self, steps=[*known, *([step] if step else [])], dropped=set(self.dropped))
             if step:
                 copy.fitted, copy.judged = step.fitted, step.judged
+            else:
+                copy.shortlist = shortlist
             self.simpler = copy
 
 

@@ -62,21 +62,25 @@ class Evidence(Generic[E, F, J]):
             judgements = {name: self.judge(near[name]) for name in part}
             yield from ((name, judgements) for name in sorted(part, key=lambda name: -judgements[name].total))
 
-    def stretch_of_null(self, fitted: F, effect: E, tests: Scan, *stream: str) -> float:
+    def stretch_of_null(self, fitted: F, effect: E, tests: Scan, *stream: str, gain: float = np.inf) -> float:
         """Mean gain of `REFITS` full refits to data drawn without the effect, over that of the score test; at least 1.
 
-        The mean gain of the score test is half the number of its columns (Bartlett's correction).
+        The mean gain of the score test is half the number of its columns (Bartlett's correction).  Where the refits so
+        far make `gain` in nats chance, whatever the others gain, none follows, and a lower bound is returned.
         """
-        gains, rng = [], generator(self.seed, *stream)
+        gains, stretch, rng = [], 1.0, generator(self.seed, *stream)
+        expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
         for _ in range(REFITS):
             drawn = self.world.drawn(fitted, rng)
             if drawn is None:
                 return 1.0
             plain = drawn.fit(fitted.base, fitted.effects, fitted.values, "quick")
             with_it = drawn.fit(fitted.base, (*fitted.effects, effect), plain.values, "quick")
-            gains.append(with_it.score - plain.score)
-        expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
-        return max(1.0, float(np.mean(np.maximum(gains, 0.0))) / expected)
+            gains.append(max(with_it.score - plain.score, 0.0))
+            stretch = max(1.0, float(np.sum(gains)) / REFITS / expected)
+            if tests.p_value(gain / stretch) > self.settings.alpha:
+                break
+        return stretch
 
     def alternatives(
         self, name: str, gains: Mapping[str, float], tests: Scan, judgements: Mapping[str, J]

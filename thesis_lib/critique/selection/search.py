@@ -17,14 +17,14 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from typing import Generic
 
 import numpy as np
 
 from thesis_lib.critique.selection.bases import Bases
-from thesis_lib.critique.selection.discovery import Discovery, Path, Step
+from thesis_lib.critique.selection.discovery import Discovery, Path, Shortlist, Step
 from thesis_lib.critique.selection.evidence import Drop, Evidence
 from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -51,25 +51,6 @@ def search(
     automatic choice.  `say` receives a line for each step.
     """
     return Search(world, settings, rng, say, fixed).run()
-
-
-@dataclass(frozen=True)
-class Shortlist(Generic[F]):
-    """What a step chooses from.
-
-    Attributes:
-        quick: by the name of the candidate, the best quick fit with it, the best first.
-        contenders: models without any of them, over which a fit gains.
-        tests: score tests, with the null that counts all candidates.
-        base: of the fits that are judged, where it is not that of the quick ones.
-        alike: candidates that explain the same as the first, where that is not asked of the tests.
-    """
-
-    quick: Mapping[str, F]
-    contenders: Sequence[F]
-    tests: Scan
-    base: str | None = None
-    alike: tuple[str, ...] | None = None
 
 
 class Search(Generic[E, F, J]):
@@ -124,7 +105,8 @@ class Search(Generic[E, F, J]):
     def extend(self, path: Path[E, F, J], with_reserve: bool = True) -> Path[E, F, J]:
         """Add effects to a path as long as one enters; the path."""
         world, bases, forced = self.world, self.bases, self.fixed is not None
-        while len(path.steps) < self.most and (shortlist := self.shortlist(path)):
+        while not path.ended and len(path.steps) < self.most and (shortlist := path.shortlist or self.shortlist(path)):
+            path.shortlist = None
             fitted, judged, number = path.fitted, path.judged, len(path.steps) + 1
             quick, contenders = shortlist.quick, shortlist.contenders
             path.first_scan = path.first_scan or shortlist.tests
@@ -135,11 +117,12 @@ class Search(Generic[E, F, J]):
             other: tuple[F, J] | None = bases.far_better(reserve, quick, contenders, judged)
             if other is None:
                 step, path.below, path.unasked = self.best_step(fitted, judged, shortlist)
+                path.ended = step is None
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
                     rival = step.fitted if step else fitted
                     other = bases.other(reserve, rival, step.judged if step else judged)
             if other:
-                path.remember(step)
+                path.remember(step, shortlist)
             elif step:
                 step = bases.with_best_base(step)
                 self.say(f"step {number}: {step.effect.name} ({step.gain[0]:.2f} nats an {world.unit})")
@@ -150,7 +133,7 @@ class Search(Generic[E, F, J]):
                     steps[-1] = bases.with_other_base(step, quick, contenders, judged)
                     if steps[-1] is not step:
                         other = (steps[-1].fitted, steps[-1].judged)
-                        path.remember(step)
+                        path.remember(step, shortlist)
             if other:
                 self.on_other_base(path, other)
                 continue
@@ -278,7 +261,8 @@ class Search(Generic[E, F, J]):
             if fails == "spoils":
                 self.say(f"{name} predicts better, but spoils another error")
             if fails is None and gains[name] < settings.far_beyond * tests.null.max():
-                stretch = self.evidence.stretch_of_null(best, e, tests, "refits", *on, name)
+                least = np.inf if forced else gains[name]
+                stretch = self.evidence.stretch_of_null(best, e, tests, "refits", *on, name, gain=least)
                 p_value = tests.p_value(gains[name] / stretch)
                 fails = None if p_value <= settings.alpha else "chance"
             if forced or fails is None:
@@ -310,7 +294,7 @@ class Search(Generic[E, F, J]):
 
     def on_other_base(self, path: Path[E, F, J], other: tuple[F, J], drop: Drop = "immaterial") -> None:
         """Put a path on another base; what had stood in for it is dropped."""
-        path.fitted, path.judged = other
+        (path.fitted, path.judged), path.ended = other, False
         self.say(f"another base, {path.fitted.base}")
         path.steps[-1:] = [replace(step, fitted=path.fitted, judged=path.judged) for step in path.steps[-1:]]
         self.drop_superfluous(path, drop)
