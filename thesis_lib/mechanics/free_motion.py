@@ -29,7 +29,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import PLANE, SPACE, cross
 
 STEP = 0.06  # rad a step: some 1e-10 rad each, 1e-6 of a column a turn
@@ -102,9 +101,14 @@ def spin_rate(attitude: np.ndarray, spin: np.ndarray, G: np.ndarray) -> np.ndarr
     """Angular acceleration (3, n) in rad/s² of torque-free bodies in space; arguments as of `attitudes`."""
     from thesis_lib.mechanics.turning import spins_up
 
-    each, rate = np.atleast_3d(G).transpose(2, 0, 1), np.empty(spin.shape)
-    spins_up(*(np.array(part, order="C") for part in (attitude, spin, each)), np.linalg.inv(each), rate)
+    each, rate = _by_body(G), np.empty(spin.shape)
+    spins_up(attitude, spin, each, _inverse(each.shape, each.tobytes())[0], rate)
     return rate
+
+
+def _by_body(G: np.ndarray) -> np.ndarray:
+    """G (3, 3) or (3, 3, n) as (n, 3, 3)."""
+    return np.ascontiguousarray(np.reshape(G, (9, -1)).T, float).reshape(-1, 3, 3)
 
 
 def flown(pose: np.ndarray, motion: np.ndarray, G: np.ndarray | float, a: np.ndarray, tau: np.ndarray) -> Flight:
@@ -149,32 +153,32 @@ def _integrated(
 
     The last few are kept: a fit asks for the same turns at each of its steps.
     """
-    parts = q, spin, np.atleast_3d(G).transpose(2, 0, 1), tau
+    parts = q, spin, _by_body(G), tau
     shapes = tuple(part.shape for part in parts)
-    return _kept(shapes, *(np.array(part, float, order="C").tobytes() for part in parts), step, with_columns)
+    return _kept(shapes, *(np.asarray(part, float).tobytes() for part in parts), step, with_columns)
 
 
 @lru_cache(maxsize=KEPT)
 def _kept(shapes: tuple, q: bytes, spin: bytes, G: bytes, tau: bytes, step: float, with_columns: bool):
     from thesis_lib.mechanics.turning import follow
 
-    arrays = (np.frombuffer(part).reshape(shape) for part, shape in zip((q, spin, G, tau), shapes))
-    attitude, omega, each, times = arrays
-    inverse = np.linalg.inv(each)
-    D = in_world(each.transpose(1, 2, 0), attitude)
-    L = np.einsum("ijn,jn->in", D, omega)
-    # least principal moment g: g |ω|² ≤ ω·G ω, which is constant
-    rate = np.sqrt(np.maximum((L * omega).sum(axis=0), 0.0) * np.linalg.eigvalsh(inverse)[:, -1])
-    farthest = np.abs(rate * times)
-    if np.max(farthest, where=np.isfinite(farthest), initial=0.0) > MOST_STEPS * step:
-        raise ValueError(f"a flight turns by more than {MOST_STEPS * step:.3g} rad: are spins and times right?")
+    attitude, omega, each, times = (
+        np.frombuffer(part).reshape(shape) for part, shape in zip((q, spin, G, tau), shapes)
+    )
     found = np.empty((4, *times.shape)), np.empty((3, *times.shape)), np.empty((3, 3 * with_columns, *times.shape))
-    # in one layout, for which it is compiled
-    D = np.array(D[:, : 3 * with_columns], order="C")
-    follow(attitude.copy(), inverse, L, D, rate, times.copy(), np.argsort(times, axis=0), step, *found)
+    most = MOST_STEPS * step
+    if follow(attitude, omega, each, *_inverse(shapes[2], G), times, step, most, *found) > most:
+        raise ValueError(f"a flight turns by more than {most:.3g} rad: are spins and times right?")
     for array in found:
         array.flags.writeable = False
     return found
+
+
+@lru_cache(maxsize=KEPT)
+def _inverse(shape: tuple, G: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """G⁻¹ (n, 3, 3), and its largest eigenvalue (n,)."""
+    inverse = np.linalg.inv(np.frombuffer(G).reshape(shape))
+    return inverse, np.linalg.eigvalsh(inverse)[:, -1]
 
 
 def _grid(tau: np.ndarray, n: int) -> np.ndarray:

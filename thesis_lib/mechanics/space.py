@@ -79,9 +79,9 @@ class Space:
         """Attitude after a turn by the rotation vectors `turn` (turns, n) in rad, about axes of the world."""
         if self.is_plane:
             return attitude + turn
-        from thesis_lib.mechanics import products
+        from thesis_lib.mechanics.products import turned_by as _turned_by
 
-        return by_column(products.turned_by, turn, attitude)
+        return by_column(_turned_by, turn, attitude)
 
     def turn_between(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Rotation vector (turns, n) in rad, about axes of the world, from the first attitude to the second.
@@ -90,9 +90,9 @@ class Space:
         """
         if self.is_plane:
             return second - first
-        from thesis_lib.mechanics import products
+        from thesis_lib.mechanics.products import turn_between as _turn_between
 
-        return by_column(products.turn_between, first, second)
+        return by_column(_turn_between, first, second)
 
     def shift(self, pose: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Poses after small changes (d + turns, n) in m, rad."""
@@ -131,16 +131,16 @@ def by_row(A: np.ndarray) -> np.ndarray:
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a × b (3, ...) of vectors (3, ...)."""
-    from thesis_lib.mechanics import products
+    from thesis_lib.mechanics.products import cross as _cross
 
-    return by_column(products.cross, a, b)
+    return by_column(_cross, a, b)
 
 
 def multiplied(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Product p q (4, ...) of quaternions: first the turn q, then p."""
-    from thesis_lib.mechanics import products
+    from thesis_lib.mechanics.products import multiplied as _multiplied
 
-    return by_column(products.multiplied, p, q)
+    return by_column(_multiplied, p, q)
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
@@ -152,30 +152,30 @@ def conjugate(q: np.ndarray) -> np.ndarray:
 
 def rotated(q: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Vectors u (3, ...) turned by unit quaternions q (4, ...): u + 2 s (a × u) + 2 a × (a × u) for q = (s, a)."""
-    from thesis_lib.mechanics import products
+    from thesis_lib.mechanics.products import rotated as _rotated
 
-    return by_column(products.rotated, q, u)
+    return by_column(_rotated, q, u)
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
     """Matrices (3, 3, ...) of unit quaternions q (4, ...): columns are the axes of the body in the world."""
-    from thesis_lib.mechanics import products
+    from thesis_lib.mechanics.products import rotation_matrix as _rotation_matrix
 
-    return by_column(products.rotation_matrix, q)
+    return by_column(_rotation_matrix, q)
 
 
 def of_rotation_vector(turn: np.ndarray) -> np.ndarray:
     """Unit quaternions (4, ...) of rotation vectors (3, ...) in rad."""
-    from thesis_lib.mechanics import products
+    from thesis_lib.mechanics.products import of_rotation_vector as _of_rotation_vector
 
-    return by_column(products.of_rotation_vector, turn)
+    return by_column(_of_rotation_vector, turn)
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
     """The shortest rotation vectors (3, ...) in rad of unit quaternions (4, ...)."""
-    from thesis_lib.mechanics import products
+    from thesis_lib.mechanics.products import rotation_vector as _rotation_vector
 
-    return by_column(products.rotation_vector, q)
+    return by_column(_rotation_vector, q)
 
 
 def of_rotation_matrix(R: np.ndarray) -> np.ndarray:

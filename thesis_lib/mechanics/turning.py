@@ -5,11 +5,14 @@ stand here, since numba does not see changes of functions in other files.
 """
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 SMALL = 1e-4  # rad: half angles below it are by their series, exact to rounding
 
 compiled = njit(cache=True, error_model="numpy")
+# of any layout, so that each is compiled once
+_given = [types.Array(types.float64, k, "A", readonly=True) for k in range(4)]
+_new = [types.Array(types.float64, k, "C") for k in range(5)]
 
 
 @compiled
@@ -71,7 +74,7 @@ def _step(q, h, L, inverse):
     return q, W1, W2, W3, W4
 
 
-@compiled
+@njit([types.void(_given[2], _given[2], _given[3], _given[3], _new[2])], cache=True, error_model="numpy")
 def spins_up(attitude, spin, G, inverse, into):
     """ω' = W (L × ω), L = R G Rᵀ ω, of n bodies (3, n), written into the last; G and inverse are (n or 1, 3, 3)."""
     for i in range(spin.shape[1]):
@@ -105,21 +108,60 @@ def _step_columns(P, h, D, L, W1, W2, W3, W4):
 
 
 @compiled
-def follow(attitude, inverse, L, D, rate, tau, order, step, attitudes, spins, columns):
+def _order(tau, order):
+    """Numbers of the times (k,) as they rise, into `order`."""
+    order[:] = np.arange(len(tau))
+    for row in range(1, len(tau)):
+        if not tau[row] >= tau[row - 1]:
+            order[:] = np.argsort(tau)
+            return
+
+
+@njit(
+    [
+        types.float64(
+            *(_given[2], _given[2], _given[3], _given[3], _given[1], _given[2], types.float64, types.float64),
+            *(_new[3], _new[3], _new[4]),
+        )
+    ],
+    cache=True,
+    error_model="numpy",
+)
+def follow(attitude, spin, G, inverse, largest, tau, step, most, attitudes, spins, columns):
     """Attitudes (4, k, n), spins (3, k, n) and Φ (3, c, k, n) at times tau (k, n), written into the last three.
 
-    attitude (4, n) at time 0, inverse (n or 1, 3, 3), L (3, n), D (3, c, n) with c = 0 for no columns, rate (n,) the
-    largest spin, `order` (k, n) that of the times, `step` in rad.
+    attitude (4, n) and spin (3, n) at time 0, G and its inverse (n or 1, 3, 3) with its largest eigenvalue (n or 1,),
+    `step` in rad; c = 0 for no columns.  Returns the farthest turn in rad; nothing is followed if it is beyond `most`.
     """
     k, n = tau.shape
-    P = np.zeros((3, D.shape[1]))
+    rate, momenta, farthest = np.empty(n), np.empty((n, 3)), 0.0
+    P, D, order = np.zeros((3, columns.shape[1])), np.empty((3, 3)), np.empty(k, np.int64)
     for i in range(n):
-        own, momentum, start = inverse[min(i, len(inverse) - 1)], L[:, i], D[:, :, i]
+        own = min(i, len(inverse) - 1)
+        q = (attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
+        x, y, z = spin[0, i], spin[1, i], spin[2, i]
+        momenta[i, 0], momenta[i, 1], momenta[i, 2] = a, b, c = _times(_slowness(q, G[own]), x, y, z)
+        # least principal moment g: g |ω|² ≤ ω·G ω, which is constant
+        twice = a * x + b * y + c * z
+        rate[i] = np.sqrt((0.0 if twice < 0.0 else twice) * largest[own])
+        for row in range(k):
+            turn = abs(rate[i] * tau[row, i])
+            if np.isfinite(turn):
+                farthest = max(farthest, turn)
+    if farthest > most:
+        return farthest
+    for i in range(n):
+        own, momentum = inverse[min(i, len(inverse) - 1)], momenta[i]
+        first = (attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
+        _order(tau[:, i], order)
+        if columns.shape[1]:
+            W = _slowness(first, G[min(i, len(G) - 1)])
+            D[0, 0], D[0, 1], D[0, 2], D[1, 1], D[1, 2], D[2, 2] = W
+            D[1, 0], D[2, 0], D[2, 1] = W[1], W[2], W[4]
         for sign in (1.0, -1.0):  # onwards from time 0, then backwards
-            q = (attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
-            now, P[:] = 0.0, 0.0
+            q, now, P[:] = first, 0.0, 0.0
             for position in range(k):
-                row = order[position if sign > 0.0 else k - 1 - position, i]
+                row = order[position if sign > 0.0 else k - 1 - position]
                 t = tau[row, i]
                 if not np.isfinite(t):
                     attitudes[:, row, i], spins[:, row, i], columns[:, :, row, i] = np.nan, np.nan, np.nan
@@ -132,10 +174,11 @@ def follow(attitude, inverse, L, D, rate, tau, order, step, attitudes, spins, co
                 for _ in range(steps):
                     h = (t - now) / steps
                     q, W1, W2, W3, W4 = _step(q, h, momentum, own)
-                    _step_columns(P, h, start, momentum, W1, W2, W3, W4)
+                    _step_columns(P, h, D, momentum, W1, W2, W3, W4)
                 now = t
                 W = _slowness(q, own)
                 x, y, z = _times(W, momentum[0], momentum[1], momentum[2])
                 attitudes[0, row, i], attitudes[1, row, i], attitudes[2, row, i], attitudes[3, row, i] = q
                 spins[0, row, i], spins[1, row, i], spins[2, row, i] = x, y, z
                 columns[:, :, row, i] = P
+    return farthest

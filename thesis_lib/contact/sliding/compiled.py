@@ -1,4 +1,4 @@
-"""The first slip of impacts in space, step by step, compiled; its equations stand in `contact/slip_hodograph.py`.
+"""The path of impacts in space, compiled; its equations stand in `contact/slip_hodograph.py`.
 
 numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
 stand here, since numba does not see changes of functions in other files.
@@ -59,49 +59,124 @@ def _missing(rule, state, path, epsilon, v_n0, p_c, W_c):
 
 
 @compiled
-def follow(rule, turn, steps, paths, epsilon, v_n0, x, p, W, p_c, W_c, ended):
-    """Follow n slips until they are straight or the impact ends; writes into the arrays from `x` (2, n) on, (n,) each.
-
-    `paths` (8, n): k, μ κ and α along both axes, S and C; x and C are those at the beginning.
-    """
-    for i in range(len(p)):
-        column = paths[:, i]
-        path = (column[0], column[1], column[2], column[3], column[4], column[5], column[6], column[7])
-        state = (x[0, i], x[1, i], 0.0, 0.0)
-        p_c[i] = W_c[i] = np.nan
-        speed = np.sqrt(state[0] * state[0] + state[1] * state[1] + v_n0[i] * v_n0[i])
-        for _ in range(steps):
-            V = np.sqrt(state[0] * state[0] + state[1] * state[1])
-            if not NO_SLIP * speed < V:  # NaN, too
-                break
-            u_1, u_2 = state[0] / V, state[1] / V
-            r_1, r_2 = _rate(state[0], state[1], path)
-            g, f = u_1 * r_1 + u_2 * r_2, abs(u_1 * r_2 - u_2 * r_1)
-            # df/dθ: negative where the direction is drawn to the one that keeps itself
-            drawn = -g - path[2] * u_2 * u_2 - path[3] * u_1 * u_1
-            if f <= KEPT_DIRECTION * (abs(path[0]) + abs(path[1]) + path[2]) or f <= LEFT_TO_TURN * -drawn:
-                break
-            h = turn * V / max(f, SHORTER * max(abs(g), abs(drawn)))
-            after = _stepped(state, h, path)
-            value, slope = _missing(rule, after, path, epsilon[i], v_n0[i], p_c[i], W_c[i])
-            if value < 0.0:
-                state = after
-                continue
-            low, high, at = 0.0, h, h
-            for _ in range(REFINEMENTS):
-                low, high = (at, high) if value < 0.0 else (low, at)
-                newton = at - value / slope
-                found = newton if low <= newton <= high else 0.5 * (low + high)
-                moved, at = abs(found - at), found
-                after = _stepped(state, at, path)
-                value, slope = _missing(rule, after, path, epsilon[i], v_n0[i], p_c[i], W_c[i])
-                if moved <= FOUND * h:
-                    break
+def _turning(rule, turn, steps, x, y, path, epsilon, v_n0):
+    """Follow a slip until it is straight or the impact ends: slip, p and W there, p_c, W_c, and whether it has."""
+    state, p_c, W_c = (x, y, 0.0, 0.0), np.nan, np.nan
+    speed = np.sqrt(x * x + y * y + v_n0 * v_n0)
+    for _ in range(steps):
+        V = np.sqrt(state[0] * state[0] + state[1] * state[1])
+        if not NO_SLIP * speed < V:  # NaN, too
+            break
+        u_1, u_2 = state[0] / V, state[1] / V
+        r_1, r_2 = _rate(state[0], state[1], path)
+        g, f = u_1 * r_1 + u_2 * r_2, abs(u_1 * r_2 - u_2 * r_1)
+        # df/dθ: negative where the direction is drawn to the one that keeps itself
+        drawn = -g - path[2] * u_2 * u_2 - path[3] * u_1 * u_1
+        if f <= KEPT_DIRECTION * (abs(path[0]) + abs(path[1]) + path[2]) or f <= LEFT_TO_TURN * -drawn:
+            break
+        h = turn * V / max(f, SHORTER * max(abs(g), abs(drawn)))
+        after = _stepped(state, h, path)
+        value, slope = _missing(rule, after, path, epsilon, v_n0, p_c, W_c)
+        if value < 0.0:
             state = after
-            if np.isnan(p_c[i]) and epsilon[i] > 0.0:
-                p_c[i], W_c[i] = state[2], state[3]
-                state = (state[0], state[1], state[2], 0.0)
-            else:
-                ended[i] = True
+            continue
+        low, high, at = 0.0, h, h
+        for _ in range(REFINEMENTS):
+            low, high = (at, high) if value < 0.0 else (low, at)
+            newton = at - value / slope
+            found = newton if low <= newton <= high else 0.5 * (low + high)
+            moved, at = abs(found - at), found
+            after = _stepped(state, at, path)
+            value, slope = _missing(rule, after, path, epsilon, v_n0, p_c, W_c)
+            if moved <= FOUND * h:
                 break
-        x[0, i], x[1, i], p[i], W[i] = state
+        state = after
+        if np.isnan(p_c) and epsilon > 0.0:
+            p_c, W_c = state[2], state[3]
+            state = (state[0], state[1], state[2], 0.0)
+        else:
+            return state, p_c, W_c, True
+    return state, p_c, W_c, False
+
+
+@compiled
+def _until(work, v, b):
+    """Normal impulse d ≥ 0 at which v d + b d²/2 = work."""
+    return 2.0 * work / (v + np.sqrt(v * v + 2.0 * b * work)) if abs(work) > 0.0 else 0.0
+
+
+@compiled
+def _straight(rule, state, path, kappa, start, after, epsilon, v_n0, p_c, W_c):
+    """Impulse at the end of a path that is straight from where it stands, along the principal axes.
+
+    `after` (2) is dc/dp once slip has ended.
+    """
+    x, y, p, W = state
+    k_1, k_2, f_1, f_2, a_1, a_2, S, C = path
+    V = np.hypot(x, y)
+    u_1 = u_2 = 0.0
+    # the rest of the first slip: for the normal impulse L, with dV/dp = g and dv_n/dp = b; then b_2
+    g, b, L = -1.0, 1.0, 0.0
+    if V > 0.0:
+        u_1, u_2 = x / V, y / V
+        r_1, r_2 = k_1 - f_1 * u_1, k_2 - f_2 * u_2
+        g, b = u_1 * r_1 + u_2 * r_2, a_1 * r_1 + a_2 * r_2 + S
+        L = V / -g if g < 0.0 else np.inf
+    b_2 = a_1 * (k_1 + kappa[0] * after[0]) + a_2 * (k_2 + kappa[1] * after[1]) + S
+    v, d = a_1 * x + a_2 * y + S * p + C, 0.0
+    if np.isnan(p_c):  # compression, if it has not ended
+        v_L = v + b * L
+        if v_L >= 0.0:
+            W_c, d = W + v * v / (-2.0 * b), v / -b
+        else:
+            W_c, d = W + (L * (v + 0.5 * b * L) - v_L * v_L / (2.0 * b_2)), L - v_L / b_2
+        p_c, v, W = p + d, 0.0, 0.0
+    # restitution from there: v_n = v, the first slip lasts on for L − d
+    rest = max(L - d, 0.0)
+    v_L = v + b * rest
+    if rule == NEWTON:
+        wanted = -epsilon * v_n0
+        more = (wanted - v) / b if v_L >= wanted else rest + (wanted - v_L) / b_2
+    elif rule == POISSON:
+        more = (1.0 + epsilon) * p_c - (p + d)
+    else:
+        work = -epsilon * epsilon * W_c - W
+        more = _until(work, v, b)
+        if not 0.0 <= more <= rest:
+            more = rest + _until(work - rest * (v + 0.5 * b * rest), v_L, b_2)
+    d += more
+    # slip x = x_0 + K_tt c + k p, and `after` once it has ended
+    slipped = min(d, L)
+    if d >= L:
+        x = y = 0.0
+    else:
+        x, y = x + u_1 * (g * slipped), y + u_2 * (g * slipped)
+    left = d - slipped
+    c_1 = (x - start[0] - k_1 * (p + slipped)) / kappa[0] + after[0] * left
+    c_2 = (y - start[1] - k_2 * (p + slipped)) / kappa[1] + after[1] * left
+    return c_1, c_2, p + d
+
+
+@compiled
+def impulses(rule, turn, steps, constants, slips, epsilon, v_n0, after, into):
+    """Impulses along the principal axes and the normal, into (3, n), of n impacts.
+
+    `constants` (8, n): k, μ κ and α along both axes, S and C; slips (2, n); `after` (4, n): κ, and dc/dp once slip has
+    ended.
+    """
+    for i in range(into.shape[1]):
+        path = (
+            *(constants[0, i], constants[1, i], constants[2, i], constants[3, i]),
+            *(constants[4, i], constants[5, i], constants[6, i], constants[7, i]),
+        )
+        kappa, start = (after[0, i], after[1, i]), (slips[0, i], slips[1, i])
+        state, p_c, W_c, ended = _turning(rule, turn, steps, start[0], start[1], path, epsilon[i], v_n0[i])
+        if ended:
+            x, y, p, _ = state
+            into[0, i] = (x - start[0] - path[0] * p) / kappa[0]
+            into[1, i] = (y - start[1] - path[1] * p) / kappa[1]
+            into[2, i] = p
+        else:
+            into[0, i], into[1, i], into[2, i] = _straight(
+                rule, state, path, kappa, start, (after[2, i], after[3, i]), epsilon[i], v_n0[i], p_c, W_c
+            )
