@@ -9,6 +9,7 @@ from thesis_lib.mechanics.space import (
     PLANE,
     SPACE,
     Space,
+    cross,
     multiplied,
     of_rotation_vector,
     rotated,
@@ -77,3 +78,9 @@ def test_mobility_is_the_inverse_inertia_in_the_world(rng):
     np.testing.assert_allclose(product, np.tile(np.eye(3), (N, 1, 1)), atol=EXACT)
     each = np.repeat(G[:, :, None], N, axis=2)
     np.testing.assert_allclose(mobility(SPACE, each, attitude), mobility(SPACE, G, attitude), atol=EXACT)
+
+
+def test_of_no_bodies_there_are_no_turns():
+    none, one = np.zeros((4, 0)), np.ones((3, 1))
+    assert rotated(none, one).shape == cross(np.zeros((3, 0)), one).shape == (3, 0)
+    assert multiplied(none, np.ones((4, 1))).shape == multiplied(np.ones((4, 1)), none).shape == (4, 0)

@@ -20,7 +20,7 @@ def _compiled(result, arguments: int):
 @_compiled(_two, 2)
 def cross(a, b):
     """a × b (3, n)."""
-    n, one_a, one_b = max(a.shape[1], b.shape[1]), a.shape[1] == 1, b.shape[1] == 1
+    n, one_a, one_b = a.shape[1] if b.shape[1] == 1 else b.shape[1], a.shape[1] == 1, b.shape[1] == 1
     product = np.empty((3, n))
     for i in range(n):
         j, k = 0 if one_a else i, 0 if one_b else i
@@ -32,7 +32,7 @@ def cross(a, b):
 @_compiled(_two, 2)
 def multiplied(p, q):
     """p q (4, n)."""
-    n, one_p, one_q = max(p.shape[1], q.shape[1]), p.shape[1] == 1, q.shape[1] == 1
+    n, one_p, one_q = p.shape[1] if q.shape[1] == 1 else q.shape[1], p.shape[1] == 1, q.shape[1] == 1
     product = np.empty((4, n))
     for i in range(n):
         j, k = 0 if one_p else i, 0 if one_q else i
@@ -47,7 +47,7 @@ def multiplied(p, q):
 @_compiled(_two, 2)
 def rotated(q, u):
     """u (3, n) turned by q (4, n)."""
-    n, one_q, one_u = max(q.shape[1], u.shape[1]), q.shape[1] == 1, u.shape[1] == 1
+    n, one_q, one_u = q.shape[1] if u.shape[1] == 1 else u.shape[1], q.shape[1] == 1, u.shape[1] == 1
     turned = np.empty((3, n))
     for i in range(n):
         j, k = 0 if one_q else i, 0 if one_u else i
@@ -150,7 +150,7 @@ def inverse(G):
 @_compiled(_two, 2)
 def product(A, b):
     """A b (3, n) of matrices A (9, n) by row."""
-    n, one_A, one_b = max(A.shape[1], b.shape[1]), A.shape[1] == 1, b.shape[1] == 1
+    n, one_A, one_b = A.shape[1] if b.shape[1] == 1 else b.shape[1], A.shape[1] == 1, b.shape[1] == 1
     found = np.empty((3, n))
     for i in range(n):
         j, k = 0 if one_A else i, 0 if one_b else i
