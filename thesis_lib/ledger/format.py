@@ -3,14 +3,14 @@
 ```yaml
 schema: 1
 defaults: {chapter: 3}        # optional: `chapter` and `needs` for claims that give none
-checks:                       # optional: checks that claims refer to by name
-  two_errors: {kind: interval, k: 2, reason: two bootstrap standard errors}
+checks:                       # optional: checks that several claims share, by YAML's anchors
+  - &two_errors {kind: interval, k: 2, reason: two bootstrap standard errors}
 notes:                        # optional: the same for notes
-  flat_cost: the cost is flat here, so that many pairs fit nearly as well
+  - &flat_cost the cost is flat here, so that many pairs fit nearly as well
 weak:                         # optional: the same for what makes agreement say little
-  recount: this recounts the authors' own file
+  - &recount this recounts the authors' own file
 quick:                        # optional: the same for what the quick scale cannot decide
-  too_few: 150 impacts are too few
+  - &too_few 150 impacts are too few
 claims:
   - id: table_3_1.mirtich.mu.as_published     # unique, dotted
     location: Table 3.1, row Mirtich, column mu
@@ -31,10 +31,10 @@ claims:
     published: 0.548
     source: {file: chapter3/planar_impact/table_3_1.csv, where: {law: mirtich_as_published}, column: epsilon,
       std_column: epsilon_std}
-    check: two_errors         # the name of a check above
-    note: flat_cost           # a note of one word names a note above
-    weak: recount             # why a wrong result could agree as well, if so                # optional
-    quick: too_few            # why the quick scale is too noisy to tell, if so              # optional
+    check: *two_errors        # the check above
+    note: *flat_cost
+    weak: *recount            # why a wrong result could agree as well, if so                # optional
+    quick: *too_few           # why the quick scale is too noisy to tell, if so              # optional
 ```
 
 - abs, rel and interval (kinds of checks: `checks`) need a `published` number; greater and less may have one, which is
@@ -45,11 +45,9 @@ claims:
 - `weak` says why agreement tells little: a wrong result would pass, a criterion was chosen on our own data, or the
   number is not the thesis's.  Such claims are counted apart.
 - At the quick scale a claim with `quick` is compared and shown, but not decided.
-- A folder is read as one ledger, its files ordered by name.  Names of what claims share hold within one file.  A name
-  that is unknown or unused is an error.
+- A folder is read as one ledger, its files ordered by name.  What claims share holds within one file.
 """
 
-import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -58,9 +56,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.mistakes import line_of
 from thesis_lib.foundation.settings import Section
-from thesis_lib.foundation.yaml_file import Key
 from thesis_lib.ledger.checks import (
     Check,
     Extreme,
@@ -75,9 +71,6 @@ from thesis_lib.ledger.checks import (
 from thesis_lib.ledger.reading import Name, Text, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
-NAME = r"[A-Za-z0-9_-]+"
-# part of a claim: where a file keeps those that claims share
-SHARED = {"check": "checks", "note": "notes", "weak": "weak", "quick": "quick"}
 
 
 class Claim(Section):
@@ -129,10 +122,10 @@ class Ledger(Section):
 
     schema_: Literal[1] = Field(alias="schema", description="version of this format")
     defaults: Defaults = Field(Defaults(), description="of the claims that do not say otherwise")
-    checks: dict[Name, Check] = Field({}, description="that claims refer to by name")
-    notes: dict[Name, Text] = Field({}, description="that claims refer to by name")
-    weak: dict[Name, Text] = Field({}, description="that claims refer to by name")
-    quick: dict[Name, Text] = Field({}, description="that claims refer to by name")
+    checks: list[Check] = Field([], description="that several claims share")
+    notes: list[Text] = Field([], description="that several claims share")
+    weak: list[Text] = Field([], description="that several claims share")
+    quick: list[Text] = Field([], description="that several claims share")
     claims: list[Claim]
 
 
@@ -148,40 +141,21 @@ def read_ledger(path: str | Path) -> Ledger:
         except UserError as error:
             problems.append(str(error))
     counts = Counter(claim.id for claim in claims)
-    problems += [f"{path}: claim {id} stands in two files; keep one." for id, n in counts.items() if n > 1]
+    problems += [f"{path}: claim {id} stands more than once; keep one." for id, n in counts.items() if n > 1]
     if problems:
         raise UserError("\n".join(problems))
     return Ledger(schema=1, claims=claims)
 
 
 def _read_file(path: Path) -> Ledger:
-    """One file, with its defaults and all that claims share written out in the claims that use them."""
+    """One file, with its defaults written out in its claims."""
     document = load_yaml(path)
-    content = document.content
-    if not isinstance(content, dict) or not isinstance(content.get("claims"), list):
-        return validate(Ledger, document, path)
-    shared = {key: content.get(key) for key in ("defaults", *SHARED.values())}
-    shared = {key: values if isinstance(values, dict) else {} for key, values in shared.items()}
-    claims = []
-    uses: dict[Key, Key] = {}  # a shared check or note, and where it is used
-    copies: set[Key] = set()  # places whose mistakes are reported at the original instead
-    for i, claim in enumerate(content["claims"]):
-        if isinstance(claim, dict):
-            copies |= {("claims", i, key) for key in shared["defaults"].keys() - claim.keys()}
-            claim = {**shared["defaults"], **claim}
-            for key, pool in SHARED.items():
-                name = claim.get(key)
-                if isinstance(name, str) and re.fullmatch(NAME, name):
-                    uses[pool, name] = place = ("claims", i, key)
-                    copies.add(place)
-                    claim[key] = shared[pool].get(name)
-        claims.append(claim)
-    shared_keys: set[Key] = {(pool, str(name)) for pool in SHARED.values() for name in shared[pool]}
-    at = {place: f"line {line_of(place, document.lines)}" for place in (*uses.values(), *shared_keys)}
-    ids = Counter(str(claim.get("id")) for claim in claims if isinstance(claim, dict))
-    problems = [
-        *(f"{at[uses[use]]}: none of the {use[0]} is called {use[1]}" for use in uses if use not in shared_keys),
-        *(f"{at[use]}: no claim uses {use[1]} of the {use[0]}" for use in sorted(shared_keys - uses.keys(), key=str)),
-        *(f"claim {id}: this id stands more than once" for id, n in ids.items() if n > 1),
-    ]
-    return validate(Ledger, replace(document, content=content | {"claims": claims}), path, problems, copies)
+    content, lines = document.content, dict(document.lines)
+    if isinstance(content, dict) and isinstance(content.get("claims"), list):
+        defaults = content.get("defaults")
+        defaults = defaults if isinstance(defaults, dict) else {}
+        claims = [defaults | claim if isinstance(claim, dict) else claim for claim in content["claims"]]
+        places = {("claims", i, key): ("defaults", key) for i in range(len(claims)) for key in defaults}
+        lines = {place: lines[default] for place, default in places.items() if default in lines} | lines
+        document = replace(document, content=content | {"claims": claims}, lines=lines)
+    return validate(Ledger, document, path)

@@ -5,7 +5,6 @@ their `id` if they have one.
 """
 
 import math
-from collections.abc import Container, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, TypeVar
 
@@ -14,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, StringCo
 from thesis_lib.foundation.errors import CorruptFileError, UserError
 from thesis_lib.foundation.files import read_json
 from thesis_lib.foundation.mistakes import Mistake, dotted, mistakes_in
-from thesis_lib.foundation.yaml_file import Document, Key, read_yaml
+from thesis_lib.foundation.yaml_file import Document, read_yaml
 
 SHOWN = 100  # mistakes listed in full
 
@@ -52,26 +51,18 @@ def load_yaml(path: str | Path) -> Document:
     return document
 
 
-def validate(
-    model: type[Model],
-    document: Document,
-    path: str | Path,
-    problems: Sequence[str] = (),
-    elsewhere: Container[Key] = (),
-) -> Model:
+def validate(model: type[Model], document: Document, path: str | Path) -> Model:
     """The content of a document as an instance of `model`; UserError with a line for each mistake.
 
-    problems: mistakes already known, which join the same error.  elsewhere: places, e.g. ("claims", 3, "check"), whose
-    mistakes are reported at another place.
+    What aliases repeat is told once.
     """
-    mistakes = list(problems)
     try:
-        value = model.model_validate(document.content)
-        if not mistakes:
-            return value
+        return model.model_validate(document.content)
     except ValidationError as error:
-        found = mistakes_in(error, document.content, document.lines, model.model_json_schema())
-        mistakes += [_sentence(mistake, document.content) for mistake in found if mistake.place[:3] not in elsewhere]
+        found: dict[tuple, Mistake] = {}
+        for mistake in mistakes_in(error, document.content, document.lines, model.model_json_schema()):
+            found.setdefault((mistake.line, mistake.what, *mistake.place[-1:]), mistake)
+    mistakes = [_sentence(mistake, document.content) for mistake in found.values()]
     count = f"{len(mistakes)} mistake{'s' if len(mistakes) > 1 else ''}"
     more = [f"... and {len(mistakes) - SHOWN} more"] if len(mistakes) > SHOWN else []
     raise UserError("\n- ".join([f"{path} has {count}:", *mistakes[:SHOWN], *more]))
