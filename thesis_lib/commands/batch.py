@@ -17,10 +17,22 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from thesis_lib.datasets.format.folder import looks_like_dataset
+from threadpoolctl import threadpool_limits
+
+from thesis_lib.commands.comparison import read_run
+from thesis_lib.critique import run
+from thesis_lib.critique.run import criticise
+from thesis_lib.datasets.format.folder import INPUTS, looks_like_dataset
+from thesis_lib.datasets.format.tables import MAX_BYTES
+from thesis_lib.datasets.recordings.recording import is_recording
+from thesis_lib.effects import require_known
+from thesis_lib.extensions.loading import load
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import read_json, write_json
 from thesis_lib.foundation.isolated import ProcessResult, Task, run_isolated
 from thesis_lib.foundation.progress import duration
+from thesis_lib.foundation.provenance import file_sha256, lib_hash
+from thesis_lib.foundation.regular_file import FileProblem, regular_size
 from thesis_lib.report.batch_index import (
     INDEX_FILES,
     NO_VERDICT,
@@ -30,6 +42,7 @@ from thesis_lib.report.batch_index import (
     summary_text,
     write_index,
 )
+from thesis_lib.report.critique.whole_folder import LAST, MODEL_FILE
 
 STATE = ".batch"
 PRELOAD = (
@@ -87,10 +100,6 @@ def criticise_folder(
 
     UserError if they are not the `additions` of the batch any more.
     """
-    from threadpoolctl import threadpool_limits
-
-    from thesis_lib.critique.run import criticise
-    from thesis_lib.extensions.loading import load
 
     if additions and load(files, say=print) != list(additions):
         raise UserError("The effects or laws of your own have changed since the batch began; start it again.")
@@ -125,9 +134,6 @@ def run_batch(
 
     UserError if names collide, an effect is unknown, or another batch writes into `out`.
     """
-    from thesis_lib.datasets.recordings.recording import is_recording
-    from thesis_lib.effects import require_known
-
     if not all(map(is_recording, paths)):  # mechanisms have other effects
         require_known(effects or ())
     out = Path(out)
@@ -184,8 +190,6 @@ def _closed(out: Path, outcome: ProcessResult, key: str | None) -> dict:
 
 
 def _row(out: Path, name: str) -> dict:
-    from thesis_lib.commands.comparison import read_run
-
     try:
         return row_of_verdict(name, read_run(out / name))
     except UserError as error:
@@ -237,11 +241,6 @@ def _only_one(out: Path) -> Iterator[None]:
 
 def _key(path: Path, settings: Mapping[str, object]) -> str | None:
     """Checksum of all that a critique depends on; None if the data cannot be read or are too large."""
-    from thesis_lib.datasets.format.folder import INPUTS
-    from thesis_lib.datasets.format.tables import MAX_BYTES
-    from thesis_lib.foundation.provenance import file_sha256
-    from thesis_lib.foundation.regular_file import FileProblem, regular_size
-
     inputs = {**settings, "name": path.name}
     try:
         for file in (path / name for name in INPUTS):
@@ -255,32 +254,22 @@ def _key(path: Path, settings: Mapping[str, object]) -> str | None:
 
 def _code() -> str:
     """Hash of the modules that a critique runs."""
-    from thesis_lib.critique import run
-    from thesis_lib.foundation.provenance import lib_hash
-
     return lib_hash(run.__file__)
 
 
 def _written(folder: Path) -> dict[str, str]:
     """Checksums of the files of a critique that are moved in last; OSError if one is missing."""
-    from thesis_lib.foundation.provenance import file_sha256
-    from thesis_lib.report.critique.whole_folder import LAST, MODEL_FILE
-
     wanted = [name for name in LAST if name != MODEL_FILE or (folder / name).exists()]
     return {name: file_sha256(folder / name) for name in wanted}
 
 
 def _mark(out: Path, name: str, key: str) -> None:
-    from thesis_lib.foundation.files import write_json
-
     with contextlib.suppress(OSError):  # without the mark it is criticised again
         write_json({"key": key, "files": _written(out / name)}, out / STATE / f"{name}.json")
 
 
 def _is_done(out: Path, name: str, key: str | None) -> bool:
     """Whether a whole critique of the same data, settings and code is there, with no file changed since."""
-    from thesis_lib.foundation.files import read_json
-
     try:
         mark = read_json(out / STATE / f"{name}.json")
         return key is not None and mark == {"key": key, "files": _written(out / name)}

@@ -18,9 +18,9 @@ not spoil the other sum.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.identify.arm.fit import ArmFit, error_bound, fit
 from thesis_lib.identify.arm.parameters import NAMES, base_of, regressor
@@ -34,9 +34,6 @@ from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, arm_di
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 IMPACT = 10.0  # times the median force over contact, above which a step is an impact
 METHODS = ("exact", "plain", "ours")
@@ -62,8 +59,8 @@ class ArmForces:
 class ArmForceTables:
     """Tables of the study, and the trajectories from which they were computed."""
 
-    forces: "pd.DataFrame"  # a row per trajectory, pair and method
-    parameters: "pd.DataFrame"  # a row per trajectory, method and base parameter
+    forces: pd.DataFrame  # a row per trajectory, pair and method
+    parameters: pd.DataFrame  # a row per trajectory, method and base parameter
     trajectories: tuple[ArmForces, ...]
     left_out: dict[str, int]  # number of simulated trajectories left out, by reason
     cpu_s: np.ndarray  # (n,) CPU seconds of the fits; not in the tables, since they differ from run to run
@@ -174,10 +171,8 @@ def arm_force_study(
     return ArmForceTables(forces, parameters, done, made.left_out, np.array([fitted.fit.cpu_s for fitted in done]))
 
 
-def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple["pd.DataFrame", "pd.DataFrame"]:
+def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Tables of forces and of parameters; `truth` (6,) is the true Θ."""
-    import pandas as pd
-
     forces, parameters = [], []
     for i, trajectory in enumerate(done):
         for method in METHODS:
@@ -201,13 +196,11 @@ def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple["pd.DataF
     return pd.DataFrame(forces), pd.DataFrame(parameters)
 
 
-def arm_force_summary(forces: "pd.DataFrame", parameters: "pd.DataFrame") -> "pd.DataFrame":
+def arm_force_summary(forces: pd.DataFrame, parameters: pd.DataFrame) -> pd.DataFrame:
     """A row per method and quantity: median, 90 % and largest error over trajectories, and shares within 1 % and 5 %.
 
     Failed fits count as outside every limit and stay in the median; `n_failed` counts them.
     """
-    import pandas as pd
-
     worst = parameters.assign(error=parameters["error"].abs()).groupby(["method", "trajectory"])
     theta = worst.agg(error=("error", "max"), accepted=("accepted", "first")).reset_index()
     parts = [("theta", theta)]

@@ -15,9 +15,9 @@ in (m/I, 1/m, 1/I, m/I²) are analysed as well.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.identify.base_parameters.combinations import linear_combination
 from thesis_lib.identify.base_parameters.identifiability import RANK_TOLERANCE, identifiability, sliding_regressor
@@ -25,9 +25,6 @@ from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, block, disk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 STEPS = 60
 # N and N m at 1 kg: an uneven push with turns in all directions, less than the weight, so that the contact stays
@@ -94,10 +91,8 @@ def landings(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMot
     return {name: cases[f"square lands {name}, no force"] for name in ("flat", "tilted")}
 
 
-def excitation_table(settings: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
+def excitation_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
     """One row per case; columns as in the module's table."""
-    import pandas as pd
-
     rows = []
     for name, (record, window) in excitation_cases(settings).items():
         result = identifiability(window)

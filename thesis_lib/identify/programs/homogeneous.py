@@ -21,9 +21,9 @@ excites comes out too small, as with known mass (`mass_ratio.treatments`).
 import re
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.excitation_table import excitation_cases
@@ -32,9 +32,6 @@ from thesis_lib.identify.base_parameters.window import ContactWindow
 from thesis_lib.identify.programs.mode_qp import admissible, amplitudes, edges_of, forces_of, without_forces
 from thesis_lib.identify.programs.result import ProgramResult, judged
 from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, block, disk
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PROGRAM = "2.12 homogeneous"
 
@@ -86,14 +83,12 @@ def solve_homogeneous(window: ContactWindow, unit: str = "m") -> Ratios:
     return Ratios(unit, result, values)
 
 
-def ratios_table(settings: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
+def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
     """What the program finds in the cases of `excitation_cases` without known force; a row each.
 
     Columns: case, ratio and truth (m/I in 1/m²), ratio_error and force_error (relative, of m/I and of the forces over
     the mass), found; numbers are empty where the program refuses the window.
     """
-    import pandas as pd
-
     bodies = {"disk": disk(settings), "square": block(settings), "flight": block(settings)}
     rows = []
     for name, (record, window) in excitation_cases(settings).items():

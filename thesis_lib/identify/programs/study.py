@@ -13,9 +13,10 @@ unknown.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import streams
@@ -29,9 +30,6 @@ from thesis_lib.identify.programs.result import ProgramResult
 from thesis_lib.identify.settings import Mechanism, Programs
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, arm_disk, arm_trajectories, releases
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SUCCESS = 1e-6  # of parameters and forces, relative
 # with 0.4 the disk hardly ever slides on the ground, and rolling shows only the sum m + I/R² of its parameters
@@ -197,13 +195,11 @@ def _answers(what: ProgramRun, window: ContactWindow, starts: int, rng: np.rando
         yield nlp.answer(nlp.random_point(rng), what.solver)
 
 
-def programs_table(settings: Programs, rng: np.random.Generator, bodies: Chapter2Bodies = DEFAULT) -> "pd.DataFrame":
+def programs_table(settings: Programs, rng: np.random.Generator, bodies: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
     """A row of `study` for every program, mechanism and window length, on the same windows within a length.
 
     CPU seconds differ from run to run and are left to `python -m benchmarks.programs`.
     """
-    import pandas as pd
-
     others = [name for name in STUDIES if name not in MAIN]
     rows, stream = [], streams(rng)
     for kind in settings.mechanisms:

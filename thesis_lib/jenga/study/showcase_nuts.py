@@ -17,7 +17,13 @@ doi 10.1214/20-BA1221 (R̂ of split chains).
 from dataclasses import dataclass
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+import numpyro
+from jax.scipy.special import logsumexp
+from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
+from scipy.optimize import minimize
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.bayesian_network import LOG_VAR, N_OUT
@@ -48,8 +54,6 @@ class Posterior:
 
 def log_transitions(layers: list, scaling: Any, noise: Any, states: Any, actions: Any, context: Any) -> Any:
     """Σ_i log Normal(s_{i+1}; f(s_i), Q) in JAX, for states (t + 1, 7) and the mean weights of one network."""
-    import jax.numpy as jnp
-
     x = scaling.inputs(states[:-1], actions, context, jnp)
 
     def affine(h: Any, w: Any) -> Any:
@@ -72,9 +76,6 @@ class Sampler:
     """Samples posteriors with one learner; pushes of equal length share one compilation, slower than the draws."""
 
     def __init__(self, learner: Hma, settings: NutsSettings):
-        import jax
-        import jax.numpy as jnp
-
         self.learner, self.settings = learner, settings
         self._layers = [jnp.asarray(w) for w in learner.networks.arrays()]
         self._dims = jnp.array(SEEN)
@@ -94,10 +95,6 @@ class Sampler:
             raise UserError(
                 f"showcase: {len(readings)} readings need {len(readings) - 1} actions (at least 1), got {len(actions)}."
             )
-        import jax
-        import jax.numpy as jnp
-        from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
-
         contexts = jnp.broadcast_to(jnp.asarray(context), (len(actions), 2))
         push = (jnp.asarray(readings), jnp.asarray(actions), contexts)
         prior = jnp.log(jnp.asarray(self.learner.initial_belief(context[None])[0]))
@@ -125,9 +122,6 @@ class Sampler:
 
     def _laplace(self, push: tuple, size: int) -> tuple[Any, Any, Any]:
         """Mode (K, size), root of the covariance (K, size, size) and its log determinant (K,) for each network."""
-        import jax.numpy as jnp
-        from scipy.optimize import minimize
-
         modes, roots, dets = [], [], []
         for k in range(self._layers[0].shape[0]):
             layers = [w[k] for w in self._layers]
@@ -147,10 +141,6 @@ class Sampler:
 
     def _chains(self, key: Any, prior: Any, push: tuple, mode: Any, root: Any, log_det: Any) -> tuple[dict, Any]:
         """Draws of u by NUTS: derived quantities (chains, draws, …), and which draws diverged."""
-        import jax
-        import jax.numpy as jnp
-        import numpyro
-        from jax.scipy.special import logsumexp
 
         def model() -> None:
             u: Any = numpyro.sample("u", numpyro.distributions.Normal(0.0, 1.0).expand(mode.shape).to_event(2))
