@@ -35,8 +35,12 @@ MOMENTS = np.diag([HALF[1] ** 2 + HALF[2] ** 2, HALF[0] ** 2 + HALF[2] ** 2, HAL
 BOX = Rig(Box(half_extents=HALF), float(np.sqrt(np.trace(MOMENTS) / 3.0)), 9.81, 0.2, tensor=MOMENTS)
 # as recorded: the tracked frame somewhere on the body, the axes of the recording not those of the surface
 _TURNS = of_rotation_vector(np.array([[0.4, -1.0], [-0.7, 0.5], [1.1, 0.3]]))
-_ENDS = np.tile([0.0, 1.0], 100)
-_FRAMES = WholeTosses(np.repeat(np.arange(100), 2), _ENDS, np.outer([1.0, -2.0, 1.5], _ENDS), np.full(100, 0.5))
+_FRAMES = WholeTosses(
+    trial=np.repeat(np.arange(100), 2),
+    t=np.tile([0.0, 1.0], 100),
+    turn=np.outer([1.0, -2.0, 1.5], np.tile([0.0, 1.0], 100)),
+    touched=np.full(100, 0.5),
+)
 RECORDED_BOX = replace(
     BOX, tracked=Frame(np.array([0.02, -0.01, 0.03]), _TURNS[:, 0]), world=_TURNS[:, 1], recorded=_FRAMES
 )
@@ -58,9 +62,16 @@ def random_states(rig: Rig, n: int, rng: np.random.Generator) -> State:
     """States of bodies that touch the surface and approach it with 0.8 to 3.3 m/s, sliding either way."""
     theta, omega = rng.uniform(-np.pi, np.pi, n), rng.uniform(-15.0, 15.0, n)
     r = rig.shape.contact_point(theta)
-    x, vx, down, t = (rng.uniform(*ends, n) for ends in ((-0.3, 0.3), (-1.5, 1.5), (0.8, 3.3), (0.1, 1.0)))
-    y, vy = rig.height - r[:, 1], -down - r[:, 0] * omega
-    return State.planar(x=x, y=y, theta=theta, vx=vx, vy=vy, omega=omega, trial=np.arange(n), t=t)
+    return State.planar(
+        x=rng.uniform(-0.3, 0.3, n),
+        y=rig.height - r[:, 1],
+        theta=theta,
+        vx=rng.uniform(-1.5, 1.5, n),
+        vy=-rng.uniform(0.8, 3.3, n) - r[:, 0] * omega,
+        omega=omega,
+        trial=np.arange(n),
+        t=rng.uniform(0.1, 1.0, n),
+    )
 
 
 def tumbling_boxes(n: int, rng: np.random.Generator) -> State:

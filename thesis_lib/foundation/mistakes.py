@@ -14,13 +14,6 @@ from thesis_lib.foundation.errors import suggest
 
 LONGEST = 60  # characters of a value that are shown
 MOST_HOMES = 3  # sections that are named for a key
-KINDS = {  # what a value must be -> pydantic's names of such mistakes
-    **{"true or false": "bool_type bool_parsing", "a finite number": "finite_number"},
-    **{"a number": "float_parsing float_type", "a whole number": "int_parsing int_type int_from_float"},
-    **{"text": "string_type", "a list": "tuple_type list_type"},
-    "a mapping of keys to values": "dict_type model_type model_attributes_type",
-}
-MUST_BE = {kind: words for words, kinds in KINDS.items() for kind in kinds.split()}
 Place = tuple[str | int, ...]
 Schema = Mapping[str, Any]
 
@@ -106,9 +99,27 @@ def found(value: object) -> str:
 def wrong_value(mistake: Mapping[str, Any]) -> str:
     """What is wrong with a value, by an entry of `ValidationError.errors()`."""
     context = mistake.get("ctx", {})
-    limits = {"greater_than": f"above {context.get('gt')}", "greater_than_equal": f"{context.get('ge')} or more"}
-    limits |= {"less_than": f"below {context.get('lt')}", "less_than_equal": f"{context.get('le')} or less"}
-    must_be = (MUST_BE | limits | {"literal_error": context.get("expected")}).get(mistake["type"])
+    must_be = {
+        "greater_than": f"above {context.get('gt')}",
+        "greater_than_equal": f"{context.get('ge')} or more",
+        "less_than": f"below {context.get('lt')}",
+        "less_than_equal": f"{context.get('le')} or less",
+        "bool_type": "true or false",
+        "bool_parsing": "true or false",
+        "finite_number": "a finite number",
+        "float_parsing": "a number",
+        "float_type": "a number",
+        "int_parsing": "a whole number",
+        "int_type": "a whole number",
+        "int_from_float": "a whole number",
+        "literal_error": context.get("expected"),
+        "string_type": "text",
+        "tuple_type": "a list",
+        "list_type": "a list",
+        "dict_type": "a mapping of keys to values",
+        "model_type": "a mapping of keys to values",
+        "model_attributes_type": "a mapping of keys to values",
+    }.get(mistake["type"])
     if must_be:
         return f"is {found(mistake.get('input'))}, but must be {must_be}"
     # YAML has no tuples

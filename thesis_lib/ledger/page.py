@@ -41,10 +41,19 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
         look = [result for result in group if result.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR)]
         rows = [_cells(result) for result in group]
         chapters.append({"number": number, "summary": summary_line(group), "look": look, "rows": rows})
-    title = "Claims ledger: what the thesis states, and what this program finds"
-    found = {"summary": summary_line(results), "counts": count_statuses(results), "chapters": chapters, "scale": scale}
-    words = {"meanings": MEANINGS, "headings": HEADINGS, "signs": SIGNS, "classes": CLASSES}
-    return page(TEMPLATE, title, kind="wide", **found, **words)
+    return page(
+        TEMPLATE,
+        "Claims ledger: what the thesis states, and what this program finds",
+        kind="wide",
+        summary=summary_line(results),
+        counts=count_statuses(results),
+        scale=scale,
+        meanings=MEANINGS,
+        chapters=chapters,
+        headings=HEADINGS,
+        signs=SIGNS,
+        classes=CLASSES,
+    )
 
 
 def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> None:

@@ -51,9 +51,18 @@ def run_report(results: Path, findings: Iterable[Path], scale: str, absent: Sequ
     made, tables = _made(results, findings)
     chapters = [_chapter(results, made, tables, n) for n in sorted({figure.chapter for figure, _ in made})]
     verdicts = sorted(path for path in findings if path.stem == "verdict")
-    ends = {"claims": _finding(results / "claims.txt"), "proof": _finding(results / "critique/proof/proof.txt")}
-    critiques = [_critique(results, path) for path in verdicts]
-    return page(TEMPLATE, TITLE, chapters=chapters, critiques=critiques, **ends, **_known(scale, absent))
+    return page(
+        TEMPLATE,
+        TITLE,
+        claims=_finding(results / "claims.txt"),
+        reading=READING,
+        absent=absent,
+        scale=scale,
+        chapters=chapters,
+        critiques=[_critique(results, path) for path in verdicts],
+        proof=_finding(results / "critique/proof/proof.txt"),
+        found_here=FOUND_HERE,
+    )
 
 
 def chapter_report(
@@ -64,11 +73,8 @@ def chapter_report(
     `findings` are files with findings of that chapter.
     """
     one = _chapter(results, *_made(results, findings), chapter)
-    return page(TEMPLATE, one["title"], claims=None, chapters=[one], **_known(scale, absent))
-
-
-def _known(scale: str, absent: Sequence[str]) -> dict:
-    return {"reading": READING, "absent": absent, "scale": scale, "found_here": FOUND_HERE}
+    known = {"reading": READING, "absent": absent, "scale": scale, "chapters": [one], "found_here": FOUND_HERE}
+    return page(TEMPLATE, one["title"], claims=None, **known)
 
 
 def _made(results: Path, findings: Iterable[Path]) -> tuple[list[tuple[Figure, str]], list[Path]]:

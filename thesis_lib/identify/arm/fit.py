@@ -275,11 +275,25 @@ def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float, atte
     C = A @ A.T
     D = np.eye(shooting.n_parameters)
     D[:6, :6] = from_free_jacobian(xi, l1)
-    values = {"names": _names(extra), "theta": from_free(xi, l1), "psi": best.p[0, 6:].copy()}
-    motion = {name: getattr(out, name)[0] for name in ("q", "v", "c_n", "c_t", "mode")}
-    forces = dict(zip(("c_n_std", "c_t_std"), _force_std(shooting, best, A)))
-    judged = {"sigma": data.sigma, "chi2": chi2, "accepted": bool(chi2 < gate), "attempts": attempts, "cpu_s": 0.0}
-    return ArmFit(**values, covariance=D @ C[10:, 10:] @ D.T, **motion, **forces, **judged)
+    std_n, std_t = _force_std(shooting, best, A)
+    return ArmFit(
+        names=NAMES + (() if extra is None else extra.names),
+        theta=from_free(xi, l1),
+        psi=best.p[0, 6:].copy(),
+        covariance=D @ C[10:, 10:] @ D.T,
+        q=out.q[0],
+        v=out.v[0],
+        c_n=out.c_n[0],
+        c_t=out.c_t[0],
+        c_n_std=std_n,
+        c_t_std=std_t,
+        mode=out.mode[0],
+        sigma=data.sigma,
+        chi2=chi2,
+        accepted=bool(chi2 < gate),
+        attempts=attempts,
+        cpu_s=0.0,
+    )
 
 
 def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -294,13 +308,23 @@ def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.
 
 
 def _nothing(data: ArmData, extra: Extra | None, attempts: int, cpu_s: float) -> ArmFit:
-    n, names = data.steps, _names(extra)
-    unknown = {"theta": 6, "psi": len(names) - 6, "covariance": (len(names), len(names)), "q": (n + 1, 5)}
-    unknown |= {"v": (n + 1, 5), **dict.fromkeys(("c_n", "c_t", "c_n_std", "c_t_std"), (n, 2))}
-    arrays = {name: np.full(shape, np.nan) for name, shape in unknown.items()}
-    judged = {"sigma": data.sigma, "chi2": np.inf, "accepted": False, "attempts": attempts, "cpu_s": cpu_s}
-    return ArmFit(names=names, **arrays, mode=np.zeros((n, 2), dtype=np.int8), **judged)
-
-
-def _names(extra: Extra | None) -> tuple[str, ...]:
-    return NAMES + (() if extra is None else extra.names)
+    k = 0 if extra is None else len(extra.names)
+    states, forces = np.full((data.steps + 1, 5), np.nan), np.full((data.steps, 2), np.nan)
+    return ArmFit(
+        names=NAMES + (() if extra is None else extra.names),
+        theta=np.full(6, np.nan),
+        psi=np.full(k, np.nan),
+        covariance=np.full((6 + k, 6 + k), np.nan),
+        q=states,
+        v=states,
+        c_n=forces,
+        c_t=forces,
+        c_n_std=forces,
+        c_t_std=forces,
+        mode=np.zeros(forces.shape, dtype=np.int8),
+        sigma=data.sigma,
+        chi2=np.inf,
+        accepted=False,
+        attempts=attempts,
+        cpu_s=cpu_s,
+    )

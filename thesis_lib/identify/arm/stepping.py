@@ -69,8 +69,13 @@ def simulate_copies(
     f_ext = np.asarray(f_ext, dtype=float)
     f_ext = np.array(np.broadcast_to(f_ext, (len(theta), *f_ext.shape[-2:])), order="C")  # as numba compiled for
     n, m = f_ext.shape[:2]
-    states, forces = (np.full((2, n, m + 1, 5), np.nan), np.zeros((2, n, m, 2)))
-    out = Copies(*states, *forces, np.zeros((n, m, 2), dtype=np.int8))
+    out = Copies(
+        q=np.full((n, m + 1, 5), np.nan),
+        v=np.full((n, m + 1, 5), np.nan),
+        c_n=np.zeros((n, m, 2)),
+        c_t=np.zeros((n, m, 2)),
+        mode=np.zeros((n, m, 2), dtype=np.int8),
+    )
     out.q[:, 0], out.v[:, 0] = q0, v0
     numbers = (*arm.link_lengths, *arm.base, arm.disk_radius, arm.g, h, mu, epsilon)
     constants = tuple(map(float, (*numbers, TOUCH, V_REBOUND, V_RECOVER, MIN_DISTANCE)))

@@ -96,10 +96,17 @@ def excitation_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
     rows = []
     for name, (record, window) in excitation_cases(settings).items():
         result = identifiability(window)
-        missing = "; ".join(linear_combination(c, window.names) for c in result.null_space.T)
-        sliding = _sliding_rank(record, window, settings)
-        rows.append((name, *result.singular_values[:2], result.rank, sliding, missing))
-    return pd.DataFrame(rows, columns=["case", "sigma_1", "sigma_2", "rank", "eq_2_18_rank", "not_identified"])
+        rows.append(
+            {
+                "case": name,
+                "sigma_1": result.singular_values[0],
+                "sigma_2": result.singular_values[1],
+                "rank": result.rank,
+                "eq_2_18_rank": _sliding_rank(record, window, settings),
+                "not_identified": "; ".join(linear_combination(c, window.names) for c in result.null_space.T),
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def _sliding_rank(record: SimulatedMotion, window: ContactWindow, settings: Chapter2Bodies) -> int:
@@ -108,9 +115,16 @@ def _sliding_rank(record: SimulatedMotion, window: ContactWindow, settings: Chap
     slides = window.touching[:, 0] & (window.v_t[:, 0] != 0.0) & (record.c_n[:, 0] > 0.0)
     if not slides.any():
         return -1
-    before, after = record.v[:-1][slides], record.v[1:][slides]
-    forces = record.f_ext[slides], record.J_n[slides, 0], record.J_t[slides, 0]
-    Y, _ = sliding_regressor(before, after, *forces, h=record.h, mu=window.mu, gravity=settings.gravity)
+    Y, _ = sliding_regressor(
+        record.v[:-1][slides],
+        record.v[1:][slides],
+        record.f_ext[slides],
+        record.J_n[slides, 0],
+        record.J_t[slides, 0],
+        h=record.h,
+        mu=window.mu,
+        gravity=settings.gravity,
+    )
     columns = Y.reshape(-1, 4)
     size = np.linalg.norm(columns, axis=0)
     values = np.linalg.svd(columns[:, size > RANK_TOLERANCE] / size[size > RANK_TOLERANCE], compute_uv=False)

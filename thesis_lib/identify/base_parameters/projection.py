@@ -101,6 +101,12 @@ def project_motion(motion: NoisyMotion) -> ProjectedRecord:
     body = motion.body
     noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)
     inertias = np.diag(body.mass_matrix(motion.record.q[0]))
-    zero = dict(zip(("gap_tolerance", "v_tolerance"), contact_tolerances(body, motion.observed.sigma)))
-    a_free = np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1))
-    return project_to_contact(noisy, body, a_free=a_free, metric=inertias / body.mass, **zero)
+    gap, slip = contact_tolerances(body, motion.observed.sigma)
+    return project_to_contact(
+        noisy,
+        body,
+        a_free=np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1)),
+        gap_tolerance=gap,
+        v_tolerance=slip,
+        metric=inertias / body.mass,
+    )

@@ -19,7 +19,6 @@ doi 10.1002/(SICI)1097-0207(19960815)39:15<2673::AID-NME972>3.0.CO;2-I.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -180,11 +179,18 @@ def window_of(
     """
     v_t = np.einsum("kpv,kv->kp", record.J_t, record.v[1:])
     gap = expected_gap(record.phi, record.J_n, record.v[:-1], a_free, record.h, gap_tolerance)
-    gap = gap if closed is None else np.where(closed, 0.0, gap)
-    v_t = np.where(np.abs(v_t) <= v_tolerance, 0.0, v_t)
-    least = np.full(Y.shape[2], -np.inf) if theta_min is None else np.asarray(theta_min, dtype=float)
-    f, J_n, J_t = np.asarray(record.f_ext, dtype=float), record.J_n, record.J_t
-    return ContactWindow(record.h, Y, f, gap, J_n, J_t, v_t, float(mu), tuple(names), least)
+    return ContactWindow(
+        h=record.h,
+        Y=Y,
+        f=np.asarray(record.f_ext, dtype=float),
+        gap=gap if closed is None else np.where(closed, 0.0, gap),
+        J_n=record.J_n,
+        J_t=record.J_t,
+        v_t=np.where(np.abs(v_t) <= v_tolerance, 0.0, v_t),
+        mu=float(mu),
+        names=tuple(names),
+        theta_min=np.full(Y.shape[2], -np.inf) if theta_min is None else np.asarray(theta_min, dtype=float),
+    )
 
 
 def free_body_window(
@@ -193,14 +199,15 @@ def free_body_window(
     *,
     gravity: tuple[float, float] = (0.0, -9.81),
     known: dict[str, float] | None = None,
-    **zero: Any,
+    closed: np.ndarray | None = None,
+    gap_tolerance: float = GAP_TOLERANCE,
+    v_tolerance: float = V_TOLERANCE,
 ) -> ContactWindow:
     """Window of one free body of unknown (m, I), whose origin is its centre of mass.
 
-    `zero`: what counts as zero, as in `window_of` (closed, gap_tolerance, v_tolerance).  `known` gives known
-    parameters, such as {"m": 1.0}; without one and without external force, forces and parameters have no common scale.
-    External forces do not enter the expected gap; within a step they change it by h² f/m, so widen `gap_tolerance`
-    where they are large.
+    `known` gives known parameters, such as {"m": 1.0}; without one and without external force, forces and parameters
+    have no common scale.  External forces do not enter the expected gap; within a step they change it by h² f/m, so
+    widen `gap_tolerance` where they are large.
 
     Raises:
         UserError: as `window_of` and `ContactWindow.fix`.
@@ -208,5 +215,15 @@ def free_body_window(
     a = np.diff(record.v, axis=0) / record.h
     Y = free_body_regressor(record.q[:-1], record.v[:-1], a, gravity)[:, :, [0, 3]]
     a_free = np.broadcast_to([gravity[0], gravity[1], 0.0], a.shape)
-    window = window_of(record, Y, a_free, mu, ("m", "I"), theta_min=np.zeros(2), **zero)
+    window = window_of(
+        record,
+        Y,
+        a_free,
+        mu,
+        ("m", "I"),
+        theta_min=np.zeros(2),
+        closed=closed,
+        gap_tolerance=gap_tolerance,
+        v_tolerance=v_tolerance,
+    )
     return window.fix(known) if known else window

@@ -154,9 +154,17 @@ def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> DropsWith
     from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
     from thesis_lib.simulate.drake.drops import DropsInDrake
 
-    recorded = {name: getattr(settings, name) for name in ("contact", "duration", "rate", "noise")}
-    place = settings.body, settings.release, settings.drops
-    return simulate_compliant_drops(*place, engine=DropsInDrake(), **recorded, rng=rng)
+    return simulate_compliant_drops(
+        settings.body,
+        settings.release,
+        settings.drops,
+        engine=DropsInDrake(),
+        contact=settings.contact,
+        duration=settings.duration,
+        rate=settings.rate,
+        noise=settings.noise,
+        rng=rng,
+    )
 
 
 def study_impact_forces(
@@ -187,10 +195,15 @@ def study_impact_forces(
             continue
         q, v = (np.array([truth[name] for name in names]) for names in (POSE, V_PRE))
         history = plate.contact(q, v, truth["t"])
-        common = {"true_c_t": history.impulse[0], "true_c_n": history.impulse[1]}
-        common |= {"sensor_c_n": history.reading.sum() / settings.sensor_rate, "peak_true": history.force[:, 1].max()}
-        common |= {"peak_sensor": history.reading.max(), "declared_duration": settings.declared_duration}
-        common |= {"true_duration": history.t[-1]}
+        common = {
+            "true_c_t": history.impulse[0],
+            "true_c_n": history.impulse[1],
+            "sensor_c_n": history.reading.sum() / settings.sensor_rate,
+            "peak_true": history.force[:, 1].max(),
+            "peak_sensor": history.reading.max(),
+            "declared_duration": settings.declared_duration,
+            "true_duration": history.t[-1],
+        }
         for method, impulses in estimates.items():
             std = np.sqrt(np.diag(impulses.cov[i]))
             c = {"c_t": impulses.c[i, 0], "c_n": impulses.c[i, 1], "c_t_std": std[0], "c_n_std": std[1]}
@@ -223,10 +236,17 @@ def force_summary(rows: pd.DataFrame) -> pd.DataFrame:
             ("peak", "peak_sensor", None),
         ):
             error = group[quantity] - group[reference]
-            unit = "N" if quantity == "peak" else "N s"
-            row = {"method": method, "quantity": quantity, "reference": reference, "unit": unit, "n": len(group)}
-            row |= {"mean": group[reference].mean(), "mean_error": error.mean()}
-            row |= {"mean_error_std": error.std() / np.sqrt(len(group)), "std": error.std()}
+            row = {
+                "method": method,
+                "quantity": quantity,
+                "reference": reference,
+                "unit": "N" if quantity == "peak" else "N s",
+                "n": len(group),
+                "mean": group[reference].mean(),
+                "mean_error": error.mean(),
+                "mean_error_std": error.std() / np.sqrt(len(group)),
+                "std": error.std(),
+            }
             if stated:
                 row["std_stated"] = float(np.sqrt(np.mean(group[stated] ** 2)))
                 for name, quantile in LEVELS.items():

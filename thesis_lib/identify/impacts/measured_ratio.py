@@ -294,11 +294,22 @@ def _row(
     chi2, dof = float(fit.u[inlier] @ fit.u[inlier]), int(inlier.sum()) - len(fit.p)
     sides = link.sides(fit.p)
     lower, upper = regressions(*sides, fit.weight / fit.sigma**2)
-    row: dict[str, object] = {"dataset": name, "variant": "+".join(variant) or AS_PUBLISHED, "ratio": fit.p[0]}
-    row |= {"std": spread[:, 0].std(ddof=1), "low": low, "high": high, "published": 1.0 / rig.k_g**2}
-    row |= {"lower": lower, "upper": upper, "n": len(impacts), "n_left_out": left_out}
-    row |= {"n_outliers": int((~inlier).sum()), **spreads(*sides, link.trial, rng)}
-    row |= {"status": "ok" if fit.converged else "not converged"}
+    row: dict[str, object] = {
+        "dataset": name,
+        "variant": "+".join(variant) or AS_PUBLISHED,
+        "ratio": fit.p[0],
+        "std": spread[:, 0].std(ddof=1),
+        "low": low,
+        "high": high,
+        "published": 1.0 / rig.k_g**2,
+        "lower": lower,
+        "upper": upper,
+        "n": len(impacts),
+        "n_left_out": left_out,
+        "n_outliers": int((~inlier).sum()),
+        **spreads(*sides, link.trial, rng),
+        "status": "ok" if fit.converged else "not converged",
+    }
     if not link.has_cov:  # noise is known up to a factor, and (1) cannot be tested
         row["velocity_noise"] = fit.scale
     else:

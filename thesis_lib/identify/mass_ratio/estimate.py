@@ -146,10 +146,18 @@ def _estimate(best: FittedHypotheses, noise: np.ndarray, sigma: np.ndarray, n: i
     else:
         status = EstimateStatus.OK
     lawful = best.modes is not None
-    told = {"value": value, "std": std} if best.any else {"value": np.nan, "std": np.nan}
-    told |= {"chi2": float(f.misfit[row]), "dof": best.dof, "p_value": best.p_value}
-    told |= {"epsilon": float(f.eta[row, 1]) if lawful else np.nan}
-    told |= {"mu": float(f.eta[row, 2]) if lawful and (best.modes[row] != STICK).any() else np.nan}
-    impacts, vertices = (tuple(map(int, of[row])) for of in (best.statistics.steps, best.vertices))
-    hits = {"impacts": impacts, "vertices": vertices}
-    return Estimate(**told, **hits, status=status, sigma=sigma, law=lawful, hypotheses=best.tried)
+    return Estimate(
+        value=value if best.any else np.nan,
+        std=std if best.any else np.nan,
+        status=status,
+        chi2=float(f.misfit[row]),
+        dof=best.dof,
+        p_value=best.p_value,
+        impacts=tuple(int(k) for k in best.statistics.steps[row]),
+        vertices=tuple(int(i) for i in best.vertices[row]),
+        sigma=sigma,
+        law=lawful,
+        epsilon=float(f.eta[row, 1]) if lawful else np.nan,
+        mu=float(f.eta[row, 2]) if lawful and (best.modes[row] != STICK).any() else np.nan,
+        hypotheses=best.tried,
+    )

@@ -42,9 +42,15 @@ def treated_ratio(
         a_free = np.tile([*gravity, 0.0], (len(q) - 1, 1))
         states = project_to_contact(states, body, a_free=a_free, gap_tolerance=gap, v_tolerance=slip, metric=metric)
         closed, gap, slip = states.closed, 0.0, 0.0
-    zero = {"gap_tolerance": max(gap, GAP_TOLERANCE), "v_tolerance": max(slip, V_TOLERANCE), "closed": closed}
-    known = {"m": body.mass}
-    window = free_body_window(states, mu, gravity=(float(gravity[0]), float(gravity[1])), known=known, **zero)
+    window = free_body_window(
+        states,
+        mu,
+        gravity=(float(gravity[0]), float(gravity[1])),
+        known={"m": body.mass},
+        closed=closed,
+        gap_tolerance=max(gap, GAP_TOLERANCE),
+        v_tolerance=max(slip, V_TOLERANCE),
+    )
     inertia = float(solve_mode_qp(window, PROGRAMS[treatment]).theta[0])
     low, high = np.array(SEARCH) / reach**2
     return float(np.clip(body.mass / inertia if inertia > 0.0 else high, low, high))

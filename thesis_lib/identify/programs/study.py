@@ -179,11 +179,17 @@ def study(
     *counts, theta, force, cpu = np.array(runs, dtype=float).T
     names = ("n_solved", "n_success", "n_claims", "n_false_claims")
     measures = {"theta_error": theta, "force_error": force, "cpu_s": cpu}
-    strict = what.program in ("2.12", "2.13") and what.solver != "mode_qp"
-    row = {"program": what.program, "solver": what.solver, "products": what.products if strict else ""}
-    row |= {"mechanism": kind, "n_steps": len(windows[0].window), "n_windows": len(windows), "n_starts": len(runs)}
-    row |= {name: int(flags.sum()) for name, flags in zip(names, counts)}
-    return row | {f"{name}_{of.__name__}": float(of(x)) for name, x in measures.items() for of in (np.median, np.max)}
+    return {
+        "program": what.program,
+        "solver": what.solver,
+        "products": what.products if what.program in ("2.12", "2.13") and what.solver != "mode_qp" else "",
+        "mechanism": kind,
+        "n_steps": len(windows[0].window),
+        "n_windows": len(windows),
+        "n_starts": len(runs),
+        **{name: int(flags.sum()) for name, flags in zip(names, counts)},
+        **{f"{name}_{of.__name__}": float(of(x)) for name, x in measures.items() for of in (np.median, np.max)},
+    }
 
 
 def _answers(what: ProgramRun, window: ContactWindow, starts: int, rng: np.random.Generator) -> Iterator[ProgramResult]:

@@ -130,9 +130,14 @@ def plain_forces(
         return solve_mode_qp(free_body_window(states, mu, gravity=gravity, known={"m": wheel.mass}), program)
     # gap y + r_y and velocity v_x - r_y ω of a tip within half a spoke's angle of the foot point
     reach = wheel.length * np.sin(np.pi / wheel.spokes)
-    zero = {"gap_tolerance": TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2]))}
-    zero |= {"v_tolerance": TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2]))}
-    window = free_body_window(states, mu, gravity=gravity, known={"m": wheel.mass}, **zero)
+    window = free_body_window(
+        states,
+        mu,
+        gravity=gravity,
+        known={"m": wheel.mass},
+        gap_tolerance=TOLERANCE * float(np.hypot(sigma[0, 1], reach * sigma[0, 2])),
+        v_tolerance=TOLERANCE * float(np.hypot(sigma[1, 0], wheel.length * sigma[1, 2])),
+    )
     # effect of noise on the dynamics: differences of v over h, with m l² as the largest possible inertia
     force = np.sqrt(2.0) * wheel.mass / h * sigma[1] * [1.0, 1.0, wheel.length**2]
     noise = TOLERANCE * float(np.linalg.norm(force)) / window.force_scale
@@ -170,9 +175,17 @@ def fit_wheel(wheel: RimlessWheel, h: float, q: np.ndarray, v: np.ndarray, mu: f
         status = WheelStatus.OK if _believed(chi2_n, p_white, n) else WheelStatus.MISFIT
     record = fit.motion(best.x, n - 1)
     inertia = wheel.mass * wheel.length**2 * float(np.exp(best.x[3]))
-    inertia_std = inertia * float(np.sqrt(covariance[3, 3]))
-    deviations = fit.deviations(best.x, covariance, record)
-    return WheelFit(record, inertia, inertia_std, sigma, covariance, deviations, chi2_n, p_white, status)
+    return WheelFit(
+        record=record,
+        inertia=inertia,
+        inertia_std=inertia * float(np.sqrt(covariance[3, 3])),
+        sigma=sigma,
+        covariance=covariance,
+        deviations=fit.deviations(best.x, covariance, record),
+        chi2_n=chi2_n,
+        p_white=p_white,
+        status=status,
+    )
 
 
 def _stages(fit: "_Fit", starts: list[np.ndarray], sigma: np.ndarray, stage: int) -> tuple[object, float, float]:

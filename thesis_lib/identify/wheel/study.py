@@ -83,11 +83,15 @@ def identify(
     exact = plain_forces(made, h, truth.q, truth.v, mu)
     plain = plain_forces(made, h, noisy.q, noisy.v, mu, noisy.sigma)
     fit = fit_wheel(made, h, noisy.q, noisy.v, mu, epsilon)
-    found = {"noise_free": (exact, exact.theta[0]), "plain": (plain, plain.theta[0]), "fit": (fit.record, fit.inertia)}
-    c_n, c_t = ({name: getattr(of, part) for name, (of, _) in found.items()} for part in ("c_n", "c_t"))
-    status = {"noise_free": str(exact.status), "plain": str(plain.status), "fit": str(fit.status)}
-    inertia = {name: value for name, (_, value) in found.items()}
-    return WheelForces(truth, touched_pairs(truth.c_n), c_n, c_t, status, inertia, fit)
+    return WheelForces(
+        truth=truth,
+        pairs=touched_pairs(truth.c_n),
+        c_n={"noise_free": exact.c_n, "plain": plain.c_n, "fit": fit.record.c_n},
+        c_t={"noise_free": exact.c_t, "plain": plain.c_t, "fit": fit.record.c_t},
+        status={"noise_free": str(exact.status), "plain": str(plain.status), "fit": str(fit.status)},
+        inertia={"noise_free": exact.theta[0], "plain": plain.theta[0], "fit": fit.inertia},
+        fit=fit,
+    )
 
 
 def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float]:
@@ -137,13 +141,22 @@ def wheel_force_study(
             covered = np.abs(fit.record.c_n - truth.c_n)[used, pair] <= 2.0 * fit.std_n[used, pair]
             for method in METHODS:
                 fitted = method == "fit"
-                snr = np.inf if method == "noise_free" else settings.snr
-                row = {"record": i, "pair": made.pairs[pair], "order": order, "method": method, "snr": snr}
-                row |= {"contact_steps": int(used.sum()), **force_errors(forces, method, pair)}
-                row |= {"within_2_std": float(covered.mean()) if fitted else np.nan}
-                row |= {"inertia_error": forces.inertia[method] / made.inertia - 1.0}
-                row |= {name: getattr(fit, name) if fitted else np.nan for name in ("chi2_n", "p_white")}
-                rows.append(row | {"status": forces.status[method]})
+                rows.append(
+                    {
+                        "record": i,
+                        "pair": made.pairs[pair],
+                        "order": order,
+                        "method": method,
+                        "snr": np.inf if method == "noise_free" else settings.snr,
+                        "contact_steps": int(used.sum()),
+                        **force_errors(forces, method, pair),
+                        "within_2_std": float(covered.mean()) if fitted else np.nan,
+                        "inertia_error": forces.inertia[method] / made.inertia - 1.0,
+                        "chi2_n": fit.chi2_n if fitted else np.nan,
+                        "p_white": fit.p_white if fitted else np.nan,
+                        "status": forces.status[method],
+                    }
+                )
     return pd.DataFrame(rows)
 
 

@@ -229,9 +229,14 @@ def with_new_abstraction(learner: Hma, samples: PushSamples, rng: np.random.Gene
     )
     extended.shares = np.append(learner.shares * (1 - share), share)
     extended.first = np.append(learner.first * (1 - share), share)
-    means, covariances = np.vstack([old.means, scaled.mean(axis=0)]), np.concatenate([old.covariances, cov[None]])
-    more = {"weights": weights, "means": means, "covariances": covariances, "topics": topics}
-    extended.mixture = replace(old, **more, shares=extended.shares)
+    extended.mixture = replace(
+        old,
+        weights=weights,
+        means=np.vstack([old.means, scaled.mean(axis=0)]),
+        covariances=np.concatenate([old.covariances, cov[None]]),
+        topics=topics,
+        shares=extended.shares,
+    )
     look = describe(features, np.ones((len(features), 1)), config.window.force_scale)
     extended.look = {name: np.append(value, look[name]) for name, value in learner.look.items()}
     extended.names = [*learner.names, f"new: {names_of(look)[0]}"]

@@ -110,8 +110,14 @@ class Sampler:
         shift = drawn["e"].mean(axis=(0, 1))
         mean[:, SEEN] += shift.reshape(shape) * sigma
         std[:, SEEN] = np.sqrt(drawn["square"].mean(axis=(0, 1)) - shift**2).reshape(shape) * sigma
-        r_hat, ess = float(np.max(split_gelman_rubin(all_of))), float(np.min(effective_sample_size(all_of)))
-        return Posterior(belief.mean(axis=(0, 1)), mean, std, r_hat, ess, int(np.asarray(diverging).sum()))
+        return Posterior(
+            belief=belief.mean(axis=(0, 1)),
+            state_mean=mean,
+            state_std=std,
+            r_hat=float(np.max(split_gelman_rubin(all_of))),
+            ess=float(np.min(effective_sample_size(all_of))),
+            divergences=int(np.asarray(diverging).sum()),
+        )
 
     def _log_joint(self, e: Any, weights: list, push: tuple) -> Any:
         """log p(z, s | k) up to a constant, e (size,)."""

@@ -40,9 +40,17 @@ def few_page(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> s
         "What a verdict needs": ("next", paragraph(d["next_experiment"]["why"]), left_out_table(d)),
     }
     value = "unknown" if of["std"] is None else with_error(of["value"], of["std"])
-    impacts = ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials")
-    numbers = [impacts, ("restitution", value if of["std"] is not None else number(of["value"]), "one standard error")]
-    return critique_page(d, contents, "effect", word="No verdict: too few impacts", kind="none", key_numbers=numbers)
+    return critique_page(
+        d,
+        contents,
+        "effect",
+        word="No verdict: too few impacts",
+        kind="none",
+        key_numbers=[
+            ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials"),
+            ("restitution", value if of["std"] is not None else number(of["value"]), "one standard error"),
+        ],
+    )
 
 
 def _each(few: FewImpacts) -> Markup:

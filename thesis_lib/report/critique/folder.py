@@ -86,7 +86,14 @@ def critique_page(
         script: JavaScript, run when the page has loaded.
     """
     sections = [(name, title, [part for part in parts if part]) for title, (name, *parts) in contents.items()]
-    said = {"verdict": kind or d["verdict"], "word": word or WORDS[d["verdict"]].format(lacking)}
-    said |= {"sentences": d.get("summary", []), "about": about, "key_numbers": key_numbers}
-    shown = [section for section in sections if section[2]]
-    return page(TEMPLATE, f"Critique of {d['dataset']}", script=script, sections=shown, **said)
+    return page(
+        TEMPLATE,
+        f"Critique of {d['dataset']}",
+        script=script,
+        verdict=kind or d["verdict"],
+        word=word or WORDS[d["verdict"]].format(lacking),
+        sentences=d.get("summary", []),
+        about=about,
+        key_numbers=key_numbers,
+        sections=[section for section in sections if section[2]],
+    )

@@ -69,11 +69,16 @@ def explorer(critique: DropsCritique, where: Mapping) -> Markup:
         f"trial {impact['trial']}, impact {impact['impact']}, error {number(impact['errors'][0])} m/s"
         for impact in numbers["impacts"]
     ]
-    # it holds no text of strangers
-    data = Markup(json.dumps(numbers, separators=(",", ":"), allow_nan=False))
-    said = {"finding": finding, "caption": f"{finding} {_reading(len(shown), len(o))}"}
-    shown_map, axes = _map(x, y, errors["base"][shown], labels), [plain(axis_label(name)) for name in over]
-    return render(TEMPLATE, keys=KEYS, map=shown_map, axes=axes, numbers=data, **said)
+    return render(
+        TEMPLATE,
+        keys=KEYS,
+        map=_map(x, y, errors["base"][shown], labels),
+        axes=[plain(axis_label(name)) for name in over],
+        finding=finding,
+        caption=f"{finding} {_reading(len(shown), len(o))}",
+        # it holds no text of strangers
+        numbers=Markup(json.dumps(numbers, separators=(",", ":"), allow_nan=False)),
+    )
 
 
 def drawn_impacts(error: np.ndarray, known: np.ndarray) -> np.ndarray:

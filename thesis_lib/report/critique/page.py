@@ -91,9 +91,16 @@ def report_html(
         word = "✓ adequate: the effects that you switched on are not needed"
     elif d["verdict"] == "unexplained" and not d["remaining"]["structured"]:
         word = "? unexplained: what would explain it contradicts what is known of the body"
-    ends = {"about": _description(critique), "key_numbers": _key_numbers(d, ladder)}
-    script = impacts.SCRIPT.read_text(encoding="utf-8")
-    return critique_page(d, contents, "effect", word=word, kind="fault" if fault else "", script=script, **ends)
+    return critique_page(
+        d,
+        contents,
+        "effect",
+        word=word,
+        kind="fault" if fault else "",
+        about=_description(critique),
+        key_numbers=_key_numbers(d, ladder),
+        script=impacts.SCRIPT.read_text(encoding="utf-8"),
+    )
 
 
 def _models(made: Mapping[str, pd.DataFrame]) -> tuple[Markup, ...]:

@@ -80,14 +80,25 @@ def critique_model(saved: SavedModel, side: float) -> DiceModel:
         )
     p = saved.values
     rho = p.get("rounded_corners.rho", 0.0)
-    own = [(effect, {q.name: p[f"{effect.name}.{q.name}"] for q in effect.parameters}) for effect in of_contact]
-    k_g = saved.rig.radius_of_gyration * float(np.sqrt(1.0 + p.get("wrong_inertia.d_I", 0.0)))
-    body = {"half": side / 2 - rho, "rho": rho, "k_g": k_g, "height": saved.rig.height + p.get("surface_height.h", 0.0)}
-    seen = {"d_theta": "angle_offset.d_theta", "c_x": "marker_offset.d_x", "c_y": "marker_offset.d_y"}
-    seen |= {"c_v": "linear_drag.c_v", "c_w": "linear_drag.c_w"}
-    contact = {"law": saved.law, "mu": p["mu"], "epsilon": p["epsilon"], "gravity": saved.rig.gravity}
-    named = {name: p.get(of, 0.0) for name, of in seen.items()}
-    return DiceModel(**body, **contact, **named, effects=tuple(own), rig=saved.believed)
+    return DiceModel(
+        half=side / 2 - rho,
+        rho=rho,
+        height=saved.rig.height + p.get("surface_height.h", 0.0),
+        k_g=saved.rig.radius_of_gyration * float(np.sqrt(1.0 + p.get("wrong_inertia.d_I", 0.0))),
+        law=saved.law,
+        mu=p["mu"],
+        epsilon=p["epsilon"],
+        gravity=saved.rig.gravity,
+        d_theta=p.get("angle_offset.d_theta", 0.0),
+        c_x=p.get("marker_offset.d_x", 0.0),
+        c_y=p.get("marker_offset.d_y", 0.0),
+        c_v=p.get("linear_drag.c_v", 0.0),
+        c_w=p.get("linear_drag.c_w", 0.0),
+        effects=tuple(
+            (effect, {q.name: p[f"{effect.name}.{q.name}"] for q in effect.parameters}) for effect in of_contact
+        ),
+        rig=saved.believed,
+    )
 
 
 def acts_on_contacts_alone(effect: Effect) -> bool:

@@ -157,12 +157,18 @@ def _one_part(
         learned_impact = isinstance(t.contact, LearnedImpact)
         pits.append(impact_pits(t, isolated) if learned_impact else contact_pits(t, held.contacts, settings))
         limits.append(noise_limit(t, held.releases, side, settings, stream("limit", t.name)).assign(model=t.name))
-    counts = {"throws": int(dataset.trials.size), "used": len(measured.releases.trial), **measured.releases.left_out}
-    counts |= {"train": len(train), "held_out": len(held.releases.trial), "contacts": len(measured.contacts)}
-    of_a_throw = np.unique(measured.contacts.trial, return_counts=True)[1]
-    counts |= {"contacts_of_a_throw": int(np.median(of_a_throw)), "contact_outliers": outliers}
-    counts |= {"training_impacts": len(training.impacts)}
-    counts |= {"training_single_hits": len(single_hits(law_model, training.impacts, settings))}
+    counts = {
+        "throws": int(dataset.trials.size),
+        "used": len(measured.releases.trial),
+        **measured.releases.left_out,
+        "train": len(train),
+        "held_out": len(held.releases.trial),
+        "contacts": len(measured.contacts),
+        "contacts_of_a_throw": int(np.median(np.unique(measured.contacts.trial, return_counts=True)[1])),
+        "contact_outliers": outliers,
+        "training_impacts": len(training.impacts),
+        "training_single_hits": len(single_hits(law_model, training.impacts, settings)),
+    }
     rows = [throw_rows(outcome, held.releases, side, stream("rows", name)) for name, outcome in outcomes.items()]
     tables = {
         "throws": pd.concat(rows, ignore_index=True),

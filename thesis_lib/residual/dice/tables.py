@@ -90,15 +90,25 @@ def throw_rows(outcome: HeldOutThrows, releases: ThrowReleases, side: float, rng
     x = releases.end[:, 0]
     beliefs = [RestBelief(a / side, b, len(model.body.faces)) for a, b in zip(outcome.x, outcome.face)]
     scores = [belief.log_likelihood(end / side, f) for belief, end, f in zip(beliefs, x, face)]
-    certain, found = outcome.certain, {"trial": releases.trial, "model": outcome.thrower.name}
-    found |= {"error": (x - outcome.x.mean(1)) / side, "error_certain": (x - certain.q[:, 0]) / side}
-    found |= {"face_right": [int(b.most_likely_face == f) for b, f in zip(beliefs, face)]}
-    found |= {"face_right_certain": (certain.face == face).astype(int)}
-    found |= {"face_probability": [b.face_probability[f] for b, f in zip(beliefs, face)]}
-    found |= dict(zip(("log_score", "log_score_face"), zip(*scores)))
-    found |= {"crps": crps(x / side, outcome.x / side), "pit": pit_of_samples(x, outcome.x, rng)}
-    found |= {"spread_rest": outcome.x.std(1) / side, "spread_first": outcome.after_first}
-    return pd.DataFrame(found | {"contacts": certain.contacts, "settled": certain.settled.astype(int)})
+    return pd.DataFrame(
+        {
+            "trial": releases.trial,
+            "model": outcome.thrower.name,
+            "error": (x - outcome.x.mean(1)) / side,
+            "error_certain": (x - outcome.certain.q[:, 0]) / side,
+            "face_right": [int(b.most_likely_face == f) for b, f in zip(beliefs, face)],
+            "face_right_certain": (outcome.certain.face == face).astype(int),
+            "face_probability": [b.face_probability[f] for b, f in zip(beliefs, face)],
+            "log_score": [s[0] for s in scores],
+            "log_score_face": [s[1] for s in scores],
+            "crps": crps(x / side, outcome.x / side),
+            "pit": pit_of_samples(x, outcome.x, rng),
+            "spread_rest": outcome.x.std(1) / side,
+            "spread_first": outcome.after_first,
+            "contacts": outcome.certain.contacts,
+            "settled": outcome.certain.settled.astype(int),
+        }
+    )
 
 
 def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
@@ -118,13 +128,20 @@ def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.r
             rows.append((model, name, float(statistic(values)), *interval))
 
     for model, part in throws.groupby("model", sort=False):
-        of = {name: part[name].to_numpy(float) for name in part if name not in ("trial", "model")}
-        error, certain = of["error"], of["error_certain"]
-        quantities = {"mean": (error, np.mean), "std": (error, np.std), "median_abs": (np.abs(error), np.median)}
-        quantities |= {"face_right": (of["face_right"], np.mean)}
-        quantities |= {"mean_certain": (certain, np.mean), "std_certain": (certain, np.std)}
-        quantities |= {name: (of[name], np.mean) for name in ("face_right_certain", "log_score", "crps")}
-        add(model, quantities | {"wide_over_narrow": (of["spread_rest"], _wide_over_narrow)})
+        error, certain = part["error"].to_numpy(), part["error_certain"].to_numpy()
+        quantities = {
+            "mean": (error, np.mean),
+            "std": (error, np.std),
+            "median_abs": (np.abs(error), np.median),
+            "face_right": (part["face_right"].to_numpy(float), np.mean),
+            "mean_certain": (certain, np.mean),
+            "std_certain": (certain, np.std),
+            "face_right_certain": (part["face_right_certain"].to_numpy(float), np.mean),
+            "log_score": (part["log_score"].to_numpy(), np.mean),
+            "crps": (part["crps"].to_numpy(), np.mean),
+            "wide_over_narrow": (part["spread_rest"].to_numpy(), _wide_over_narrow),
+        }
+        add(model, quantities)
     for model, part in limit.groupby("model", sort=False):
         still, kept = part["spread"].to_numpy(), part["face_kept"].to_numpy()
         add(model, {"limit_std": (still, np.median), "limit_face": (kept, np.mean)})

@@ -233,14 +233,18 @@ def _prediction(
 
 def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[str, ImpactLearner]:
     """All learned contact models of chapter 4 by name; `law` is the base of class 2."""
-    gp, base = settings or GaussianProcessSettings(), LawBase(law)
-    of_data = {"rigid_x1": ("X1", False), "rigid_x2": ("X2", False), "rigid_x2_polar": ("X2_polar", False)}
-    of_data |= {"wrench_x1": ("X1", True), "wrench_x1_omega": ("X1_omega", True)}
-    of_law = {"residual_rigid": ("X1", False, base, True), "residual_wrench": ("X1", True, base, True)}
-    feasible = {"feasible_rigid": ("X1", False), "feasible_wrench": ("X1_omega", True)}
+    gp = settings or GaussianProcessSettings()
+    base = LawBase(law)
     return {
-        **{name: ImpulseLearner(*of, settings=gp) for name, of in (of_data | of_law).items()},
+        "rigid_x1": ImpulseLearner("X1", False, settings=gp),
+        "rigid_x2": ImpulseLearner("X2", False, settings=gp),
+        "rigid_x2_polar": ImpulseLearner("X2_polar", False, settings=gp),
+        "wrench_x1": ImpulseLearner("X1", True, settings=gp),
+        "wrench_x1_omega": ImpulseLearner("X1_omega", True, settings=gp),
+        "residual_rigid": ImpulseLearner("X1", False, base, True, settings=gp),
+        "residual_wrench": ImpulseLearner("X1", True, base, True, settings=gp),
         "law_parameters": ParameterLearner(law, settings=gp),
-        **{name: FeasibleLearner(*of, settings=gp) for name, of in feasible.items()},
+        "feasible_rigid": FeasibleLearner("X1", False, settings=gp),
+        "feasible_wrench": FeasibleLearner("X1_omega", True, settings=gp),
         "rigid_full": ImpulseLearner("full", False, settings=gp),
     }
