@@ -25,6 +25,7 @@ STATES.csv holds one impact a row, when the body first touches, as measured:
 and comes back with vx_post, vy_post, omega_post and status (ok, not_approaching, no_solution). They hold where the
 contact ends: in a model with a contact time (tau) about a millisecond later, by which the body has turned and sunk in.
 Between walls (`surfaces` of dataset.yaml) a body hits the nearest one towards which it moves.
+In space the columns are those of impacts.csv of schema 2: x,y,z,qw,qx,qy,qz,vx_pre,…,wz_pre, of the tracked frame.
 """
 PREDICT_EXAMPLES = """\
 examples:
@@ -73,7 +74,7 @@ def predict(argv: Sequence[str] | None = None) -> int:
         if args.out:
             content["written"] = args.out
         else:  # null if there is no solution
-            after = table[["vx_post", "vy_post", "omega_post", "status"]]
+            after = table[[*model.found, "status"]]
             content["predictions"] = json.loads(after.to_json(orient="records", double_precision=9))
         print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
     elif not args.out:

@@ -1,5 +1,7 @@
 """Impacts in space as impacts.csv states them: the body's states and their covariance, reasons, and a verdict."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from tosses import simulate_tosses
 
 from tests.datasets.folders_in_space import write_mesh
+from thesis_lib.__main__ import main
 from thesis_lib.contact import LAWS
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.model import Model
@@ -14,6 +17,7 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
 from thesis_lib.critique.results.load_model import load_model
+from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
 from thesis_lib.datasets.format.space_header import SpaceHeader
@@ -152,3 +156,38 @@ def test_impacts_alone_are_criticised(tmp_path):
         assert abs(said["value"] - value) < 4.0 * said["std"] + 1e-3
     found.save(tmp_path / "out")
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def model_with(effect: str = "", epsilon: float = 0.5, **parameters: float) -> SavedSpaceModel:
+    """Newton's restitution with friction, and one effect."""
+    rig = {name: value for name, value in content().items() if name != "noise"}
+    values = {"mu": 0.25, "epsilon": epsilon} | {f"{effect}.{name}": value for name, value in parameters.items()}
+    named = {name: {"value": value, "unit": "1"} for name, value in values.items()}
+    law = {"law": "anitescu_potra_newton", "effects": [effect] * bool(effect), "parameters": named}
+    return SavedSpaceModel.model_validate({"schema": 1, "dimensions": 3, "rig": rig} | law)
+
+
+def test_a_model_of_later_hits_predicts_them_by_their_tosses():
+    table = hits(content(), 6)
+    given = table.drop(columns=list(V_POST_IN_SPACE))
+    found = model_with("later_restitution", d=-0.4).predict(given)
+    first = table["impact"] == 0
+    for rows, epsilon in (
+        (first, 0.5),
+        (~first & (table.groupby("trial")["t"].transform("min") + 0.03 < table["t"]), 0.3),
+    ):
+        expected = model_with(epsilon=epsilon).predict(given[rows])
+        assert len(expected) > 3
+        pd.testing.assert_frame_equal(found[rows], expected)
+    with pytest.raises(UserError, match="add the column t to the states, and to each trial its first hit"):
+        model_with("later_friction", d=0.3).predict(given.drop(columns="t"))
+    with pytest.raises(UserError, match="rotation_scale, which depends on all frames of a toss before the hit"):
+        model_with("rotation_scale", s_R=0.02).predict(given)
+
+
+def test_the_command_predicts_as_json_in_space(tmp_path, capsys):
+    model_with().save(tmp_path / "model.json")
+    hits(content(), 3).to_csv(tmp_path / "states.csv", index=False)
+    assert main(["predict", str(tmp_path / "model.json"), str(tmp_path / "states.csv"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["predictions"][0]) == {*V_POST_IN_SPACE, "status"}

@@ -20,6 +20,7 @@ import numpy as np
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.statistics.wording import number, percent
 
 ON_EARTH = (9.78, 9.83)  # m/s², from the equator to the poles at sea level (WGS 84: 9.7803 to 9.8322)
@@ -29,7 +30,7 @@ AGREE = 3.0  # standard errors within which inertia goes with the square of the 
 DERIVED = 1e-6  # relative: `datasets init` writes at least six digits
 
 
-def could_be(name: str, effects: Sequence[Mapping], header: Header | None) -> dict | None:
+def could_be(name: str, effects: Sequence[Mapping], header: Header | SpaceHeader | None) -> dict | None:
     """What else the effect `name` may mean, for diagnosis.json; None if nothing is known of it.
 
     `effects` are those of diagnosis.json: name, parameters.
@@ -39,22 +40,22 @@ def could_be(name: str, effects: Sequence[Mapping], header: Header | None) -> di
     if header is None or any(p["std"] is None for p in parameters[name].values()):
         return None
     if name == "wrong_gravity":
-        return _clock_and_scale(parameters[name]["dg"], header)
-    return _size(parameters, header.body) if name == "wrong_size" else None
+        return _clock_and_scale(parameters[name]["dg"], float(np.linalg.norm(header.gravity)), header.rate)
+    return _size(parameters, header.body) if name == "wrong_size" and isinstance(header, Header) else None
 
 
-def _clock_and_scale(dg: Mapping, header: Header) -> dict | None:
+def _clock_and_scale(dg: Mapping, gravity: float, believed: float | None) -> dict | None:
     low, high = ON_EARTH
-    fitted = header.gravity + dg["value"]
-    if not BELIEVED[0] <= header.gravity <= BELIEVED[1] or fitted <= 0.0:
+    fitted = gravity + dg["value"]
+    if not BELIEVED[0] <= gravity <= BELIEVED[1] or fitted <= 0.0:
         return None
     if low - SEEN * dg["std"] <= fitted <= high + SEEN * dg["std"]:
         return None
-    there = float(np.clip(header.gravity, low, high))
+    there = float(np.clip(gravity, low, high))
     clock = float(np.sqrt(there / fitted))  # counted seconds to a true one
-    rate = None if header.rate is None else header.rate * clock
+    rate = None if believed is None else believed * clock
     causes = ["clock", "scale", *["buoyancy"] * (fitted < there)]
-    found = {"gravity": fitted, "clock": clock - 1.0, "rate": rate, "believed_rate": header.rate}
+    found = {"gravity": fitted, "clock": clock - 1.0, "rate": rate, "believed_rate": believed}
     return {"causes": causes} | found | {"scale": fitted / there - 1.0}
 
 

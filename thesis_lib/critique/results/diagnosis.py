@@ -109,7 +109,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
     if not critique.space.is_plane:
         content["dimensions"] = critique.space.dimension
         content["error"]["by_contact"] = by_contact(critique)
-    header = critique.source.header if critique.source is not None and critique.space.is_plane else None
+    header = None if critique.source is None else critique.source.header
     for effect in content["effects"]:
         effect["could_be"] = could_be(effect["name"], content["effects"], header)
     if (low_pass := found.low_pass) is not None:

@@ -11,9 +11,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from thesis_lib.bodies.mesh import Mesh
+from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import rig_of
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, content_of
@@ -21,11 +23,15 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_of_body, tracked_states
 from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig
+from thesis_lib.effects.whole_tosses import WholeTosses
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import atomic
 from thesis_lib.mechanics.space import SPACE, Space
 from thesis_lib.mechanics.state import State
 
+OF_LATER_HITS = ("later_friction", "later_restitution")
 NOT_OF_THE_RIG = {"description", "noise", "rate", "spin", "surfaces"}  # keys of dataset.yaml
 
 
@@ -82,12 +88,43 @@ class SavedSpaceModel(SavedModel):
     def believed(self) -> Rig:
         return self.rig.believed
 
+    def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
+        """As in the plane; a model whose later hits differ needs `trial` and `t`: the first row of a trial is its first
+        hit.
+
+        Raises:
+            UserError: as in the plane; an effect depends on how the body has turned since the first frame.
+        """
+        prefix = f"{source}: " if source else ""
+        for name in self._of_history:
+            if name not in OF_LATER_HITS:
+                raise UserError(
+                    f"{prefix}This model has the effect {name}, which depends on all frames of a toss before the hit; "
+                    "single impacts do not say that, and model.json predicts no hit of it."
+                )
+            if missing := [column for column in ("trial", "t") if column not in pd.DataFrame(states)]:
+                raise UserError(
+                    f"{prefix}This model has the effect {name}: add the column {missing[0]} to the states, and to each "
+                    "trial its first hit, so that later ones are known as such."
+                )
+        return super().predict(states, source)
+
+    @property
+    def _of_history(self) -> list[str]:
+        return [name for name in self.effects if EFFECTS[name].needs_history]
+
     def measured(self, columns: Mapping[str, np.ndarray]) -> State:
         states = body_states(tracked_states(pd.DataFrame(columns), V_PRE_IN_SPACE), self.rig)
         return surface_frames(self.rig)[0].seen(states)
 
     def after(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        dynamics = self.dynamics
+        rig = self.believed
+        if self._of_history:
+            trial, index = np.unique(state.trial, return_inverse=True)
+            touched = np.full(len(trial), np.inf)
+            np.minimum.at(touched, index, state.t)
+            rig = replace(rig, recorded=WholeTosses(trial, 0.0 * touched, np.zeros((3, len(trial))), touched))
+        dynamics = bind(self.model, self.values, rig)
         true = dynamics.to_true(state)
         approaches = dynamics.approaches(true)
         after = dynamics.to_measured(dynamics.off(true)) if dynamics.integrated else dynamics.predict(state)
