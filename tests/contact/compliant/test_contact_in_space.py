@@ -195,3 +195,21 @@ def test_convex_contacts_are_those_of_mujoco(cone, impratio, d):
         off[of] = float(np.median(np.linalg.norm(fallen - expected.velocity, axis=0)))
     other = "elliptic" if cone == "pyramidal" else "pyramidal"
     assert off[cone] < 0.01 and off[other] > 0.1, off
+
+
+def test_a_body_that_slides_on_a_pyramid_loses_its_faster_component_first_as_in_mujoco():
+    mu, header = (
+        0.3,
+        SpaceHeader.model_validate({"schema": 2, "body": {"shape": BOX, "mass": 0.2, "homogeneous": True}}),
+    )
+    pose, motion = [[0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0]], [[0.4, -0.2, 0.0, 0.0, 0.0, 0.0]]
+    flat = State(np.array(pose).T, np.array(motion).T, np.zeros(1), np.zeros(1), None, SPACE)
+    # both components are equal after 0.2 m/s / μ g = 68 ms
+    times, force = np.array([[0.02, 0.05, 0.08, 0.11]]), BASES["pyramid_contact"].force
+    moved = MujocoTosses("pyramidal").moves(TossedWorld(header, mu, 0.5, 2e-3), flat, times)
+    v = moved.velocity[:2]
+    for first, last in ((0, 1), (2, 3)):
+        lost = mu * 9.81 * (times[0, last] - times[0, first])
+        middle = 0.5 * (v[:, [first]] + v[:, [last]])
+        expected = -lost * force.along(middle, np.array([lost]))[:, 0]
+        np.testing.assert_allclose(v[:, last] - v[:, first], expected, atol=0.05 * lost)

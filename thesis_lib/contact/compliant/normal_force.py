@@ -115,6 +115,11 @@ class NormalForce:
         power = 1.0 / (self.exponent + 1.0)
         return float(self._depth * np.sqrt(np.pi) * gamma(1.0 + power) / gamma(0.5 + power))
 
+    def along(self, slip: np.ndarray, lost: np.ndarray) -> np.ndarray:
+        """Direction and share of its limit (2, n) of the friction against slips (2, n) in m/s that are watched while
+        they lose `lost` (n,) in m/s."""
+        return slip / np.maximum(np.hypot(*slip), 1e-9)
+
     # --- of impacts ---
 
     def length(self, tau: np.ndarray, loss: np.ndarray) -> np.ndarray:
@@ -219,3 +224,9 @@ class PyramidDamper(ConvexDamper):
     """A linear damper with friction on a pyramid, whose edges lie along t_1 and t_2 of the surface."""
 
     kind: ClassVar[int] = PYRAMID
+
+    def along(self, slip, lost):
+        # all friction is on the edge of the larger component until both are equal, and then shared
+        size = np.abs(slip)
+        share = 0.5 + np.clip((size[0] - size[1]) / np.maximum(lost, 1e-9), -0.5, 0.5)
+        return np.sign(slip) * np.stack([share, 1.0 - share])

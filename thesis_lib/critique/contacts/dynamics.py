@@ -26,6 +26,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legint, legval, legvander
 
+from thesis_lib.contact.compliant.normal_force import NormalForce
 from thesis_lib.critique.contacts.contact_time import TURNED, normal_mobility
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.effects.effect import Effect, Impulse, Rig
@@ -304,8 +305,8 @@ class Dynamics:
             )
         return at
 
-    def sliding(self, true: State) -> np.ndarray:
-        """Acceleration along the surface, (n,) in m/s², in space (2, n), of bodies that slide on it."""
+    def sliding(self, true: State, span: np.ndarray | float = 0.0) -> np.ndarray:
+        """Acceleration along the surface, (n,) in m/s², in space (2, n), of bodies that slide on it for `span` in s."""
         seen, at = self.contact(true)
         mu, _ = self.coefficients(seen, at)
         for effect, p in self.active:
@@ -314,8 +315,8 @@ class Dynamics:
             a_t, a_n = self.true_acceleration(true)[:, :2].T
             return a_t - mu * np.maximum(-a_n, 0.0) * np.sign(at.v_t)
         *along, a_n = self.true_acceleration(true)[:, :3].T
-        slip = np.stack(at.v[:2])
-        return np.stack(along) - mu * np.maximum(-a_n, 0.0) * slip / np.maximum(np.hypot(*slip), 1e-9)
+        held = mu * np.maximum(-a_n, 0.0)
+        return np.stack(along) - held * (self.model.law.force or NormalForce()).along(np.stack(at.v[:2]), held * span)
 
     def flown(self, true: State, h: np.ndarray) -> State:
         """The states after times h (n,) in s of flight."""

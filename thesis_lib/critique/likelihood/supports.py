@@ -138,20 +138,22 @@ class SpaceRests(OnSurface):
 
 @dataclass(frozen=True)
 class SpaceSlides(OnSurface):
-    """Bodies that slide without turning; `acceleration` (m, 2) along the surface in m/s²."""
+    """Bodies that slide without turning; `acceleration` (m, 2) along the surface in m/s², over `span` (m,) in s."""
 
     acceleration: np.ndarray
+    span: np.ndarray
 
     channel = "slide"
 
     def of_trials(self, trials: np.ndarray) -> Self:
         """Those of the given trials."""
-        return replace(super().of_trials(trials), acceleration=self.acceleration[np.isin(self.trial, trials)])
+        rows = np.isin(self.trial, trials)
+        return replace(super().of_trials(trials), acceleration=self.acceleration[rows], span=self.span[rows])
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Acceleration measured minus predicted (m, 2) in m/s²."""
         true = dynamics.to_true(self.state)
-        a = dynamics.sliding(true)
+        a = dynamics.sliding(true, self.span)
         later = true.changed(velocity=true.velocity + _H * np.concatenate([a, np.zeros_like(a[:1])]))
         seen = dynamics.to_measured(later).velocity - dynamics.to_measured(true).velocity
         return self.acceleration - seen[:2].T / _H
@@ -185,5 +187,5 @@ def supports_in_space(
     if rests is not None:
         found.append(SpaceRests(rests.state, rests.variance, symmetry))
     if slides is not None:
-        found.append(SpaceSlides(slides.state, slides.variance, slides.measured))
+        found.append(SpaceSlides(slides.state, slides.variance, slides.measured[:, :2], slides.measured[:, 2]))
     return tuple(found)

@@ -26,8 +26,8 @@ STEADY = 4.0  # sigmas of height and turns about their mean, over a whole slide
 
 @dataclass(frozen=True)
 class OnTheTable:
-    """m stretches on the surface: states, variance (m, c) of what is compared; of slides their acceleration (m, 2) in
-    m/s²."""
+    """m stretches on the surface: states, variance (m, c) of what is compared; of slides their acceleration in m/s² and
+    how long they last in s (m, 3)."""
 
     state: State
     variance: np.ndarray
@@ -115,14 +115,14 @@ def _slides(
         if ends[0] @ ends[1] <= 0.0 or np.linalg.norm(q[-1, :2] - q[0, :2]) < MOVES * sigma[0]:
             continue  # it stops, or hardly moves
         rows.append((a, b))
-        found.append((*place, *v, *acceleration, inverse[2, 2]))
+        found.append((*place, *v, *acceleration, t[-1] - t[0], inverse[2, 2]))
     if len(rows) < FEWEST:
         return None
     first, last = np.array(rows).T
-    place, v, acceleration, unit = np.split(np.array(found), [2, 4, 6], axis=1)
+    place, v, measured, unit = np.split(np.array(found), [2, 4, 7], axis=1)
     state, _ = _means(states, samples, first, last)
     low = np.abs(state.height) < highest
-    against = -np.einsum("mc,mc->m", acceleration, v / np.linalg.norm(v, axis=1, keepdims=True))[low]
+    against = -np.einsum("mc,mc->m", measured[:, :2], v / np.linalg.norm(v, axis=1, keepdims=True))[low]
     if len(against) < FEWEST:
         return None
     noise = sigma[0] ** 2 * unit[low]
@@ -130,7 +130,7 @@ def _slides(
     state = state.changed(
         position=np.concatenate([place.T, state.position[2:]]), velocity=np.concatenate([v.T, 0.0 * v.T[:1]])
     )
-    return OnTheTable(state.select(np.flatnonzero(low)), np.repeat(noise + beyond, 2, axis=1), acceleration[low])
+    return OnTheTable(state.select(np.flatnonzero(low)), np.repeat(noise + beyond, 2, axis=1), measured[low])
 
 
 def _means(states: State, samples: Samples, first: np.ndarray, last: np.ndarray) -> tuple[State, np.ndarray]:
