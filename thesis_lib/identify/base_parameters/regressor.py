@@ -102,7 +102,7 @@ class PlantRegressor:
         Raises:
             ValueError: the shapes do not fit, or a value is not finite (Drake would end the process).
         """
-        from pydrake.autodiffutils import ExtractGradient
+        from pydrake.autodiffutils import AutoDiffXd, ExtractGradient
         from pydrake.multibody.tree import MultibodyForces_
 
         q, v, a = (np.asarray(array, dtype=float) for array in (q, v, a))
@@ -112,7 +112,7 @@ class PlantRegressor:
         if not all(np.isfinite(array).all() for array in (q, v, a)):
             raise ValueError("q, v and a must be finite")
         plant, context, n_parameters = self._plant, self._context, len(self.names)
-        forces = MultibodyForces_[type(_autodiff_zero())](plant)
+        forces = MultibodyForces_[AutoDiffXd](plant)
         Y = np.zeros((len(q), self._nv, n_parameters))
         for k in range(len(q)):
             plant.SetPositions(context, _constants(q[k]))
@@ -123,12 +123,6 @@ class PlantRegressor:
             if gradient.size:
                 Y[k] = gradient
         return Y
-
-
-def _autodiff_zero() -> object:
-    from pydrake.autodiffutils import AutoDiffXd
-
-    return AutoDiffXd(0.0)
 
 
 def _constants(values: np.ndarray) -> np.ndarray:
