@@ -74,15 +74,17 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
     done = [row for row in rows if row["status"] == "done"]
     named = Counter(group for row in done for group in (row["effects"] or "").split(" + ") if group)
     ranked = sorted(named.items(), key=lambda x: (-x[1], x[0]))
-    named_most = "; ".join(f"{name}: {count}" for name, count in ranked).replace("_", " ")
-    drops = [_cells(row, "n_impacts") for row in done if row["mechanism"] is None]
-    mechanisms = [_cells(row, "mechanism") for row in done if row["mechanism"] is not None]
-    failed = [
-        (_link(row["dataset"], f"{row['dataset']}.log"), row["reason"]) for row in rows if row["status"] == "failed"
-    ]
-    lists = {"drops": drops, "mechanisms": mechanisms, "failed": failed}
-    title, said = f"Critique of {total} datasets", summary_text(rows, total)
-    return page(TEMPLATE, title, summary=said, effects=named_most, **lists)
+    return page(
+        TEMPLATE,
+        f"Critique of {total} datasets",
+        summary=summary_text(rows, total),
+        effects="; ".join(f"{name}: {count}" for name, count in ranked).replace("_", " "),
+        drops=[_cells(row, "n_impacts") for row in done if row["mechanism"] is None],
+        mechanisms=[_cells(row, "mechanism") for row in done if row["mechanism"] is not None],
+        failed=[
+            (_link(row["dataset"], f"{row['dataset']}.log"), row["reason"]) for row in rows if row["status"] == "failed"
+        ],
+    )
 
 
 def _cells(row: Mapping, what: str) -> tuple[str, ...]:

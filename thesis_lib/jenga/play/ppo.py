@@ -227,12 +227,20 @@ def _segment(
     with warnings.catch_warnings():
         # the mini-batches of a rollout may differ by one sample, which does no harm
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size", category=UserWarning)
-        steps = {"n_steps": length, "batch_size": math.ceil(length / math.ceil(length / settings.batch))}
-        steps |= {"n_epochs": settings.epochs, "learning_rate": settings.rate, "clip_range": settings.clip}
-        returns = {"gamma": settings.discount, "gae_lambda": settings.trace}
-        network = {"net_arch": list(settings.hidden), "log_std_init": settings.spread}
-        chance = {"seed": int(stream % 2**31), "device": device}
-        model = PPO("MlpPolicy", env, **steps, **returns, policy_kwargs=network, **chance)
+        model = PPO(
+            "MlpPolicy",
+            env,
+            learning_rate=settings.rate,
+            n_steps=length,
+            batch_size=math.ceil(length / math.ceil(length / settings.batch)),
+            n_epochs=settings.epochs,
+            gamma=settings.discount,
+            gae_lambda=settings.trace,
+            clip_range=settings.clip,
+            policy_kwargs={"net_arch": list(settings.hidden), "log_std_init": settings.spread},
+            seed=int(stream % 2**31),
+            device=device,
+        )
     model.set_logger(Logger(folder=None, output_formats=[]))
     if state is not None:
         model.policy.load_state_dict(state["policy"])

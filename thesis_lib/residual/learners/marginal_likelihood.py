@@ -67,10 +67,16 @@ def search(
     data = tuple(torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
     best = None
     for start in starts:
-        # beyond this the likelihood changes by less than a hundredth of a nat
-        ends = {"maxiter": settings.iterations, "ftol": 1e-4 / max(1, len(x)) ** 0.5, "gtol": 1e-3}
-        search = {"method": "L-BFGS-B", "bounds": log_bounds(x.shape[1]), "options": ends}
-        optimum = minimize(objective, start, (*data, settings.prior), jac=True, **search)
+        optimum = minimize(
+            objective,
+            start,
+            (*data, settings.prior),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=log_bounds(x.shape[1]),
+            # beyond this the likelihood changes by less than a hundredth of a nat
+            options={"maxiter": settings.iterations, "ftol": 1e-4 / max(1, len(x)) ** 0.5, "gtol": 1e-3},
+        )
         if best is None or optimum.fun < best.fun - EQUAL:
             best = optimum
     return best.x, -best.fun - (log_prior(best.x)[0] if settings.prior else 0.0)
