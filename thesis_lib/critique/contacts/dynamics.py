@@ -324,9 +324,9 @@ class Dynamics:
             return true.flown(self.middle_acceleration(true, h), h)
         a = self.true_acceleration(true)
         if self.model.has_varying_flight:
-            middle = self.along(true, a, 0.5 * h[None])
+            middle = self.along(true, 0.5 * h[None], a)
             a = self.true_acceleration(middle) + (self.flying.fall(true) - self.flying.fall(middle)).T
-        return self.along(true, a, h[None])
+        return self.along(true, h[None], a)
 
     def middle_acceleration(self, true: State, h: np.ndarray) -> np.ndarray:
         """Acceleration (n, 3), m/s² and rad/s², in the middle of flights of h (n,) in s."""
@@ -351,9 +351,8 @@ class Dynamics:
             middle = summed(true.attitude, turns)[:, :-1] + 0.5 * h * true.spin[:, None]
             turned = true.tiled(steps).changed(attitude=middle.reshape(1, -1))
         else:
-            fall = self.flying.fall(true).T
-            turned = self.along(true, fall, np.multiply.outer(each[1:] - 0.5, h))
-            end = self.along(true, fall, np.multiply.outer(each, h))
+            turned = self.along(true, np.multiply.outer(each[1:] - 0.5, h))
+            end = self.along(true, np.multiply.outer(each, h))
         a = self.tiled(steps, len(true)).true_acceleration(turned).T.reshape(-1, steps, len(true))
         m = true.space.motions if true.space.is_plane else d  # turns in space are those of `along`
         motion = summed(true.motion[:m], h * a[:m])
@@ -396,21 +395,26 @@ class Dynamics:
         if true.space.is_plane:
             return true.select(rows).flown(a[rows], tau.ravel())
         n, W = tau.shape
-        return self.along(true, a, tau.T).select(np.arange(n * W).reshape(W, n).T.ravel())
+        return self.along(true, tau.T, a).select(np.arange(n * W).reshape(W, n).T.ravel())
 
-    def along(self, true: State, a: np.ndarray, tau: np.ndarray) -> State:
+    def along(self, true: State, tau: np.ndarray, a: np.ndarray | None = None) -> State:
         """The states in space at times τ (k, n) in s, first those of all n bodies at their first time, (k n,).
 
-        The acceleration a (n, 6) is constant, but for the torque-free turning that it holds.
+        The acceleration a (n, 6), that of gravity by default, is constant, but for the torque-free turning that it
+        holds.
         """
-        d, k, t = true.space.dimension, len(tau), tau.ravel()
+        d, k, fall = true.space.dimension, len(tau), self.flying.fall(true)
         turns, spins = attitudes(true.attitude, true.spin, np.asarray(self.flying.tensor), tau)
-        extra = (a.T - self.flying.fall(true))[d:]
-        start, a = true.tiled(k), np.concatenate([a.T[:d], 0.0 * extra])
-        free = start.flown(np.tile(a, k).T, t)
         attitude, spin = turns.reshape(len(turns), -1), spins.reshape(len(spins), -1)
-        if extra.any():
+        straight = (fall[:d] if a is None else a.T[:d])[:, None]
+        position = true.position[:, None] + (tau * true.velocity[:, None] + 0.5 * tau * tau * straight)
+        velocity = true.velocity[:, None] + tau * straight
+        extra, t = None if a is None else a.T[d:] - fall[d:], tau.ravel()
+        if extra is not None and extra.any():
             extra = np.tile(extra, k)
             attitude = true.space.attitude_after(attitude, 0.5 * t * t * extra)
             spin = spin + t * extra
-        return free.changed(attitude=attitude, spin=spin)
+        pose = np.concatenate([position.reshape(d, -1), attitude])
+        motion = np.concatenate([velocity.reshape(d, -1), spin])
+        surface = None if true.surface is None else np.tile(true.surface, k)
+        return State(pose, motion, np.tile(true.trial, k), np.tile(true.t, k) + t, surface, true.space)

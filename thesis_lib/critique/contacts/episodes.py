@@ -188,7 +188,7 @@ class _Play:
             return dynamics.stepped(state, h, ahead)
         times = np.multiply.outer(np.arange(done, done + ahead + 1), h)
         if not origin.space.is_plane:
-            return dynamics.along(origin, dynamics.flying.fall(origin).T, times)
+            return dynamics.along(origin, times)
         path = origin.tiled(ahead + 1)
         return path.flown(dynamics.rig.fall(path).T, times.ravel())
 
