@@ -14,6 +14,7 @@ with which it may touch a level surface are, at the attitude R and with n the no
 | capsule           | centres of its caps       | 0            | its radius         |
 """
 
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,4 +61,10 @@ class SupportPoint:
         if parts.squares.any():
             down = SPACE.turned_back(attitude, np.array([[0.0], [0.0], [-1.0]]))
             return SPACE.turned(attitude, parts.support(down, self.index))
-        return SPACE.turned(attitude, parts.centres[:, self.index]) - [[0.0], [0.0], [parts.radius]]
+        point = SPACE.turned(attitude, self._centres)
+        point[2] -= parts.radius
+        return point
+
+    @cached_property
+    def _centres(self) -> np.ndarray:
+        return self.solid.minkowski.centres[:, self.index]

@@ -66,9 +66,12 @@ def cone_point(a: Pair, b: Pair, limit: np.ndarray, slope: Pair | None = None) -
     """
     from thesis_lib.contact.sliding.cone import impulses
 
-    parts = np.broadcast_arrays(*a, *b, limit, *(slope or (0.0, 0.0)))
-    c = np.empty((2, *parts[0].shape))
-    impulses(np.array(parts, dtype=float).reshape(7, -1), c.reshape(2, -1))
+    parts = (*a, *b, limit, *(slope or (0.0, 0.0)))
+    shape = np.broadcast(*parts).shape
+    problems, c = np.empty((7, *shape)), np.empty((2, *shape))
+    for problem, part in zip(problems, parts):
+        problem[...] = part
+    impulses(problems.reshape(7, -1), c.reshape(2, -1))
     return c[0], c[1]
 
 

@@ -57,9 +57,12 @@ def impulse(
 
     K, v = contact.K, contact.v
     mu_after = mu if mu_after is None else mu_after
-    parts = np.broadcast_arrays(mu, epsilon, mu_after, *v, K[0][0], K[0][1], K[1][1], K[0][2], K[1][2], K[2][2])
-    shape = parts[0].shape
-    μ, ε, μ_after, v_1, v_2, v_n, K_11, K_12, K_22, k_1, k_2, K_nn = np.array(parts, float).reshape(len(parts), -1)
+    parts = (mu, epsilon, mu_after, *v, K[0][0], K[0][1], K[1][1], K[0][2], K[1][2], K[2][2])
+    shape = np.broadcast(*parts).shape
+    filled = np.empty((len(parts), *shape))
+    for row, part in zip(filled, parts):
+        row[...] = part
+    μ, ε, μ_after, v_1, v_2, v_n, K_11, K_12, K_22, k_1, k_2, K_nn = filled.reshape(len(parts), -1)
     axes = principal(K_11, K_12, K_22)
     κ = np.stack([axes.first, axes.second])
     k, x = np.stack(axes.into((k_1, k_2))), np.stack(axes.into((v_1, v_2)))

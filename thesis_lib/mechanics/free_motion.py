@@ -184,6 +184,8 @@ def _inverse(shape: tuple, G: bytes) -> tuple[np.ndarray, np.ndarray]:
 def _grid(tau: np.ndarray, n: int) -> np.ndarray:
     """Times (k, n) of times (k, n), (k, 1) or (k,)."""
     tau = np.asarray(tau, dtype=float)
+    if tau.shape == (len(tau), n):
+        return tau
     return np.broadcast_to(tau[:, None] if tau.ndim == 1 else tau, (len(tau), n))
 
 

@@ -115,7 +115,10 @@ SPACE = Space(3, 4, 3)
 
 def by_column(kernel: Callable[..., np.ndarray], *arrays: np.ndarray) -> np.ndarray:
     """What a kernel of `products` makes of arrays (c, ...), which broadcast beyond their components."""
-    if all(array.ndim == 2 for array in arrays):
+    for array in arrays:
+        if array.ndim != 2:
+            break
+    else:
         return kernel(*arrays)
     shape = np.broadcast_shapes(*(array.shape[1:] for array in arrays))
     ones = ((len(array), *(1,) * (len(shape) + 1 - array.ndim), *array.shape[1:]) for array in arrays)

@@ -19,6 +19,7 @@ import numpy as np
 from thesis_lib.critique.contacts.contact_time import duration
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.pressing import all_points, contact_points, one_point
+from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 
 MOST_HITS = 12  # a body that hits more often has come to rest
@@ -86,6 +87,7 @@ class _Play:
         self.dynamics, self.start, self.most = dynamics, true, most
         self.span = span + LATEST if most == 1 else span
         self.points, n = contact_points(dynamics.rig), len(span)
+        self.rigs: dict[int, Rig] = {}  # with all points, by the number of bodies
         self.motion, self.t = np.concatenate([true.q, true.v], axis=1), np.zeros(n)
         self.hits, self.pressed = np.zeros(n, int), np.zeros(n, bool)
         # of the last hit: its contact point, motion and time at its touch, and the time at which it is over
@@ -245,7 +247,9 @@ class _Play:
         """Dynamics and states (p n,) of the bodies `rows`, with their first contact points, then the second, ..."""
         n, p = len(state), self.points
         every = self.dynamics.select(rows if p == 1 else np.tile(rows, p))
-        return every.on(all_points(every.rig, n)), state if p == 1 else state.tiled(p)
+        if n not in self.rigs:
+            self.rigs[n] = all_points(every.rig, n)
+        return every.on(self.rigs[n]), state if p == 1 else state.tiled(p)
 
     def _hit(self, rows: np.ndarray) -> None:
         """Resolve the hits of the bodies `rows`, which touch now."""
