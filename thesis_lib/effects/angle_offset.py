@@ -7,8 +7,8 @@
 | d_θ      | `d_theta` | rad  |       | angle that the camera adds                 |
 | d        | `d_rx`, `d_ry`, `d_rz` | rad | | in space, axes of the body; the tracked point stays where it is |
 
-The contact point follows from the true angle; a disk has the same one at every angle.  About an axis of symmetry of a
-body in space no component of d shows.  Breaks mirror symmetry.
+The contact point follows from the true angle; a disk has the same one at every angle.  About an axis of symmetry
+of a body in space d does not show, if the tracked point lies on it.  Breaks mirror symmetry.
 """
 
 import math
@@ -17,11 +17,13 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Disk
 from thesis_lib.bodies.solids import Sphere
+from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
 from thesis_lib.mechanics.space import multiplied, of_rotation_vector
 
 # wide and with far starts: a frame on the wrong axis of the body is a quarter of a turn off
 _OFF = Parameter("d_theta", "rad", null=0.0, low=-math.pi / 2, high=math.pi / 2, scale=0.02, starts=(-0.4, 0.4, 1.4))
+ON_AXIS = 1e-6  # m
 _NAMES = ("d_rx", "d_ry", "d_rz")
 
 
@@ -43,6 +45,13 @@ class AngleOffset(Effect):
 
     def applies_to(self, rig):
         return not isinstance(rig.shape, Disk | Sphere)
+
+    def unseen(self, rig):
+        if rig.space.is_plane:
+            return super().unseen(rig)
+        off = np.zeros(3) if rig.tracked is None else rig.tracked.origin
+        about = Symmetry(rig.shape, np.asarray(rig.tensor)).axes  # pyright: ignore[reportArgumentType]
+        return np.eye(3)[[axis for axis in about if np.abs(np.delete(off, axis)).max() < ON_AXIS]]
 
     def to_true(self, state, p, rig):
         if state.space.is_plane:

@@ -26,7 +26,7 @@ In space the axes of the record are turned by exp(b) about the point of the surf
 
 | on paper | in code             | unit | shape |                                                                   |
 |----------|---------------------|------|-------|-------------------------------------------------------------------|
-| b        | `b_x`, `b_y`, `b_z` | rad  |       | rotation vector; about the normal only what counts places shows it |
+| b        | `b_x`, `b_y`, `b_z` | rad  |       | rotation vector; about the normal of a level table it is unseen   |
 
 Breaks mirror symmetry.
 """
@@ -63,6 +63,12 @@ class CameraPose(Effect):
 
     def applies_to(self, rig):
         return rig.gravity > 0.0
+
+    def unseen(self, rig):
+        if rig.space.is_plane or rig.down is not None:
+            return super().unseen(rig)
+        normal = np.array([[0.0], [0.0], [1.0]])
+        return (normal if rig.world is None else rotated(rig.world[:, None], normal)).T
 
     def to_true(self, state, p, rig):
         if not state.space.is_plane:

@@ -307,6 +307,10 @@ class Effect:
         """
         return []
 
+    def unseen(self, rig: Rig) -> np.ndarray:
+        """Directions (k, n) in the space of its n parameters that nothing on this rig can show; they are not fitted."""
+        return np.zeros((0, len(parameters_in(self, rig.space))))
+
     # measurement ------------------------------------------------------------------------------------------------
     def to_true(self, state: State, p: Parameters, rig: Rig) -> State:
         """True state behind a measured one."""

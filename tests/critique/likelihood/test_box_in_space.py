@@ -83,6 +83,8 @@ def test_hits_drawn_from_a_model_with_an_effect_give_it_back(name, recorded) -> 
         up = np.array([[0.0], [0.0], [1.0]])
         seen = [rotated(of_rotation_vector(recorded.rig.from_recording(b)), up) for b in (turn, hidden)]
         np.testing.assert_allclose(*seen, atol=1e-3)
+        assert abs(turn.T @ rotated(recorded.rig.world[:, None], up)) < 1e-5  # and it is not fitted
+        assert all(0.0 < found.std[f"{name}.b_{axis}"] < 1e-3 for axis in "xyz")
     assert found.score > fit(replace(model, effects=()), drawn, rounds=1).score + 20.0
 
 

@@ -116,7 +116,7 @@ def test_noise_that_a_filter_has_smoothed_makes_no_hits(tossed):
     header = tossed.dataset.header.model_copy(update={"noise": None})
     found = observe_in_space(type(tossed.dataset)("drops", header, table), episodes=False)
     assert len(found) + len(found.found.left_out) <= len(tossed.true)
-    assert len(found) > 0.6 * len(tossed.found)
+    assert len(found) > 0.5 * len(tossed.found)  # of some that are near to each other only rounded samples are left
     assert (found.found.left_out["reason"] != "off_surface").all()
 
 

@@ -7,11 +7,15 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from thesis_lib.contact.compliant.normal_force import ConvexDamper
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_TIME, OF_FRICTION
-from thesis_lib.effects.effect import Effect, Parameter, in_order, parameters_in
+from thesis_lib.effects.effect import Effect, Parameter, Rig, in_order, parameters_in
 from thesis_lib.mechanics.space import PLANE, Space
+
+HELD = 1e-2  # of a parameter's scale, one sigma of what is held at 0
 
 
 def inward(p: Parameter, value: float, step: float) -> float:
@@ -65,6 +69,17 @@ class Model:
     def fitted_parameters(self) -> dict[str, Parameter]:
         """Those that are not on or off."""
         return {name: p for name, p in self.parameters.items() if p.discrete is None}
+
+    def unseen(self, rig: Rig) -> np.ndarray:
+        """Directions (k, p) of the fitted parameters that nothing on this rig can show: weights of residuals that hold
+        them at 0, more strongly than finite differences err."""
+        names, rows = list(self.fitted_parameters), []
+        for effect in self.effects:
+            for direction in effect.unseen(rig):
+                rows.append(np.zeros(len(names)))
+                for p, part in zip(self.parameters_of(effect), direction):
+                    rows[-1][names.index(f"{effect.name}.{p.name}")] = part / (HELD * p.scale)
+        return np.array(rows).reshape(-1, len(names))
 
     @cached_property
     def hooks(self) -> list[tuple[Effect, dict[str, str]]]:

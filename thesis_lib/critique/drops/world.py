@@ -35,7 +35,9 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.extensions.registry import added_laws
 from thesis_lib.mechanics.space import Space
 
-REFINED = RESERVE[:1]  # an impulse that takes time, integrated
+# an impulse that takes time, integrated; in space hits are so precise that gravity shows during a contact, and with
+# it its force
+REFINED = RESERVE[:1]
 ONE_LAW = ("mirtich",)
 ROUNDING = 1e-6  # standard deviations; what changes residuals by less has no slope
 
@@ -136,7 +138,7 @@ class Drops(World[Effect, Fit, Judgement]):
         rigid = fit(fitted.model, self.quick, fitted.values, rounds=1)
         of_law = {p.name for p in BASE_PARAMETERS}
         start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
-        for name in REFINED if refine else self.reserve:
+        for name in REFINED if refine and self.space.is_plane else self.reserve:
             model = self.model(name, fitted.effects)
             best = max(fits, key=lambda fit: fit.score, default=rigid)
             # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long

@@ -207,6 +207,7 @@ def _fitting(
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
+    unseen = model.unseen(observations.rig)  # stays 0
     for k in range(rounds):
         values |= dict(zip(free, x.tolist()))
         given = noise if k == 0 else None
@@ -216,7 +217,10 @@ def _fitting(
         while points:
             found = yield whitening, [{**values, **dict(zip(free, point.tolist()))} for point in points]
             try:
-                points = search.send([np.concatenate([robust(part).ravel() for part in z]) for z in found])
+                rows = (unseen @ point for point in points)
+                points = search.send(
+                    [np.concatenate([*(robust(part).ravel() for part in z), u]) for z, u in zip(found, rows)]
+                )
             except StopIteration as end:
                 x, points = end.value, []
     values |= dict(zip(free, x.tolist()))

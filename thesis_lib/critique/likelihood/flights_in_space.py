@@ -46,6 +46,7 @@ UNSEEN = 0.1  # m, one sigma of the centre of mass before flights are seen
 ODD = 3.0  # median misfits of a flight, from which on it has no say in where the centre of mass is
 OF_MEDIAN = 1.17  # standard error of a spread by the median, times √n
 CHANCE = 3.0  # standard errors by which data may show more noise than is stated
+LEAST = 1e-3  # of the noise that neighbours show; flights show more
 FREE, TERMS, ALL = 2, 4, 6  # terms of a place: those of a free start, with those compared, with faster ones
 
 
@@ -120,7 +121,13 @@ class _Samples:
 
 
 def flights_in_space(
-    states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: tuple[float, float], low: float = -np.inf
+    states: State,
+    clock: np.ndarray,
+    hits: Hits,
+    rig: Rig,
+    noise: tuple[float, float],
+    low: float = -np.inf,
+    guard: float = 0.0,
 ) -> Flights:
     """The flights between hits.
 
@@ -130,8 +137,9 @@ def flights_in_space(
         hits: all that were found, at times as in `states`.
         noise: one sigma of a coordinate in m and of a component of a small turn in rad, at least.
         low: m, gap below which the body may touch: many a contact is too weak to be found as a hit.
+        guard: s from a hit, within which samples are rounded.
     """
-    flights = _between(states, clock, hits, rig, noise[0], low)
+    flights = _between(states, clock, hits, rig, noise[0], low, guard)
     if not flights:
         return no_flights(SPACE)
     samples = _Samples.of(states, clock, flights)
@@ -168,7 +176,31 @@ def flights_in_space(
     return found.select(np.flatnonzero(~bent))
 
 
-def _between(states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: float, low: float) -> list[slice]:
+def noise_of_flights(
+    states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: tuple[float, float], guard: float
+) -> tuple[float, float]:
+    """One sigma of a coordinate in m and of a turn in rad, by what flights show beyond the terms that are compared.
+
+    Of smoothed samples it is that of white noise with the same slow errors, which are those of a fit to many samples.
+    Arguments as of `flights_in_space`.
+    """
+    flights = _between(states, clock, hits, rig, noise[0], -np.inf, guard)
+    if not flights:
+        return noise
+    length = np.array([flight.stop - flight.start for flight in flights])
+    flights = [flights[i] for i in np.flatnonzero(length >= np.median(length))]  # in short ones nothing is slow
+    samples = _Samples.of(states, clock, flights)
+    powers = samples.powers()
+    Q, _ = np.linalg.qr(powers)
+    further, least = powers[..., FREE:TERMS], LEAST * np.array(noise)
+    found = _misfits(samples, Q, least[0])[1], _turns(samples, further, Q, rig, least[1]).sigma
+    place, turn = (float(np.sqrt(np.mean(sigma**2))) for sigma in found)
+    return place, turn
+
+
+def _between(
+    states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: float, low: float, guard: float
+) -> list[slice]:
     """Rows of the flights between hits and above `low`, of at least `SHORTEST` and `MIN_FLIGHT` samples."""
     if not rig.gravity or len(clock) <= MIN_FLIGHT:
         return []
@@ -177,7 +209,7 @@ def _between(states: State, clock: np.ndarray, hits: Hits, rig: Rig, noise: floa
     track = follow(clock, states.position.T, rig.gravity, noise)
     for i, flight in enumerate(find_flights(track, rig.gravity * down)):
         label[flight] = i
-    lasts = max(LASTS, float(np.median(np.diff(clock))))
+    lasts = max(LASTS, guard, float(np.median(np.diff(clock))))
     for hit in (number - 1, number):
         label[np.abs(hits.instants(hit, states.trial, np.inf) - states.t) < lasts] = -1
     gap = rig.gap(states)
@@ -224,7 +256,8 @@ def _seen(fast: np.ndarray, noise: float) -> np.ndarray:
 @dataclass(frozen=True)
 class _Turns:
     """Turns (3, n, W) from the believed motion; attitude (4, n) and spin (3, n) in the middle; weights (n, 6, 3, W)
-    with the variance (n, 6) of what they give; attitudes (n, K, 4) of the believed motion at `COURSE`."""
+    with the variance (n, 6) of what they give; attitudes (n, K, 4) of the believed motion at `COURSE`; one sigma (3,)
+    in rad of a turn."""
 
     turns: np.ndarray
     attitude: np.ndarray
@@ -232,6 +265,7 @@ class _Turns:
     weights: np.ndarray
     variance: np.ndarray
     reference: np.ndarray
+    sigma: np.ndarray
 
 
 def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, noise: float) -> _Turns:
@@ -268,4 +302,5 @@ def _turns(samples: _Samples, further: np.ndarray, Q: np.ndarray, rig: Rig, nois
         np.concatenate(weights, axis=1),
         np.concatenate(variance, axis=1),
         np.moveaxis(at, 0, -1).swapaxes(0, 1),
+        sigma,
     )

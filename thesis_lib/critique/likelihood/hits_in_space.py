@@ -22,7 +22,7 @@ from scipy.stats import chi2
 
 from thesis_lib.bodies.solids import Sphere, contact_kind
 from thesis_lib.critique.likelihood.episodes_in_space import add_episodes
-from thesis_lib.critique.likelihood.flights_in_space import flights_in_space
+from thesis_lib.critique.likelihood.flights_in_space import flights_in_space, noise_of_flights
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
 from thesis_lib.critique.likelihood.supports import supports_in_space
@@ -31,6 +31,7 @@ from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.parabolas import Hits
+from thesis_lib.datasets.flights.rounding import Kinks, contact_guard, guard_of, rounding_warning, sampling_interval
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
@@ -47,6 +48,8 @@ from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.effects.effect import Rig
 from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.contact import contact_at
+from thesis_lib.mechanics.inertia import mobility
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import MAD_TO_STD, robust_std
@@ -60,6 +63,7 @@ SPREAD = 3.0  # robust standard deviations of the gap at hits
 MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that of samples shows a filter
 UPWARDS = 5  # of values and slopes of all channels: the slope of n
 SURE = 3.0  # standard errors by which a surface pushes a body away
+CLEARLY = 1.1  # of the guard, by which contacts last longer
 HARD = 0.4  # m/s: weaker hits are of no kind of contact
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
@@ -103,11 +107,20 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         | {"gravity": dataset.gravity, "rate": dataset.rate}
     )
     samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
-    noise = _noise(samples, states, header)
-    at = detect(samples, clock, np.full(3, noise[0]), settings)
-    # the instant of a hit with another one near runs away, and would leave the flight beside it a sample behind the hit
-    windows = windows_around(samples, at, settings.max_window, beyond=0)
-    t, t_std, side = _instants(windows, dataset.gravity, noise[0], settings)
+    noise, smoothed = _noise(samples, states, header)
+    times = one_clock(whole)[1]
+    at, windows, t, t_std, side, dv = _found(samples, clock, noise[0], settings)
+    strong = (dv**2).sum(axis=1) >= np.median((dv**2).sum(axis=1)) if len(at) else np.zeros(0, bool)
+    kinks = Kinks(at, t + windows.t_0, dv, strong)
+    guard = guard_of(kinks, samples, np.full(3, noise[0]), settings, both=True)
+    if guard > max(settings.guard, 1.5 * sampling_interval(samples)):  # of one interval is that of one side
+        told += rounding_warning(guard, settings.guard, 0.0, sampling_interval(samples), None)
+        settings = settings.model_copy(update={"guard": guard})
+    if smoothed:
+        hits = Hits(samples.trial[at], kinks.t, np.ones(len(at), bool))
+        noise = noise_of_flights(states, times, hits, rig, noise, settings.guard)
+    if smoothed or guard == settings.guard:
+        at, windows, t, t_std, side, _ = _found(samples, clock, noise[0], settings)
     trial, reason = samples.trial[at], np.full(len(at), "", object)
     near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
     short = side.sum(2).min(1) < settings.min_window
@@ -137,6 +150,9 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     for which, why in ((elsewhere, "off_surface"), (leaves, "no_approach"), (unpushed, "no_push")):
         reason[rows[which & (reason[rows] == "")]] = why
     kept = reason[rows] == ""
+    lasts = contact_guard(-off_by[kept], approach_speed(first.select(np.flatnonzero(kept)), rig))
+    if lasts > CLEARLY * settings.guard:
+        return observe_in_space(dataset, settings.model_copy(update={"guard": lasts}), episodes)
     inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
     edges = {
         "start": np.where(used[kept, 0], inner, -np.inf).max(axis=1, initial=-np.inf),
@@ -161,7 +177,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         t_std=t_std[rows],
         offset=np.zeros((len(rows), 3)),
         arcs=True,
-        flights=flights_in_space(states, one_clock(whole)[1], hits, rig, noise, _touching(off_by[kept])),
+        flights=flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept]), settings.guard),
         supports=supports_in_space(states, samples, hits, rig, noise) if dataset.has_angle else (),
         noise_known=True,
         found=replace(
@@ -235,6 +251,13 @@ def contact_velocity(state: State, rig: Rig) -> np.ndarray:
     return SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))
 
 
+def approach_speed(state: State, rig: Rig) -> np.ndarray:
+    """|v_n|/√K_nn (n,) in m/s of the contact points of believed bodies."""
+    of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
+    at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
+    return np.abs(at.v_n) / np.sqrt(at.K_nn)
+
+
 def kinds_of(o: Observations) -> np.ndarray:
     """What of the believed hull hits (n,): corner, edge or face; "" of weak hits, and of smooth bodies."""
     kind = contact_kind(o.rig.shape, o.value[:, 0, 3:].T)  # pyright: ignore[reportArgumentType]
@@ -246,17 +269,18 @@ def jump(o: Observations) -> np.ndarray:
     return o.norm(beside(o, 1).v - beside(o, 0).v)
 
 
-def _noise(samples: Samples, states: State, header: SpaceHeader) -> tuple[float, float]:
-    """One sigma of the centre of mass in m and of a turn in rad: as stated, and at least what the samples show.
+def _noise(samples: Samples, states: State, header: SpaceHeader) -> tuple[tuple[float, float], bool]:
+    """One sigma of the centre of mass in m and of a turn in rad, and whether it is a guess for smoothed samples.
 
-    Noise that a filter has smoothed is that of white noise with the same effect on lines.
+    As stated, and at least what the samples show.  Noise that a filter has smoothed is that of white noise with the
+    same effect on lines.
     """
     same = (samples.run[2:] == samples.run[:-2])[:, None]
     turns = SPACE.turn_between(states.attitude[:, :-1], states.attitude[:, 1:]).T
     seen = np.abs(np.diff(turns, axis=0))[same[:, 0]]
     rotation = float(np.median(seen[seen > 0.0])) * MAD_TO_STD / np.sqrt(6.0) if (seen > 0.0).any() else 0.0
     position, smoothed = _noise_of_means(samples, 1), _noise_of_means(samples, MEANS)
-    if smoothed > SMOOTHED * position:
+    if is_smoothed := smoothed > SMOOTHED * position:
         position, rotation = smoothed, rotation * smoothed / position
     if (stated := header.noise) is not None:
         rotation = stated.rotation or rotation
@@ -264,7 +288,7 @@ def _noise(samples: Samples, states: State, header: SpaceHeader) -> tuple[float,
             arm = np.linalg.norm(header.body.centre - np.array(header.tracked.position))  # across which a turn is one
             stated_position = np.sqrt(np.mean(np.square(stated.position)) + 2.0 / 3.0 * (arm * rotation) ** 2)
             position = max(position, float(stated_position))
-    return max(position, 1e-7), max(rotation, 1e-7)
+    return (max(position, 1e-7), max(rotation, 1e-7)), is_smoothed and stated is None
 
 
 def _noise_of_means(samples: Samples, size: int) -> float:
@@ -277,12 +301,23 @@ def _noise_of_means(samples: Samples, size: int) -> float:
     return float(np.sqrt(size * np.nanmean(noise_from_differences(means) ** 2)))
 
 
+def _found(
+    samples: Samples, clock: Header, sigma: float, settings: ArcSettings
+) -> tuple[np.ndarray, Windows, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The samples before hits, their windows, and what `_instants` returns of these."""
+    at = detect(samples, clock, np.full(3, sigma), settings)
+    # the instant of a hit with another one near runs away, and would leave the flight beside it a sample behind the hit
+    windows = windows_around(samples, at, settings.max_window, beyond=0)
+    return at, windows, *_instants(windows, clock.gravity, sigma, settings)
+
+
 def _instants(
     windows: Windows, gravity: float, sigma: float, settings: ArcSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Instants (n,) in s from `t_0`, their standard deviation, and the samples used (n, 2, W), 0 or 1."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Instants (n,) in s from `t_0`, their standard deviation, the samples used (n, 2, W), 0 or 1, and the changes of
+    velocity (n, 3) in m/s."""
     t, n = np.zeros(len(windows.t_0)), len(windows.t_0)
-    side, lines = np.zeros((n, 2, windows.t.shape[1])), None
+    side, lines, dv = np.zeros((n, 2, windows.t.shape[1])), None, np.zeros((n, 3))
     for _ in range(ROUNDS):
         side = sides_of(windows, t, settings, None)
         tau = windows.t - t[:, None]
@@ -294,10 +329,10 @@ def _instants(
         dv, miss = lines.slope[:, 1] - lines.slope[:, 0], lines.value[:, 1] - lines.value[:, 0]
         t = np.clip(t - (miss * dv).sum(1) / np.maximum((dv * dv).sum(1), 1e-9), windows.low, windows.high)
     if lines is None:
-        return t, t, side
+        return t, t, side, dv
     unit = 1.0 / np.maximum(lines.count, 1.0) + lines.mean**2 / np.where(lines.spread > 0.0, lines.spread, np.inf)
     t_std = sigma * np.sqrt(unit.sum(1)) / np.maximum(np.linalg.norm(dv, axis=1), 1e-9)
-    return t, t_std, side
+    return t, t_std, side, dv
 
 
 def _off_free_motion(

@@ -59,6 +59,8 @@ def sandwich(whitening: Whitening, values: Mapping[str, float], step: np.ndarray
         B += b * information
         own += np.einsum("n,nmp,nmq->pq", w, J, J) - np.einsum("n,np,nq->pq", 2.0 * w / (NU + d2), Jz, Jz)
         np.add.at(scores, rows, w[:, None] * Jz)
+    unseen = whitening.model.unseen(o.rig)  # what is not fitted has no scatter
+    H, own = H + unseen.T @ unseen, own + unseen.T @ unseen
     # scaled by the information of each parameter, so that units do not matter
     unit = np.sqrt(np.diag(H))
     unit = np.outer(unit, unit) + (unit == 0.0) + (unit == 0.0)[:, None]

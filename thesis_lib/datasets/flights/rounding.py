@@ -48,6 +48,22 @@ _MEDIANS = 0.4549, 1.3863  # of chi² with 1 and 2 degrees of freedom
 
 
 @dataclass(frozen=True)
+class Kinks:
+    """Impacts as corners of a path: the samples `at` (n,) before them, their instants `t` (n,) in s, the changes `dv`
+    (n, 3) of the velocity, and whether they are `at_wall` (n,)."""
+
+    at: np.ndarray
+    t: np.ndarray
+    dv: np.ndarray
+    at_wall: np.ndarray
+
+    @classmethod
+    def of(cls, fits: ArcFits) -> "Kinks":
+        """Those between arcs."""
+        return cls(fits.at, fits.t, fits.v_post - fits.v_pre, fits.at_wall)
+
+
+@dataclass(frozen=True)
 class Rounding:
     """F between the `edges` (g + 1,) in s of |τ|, before and after the impacts: (g, 2), NaN with few flights."""
 
@@ -77,18 +93,17 @@ def sampling_interval(samples: Samples) -> float:
     return float(np.median(step)) if len(step) else 1.0
 
 
-def guard_of(
-    fits: ArcFits, samples: Samples, sigma: np.ndarray, settings: ArcSettings, on_table: bool = False
-) -> float:
+def guard_of(kinks: Kinks, samples: Samples, sigma: np.ndarray, settings: ArcSettings, both: bool = False) -> float:
     """Time from an impact in s within which samples are rounded, and to the next of `EDGES`; 0 if none are.
 
-    `sigma` (3,) is the noise of x, y, θ in m, m, rad; `on_table`: friction may change what happens after an impact.
+    `sigma` (3,) is the noise of x, y, θ in m, m, rad; `both`: what is rounded on one side of the impacts only is
+    not, as friction or further hits may change what happens after one.
     UserError: it reaches further than the flights are long, so that no sample is known to be free of it.
     """
     interval = sampling_interval(samples)
     widest, ends, clear = 0.0, True, False
     for reach in REACHES:
-        found = rounding_within(reach, fits, samples, sigma, settings, interval, on_table)
+        found = rounding_within(reach, kinks, samples, sigma, settings, interval, both)
         if (found.count.max(axis=1) < ENOUGH).all():
             break
         widest, clear = max(widest, found.reach), clear or bool(found.sides.any())
@@ -110,21 +125,21 @@ def guard_of(
 
 def rounding_within(
     reach: int,
-    fits: ArcFits,
+    kinks: Kinks,
     samples: Samples,
     sigma: np.ndarray,
     settings: ArcSettings,
     interval: float,
-    on_table: bool = False,
+    both: bool = False,
 ) -> Rounding:
     """Rounding nearer to the impacts than R, `reach` sampling intervals of `interval` (s)."""
     # less what the air has made of the path
-    windows = windows_around(replace(samples, q=samples.without_air()), fits.at, reach + FAR + 1)
-    t = fits.t - windows.t_0
+    windows = windows_around(replace(samples, q=samples.without_air()), kinks.at, reach + FAR + 1)
+    t = kinks.t - windows.t_0
     tau = windows.t - t[:, None]
     beyond = sides_of(windows, t, settings.model_copy(update={"guard": reach * interval, "max_window": FAR}), None)
     near = sides_of(windows, t, settings.model_copy(update={"max_window": reach + FAR}), None) > 0
-    near &= (fits.at_wall[:, None] & (np.abs(tau) < reach * interval))[:, None] & (beyond.sum(2) >= LEAST)[..., None]
+    near &= (kinks.at_wall[:, None] & (np.abs(tau) < reach * interval))[:, None] & (beyond.sum(2) >= LEAST)[..., None]
 
     # parabolas through the samples beyond R, in units of R
     basis = (tau / (reach * interval))[..., None] ** np.arange(3)
@@ -133,7 +148,7 @@ def rounding_within(
     right = np.einsum("nsw,nwi,nwc->nsic", beyond, basis, windows.q)
     path = np.einsum("nwi,nsic->nswc", basis, np.linalg.solve(normal, right))
     e = (windows.q[:, None] - path) / sigma
-    u = (fits.v_post - fits.v_pre) / sigma
+    u = kinks.dv / sigma
     u /= np.maximum(np.sqrt((u**2).sum(1)), 1e-300)[:, None]
 
     measured = int(samples.q[:, 2].any())  # an angle that is not measured has no noise
@@ -152,7 +167,7 @@ def rounding_within(
             along = (mean * u[rows]).sum(1) ** 2
             across = np.median((mean**2).sum(1) - along) / median_across
             ratio[g, side] = np.median(along) / _MEDIANS[0] / max(across, _EXACT)
-    return Rounding(edges, ratio, count, _SPREADS[measured], on_table)
+    return Rounding(edges, ratio, count, _SPREADS[measured], both)
 
 
 def rounding_warning(
@@ -177,14 +192,15 @@ def rounding_warning(
     return (f"{why} Samples within {1e3 * guard:.3g} ms of an impact belong to no flight and are not used.",)
 
 
-def contact_guard(fits: ArcFits, header: Header) -> float:
+def contact_guard(sunk: np.ndarray, speed: np.ndarray) -> float:
     """Time in s from an impact within which samples may lie in its contact, as long as the arcs say that it lasts.
 
     Contacts let arcs meet the lower the faster they are, τ = −∂φ_n/∂(|v_n|/√K_nn); a wrong height does not.  A camera
     of 250 Hz has a sample in a contact now and then: too rarely for `guard_of`, but it bends the mean of hundreds.
     0 with fewer than `LEAST_SUNK` impacts, or if τ is not clear of 0 (Theil-Sen, 95 %).
+
+    `sunk` (n,) is −φ_n in m where the arcs meet, `speed` (n,) is |v_n|/√K_nn in m/s.
     """
-    sunk, speed = _sunk(fits, header)
     if len(sunk) < LEAST_SUNK:
         return 0.0
     some = np.unique(np.linspace(0, len(sunk) - 1, MOST_SUNK).astype(int))
@@ -194,7 +210,7 @@ def contact_guard(fits: ArcFits, header: Header) -> float:
 
 def touch_time(fits: ArcFits, header: Header) -> float:
     """τ in s of contacts from how far below the surface the arcs meet, −φ_n √K_nn / |v_n|: the median, at least 0."""
-    sunk, speed = _sunk(fits, header)
+    sunk, speed = sunk_and_speed(fits, header)
     return max(float(np.median(sunk / speed)), 0.0) if len(sunk) else 0.0
 
 
@@ -204,7 +220,7 @@ def approach(fits: ArcFits, header: Header) -> tuple[np.ndarray, np.ndarray]:
     return fits.v_pre[:, 1] + r_x * fits.v_pre[:, 2], np.sqrt(1.0 + (r_x / header.body.radius_of_gyration) ** 2)
 
 
-def _sunk(fits: ArcFits, header: Header) -> tuple[np.ndarray, np.ndarray]:
+def sunk_and_speed(fits: ArcFits, header: Header) -> tuple[np.ndarray, np.ndarray]:
     """−φ_n (n,) in m and |v_n| / √K_nn (n,) in m/s of the impacts whose arcs are known."""
     v_n, root = approach(fits, header)
     rows = fits.converged & (fits.n_side >= 2).all(1) & (v_n != 0.0)

@@ -30,11 +30,13 @@ from thesis_lib.datasets.flights.noise import (
 )
 from thesis_lib.datasets.flights.parabolas import bent_sentence, hits_of, parabolas
 from thesis_lib.datasets.flights.rounding import (
+    Kinks,
     approach,
     contact_guard,
     guard_of,
     rounding_warning,
     sampling_interval,
+    sunk_and_speed,
     touch_time,
 )
 from thesis_lib.datasets.flights.straightest import fit_straightest
@@ -140,9 +142,9 @@ def find_in_arrays(
     # samples of a body that leaves its plane, of a simulation, or of one that lands and stays are not rounded
     lands = np.isfinite(landing_speeds(samples, at, noise.used, header, settings)).sum() > _MOST * len(at)
     if not (step or lands) and (on_table or noise.stray[0] < _SIDEWAYS * header.gravity):
-        rounded = guard_of(fits, samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, on_table)
+        rounded = guard_of(Kinks.of(fits), samples, np.fmax(noise.sigma, SIGMA_FLOOR), settings, on_table)
     low_pass, lasting = None, 0.0
-    if (guard := max(rounded, contact_guard(on_floors(fits, header), header))) > usual:
+    if (guard := max(rounded, contact_guard(*sunk_and_speed(on_floors(fits, header), header)))) > usual:
         settings = settings.model_copy(update={"guard": guard})
         samples, at, fits, noise, glitch, sigma = search(settings, least)
     if rounded > usual:
