@@ -8,7 +8,8 @@
   for 300 drops is at most `ASKED` CPU seconds;
 - how the cost of both grows over `--sizes` drops: cost = a nᵖ by least squares to the logarithms, asked p < 1.
 - `--against`: only the ratio to the CPU time of an earlier checkout of this repository, pair by pair in turn, for the
-  ellipse and for the square, both with a displaced centre of mass, by `python -m thesis_lib critique`.
+  ellipse, for the square, and for a box in space, all with a displaced centre of mass, by
+  `python -m thesis_lib critique`; `--hits` chooses among them.
 
 Counts user and system time of a process as a whole, start-up and pictures included.
 """
@@ -26,7 +27,7 @@ from benchmarks.results import Results, benchmark_parser, exponent
 
 ROOT = Path(__file__).resolve().parent.parent
 ASKED = {"single": 15.0, "episodes": 60.0}  # CPU s for 300 drops
-SHAPES = {"single": "ellipse", "episodes": "square"}
+SHAPES = {"single": "ellipse", "episodes": "square", "space": "box"}
 CONTACT_TIME = 1e-3  # s
 SEED = 1
 # what the command line does, for either setting of episodes
@@ -61,7 +62,12 @@ def measure_nothing_hidden(hits: str, drops: int) -> dict[str, float | str]:
 def ratios(earlier: Path, hits: str, drops: int, pairs: int) -> list[float]:
     """CPU time here over that of the checkout `earlier`, pair by pair; a first pair compiles and is left out."""
     with tempfile.TemporaryDirectory() as folder:
-        data, out, found = _written(f"{folder}/drops", hits, drops, com_offset_x=2e-3), f"{folder}/critique", []
+        data, out, found = f"{folder}/drops", f"{folder}/critique", []
+        if hits == "space":
+            tosses = ("--space", "--hidden", "com_offset", "--drops", str(drops))
+            _run("-m", "thesis_lib", "datasets", "example", "-o", data, *tosses)
+        else:
+            _written(data, hits, drops, com_offset_x=2e-3)
         command = ("-m", "thesis_lib", "critique", data, "-o", out, "-q")
         for pair in range(pairs + 1):
             then, now = (float(_critique(out, *command, root=root)["cpu_s"]) for root in (earlier, ROOT))
@@ -122,14 +128,16 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--hidden", nargs="+", default=["com_offset_x"], metavar="CAUSE")
     parser.add_argument("--sizes", type=int, nargs="+", default=[100, 200, 400], metavar="DROPS")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="only compare with an earlier checkout")
+    parser.add_argument("--hits", nargs="+", choices=SHAPES, default=list(SHAPES), help="with --against")
     parser.add_argument("--pairs", type=int, default=3, help="with --against; default: %(default)s")
     options = parser.parse_args(arguments)
     shapes = tuple(ASKED)
     if options.quick:
         options.hidden, options.drops, options.sizes, shapes = ["nothing"], 20, [], shapes[-1:]
+        options.hits = shapes
     results = Results("critique")
     if options.against:
-        for hits in shapes:
+        for hits in options.hits:
             found = ratios(options.against.resolve(), hits, options.drops, options.pairs)
             note = f"median of {len(found)} pairs, {min(found):.3f} to {max(found):.3f}"
             results.add(
