@@ -11,7 +11,8 @@ within some steps, up to
     |f_t|² / μ² + τ_n² / m_t²  ≤  f_n²,     |τ_t|  ≤  m_r f_n,
 
 and beyond it act where they take most energy.  Steps are half a drift, a kick, half a drift; where no ball can touch
-within it, a step is `FLIGHT` long.
+within it, a step is `FLIGHT` long.  In the step in which a ball touches it is pushed from there on only: what a hit
+returns would hang on where in its step it begins, by 0.3 % of its speed with 200 steps in a contact.
 """
 
 from typing import NamedTuple
@@ -243,14 +244,21 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
             r[k, 2] -= world.radius
             depth = world.height - z - r[k, 2]
             rate = -(v_z + spin[0] * r[k, 1] - spin[1] * r[k, 0])
-            if depth <= 0.0:
+            share = 1.0  # of the step in which it touches
+            if not touching[k]:
+                if rate > SLOWEST:
+                    share = min(0.5 + depth / (rate * h), 1.0)
+                elif depth <= 0.0:
+                    share = 0.0
+                if share > 0.0:
+                    touching[k] = True
+                    first = t if first < 0.0 else first
+                    hit = t if rate > world.times[2] else hit
+                    damper[k], mu[k] = _lands(world, R, x + r[k, 0], y + r[k, 1], rate, t - first > world.times[0])
+                    depth = 0.5 * share * h * rate if share < 1.0 else depth
+            elif depth <= 0.0:
                 touching[k] = False
-            elif not touching[k]:
-                touching[k] = True
-                first = t if first < 0.0 else first
-                hit = t if rate > world.times[2] else hit
-                damper[k], mu[k] = _lands(world, R, x + r[k, 0], y + r[k, 1], rate, t - first > world.times[0])
-            pushes[k] = max(world.stiffness * depth + damper[k] * rate, 0.0) if touching[k] else 0.0
+            pushes[k] = share * max(world.stiffness * depth + damper[k] * rate, 0.0) if touching[k] else 0.0
             pressing += pushes[k] > 0.0
         for k in range(points if pressing else 0):
             push = pushes[k]
