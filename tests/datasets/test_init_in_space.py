@@ -9,6 +9,7 @@ from tossed import flights
 
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
+from thesis_lib.datasets.space.flights import too_slow
 
 Q = ["qw", "qx", "qy", "qz"]
 SHAPE = ["--shape", "box:0.1,0.08,0.06"]
@@ -126,6 +127,33 @@ def test_a_ball_and_a_mesh(tmp_path):
     code, made = init(tmp_path, frame, "--quaternion", "xyzw", "--force", "--shape", shape)
     assert code == 0 and made.shape.extent == pytest.approx(np.sqrt(0.005), rel=1e-6)
     assert (tmp_path / "made" / "body.stl").exists()
+
+
+def test_an_open_mesh_needs_what_is_believed_of_its_mass(tmp_path, capsys):
+    frame = flights(trials=12)
+    (tmp_path / "open.obj").write_bytes(mesh((50.0, 40.0, 30.0), closed=False))
+    options = ["--quaternion", "xyzw", "--shape", f"mesh:{tmp_path / 'open.obj'},0.001"]
+    assert init(tmp_path, frame, *options)[0] == 2
+    assert "error: --shape: the mesh is not closed, so that it has neither volume nor inertia. Close it, or say" in (
+        capsys.readouterr().err
+    )
+    believed = ["--radii-of-gyration", "0.03,0.03,0.035", "--center-of-mass", "0,0,0.001"]
+    code, made = init(tmp_path, frame, *options, *believed)
+    assert code == 0 and made.header.body.radii_of_gyration == (0.03, 0.03, 0.035)
+    assert made.header.body.center_of_mass == (0.0, 0.0, 0.001)
+    assert init(tmp_path, frame, "--force", "--shape", "disk:0.1", *believed)[0] == 2
+    assert "--radii-of-gyration is for shapes in space" in capsys.readouterr().err
+    assert init(tmp_path, frame, "--force", *options, "--radii-of-gyration", "1,2")[0] == 2
+    assert "error: --radii-of-gyration: '1,2' is not X,Y,Z in m." in capsys.readouterr().err
+
+
+def test_what_is_too_slow_for_flights_is_refused_with_that_reason(tmp_path, capsys):
+    slow = flights(trials=12).iloc[::8]
+    assert init(tmp_path, slow, "--quaternion", "xyzw", *SHAPE, "--up", "x", "--tracked", "shape")[0] == 2
+    assert (
+        "At 30 Hz a flight has few samples, and two hits often lie within one step (33 ms)" in capsys.readouterr().err
+    )
+    assert too_slow(60.0) == ""
 
 
 def test_one_long_recording_is_cut_into_tosses(tmp_path):

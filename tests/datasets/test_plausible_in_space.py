@@ -110,6 +110,16 @@ def test_another_tag_that_takes_over_is_named_and_a_hit_is_not():
     assert "jumps" not in said(trajectories=hit)
 
 
+def test_heights_that_repeat_to_the_last_digit_are_no_measurement():
+    frame = flights()
+    last = frame.groupby("trial").tail(1).index
+    text = said(trajectories=frame.assign(z=frame["z"].mask(frame.index.isin(last), 0.0514874)))
+    assert (
+        "column z, rows 60, 120, 180, 240 and 4 more: 0.0514874 stands in 8 trials, to the last digit: it was" in text
+    )
+    assert "last digit" not in said(trajectories=frame.round(3))
+
+
 def test_a_clock_that_is_off_shows_in_the_fall():
     text = said(header(rate=None), trajectories=flights(trials=20).assign(t=lambda frame: frame["t"] * 250.0 / 240.0))
     found = re.search(r"fall by 9.*frames are taken at (\S+) Hz and not at the 230.4 Hz of their times", text)

@@ -112,6 +112,10 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     init.add_argument("--shape", required=True, help=shape)
     init.add_argument("--mass", type=float, help="kg; optional")
     init.add_argument("--k-g", type=float, help="radius of gyration in m; default: uniform lamina of the shape")
+    radii = "m, about the axes of a shape in space; default: those of one density"
+    init.add_argument("--radii-of-gyration", metavar="X,Y,Z", help=radii)
+    center = "m, in the axes of a shape in space; default: that of one density, with --radii-of-gyration the middle"
+    init.add_argument("--center-of-mass", metavar="X,Y,Z", help=center)
     homogeneous = "the body is of one density, and its size known to U (relative, one sigma, such as 0.002): effects "
     homogeneous += "that contradict the inertia that follows are told as stand-ins, not as causes"
     init.add_argument("--homogeneous", type=float, metavar="U", dest="size_uncertainty", help=homogeneous)
@@ -133,13 +137,18 @@ def convert_logs(args: argparse.Namespace) -> int:
     """Convert, write, check, and say what came of it; UserError where the logs cannot be read or used."""
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.datasets.sources.logs import convert
-    from thesis_lib.datasets.sources.tables.options import Reading, parse_columns, parse_delimiter
+    from thesis_lib.datasets.sources.tables.options import Reading, parse_columns, parse_delimiter, parse_numbers
     from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape, parse_wall
 
     out = Path(args.out)
     same = ("mass", "k_g", "size_uncertainty", "rate", "gravity", "surface_height")
     walls = tuple(map(parse_wall, args.wall))
-    rig = RigOptions(parse_shape(args.shape), **{name: getattr(args, name) for name in same}, walls=walls)
+    believed: dict = {name: getattr(args, name) for name in same} | {"walls": walls}
+    for name in ("radii_of_gyration", "center_of_mass"):
+        if (text := getattr(args, name)) is not None:
+            mistake = f"--{name.replace('_', '-')}: '{text}' is not X,Y,Z in m."
+            believed[name] = tuple(parse_numbers(text, 3, mistake))
+    rig = RigOptions(parse_shape(args.shape), **believed)
     given: dict = {item.name: getattr(args, item.name) for item in fields(Reading)}
     given |= {"columns": parse_columns(args.columns), "delimiter": parse_delimiter(args.delimiter)}
     reading = Reading(**given)

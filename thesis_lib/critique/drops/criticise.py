@@ -36,6 +36,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
+from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.effects import require_known
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.contact import velocity_change
@@ -156,7 +157,8 @@ def criticise_drops(
     dataset = dataset if dataset.space.is_plane else settled(dataset)  # what is saved predicts with that pose
     observations = _observed(dataset, effects or (), settings, arcs)
     trials = np.unique(observations.trial)
-    if not are_enough(len(observations), len(trials)):
+    slow = "" if dataset.space.is_plane or not observations.arcs else too_slow(dataset.rate)
+    if slow or not are_enough(len(observations), len(trials)):
         needs = f"the critique needs {MIN_IMPACTS} in {MIN_TRIALS} to keep training and held-out data apart"
         raise too_few(dataset, observations, needs)
     training, held_out = map(observations.select, split(trials, settings.held_out_share, rng))

@@ -45,6 +45,7 @@ from thesis_lib.datasets.impacts.spikes import detect
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.datasets.samples.copies import originals
 from thesis_lib.datasets.samples.stamps import times_of_pictures
+from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.effects.effect import Rig
 from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
@@ -182,7 +183,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         noise_known=True,
         found=replace(
             found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
-            warnings=(*lost, *told),
+            warnings=tuple(filter(None, (*lost, *told, too_slow(dataset.rate)))),
         ),
     )
     if not dataset.has_angle:

@@ -2,7 +2,8 @@
 
 Of impacts that are too few for a verdict, diagnosis.json says restitution, friction, and what a verdict needs.  It has
 the keys of every diagnosis (`diagnosis`), with `verdict` null, no effects and errors null, and `restitution` with
-value, std, unit and the number of impacts; std is null where nothing shows it.
+value, std, unit and the number of impacts; std is null where nothing shows it.  In space, `reason` says why there is no
+verdict, and `recording` what flights and rests show by themselves.
 """
 
 import json
@@ -22,8 +23,11 @@ from thesis_lib.critique.results.saved_in_space import saved_in_space
 from thesis_lib.critique.results.saved_model import SavedModel, saved
 from thesis_lib.critique.results.summary import much_left_out
 from thesis_lib.critique.results.tables import few_tables, tables
+from thesis_lib.datasets.checks.in_space import motion_facts
+from thesis_lib.datasets.checks.tracked_pose import tracked_frame_told
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
+from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.effects import effects_in
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.rounding import six_digits
@@ -39,6 +43,11 @@ def few_diagnosis(few: FewImpacts) -> dict:
     n, m = len(o), len(np.unique(o.trial))
     model = {"name": few.fitted.base, "parameters": few_parameters(few)}
     why = f"too few impacts ({n} in {m} {'trial' if m == 1 else 'trials'}; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
+    slow = "" if few.source is None or o.space.is_plane or not o.arcs else too_slow(few.source.rate)
+    if slow:
+        why = f"too slow for a verdict ({n} usable impacts in {m} {'trial' if m == 1 else 'trials'}). {slow[:-1]}"
+    shown = [] if o.space.is_plane else _recording(few)
+    needed = "For a verdict on the contact model record at 100 Hz or more." if slow else _what_is_needed(n, m)
     nothing: dict = dict.fromkeys((*ERRORS, "explained_share", *ALWAYS))
     ends = {f"{name}_interval": [None, None] for name in ("base", "augmented")}
     unknown = {"error": None, "interval": [None, None], "unit": "m/s"}
@@ -62,15 +71,29 @@ def few_diagnosis(few: FewImpacts) -> dict:
         "not_testable": [{"name": name, "why": why} for name in effects_in(o.space)],
         "left_out": left_out(o),
         "detectable": [],
-        "next_experiment": {"why": _what_is_needed(n, m), "states": []},
+        "next_experiment": {"why": needed, "states": []},
         "laws": {name: {"parameters": parameters(fitted), **unknown} for name, fitted in few.laws.items()},
     }
     if not o.space.is_plane:
-        content["dimensions"] = o.space.dimension
+        content |= {"dimensions": o.space.dimension, "reason": why, "recording": shown}
     if (low_pass := o.found.low_pass) is not None:
         content["low_pass"] = low_pass.content()
-    content["summary"] = _summary(content, why)
+    content["summary"] = [*_summary(content, why), *shown]
     return six_digits(content)
+
+
+def _recording(few: FewImpacts) -> list[str]:
+    """What flights and rests of a body in space say by themselves, in sentences."""
+    source = few.source
+    if source is None or source.trajectories is None:
+        return []
+    facts, said = motion_facts(source.trajectories, source.in_space), []
+    if facts.fall is not None:
+        size = with_error(float(np.linalg.norm(facts.fall)), facts.fall_error)
+        said.append(f"{facts.flights} free flights fall by {size} m/s², where {source.gravity:.4g} is believed.")
+    if told := tracked_frame_told(source, compare=True):
+        said.append(f"{told[0].upper()}{told[1:]}.")
+    return said
 
 
 def few_parameters(few: FewImpacts) -> dict[str, dict]:
@@ -101,7 +124,7 @@ def _summary(content: Mapping, why: str) -> list[str]:
         friction = f"Friction: mu {bounded(mu)}" + (
             ", the largest ratio of impulses." * (mu["bound"] == "lower") or "."
         )
-    first = why.replace("too few impacts", "Too few impacts for a verdict")
+    first = why.replace("too few impacts", "Too few impacts for a verdict").replace("too slow", "Too slow", 1)
     return [f"{first}.", f"{restitution}.", friction, *much_left_out(content), content["next_experiment"]["why"]]
 
 

@@ -32,6 +32,7 @@ OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera that 
 SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which bodies may fall at another rate than gravity's
 CENTRAL = 5e-3  # m from the tracked point to the centre of mass, within which both fall alike
 HELD = 0.1  # s before the first flight
+REPEATED = 0.2  # share of rows whose coordinate stands in another row, too
 LOST = 0.2  # share of orientations that are lost, from which on it is said
 OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
 XYZW = [1, 2, 3, 0]  # of a quaternion with the scalar first
@@ -192,6 +193,7 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
         what = f"in free flight the body does not move as a free body does; read {facts.reading}, it does"
         table.warn("columns qw, qx, qy, qz", what, "find out how the recording was written, and convert it")
     _check_jumps(table, facts)
+    _check_repeated(table)
     if copies := copied_releases(trial, t, position @ header.planes[0][1]):
         table.warn("column trial", copies_text(copies), COPIED)
     if LOST < facts.lost_orientation < 1.0:
@@ -201,6 +203,20 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
             what,
             "nothing, if the tracker lost it: hits and flights are found without such rows",
         )
+
+
+def _check_repeated(table: UsableRows) -> None:
+    """Report coordinates that trials share to the last digit, while hardly any other row repeats one."""
+    for axis in POSITION:
+        values, which, count = np.unique(table.data[axis].to_numpy(), return_inverse=True, return_counts=True)
+        if np.mean(count[which] > 1) > REPEATED:
+            continue  # written with few digits, or without noise
+        trials = [len(np.unique(table.data["trial"].to_numpy()[which == one])) for one in np.flatnonzero(count > 2)]
+        if trials and max(trials) > 2:
+            value = values[np.flatnonzero(count > 2)[int(np.argmax(trials))]]
+            what = f"{value:.9g} stands in {max(trials)} trials, to the last digit: it was set, and not measured"
+            remedy = "remove such rows: a rest in them is what somebody believed"
+            table.warn(f"column {axis}", what, remedy, table.data[axis].to_numpy() == value)
 
 
 def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step: float) -> None:

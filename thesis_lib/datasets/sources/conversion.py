@@ -78,7 +78,7 @@ def as_dataset(
 
 
 def solid_dataset(recorded: Recorded, up: np.ndarray, found: "TrackedFrame | None" = None) -> Dataset:
-    """The dataset of a homogeneous body in space, without its tables; `up` (3,) is against gravity.
+    """The dataset of a body in space, without its tables; `up` (3,) is against gravity.
 
     Tracked frame and surface are as `found`, but for a surface whose height is given; else the tracked frame is that
     of the shape, and the surface at the height given, or at 0.
@@ -86,7 +86,10 @@ def solid_dataset(recorded: Recorded, up: np.ndarray, found: "TrackedFrame | Non
     UserError if a value of the experiment is impossible, or a mesh is not closed.
     """
     rig, motion = recorded.rig, recorded.motion
-    body: dict = {"shape": rig.shape, "mass": rig.mass, "homogeneous": True}
+    body: dict = {"shape": rig.shape, "mass": rig.mass}
+    body |= {"homogeneous": True} if rig.radii_of_gyration is None else {"radii_of_gyration": rig.radii_of_gyration}
+    if rig.center_of_mass is not None:
+        body["center_of_mass"] = rig.center_of_mass
     if rig.size_uncertainty is not None:
         body["uncertainty"] = {"size": rig.size_uncertainty}
     point, normal = (rig.surface_height or 0.0) * up, up

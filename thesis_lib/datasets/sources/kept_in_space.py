@@ -10,10 +10,10 @@ from thesis_lib.bodies.solid_body import SolidBody
 from thesis_lib.datasets.format.frames import body_states, surface_frames
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.datasets.sources.conversion import Conversion, solid_dataset
-from thesis_lib.datasets.sources.recorded import Recorded
+from thesis_lib.datasets.sources.recorded import Recorded, long_period
 from thesis_lib.datasets.space.drops import IN_THE_AIR, Drop, cut_drops, until_rest, whole_pieces
 from thesis_lib.datasets.space.falling_body import reading_that_falls
-from thesis_lib.datasets.space.flights import find_flights, follow
+from thesis_lib.datasets.space.flights import find_flights, follow, too_slow
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.torque_free import better_reading, falling
 from thesis_lib.foundation.errors import UserError
@@ -49,7 +49,8 @@ def keep_in_space(recorded: Recorded) -> Conversion:
         off = np.arccos(min(-found.gravity @ up / size, 1.0))
         falls = found.gravity / size if off > LEVEL + 3.0 * found.gravity_angle else None
     flights = find_flights(track, -size * up) if falls is None else []
-    if falls is None and not flights and not view.up_is_given:
+    slow = too_slow(1.0 / long_period(motion.t, recorded.piece))  # a bounce then looks like a fall the other way
+    if falls is None and not flights and not view.up_is_given and not slow:
         fall = falling(motion.t, path, size)
         often = fall is not None and fall[2] >= OFTEN * len(np.unique(recorded.piece))
         falls = fall[1] if fall and often and not fall[0] else None

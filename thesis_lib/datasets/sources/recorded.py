@@ -8,6 +8,7 @@ import numpy as np
 
 from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions
 from thesis_lib.datasets.space.drops import SPATIAL, Drop
+from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.datasets.space.torque_free import falling
 
@@ -57,6 +58,8 @@ class Recorded:
     def no_flight(self) -> str:
         """What to do where nothing falls as it should."""
         motion, gravity = self.motion, self.gravity
+        if slow := too_slow(1.0 / long_period(motion.t, self.piece)):
+            return f"no free flight is found along the axis that is up. {slow} Record at 100 Hz or more."
         if found := falling(motion.t, motion.position, gravity):
             unit, down, number = found
             axis = int(np.abs(down).argmax())

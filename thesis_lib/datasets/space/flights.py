@@ -39,6 +39,16 @@ class Track:
     noise: float  # m, one sigma of a coordinate
 
 
+def too_slow(rate: float | None) -> str:
+    """Why a recording at `rate` (Hz) does not show single impacts, in a sentence; "" if it may."""
+    if rate is None or not 0.0 < rate < 2.0 / LARGEST:
+        return ""
+    return (
+        f"At {rate:.3g} Hz a flight has few samples, and two hits often lie within one step ({1e3 / rate:.0f} ms): "
+        "that is too slow for single impacts."
+    )
+
+
 def follow(t: np.ndarray, position: np.ndarray, gravity: float, noise: float = NOISE_FLOOR) -> Track:
     """Local fits to positions (n, d) at times `t` (n,); the window suits a `gravity` in m/s².
 

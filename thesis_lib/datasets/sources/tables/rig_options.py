@@ -24,7 +24,8 @@ class RigOptions:
     in m, gravity in m/s² (by default `GRAVITY`, and 0 between walls, as they are seen from above), rate in Hz (by
     default that of the times).
     `size_uncertainty` (relative, one sigma) says that the body is homogeneous and how well its size is known.  A shape
-    in space (box, sphere, …, mesh) is homogeneous, and keeps the motion in space.
+    in space (box, sphere, …, mesh) keeps the motion in space, and is homogeneous, unless its `radii_of_gyration` about
+    its axes and `center_of_mass` in m are given.
     """
 
     shape: Shape | Any
@@ -35,12 +36,25 @@ class RigOptions:
     gravity: float | None = None
     surface_height: float | None = None
     walls: tuple[Wall, ...] = ()
+    radii_of_gyration: tuple[float, ...] | None = None
+    center_of_mass: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.walls and self.surface_height:
             raise UserError("--surface-height: between walls (--wall) there is no surface; leave one of them out.")
         if self.rate is not None and not (np.isfinite(self.rate) and self.rate > 0):
             raise UserError(f"--rate: {self.rate} Hz is impossible; give a number above 0.")
+        for name in ("radii_of_gyration", "center_of_mass"):
+            if getattr(self, name) is not None and not self.in_space:
+                raise UserError(f"--{name.replace('_', '-')} is for shapes in space; of a planar one give --k-g.")
+        if isinstance(self.shape, Mesh) and self.radii_of_gyration is None:
+            try:
+                _ = self.shape.moments
+            except ValueError as error:
+                raise UserError(
+                    f"--shape: {error}. Close it, or say what was measured or believed of the body: --center-of-mass "
+                    "X,Y,Z and --radii-of-gyration X,Y,Z, in m along the axes of the mesh."
+                ) from error
 
     @property
     def in_space(self) -> bool:
