@@ -11,7 +11,7 @@ from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.channels import CHANNELS
+from thesis_lib.critique.likelihood.channels import CHANNELS, FLIGHT, worst_of_noise
 from thesis_lib.critique.results.diagnosis import diagnosis
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -25,6 +25,13 @@ def judged(impact: float = 1.0, **sigmas: float) -> Judgement:
     squares = {name: sigmas.get(name, 1.0) ** 2 for name in CHANNELS if name != "impact"}
     scores = np.arange(n), np.zeros(n)
     return Judgement(*scores, {"flight": scores}, np.full(n, impact), squares, 1.0, impact)
+
+
+@pytest.mark.parametrize(("size", "components"), [(5, 12), (12, 2), (30, 12), (40, 6)])
+def test_the_worst_of_many_components_of_noise_is_expected_to_be_large(size, components, rng):
+    noise = rng.standard_normal((2000, size, components))
+    mean = np.mean([FLIGHT.mean_square(z) for z in noise])
+    assert worst_of_noise(size, components) == pytest.approx(mean, rel=0.12)
 
 
 @pytest.mark.parametrize("channel", CHANNELS)

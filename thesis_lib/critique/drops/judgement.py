@@ -12,7 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
-from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, Channel, Misfits, present
+from thesis_lib.critique.likelihood.channels import (
+    CHANNELS,
+    IMPACT,
+    OF_MEDIAN,
+    Channel,
+    Misfits,
+    present,
+    worst_of_noise,
+)
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import Whitening
@@ -20,8 +28,7 @@ from thesis_lib.critique.selection.settings import SearchSettings
 
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %
-# relative standard error of a misfit from n values, times √n: of their median, and of that of norms of three components
-OF_MEDIAN, OF_NORM = 1.17, 0.56
+OF_NORM = 0.56  # as `OF_MEDIAN`, of norms of three components
 Scores = tuple[np.ndarray, np.ndarray]  # trials and log scores in nats, (m,) each
 
 
@@ -97,6 +104,8 @@ def judge(fitted: Fit, o: Observations) -> Judgement:
     for name in present(names):
         z = CHANNELS[name].in_sigmas(left)
         sigmas[name] = np.nan if z is None else CHANNELS[name].mean_square(z)
+        if z is not None and not o.space.is_plane:
+            sigmas[name] /= worst_of_noise(*z.shape)
     m = o.space.motions
     error = o.norm(left_over(here, R[:, :m]))
     floor, excess = np.nan, np.nan

@@ -12,13 +12,15 @@
 All but the first count in units of noise.  In the plane rests and slides are in the data only where the settings ask
 for them (`CritiqueSettings.channels`), in space always; flights in space have how their acceleration changes, too.  A
 fault of the touch may concern few impacts, as of one corner.  An error is material where it differs by what the
-settings say (`SearchSettings.matters`), over the floor that noise alone leaves: 1 sigma.
+settings say (`SearchSettings.matters`), over the floor that noise alone leaves: 1 sigma.  In space a flight has twelve
+components: what noise makes of the worst of so many is taken out (`worst_of_noise`).
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import given_the_others
@@ -26,6 +28,7 @@ from thesis_lib.effects.effect import Effect
 from thesis_lib.mechanics.space import Space
 from thesis_lib.statistics.spread import quantile_std, robust_std
 
+OF_MEDIAN = 1.17  # relative standard error of a spread from the median of n values, times √n
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
 
 
@@ -39,6 +42,16 @@ class Misfits:
     S: np.ndarray
     sharp: np.ndarray
     beside: Mapping[str, np.ndarray]
+
+
+def worst_of_noise(size: int, components: int) -> float:
+    """Mean of the largest robust mean square that noise alone leaves in `components` of `size` values each.
+
+    Of twelve components with ten values each it is 2.7.  Spreads are taken as normal, the largest one by Blom's scores
+    (Statistical Estimates and Transformed Beta-Variables, 1958).
+    """
+    spread = OF_MEDIAN / np.sqrt(size)
+    return float((1.0 + spread * norm.ppf((components - 0.375) / (components + 0.25))) ** 2 + spread**2)
 
 
 @dataclass(frozen=True)
