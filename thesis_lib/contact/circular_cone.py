@@ -69,8 +69,8 @@ def cone_point(a: Pair, b: Pair, limit: np.ndarray, slope: Pair | None = None) -
     parts = (*a, *b, limit, *(slope or (0.0, 0.0)))
     shape = np.broadcast(*parts).shape
     problems, c = np.empty((7, *shape)), np.empty((2, *shape))
-    for problem, part in zip(problems, parts):
-        problem[...] = part
+    for i, part in enumerate(parts):
+        problems[i] = part
     impulses(problems.reshape(7, -1), c.reshape(2, -1))
     return c[0], c[1]
 

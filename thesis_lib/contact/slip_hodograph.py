@@ -60,8 +60,8 @@ def impulse(
     parts = (mu, epsilon, mu_after, *v, K[0][0], K[0][1], K[1][1], K[0][2], K[1][2], K[2][2])
     shape = np.broadcast(*parts).shape
     filled = np.empty((len(parts), *shape))
-    for row, part in zip(filled, parts):
-        row[...] = part
+    for i, part in enumerate(parts):
+        filled[i] = part
     μ, ε, μ_after, v_1, v_2, v_n, K_11, K_12, K_22, k_1, k_2, K_nn = filled.reshape(len(parts), -1)
     axes = principal(K_11, K_12, K_22)
     κ = np.stack([axes.first, axes.second])

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.contact import LAWS
-from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.fit import fit
@@ -32,12 +31,13 @@ def predictable(observations: Observations, training: Observations, settings: Cr
     if not len(rows):
         return o
     alone = training.single
-    fitted = fit(Model(LAWS[REFERENCE], (), settings.contact_time and o.arcs), alone if len(alone) else training)
+    model = Model(LAWS[REFERENCE], takes_time=settings.contact_time and o.arcs, space=o.space)
+    fitted = fit(model, alone if len(alone) else training)
     episodes = o.rows(rows)
     here = fitted.on(episodes)
-    S = here.covariance()
-    spread = np.sqrt(np.einsum("nii,i->n", S[:, :3, :3], np.array([1.0, 1.0, o.rig.k_told]) ** 2))
-    change = velocity_error(here.prediction.v - here.before.v, o.rig.k_told)
+    S, metric = here.covariance(), episodes.metric
+    spread = np.sqrt(np.einsum("nij,nji->n", S[:, : o.space.motions, : o.space.motions], metric))
+    change = episodes.norm(here.prediction.v - here.before.v)
     wide = ~(spread < settings.unpredictable * change)
     left_out = [o.found.left_out]
     for i in np.flatnonzero(wide):
