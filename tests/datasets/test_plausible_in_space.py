@@ -117,7 +117,8 @@ def test_heights_that_repeat_to_the_last_digit_are_no_measurement():
     assert (
         "column z, rows 60, 120, 180, 240 and 4 more: 0.0514874 stands in 8 trials, to the last digit: it was" in text
     )
-    assert "last digit" not in said(trajectories=frame.round(3))
+    for digits in (3, 4):  # some coordinates stand in three trials by chance
+        assert "last digit" not in said(trajectories=frame.round(digits))
 
 
 def test_a_clock_that_is_off_shows_in_the_fall():

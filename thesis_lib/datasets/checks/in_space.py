@@ -32,6 +32,7 @@ OBLIQUE = np.radians(3.0)  # between stated and measured gravity; a camera that 
 SLOWER, SURELY = 0.02, 4.0  # share, and standard errors, by which bodies may fall at another rate than gravity's
 CENTRAL = 5e-3  # m from the tracked point to the centre of mass, within which both fall alike
 HELD = 0.1  # s before the first flight
+BY_CHANCE = 1e-3  # values that stand in so many trials
 REPEATED = 0.2  # share of rows whose coordinate stands in another row, too
 LOST = 0.2  # share of orientations that are lost, from which on it is said
 OFF_SURFACE = 0.2  # extents of the body, by which its lowest point may be off the surface at hits
@@ -206,13 +207,17 @@ def check_motion(table: UsableRows, header: SpaceHeader) -> None:
 
 
 def _check_repeated(table: UsableRows) -> None:
-    """Report coordinates that trials share to the last digit, while hardly any other row repeats one."""
+    """Report coordinates that trials share to the last digit, more of them than rounding makes equal by chance.
+
+    If a share r of N rows repeats another one, some N r^(m − 1) values stand in m rows by chance.
+    """
     for axis in POSITION:
         values, which, count = np.unique(table.data[axis].to_numpy(), return_inverse=True, return_counts=True)
-        if np.mean(count[which] > 1) > REPEATED:
+        share = float(np.mean(count[which] > 1))
+        if share > REPEATED:
             continue  # written with few digits, or without noise
         trials = [len(np.unique(table.data["trial"].to_numpy()[which == one])) for one in np.flatnonzero(count > 2)]
-        if trials and max(trials) > 2:
+        if trials and max(trials) > 2 and len(which) * share ** (max(trials) - 1) < BY_CHANCE:
             value = values[np.flatnonzero(count > 2)[int(np.argmax(trials))]]
             what = f"{value:.9g} stands in {max(trials)} trials, to the last digit: it was set, and not measured"
             remedy = "remove such rows: a rest in them is what somebody believed"
