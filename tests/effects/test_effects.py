@@ -42,8 +42,9 @@ def test_every_hook_of_an_impact_and_a_flight_is_looked_at() -> None:
     hooks = {name for name, value in vars(Effect).items() if callable(value) and not name.startswith("_")}
     rig = RIGS["ellipse"]
     called = hook_calls(Effect(), {}, rig, random_states(rig, N, np.random.default_rng(5)))
-    # what they leave out: where an effect exists, where fits start, and the path that follows from an acceleration
-    assert hooks - set(called) == {"applies_to", "shapes", "arc"}
+    # what they leave out: where an effect exists, what of it is seen, where fits start, and the path that follows from
+    # an acceleration
+    assert hooks - set(called) == {"applies_to", "unseen", "shapes", "arc"}
 
 
 def test_names_are_unique() -> None:
