@@ -126,7 +126,7 @@ def test_an_integrated_contact_explains_a_box_of_our_own_simulator_that_no_impul
     rigid = fit(world.model("mirtich"), world.observations, rounds=1)
     model = world.model("damped_contact")  # the forces of that simulator
     limit = fit(model.limit, world.quick, rigid.values, rounds=1)
-    found = fit(model, world.observations, limit.values, rounds=2)
+    found = fit(model, world.observations, limit.values)
     assert found.score > rigid.score + 300.0
     assert found.values["mu"] == pytest.approx(0.25, abs=5e-3)
     assert found.values["epsilon"] == pytest.approx(0.5, abs=0.01)
