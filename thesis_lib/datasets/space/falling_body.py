@@ -30,6 +30,7 @@ DRAWS, MOST_WINDOWS, JUDGES = 3000, 1500, 300  # of the search, and windows that
 FAR = 0.1  # m, one sigma of c in a draw; keeps c near 0 where nothing turns
 UNSEEN = 1.0  # m, one sigma of c before the flights are seen
 BETTER = 1.3  # typical misfit of windows as stated over that of another reading, which makes it the likely one
+FALLS = 0.03  # typical misfit over g below which a body falls as read, whatever another reading makes of noise
 FEWEST = 20  # windows by which readings are compared
 ROUNDS = 3  # flights are found again with the centre that they gave
 ODD = 3.0  # median misfits of a flight, from which on it is left out
@@ -83,7 +84,9 @@ def reading_that_falls(motion: Motion, gravity: float) -> str:
     if middle < FEWEST:
         return ""
     best = min(off, key=lambda name: off[name][middle])
-    return "" if "" in off and off[""][middle] < BETTER * off[best][middle] else best
+    if "" in off and off[""][middle] < max(BETTER * off[best][middle], FALLS * gravity):
+        return ""
+    return best
 
 
 @dataclass(frozen=True, eq=False)
