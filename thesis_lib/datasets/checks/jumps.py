@@ -2,7 +2,8 @@
 
     turn:   |Δφ_i| > `TURN` + 3 times what is usual beside it
     place:  |d_i| > `ODD` times what is usual,  p = a + v s + b s² (+ d_i from sample i on)  in the samples beside it,
-            where that fits as well as elsewhere, and the spin stays what it is: at a hit it does not
+            where that fits as well as elsewhere, far better than a sample earlier or later, and the spin stays what
+            it is: at a hit it does not
 
 Δφ_i is the turn from one sample to the next, p (3,) the tracked point, s time; steps across lost frames and from trial
 to trial are none.
@@ -19,6 +20,7 @@ NEIGHBOURS = 3  # samples on either side that say what is usual
 BESIDE = 4  # samples on either side of a jump of place
 ODD, PLACE = 5.0, 1e-3  # usual steps, and m: a jump of place is larger
 SMOOTH = 2.0  # usual misfits of a parabola with a step, beyond which it is none
+ALONE = 0.6  # of the misfits of a step one sample earlier or later: two hits in a row look alike from each of these
 STEADY = 4.0  # usual changes of the spin; a hit changes it by more
 CHUNK = 50_000  # windows fitted at once
 LOST = 1.5  # usual steps of time; longer ones lack samples
@@ -68,6 +70,9 @@ def place_jumps(trial: np.ndarray, t: np.ndarray, position: np.ndarray, quaterni
     far = (size > max(ODD * np.median(size), PLACE)) & (rest < SMOOTH * np.median(rest)) & (hit < 1.0)
     beside = np.zeros(len(t) + 2 * BESIDE)
     beside[at + BESIDE] = size
+    misfit = np.full(len(t) + 2, np.inf)
+    misfit[at + 1] = rest
+    far &= rest < ALONE * np.minimum(misfit[at], misfit[at + 2])
     if quaternion is not None:
         kick = _spin_changes(t, quaternion, at)
         far &= kick < STEADY * np.median(kick)
