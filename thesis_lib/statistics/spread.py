@@ -14,6 +14,7 @@ from statistics import NormalDist
 import numpy as np
 
 MAD_TO_STD = 1.482602218505602  # 1/Φ⁻¹(3/4)
+OF_MEDIAN = 1.17  # relative standard error of such a spread of n normal values, times √n
 MEDIAN = 1.2533  # standard error of a median over that of a mean, of normal errors
 
 

@@ -12,19 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.critique.drops.planar.unknown_spin import left_over
-from thesis_lib.critique.likelihood.channels import (
-    CHANNELS,
-    IMPACT,
-    OF_MEDIAN,
-    Channel,
-    Misfits,
-    present,
-    worst_of_noise,
-)
+from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, Channel, Misfits, present, worst_of_noise
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import Whitening
 from thesis_lib.critique.selection.settings import SearchSettings
+from thesis_lib.statistics.spread import OF_MEDIAN
 
 FLOOR_SEED = 0
 FLOOR_DRAWS = 64  # per impact; the mean over 100 impacts then has an error of 1 %

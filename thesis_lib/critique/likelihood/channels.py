@@ -26,9 +26,8 @@ from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.whitening import given_the_others
 from thesis_lib.effects.effect import Effect
 from thesis_lib.mechanics.space import Space
-from thesis_lib.statistics.spread import quantile_std, robust_std
+from thesis_lib.statistics.spread import OF_MEDIAN, quantile_std, robust_std
 
-OF_MEDIAN = 1.17  # relative standard error of a spread from the median of n values, times √n
 UPPER = 0.9  # quantile of the touch that a fault of a tenth of the impacts moves
 
 

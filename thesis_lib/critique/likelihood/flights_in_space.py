@@ -37,14 +37,13 @@ from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.free_motion import attitudes, columns
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
-from thesis_lib.statistics.spread import robust_std
+from thesis_lib.statistics.spread import OF_MEDIAN, robust_std
 
 LASTS = 3e-3  # s from a hit, within which samples may lie in the contact; one step at least
 SHORTEST = 0.1  # s: in a shorter one the body rises by less than 12 mm, and may rock on an edge
 IMPROBABLE = 1e-6  # of χ² of a flight without an undetected hit
 UNSEEN = 0.1  # m, one sigma of the centre of mass before flights are seen
 ODD = 3.0  # median misfits of a flight, from which on it has no say in where the centre of mass is
-OF_MEDIAN = 1.17  # standard error of a spread by the median, times √n
 CHANCE = 3.0  # standard errors by which data may show more noise than is stated
 LEAST = 1e-3  # of the noise that neighbours show; flights show more
 FREE, TERMS, ALL = 2, 4, 6  # terms of a place: those of a free start, with those compared, with faster ones
