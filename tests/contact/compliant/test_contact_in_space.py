@@ -12,6 +12,7 @@ from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
 from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.contact import contact, velocity_change
 from thesis_lib.mechanics.inertia import mobility
@@ -143,6 +144,23 @@ def test_a_short_contact_has_the_impulse_of_mirtich(shape):
     expected = states.motion + velocity_change(c, at.r, at.mobility)
     off = np.abs(found.motion - expected) * np.repeat([1.0, 0.03], 3)[:, None]
     assert np.median(off) < 1e-3 and np.quantile(off, 0.98) < 0.02  # m/s; 64 steps a contact
+
+
+def test_friction_by_speed_acts_along_an_integrated_slip_as_along_the_path_of_an_impulse():
+    effect, ball = EFFECTS["velocity_dependent_friction"], SOLIDS["sphere"]
+    states, G = tossed(ball, 80, seed=5), ball.moments.inertia_per_mass
+    rig, v = Rig(ball, K_G, 9.81, 0.0, tensor=G), {}
+    for s in (0.0, 0.8):
+        values = VALUES | {"mu": 0.08, "tau": SHORT}
+        values |= {"velocity_dependent_friction.s": s, "velocity_dependent_friction.v_s": 0.5}
+        lasts = Model(BASES["compliant_contact"], (effect,), takes_time=True, space=SPACE)
+        instant = Model(BASES["mirtich"], (effect,), space=SPACE)
+        after = press(bind(lasts, values, rig), states)[0], bind(instant, values, rig).strike(states)[0]
+        v[s] = np.stack([one.velocity[:2] for one in after])
+    found, expected = v[0.8] - v[0.0]
+    slips = np.linalg.norm(expected, axis=0) > 5e-3  # m/s; others stick, or are too fast
+    assert slips.mean() > 0.3
+    np.testing.assert_allclose(found[:, slips], expected[:, slips], rtol=0.05, atol=1e-3)  # 64 steps a contact
 
 
 @pytest.mark.parametrize("name", ["compliant_contact", "convex_contact"])

@@ -10,6 +10,7 @@ the middle of the step, (½ A + λ) c_t = −s, with A the compliance along the 
 within the step, first against the slip before and then against the one after.  A convex contact has the force
 that minimises its program in the circular cone |f_t| ≤ μ f_n: inside, or on the generator that serves best.  On a
 pyramid it is the sum of pushes g ≥ 0 along four edges, n ± μ t_1 and n ± μ t_2, each with its share of R.
+μ is that of fast slip times Stribeck's factor 1 + s exp(−(|s_t| / v_s)²) at the slip s_t before the step.
 
 A contact point is one of a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body, plus
 the lowest point of an ellipsoid that turns with it, less a radius along the normal.
@@ -340,7 +341,7 @@ def _rolled(T, squares, axes, radius, at):
 
 
 @compiled
-def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
+def integrate(force, r_0, points, stribeck, body, outline, velocity, spin, step, most):
     """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
 
     Args:
@@ -348,6 +349,7 @@ def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
             pyramid along the surface; share (n,) of the depth by which the force acts above the point.
         r_0: points (3, p, n) in m from the centre of mass, at the touch.
         points: gap in m, μ, D and L in m of each point, (4, p, n).
+        stribeck: s and v_s in m/s, (2, n).
         body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
             flight, (3, n).
         outline: squares (3,) in m² of the semi-axes of an ellipsoid that rolls, axes of the body (3, 3, n) as columns
@@ -402,6 +404,11 @@ def integrate(force, r_0, points, body, outline, velocity, spin, step, most):
                 r[k, 1] = under[1] + T[1, 0] * c_1 + T[1, 1] * c_2 + T[1, 2] * c_3
                 r[k, 2] += shares[i] * depths[k]
                 deepest[k] = max(deepest[k], depths[k])
+                if stribeck[0, i] != 0.0:
+                    s_1 = v[0] + omega[1] * r[k, 2] - omega[2] * r[k, 1]
+                    s_2 = v[1] + omega[2] * r[k, 0] - omega[0] * r[k, 2]
+                    slow = np.exp(-(s_1 * s_1 + s_2 * s_2) / stribeck[1, i] ** 2)
+                    mu[k] = mus[k, i] * (1.0 + stribeck[0, i] * slow)
             _turned_inertia(T, W_0, W)
             _times(W, L, omega)
             pressing = 0

@@ -11,9 +11,10 @@ too.  Per unit mass, with x the depth over L,
 Both forces of a convex contact follow from its program.
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
-the law is added to the impulse of each corner, at the velocity with which it touched; but `tangential_compliance` is a
-spring along the surface, integrated with the rest, and under `soft_body` the force acts in the chord that the surface
-cuts off, the higher the deeper the body sinks in.
+the law is added to the impulse of each corner, at the velocity with which it touched.  Three are integrated with the
+rest: `tangential_compliance` is a spring along the surface; under `soft_body` the force acts in the chord that the
+surface cuts off, the higher the deeper the body sinks in; and in space the μ of `velocity_dependent_friction` follows
+the slip.
 """
 
 from collections.abc import Mapping
@@ -33,9 +34,10 @@ from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
+from thesis_lib.effects.velocity_dependent_friction import VelocityDependentFriction
 from thesis_lib.engines.parameters import PLANAR
 from thesis_lib.mechanics.contact import Contact, velocity_change
-from thesis_lib.mechanics.space import cross, rotation_matrix, rotation_vector
+from thesis_lib.mechanics.space import Space, cross, rotation_matrix, rotation_vector
 from thesis_lib.mechanics.state import State
 
 MOST_CORNERS = 12  # a polygon with more is a curve drawn with corners
@@ -88,8 +90,10 @@ def all_points(rig: Rig, bodies: int) -> Rig:
     return replace(rig, shape=Corner.each(rig.shape, bodies))  # pyright: ignore[reportArgumentType]
 
 
-def integrates(law: Law, effect: Effect) -> bool:
+def integrates(law: Law, effect: Effect, space: Space) -> bool:
     """Whether the effect is part of the integrated motion; others have friction and place of their own."""
+    if not space.is_plane:
+        return isinstance(effect, VelocityDependentFriction)
     return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(
         law.force, ConvexDamper | PressureField
     )
@@ -106,7 +110,7 @@ def press(dynamics: Dynamics, true: State, left: np.ndarray | float = 0.0) -> tu
     corners, n = 1 if is_field else contact_points(rig), len(true)
     at_corners = dynamics.tiled(corners, n).on(rig if is_field else all_points(rig, n))
     tiled = true.tiled(corners)
-    others = at_corners.with_active([(e, p) for e, p in at_corners.active if not integrates(model.law, e)])
+    others = at_corners.with_active([(e, p) for e, p in at_corners.active if not integrates(model.law, e, space)])
     seen, at = others.contact(tiled)
     as_fitted = force.loss(np.full(corners * n, at_corners.values["epsilon"]))
     (mu, epsilon), tau = at_corners.on(rig).coefficients(seen, at), at_corners.on(rig).contact_time(seen, at)
@@ -191,6 +195,8 @@ def _in_space(
     force, n = at_corners.model.law.force or SPRING, len(frame)
     ratio, regularisation = _of_friction(at_corners, n)
     share = MIDDLE if isinstance(force, ConvexDamper) else 0.0
+    slowed = _parameters(at_corners, VelocityDependentFriction)
+    stribeck = np.stack([np.full(len(tiled), slowed.get(name, null))[:n] for name, null in (("s", 0.0), ("v_s", 1.0))])
     W, spin = at.mobility[:, :, :n], frame.spin
     G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)
     momentum, couple = (np.einsum("ijn,jn->in", G, u) for u in (spin, falling[:, 3:].T))
@@ -203,6 +209,7 @@ def _in_space(
         (force.kind, force.exponent, ratio, regularisation, np.full(n, share)),
         r,
         points,
+        stribeck,
         (W, momentum, a, couple),
         (outline.squares, axes, outline.radius),
         velocity,
@@ -250,8 +257,8 @@ def _central_pressure(shape: Shape) -> float:
 
 def _parameters(dynamics: Dynamics, kind: type[Effect]) -> Mapping:
     """The parameters of the effect of that kind, if it is integrated; none otherwise."""
-    law = dynamics.model.law
-    return next((p for effect, p in dynamics.active if isinstance(effect, kind) and integrates(law, effect)), {})
+    law, space = dynamics.model.law, dynamics.rig.space
+    return next((p for effect, p in dynamics.active if isinstance(effect, kind) and integrates(law, effect, space)), {})
 
 
 def _chord(
