@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+import pytest
 import yaml
 
+from thesis_lib.config import read_config
 from thesis_lib.jenga.play.settings import GameChoice
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -22,6 +24,13 @@ def test_every_policy_plays_as_many_towers_as_its_kind():
 def test_no_policy_plays_fewer_towers_than_all():
     choice = GameChoice(towers=5, learner_towers=3, fixed=["rule"], **SMALL)
     assert set(choice.played().values()) == {5}
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "config/chapter5_switches").iterdir()), ids=lambda path: path.stem)
+def test_each_switch_of_the_set_up_changes_the_study_and_nothing_else(path):
+    study = ROOT / "config/chapter5_study.yaml"
+    with_it, without = (read_config(study, *more).model_dump() for more in ([path], []))
+    assert with_it.pop("chapter5") != without.pop("chapter5") and with_it == without
 
 
 def test_the_study_plays_as_many_games_as_its_tables_say():

@@ -8,7 +8,7 @@ deflection BEFORE the state s_t is read: no model could predict the force across
 
 The thesis contradicts itself: pushes of at most 45 mm are 0.6 of the block, but extraction is required beyond 3/4 (56
 mm).  Here the gripper takes over at `goal` = 33 mm: at 45 mm the centre of mass lies beyond the support (37.5 mm).
-config/chapter5_switches.yaml has the other reading, 56 mm with longer pushes, and the thesis's states without noise.
+config/chapter5_switches has the other reading, 56 mm with longer pushes, and the thesis's states without noise.
 
 Readings are z_t = s_t + noise, Gaussian and independent from reading to reading.  The camera sees little of a block at
 the start of a push, so pose noise falls with the advance a (thesis, section 5.5.4): σ_pose(a) = σ_last + (σ_first −
