@@ -1,5 +1,5 @@
 # Two commands do everything on a fresh Debian or Ubuntu machine with Python 3.11 or newer, git and make:
-#   make reproduce   environment, then the whole pipeline           (SCALE=quick|default|full, CORES=2)
+#   make reproduce   environment, then the whole pipeline           (SCALE=quick|default, CORES=2)
 #   make test        environment, then the test suite               (TESTS="-m 'not slow'" for the fast part)
 .DEFAULT_GOAL := help
 .PHONY: help setup reproduce test test-fuzz test-kill test-slurm bench check lint types audit docs format clean
@@ -28,7 +28,6 @@ unexport PYTHONDONTWRITEBYTECODE
 
 CONFIG_default :=
 CONFIG_quick := --configfile config/quick.yaml
-CONFIG_full := --configfile config/full.yaml
 
 help:  ## show this text
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 13

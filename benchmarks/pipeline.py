@@ -157,7 +157,7 @@ def main(arguments: list[str] | None = None) -> None:
         "pipeline", "CPU time of a target in a fresh copy, on two cores, against that of its jobs."
     )
     parser.add_argument("target", nargs="?", help="rule (chapter3 at scale default, then all at scale quick)")
-    parser.add_argument("--scale", default="default", choices=["quick", "default", "full"], help="of the target")
+    parser.add_argument("--scale", default="default", choices=["quick", "default"], help="of the target")
     options = parser.parse_args(arguments)
     runs = ((options.target, options.scale),) if options.target else RUNS
     results = Results("pipeline")

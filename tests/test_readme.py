@@ -17,7 +17,6 @@ from tests.docs.tutorial_runner import compare
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.effects import EFFECTS
 from thesis_lib.ledger.format import read_ledger
-from thesis_lib.resources import MACHINE, MEASURED, TOTAL, read_measured
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -33,12 +32,6 @@ def test_it_is_a_front_page():
 
 def test_as_many_effects_are_looked_for_as_it_says():
     assert f"({len(EFFECTS)} are looked for)" in README
-
-
-@pytest.mark.parametrize("scale", ["quick", "default"])
-def test_cpu_times_of_the_scales_are_those_measured(scale):
-    minutes = round(read_measured(ROOT / MEASURED)[MACHINE][scale][TOTAL] / 60.0)
-    assert re.search(rf"^\| {scale} \|.*\| {minutes} min \|$", README, re.M)
 
 
 def test_benchmarks_are_six_rows_of_all():
@@ -167,7 +160,7 @@ def test_what_is_said_of_crossed_training_sets_is_so_in_the_stored_games():
     own = both[both["set"] == both["tower"] % games["set"].nunique()]
     same = (own["extractions"] == own["extractions_study"]).sum()
     readme = (STUDY / "README.md").read_text(encoding="utf-8")
-    assert f"Of the {len(own)} games that the study has, too, {same} brought out" in " ".join(readme.split())
+    assert f"Of the {len(own)} crossed games that the study has, too, {same} brought out" in " ".join(readme.split())
 
 
 def test_what_is_said_of_switches_of_the_set_up_is_so_in_the_stored_games():

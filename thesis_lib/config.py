@@ -73,7 +73,7 @@ class Chapter4(Section):
 class Config(Section):
     """The whole configuration; `config/config.yaml` spells out the defaults, overlays change some of them."""
 
-    scale: Literal["quick", "default", "full"] = Field("default", description="names the stored expectations")
+    scale: Literal["quick", "default"] = Field("default", description="names the stored expectations")
     seed: Annotated[int, Field(ge=0)] = Field(
         SEED, description="the one seed; every rule derives its own stream from it"
     )

@@ -1,6 +1,6 @@
 """Run the pipeline so that an interruption costs only the jobs that were running.
 
-    python -m thesis_lib.pipeline [--scale quick|default|full] [--configfile FILE ...] [--cores N] [TARGET ...]
+    python -m thesis_lib.pipeline [--scale quick|default] [--configfile FILE ...] [--cores N] [TARGET ...]
 
 A thin runner around Snakemake, in the same terminal group, so that Ctrl-C reaches both.  Before the start it holds a
 lock that the kernel releases on any death, removes what a killed run left (orphaned jobs, Snakemake's lock) and checks
@@ -9,7 +9,6 @@ Snakemake's, 128 + n if signal n ended it.
 """
 
 import argparse
-import contextlib
 import fcntl
 import importlib.util
 import os
@@ -26,13 +25,10 @@ from pathlib import Path
 from thesis_lib.foundation.byte_code import keep_byte_code
 from thesis_lib.foundation.command_line import WRONG, not_installed
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.progress import duration
-from thesis_lib.job_lines import printed_jobs
 
 STATE = Path(".snakemake")
 WRITTEN = (Path(), Path("results"), Path("data"), Path("data/simulated"), STATE)  # folders a run writes into
-SCALES = {"quick": 100, "default": 250, "full": 600}  # MB of free disk required: twice what a run writes
-CORES = 2  # of profiles/default
+SCALES = {"quick": 100, "default": 250}  # MB of free disk required: twice what a run writes
 SHOWN = 5  # failed jobs listed
 TAIL = 20_000  # bytes of a log that are searched for the cause
 PATIENCE = 5.0  # s granted to dying processes
@@ -70,10 +66,9 @@ def run(
         command = [sys.executable, "-m", "snakemake"]
         command += ["--cores", str(cores)] if cores else []
         command += ["--configfile", *overlays] if overlays else []
+        command += ["--logger", "rich"] if sys.stdout.isatty() else []
         recover([*command, "--unlock", "--", *targets])
-        if sys.stdout.isatty() and not targets:  # elsewhere `printed_jobs` says it of the jobs that are left
-            _say_whole(scale, cores or CORES)
-        return _snakemake([*command, "--", *targets], lock, scale)
+        return _snakemake([*command, "--", *targets], lock)
     finally:
         os.close(lock)
 
@@ -200,8 +195,8 @@ def _end(processes: list) -> None:
         )
 
 
-def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int:
-    """Run Snakemake, explain its failure, and return its exit code; in a log, report jobs that end."""
+def _snakemake(command: Sequence[str], lock: int) -> int:
+    """Run Snakemake, explain its failure, and return its exit code."""
     received: list[int] = []
     children: list[subprocess.Popen] = []
 
@@ -215,45 +210,14 @@ def _snakemake(command: Sequence[str], lock: int, scale: str = "default") -> int
     started = time.time()
     try:
         # Snakemake shares the lock, so that killing this runner alone does not admit a second run
-        with contextlib.nullcontext() if sys.stdout.isatty() else printed_jobs(_cpu_of_jobs(scale)):
-            children.append(subprocess.Popen(command, pass_fds=(lock,)))
-            code = children[0].wait()
+        children.append(subprocess.Popen(command, pass_fds=(lock,)))
+        code = children[0].wait()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
     if code:
         _say(explain(code, latest_log(started), bool(received)))
     return code if code >= 0 else 128 - code
-
-
-def _cpu_of_jobs(scale: str) -> dict[str, float]:
-    """CPU time of a job of each rule on this machine, s; at the default scale if only that was measured."""
-    # late: outside the environment there is no PyYAML
-    from thesis_lib.resources import MEAN, MEASURED, read_measured, slower
-
-    measured = read_measured() if MEASURED.is_file() else {}
-    factors, times = slower(measured), {}
-    for rule, scales in measured.items():
-        known = scale if scales.get(scale) else "default"
-        use = scales.get(known, {})
-        if "cpu_s" in use:
-            times[rule] = use.get(MEAN, use["cpu_s"]) * factors.get(known, 1.0)
-    return times
-
-
-def _say_whole(scale: str, cores: int) -> None:
-    """Say how long all jobs of a scale take on this machine, if it was ever measured."""
-    from thesis_lib.resources import MACHINE, MEASURED, TOTAL, read_measured, slower
-
-    measured = read_measured() if MEASURED.is_file() else {}
-    if scale in measured.get(MACHINE, {}):
-        cpu_s = measured[MACHINE][scale][TOTAL] * slower(measured)[scale]
-        noun = f"{cores} core{'s' * (cores > 1)}"
-        print(
-            f"All jobs of the {scale} scale take about {duration(cpu_s)} of CPU on this machine, about "
-            f"{duration(cpu_s / cores)} on {noun}; what is finished is not run again.",
-            flush=True,
-        )
 
 
 def latest_log(since: float) -> str:

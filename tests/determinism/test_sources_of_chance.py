@@ -40,10 +40,7 @@ ALLOWED = {
     "thesis_lib/foundation/provenance.py": "a name for a file until it is whole, which it then loses",
 }
 # runs other programs and waits for them; no result passes through
-WAITING = {
-    *("thesis_lib/pipeline.py", "thesis_lib/job_lines.py", "thesis_lib/resources.py"),
-    *("thesis_lib/commands/batch.py", "thesis_lib/foundation/isolated.py"),
-}
+WAITING = {"thesis_lib/pipeline.py", "thesis_lib/commands/batch.py", "thesis_lib/foundation/isolated.py"}
 
 
 def chances(source: str) -> Iterator[tuple[int, str]]:

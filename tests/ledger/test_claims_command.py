@@ -107,13 +107,6 @@ def test_update_is_all_or_nothing(command, results, tmp_path, capsys):
     assert not (tmp_path / "expected.yaml").exists()
 
 
-def test_a_scale_without_copies_says_so(command, capsys):
-    command("update", "full")
-    capsys.readouterr()
-    assert command("check", "full") == 0
-    assert "keeps no copies at scale full" in capsys.readouterr().out
-
-
 def test_page(command, results, capsys):
     assert command("page") == 0
     assert "Claims ledger" in (results / "claims.html").read_text(encoding="utf-8")

@@ -21,7 +21,6 @@ def snakemake() -> Callable[..., subprocess.CompletedProcess]:
 
     def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess:
         environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHONPATH", "SNAKEMAKE"))}
-        # the plain logger, whatever the profile says
         command = [sys.executable, "-m", "snakemake", "--workflow-profile", "none", "--nocolor", *arguments]
         return subprocess.run(
             command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

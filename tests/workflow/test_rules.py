@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pipeline_copy import ROOT
 
-from thesis_lib.resources import MACHINE, MEASURED, read_measured
+from thesis_lib.foundation.yaml_file import read_yaml
 
 RULE_FILES = sorted((ROOT / "workflow/rules").glob("*.smk"))
 SCRIPTS = sorted((ROOT / "workflow/scripts").glob("*/*.py"))
@@ -61,7 +61,7 @@ class TestRules:
         assert log.startswith(f"results/logs/{rule}")
 
     def test_benchmark_has_the_name_of_the_log_in_its_own_folder(self, rule):
-        """Times and memory are no results, and `thesis_lib.resources` takes the rule's name from the path."""
+        """Times and memory are not results, and the path begins with the name of the rule."""
         log = re.search(r'"results/logs/(.+)\.log"', directive(rule, "log"))[1]
         (benchmark,) = re.findall(r'"(.+)"', directive(rule, "benchmark"))
         assert benchmark == f"results/logs/benchmarks/{log}.tsv"
@@ -71,8 +71,11 @@ class TestRules:
         assert directive(rule, "resources").strip() == f'**needs("{rule}"),'
 
 
-def test_every_rule_has_an_entry_in_the_plan_and_every_entry_a_rule():
-    assert set(read_measured(ROOT / MEASURED)) - {MACHINE} == set(RULES)
+def test_every_rule_asks_for_memory_and_time_and_every_request_has_a_rule():
+    requests = read_yaml(ROOT / "config/resources.yaml").content
+    assert set(requests) == set(RULES)
+    for rule, asked in requests.items():
+        assert set(asked) == {"mem_mb", "runtime"} and min(asked.values()) > 0, rule
 
 
 def test_every_script_is_used():

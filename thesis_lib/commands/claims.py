@@ -69,7 +69,7 @@ def _parser() -> Parser:
             subparser.add_argument(option, type=Path, default=Path(default), help=meaning)
         subparser.add_argument("--present", type=Path, help="default: <results>/datasets/present.json")
         meaning = "scale at which the pipeline ran" + (" (shown on the page)" if of_page else "")
-        choice = {"choices": ("quick", "default", "full"), "default": "" if of_page else None}
+        choice = {"choices": ("quick", "default"), "default": "" if of_page else None}
         subparser.add_argument("--scale", **choice, required=not of_page, help=meaning)
         if name == "check":
             subparser.add_argument("--json", action="store_true", help="print JSON instead of text")
@@ -98,15 +98,11 @@ def _check(options: argparse.Namespace) -> int:
     return FAILED if changes or len(differing) else 0
 
 
-def _compared_figures(
-    options: argparse.Namespace, present: dict[str, bool]
-) -> "tuple[pd.DataFrame | None, pd.DataFrame | list]":
-    """Comparison of the figures with their stored copies, None without any at this scale; and those that differ."""
-    from thesis_lib.ledger.figure_check import AGREES, NO_DATA, SCALES, check_figures
+def _compared_figures(options: argparse.Namespace, present: dict[str, bool]) -> "tuple[pd.DataFrame, pd.DataFrame]":
+    """Comparison of the figures with their stored copies, and those that differ."""
+    from thesis_lib.ledger.figure_check import AGREES, NO_DATA, check_figures
     from thesis_lib.records import catalogue
 
-    if options.scale not in SCALES:
-        return None, []
     table = check_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
     return table, table[~table["status"].isin([AGREES, NO_DATA])]
 
@@ -123,14 +119,11 @@ def _print_text(options: argparse.Namespace, results: list, changes: list, figur
     print(f"\nAgainst {options.expected}: " + (f"{len(changes)} changed" if changes else "no change"))
     for change in changes:
         print(f"  {change.id}: {change.text}")
-    if figures is None:
-        print(f"\nFigures: {options.stored} keeps no copies at scale {options.scale}, so none is compared.")
-    else:
-        counts = figures["status"].value_counts()
-        words = ", ".join(f"{count} {status}" for status, count in sorted(counts.items())) or "none"
-        print(f"\nFigures against {options.stored / options.scale}: {words}")
-        for row in differing.itertuples():
-            print(f"  {row.figure} ({row.dataset}): {row.finding}")
+    counts = figures["status"].value_counts()
+    words = ", ".join(f"{count} {status}" for status, count in sorted(counts.items())) or "none"
+    print(f"\nFigures against {options.stored / options.scale}: {words}")
+    for row in differing.itertuples():
+        print(f"  {row.figure} ({row.dataset}): {row.finding}")
     if changes or len(differing):
         print(f"\nLook into it; if it is intended: python -m thesis_lib claims update --scale {options.scale}")
 
@@ -147,22 +140,20 @@ def _print_json(options: argparse.Namespace, results: list, changes: list, figur
             for r in results
         ],
         "changes": [vars(change) for change in changes],
-        "figures": None if figures is None else figures.to_dict("records"),
+        "figures": figures.to_dict("records"),
     }
     print(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
 
 
 def _update(options: argparse.Namespace) -> int:
     from thesis_lib.ledger.expected import update_expected
-    from thesis_lib.ledger.figure_check import SCALES, update_figures
+    from thesis_lib.ledger.figure_check import update_figures
     from thesis_lib.ledger.result import refuse_errors
     from thesis_lib.records import catalogue
 
     results, present = _evaluate(options)
     refuse_errors(results)  # before the figures are written, so that an update is all or nothing
-    lines = []
-    if options.scale in SCALES:
-        lines += update_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
+    lines = update_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
     lines += update_expected(options.expected, results, options.scale)
     print("\n".join(lines) if lines else "Nothing to update.")
     return 0

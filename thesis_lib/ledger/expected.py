@@ -8,7 +8,6 @@ schema: 1
 expected:
   quick: {table_3_1.mirtich.mu.as_published: reproduced, ...}
   default: {...}
-  full: {...}
 ```
 
 A change in either direction is a failure: one that newly deviates is a regression; one that is newly reproduced has
@@ -29,7 +28,7 @@ from thesis_lib.foundation.settings import Section
 from thesis_lib.ledger.reading import load_yaml, validate
 from thesis_lib.ledger.result import ClaimStatus, Result, refuse_errors
 
-Scale = Literal["quick", "default", "full"]
+Scale = Literal["quick", "default"]
 SCALES: tuple[str, ...] = get_args(Scale)
 Settled = Literal["reproduced", "deviates", "not decided"]
 

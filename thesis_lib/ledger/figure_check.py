@@ -22,7 +22,6 @@ from thesis_lib.foundation.files import read_cells, write_table
 from thesis_lib.ledger.reading import number
 from thesis_lib.records.record import Figure, Tolerance
 
-SCALES = ("quick", "default")  # scales with stored copies; others are not compared
 NO_FIGURES = {  # pictures among the results, and why they have no record
     "chapter2/hidden/*": "critiques of mechanisms; tests/critique checks their numbers",
     "critique/*": "critiques of drops; tests/critique checks their numbers and their bytes",
