@@ -101,8 +101,7 @@ def policy_samples() -> list[Sample]:
         weights[f"mlp_extractor.policy_net.{2 * i}.weight"] = torch.zeros(b, a)
         weights[f"mlp_extractor.policy_net.{2 * i}.bias"] = torch.zeros(b)
     weights |= {"action_net.weight": torch.zeros(2, widths[-1]), "action_net.bias": torch.zeros(2)}
-    record = json.dumps({"settings": settings.model_dump(mode="json")})
-    state = {"schema": 1, "samples": 100, "record": record, "policy": weights}
+    state = {"schema": 2, "samples": 100, "settings": settings.model_dump_json(), "policy": weights}
     state |= {"episodes": torch.zeros(3, 5), "ends": torch.zeros(3)}
     out = io.BytesIO()
     torch.save(state, out)

@@ -7,20 +7,15 @@
 o_t is `push_env.observation` (9,), m_θ the tanh layers `PpoPolicy.layers`; ε, γ, λ are `clip`, `discount`, `trace`.
 
 One training passes all requested numbers of samples and leaves a policy at each.  It runs in segments of at most
-`segment` samples.  Each starts from the saved weights and optimiser with its own random streams, so an interrupted and
-continued training gives the same policies to the last bit.  A segment of n samples holds ⌈n / `rollout`⌉ rollouts of
-equal length: no policy has seen more samples than its number, and even 100 samples give an update.  A sample is one
-step of the environment, retreats included.  A file per checkpoint (`ppo_<samples>.pt`) is a declared result; the
-segments in `segments/` beside them are not, so that a pipeline that deletes the results of a failed job keeps them.
+`segment` samples.  Each starts from weights and optimiser of the one before, with its own random streams.  A segment of
+n samples holds ⌈n / `rollout`⌉ rollouts of equal length: no policy has seen more samples than its number, and even 100
+samples give an update.  A sample is one step of the environment, retreats included.
 
 Sources: J. Schulman et al. 2017, doi 10.48550/arXiv.1707.06347; A. Raffin et al., JMLR 22 (268), 2021
 (stable-baselines3); thesis, section 5.5.2.
 """
 
-import json
 import math
-import shutil
-import time
 import warnings
 import zipfile
 from collections.abc import Callable, Sequence
@@ -39,7 +34,7 @@ from thesis_lib.jenga.play.push_env import REASONS, Episode, PushEnv, as_action,
 from thesis_lib.jenga.play.settings import PpoSettings
 from thesis_lib.jenga.tower.settings import Setup
 
-SCHEMA = 1
+SCHEMA = 2
 RECENT = 50  # pushes over which the reported reward is averaged
 State = dict[str, Any]
 
@@ -55,8 +50,9 @@ class PpoPolicy(Policy):
     name = "ppo"
 
     def __init__(self, state: State):
+        self.state = {name: state[name] for name in ("schema", "samples", "settings", "policy", "episodes", "ends")}
         self.samples: int = state["samples"]
-        self.settings = PpoSettings.model_validate(json.loads(state["record"])["settings"])
+        self.settings = PpoSettings.model_validate_json(state["settings"])
         weights = state["policy"]
         names = [f"mlp_extractor.policy_net.{2 * i}" for i in range(len(self.settings.hidden))]
         self.layers = [
@@ -83,45 +79,29 @@ def train_ppo(
     seed: int = 0,
     *,
     setup: Setup | None = None,
-    folder: str | Path | None = None,
     device: str = "auto",
     say: Callable[[str], None] | None = None,
     environment: type[PushEnv] = PushEnv,
 ) -> dict[int, PpoPolicy]:
     """The policies of one training at these numbers of samples.
 
-    folder: where the end of each segment is saved; a training with the same settings, setup, seed and checkpoints
-    continues from the last one.  device: PyTorch's; "auto" is a GPU if there is one.  say: receives progress lines.
-    The library seeds the global streams of random, numpy and PyTorch.  UserError for checkpoints that do not increase
-    by at least 2; TowerError as in `PushEnv.reset`.
+    device: PyTorch's; "auto" is a GPU if there is one.  say: receives progress lines.  The library seeds the global
+    streams of random, numpy and PyTorch.  UserError for checkpoints that do not increase by at least 2; TowerError
+    as in `PushEnv.reset`.
     """
     settings, setup, say = settings or PpoSettings(), setup or Setup(), say or (lambda line: None)
     torch.set_num_threads(1)
     ends = _segment_ends(checkpoints, settings.segment)
     state: State | None = None
     policies: dict[int, PpoPolicy] = {}
-    started, first = time.monotonic(), None
-    for i, end in enumerate(ends):
-        record = _record(settings, setup, seed, ends[: i + 1])
-        path = None if folder is None else Path(folder) / f"ppo_{end}.pt"
-        saved = _saved(path, record) if path is not None else None
-        if saved is not None:
-            state = saved
-            say(f"PPO: {end} of {ends[-1]} samples, found in {path.name}")
-        else:
-            begin = ends[i - 1] if i else 0
-            first = begin if first is None else first
 
-            def report(done: int, rewards: list[float], first: int = first) -> None:
-                remaining = (time.monotonic() - started) * (ends[-1] - done) / max(done - first, 1)
-                mean = f"{np.mean(rewards[-RECENT:]):.2f}" if rewards else "none yet"
-                say(f"PPO: {done} of {ends[-1]} samples, mean reward of a push {mean}, {remaining / 60:.1f} min left")
+    def report(done: int, rewards: list[float]) -> None:
+        mean = f"{np.mean(rewards[-RECENT:]):.2f}" if rewards else "none yet"
+        say(f"PPO: {done} of {ends[-1]} samples, mean reward of a push {mean}")
 
-            env = environment(settings.episode, settings.reward, setup)
-            state = _segment(env, state, begin, end, settings, seed, device, report) | {"record": record}
-            if path is not None:
-                with atomic(path) as tmp:
-                    torch.save(state, tmp)
+    for begin, end in zip([0, *ends], ends):
+        env = environment(settings.episode, settings.reward, setup)
+        state = _segment(env, state, begin, end, settings, seed, device, report)
         if end in checkpoints:
             policies[end] = PpoPolicy(state)
     return policies
@@ -136,18 +116,31 @@ def train_to_files(
     say: Callable[[str], None] | None = None,
 ) -> None:
     """Train once through all `sizes` (samples) and write the policy at each to its path.  Errors as in `train_ppo`."""
-    segments = Path(paths[0]).with_name("segments")
-    train_ppo(sizes, settings, seed, setup=setup, folder=segments, say=say)
+    policies = train_ppo(sizes, settings, seed, setup=setup, say=say)
     for size, path in zip(sizes, paths):
-        with atomic(path) as tmp:
-            shutil.copyfile(segments / f"ppo_{size}.pt", tmp)
+        write_policy(policies[size], path)
+
+
+def write_policy(policy: PpoPolicy, path: str | Path) -> None:
+    """Write a policy to a file, atomically."""
+    with atomic(path) as tmp:
+        torch.save(policy.state, tmp)
 
 
 def read_policy(path: str | Path) -> PpoPolicy:
-    """A policy that `train_ppo` saved; UserError if the file is missing, CorruptFileError if it is no policy."""
+    """A policy that `write_policy` wrote; UserError if the file is missing, CorruptFileError if it is no policy."""
     path = Path(path)
-    state = _read(path)
+    if not path.is_file():
+        raise UserError(f"{path} does not exist; train PPO first.")
     try:
+        # torch does not verify the check sums of its archive
+        with zipfile.ZipFile(path) as archive:
+            if (bad := archive.testzip()) is not None:
+                raise ValueError(f"{bad} is damaged")
+        # weights_only: tensors and plain values, so that a file cannot run code
+        state = torch.load(path, map_location="cpu", weights_only=True)
+        if state["schema"] != SCHEMA:
+            raise ValueError("another version of the file")
         return PpoPolicy(state)
     except Exception as error:
         raise CorruptFileError(f"{path} is not a policy ({error}); delete it and train again.") from error
@@ -165,38 +158,6 @@ def _segment_ends(checkpoints: Sequence[int], segment: int) -> list[int]:
         parts = math.ceil(gap / segment)
         ends += [begin + gap * (i + 1) // parts for i in range(parts)]
     return [int(end) for end in ends]
-
-
-def _record(settings: PpoSettings, setup: Setup, seed: int, ends: list[int]) -> str:
-    """Everything that a saved segment depends on."""
-    given = {"settings": settings.model_dump(mode="json"), "setup": setup.model_dump(mode="json")}
-    return json.dumps(given | {"seed": seed, "ends": ends}, sort_keys=True)
-
-
-def _read(path: Path) -> State:
-    if not path.is_file():
-        raise UserError(f"{path} does not exist; train PPO first.")
-    try:
-        # torch does not verify the check sums of its archive
-        with zipfile.ZipFile(path) as archive:
-            if (bad := archive.testzip()) is not None:
-                raise ValueError(f"{bad} is damaged")
-        # weights_only: tensors and plain values, so that a file cannot run code
-        state = torch.load(path, map_location="cpu", weights_only=True)
-        if state["schema"] != SCHEMA:
-            raise ValueError("another version of the file")
-        return state
-    except Exception as error:
-        raise CorruptFileError(f"{path} is not a policy ({error}); delete it and train again.") from error
-
-
-def _saved(path: Path, record: str) -> State | None:
-    """The segment saved there, if it is whole and belongs to this training."""
-    try:
-        state = _read(path)
-    except UserError:  # missing, or truncated by a crash: trained again either way
-        return None
-    return state if state["record"] == record else None
 
 
 def _segment(
@@ -254,6 +215,7 @@ def _segment(
     return {
         "schema": SCHEMA,
         "samples": end,
+        "settings": settings.model_dump_json(),
         "policy": _on_cpu(model.policy.state_dict()),
         "optimiser": _on_cpu(model.policy.optimizer.state_dict()),
         "episodes": episodes,
