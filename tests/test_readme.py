@@ -65,7 +65,6 @@ def test_classes_of_learned_models_are_told_apart_as_it_says():
 
 
 DICE = ROOT / "config/results/chapter4/planar_dice"
-STUDY = ROOT / "config/reference/chapter5"
 
 
 def test_what_is_said_of_faces_and_beliefs_is_so_in_the_stored_run(statuses):
@@ -121,88 +120,6 @@ def test_sentences_on_engines_whose_drops_are_not_adequate_are_those_of_the_stor
 def test_no_model_comes_near_the_noise_of_the_measured_die():
     rows = pd.read_csv(ROOT / "config/proof/models_measured.csv").query("dataset == 'planar_dice'")
     assert (rows["error"] > 5.0 * rows["noise_floor"]).all() and "None of these models comes near the noise" in FINDINGS
-
-
-def test_what_is_said_of_the_games_is_so_in_the_stored_study():
-    games = pd.read_csv(STUDY / "study_games.csv").query("refused == 0")
-    won = games.pivot(index="tower", columns=["policy", "size"], values="extractions")
-    said = " ".join(FINDINGS.split())
-    paired = pd.read_csv(STUDY / "study_paired.csv").query("policy == 'hma' and size == rival_size")
-
-    def told(rival: str) -> list[int]:
-        own = paired[(paired["rival"] == rival) & (paired["low"] > 0.0)]
-        return sorted(own["size"])
-
-    assert told("mor") == [100, 200, 1000] and "HMA leads MOR with 200 and with 1,000 samples, too" in said
-    assert told("network") == [] and "From the network it is not told at any number of samples" in said
-    assert pd.read_csv(STUDY / "study_needed.csv")["needed_high"].isna().all()
-    pairs = [("hma", "hma_without_cost"), ("mor", "mor_with_cost"), ("network_with_cost", "network")]
-    worth = [(won[first, 100] - won[second, 100]).dropna() for first, second in pairs]
-    apart = [more.mean() > 2.0 * more.sem() for more in worth]
-    assert apart == [True, True, False] and "neither gains nor loses with it that could be told" in said
-    curve = pd.read_csv(STUDY / "study_curve.csv").set_index(["policy", "size"])["mean"]
-    learners = [won[name, size] for name in ("hma", "mor", "network") for size in (50, 100, 200, 300, 500, 1000)]
-    assert {games.count() for games in learners} == {10} and "standard error over ten towers" in said
-    assert max(curve[name, 50] for name in ("hma", "mor", "network")) < curve["exploration", 0]
-    assert curve["ppo"].max() < curve["mor"].min()
-
-
-def test_what_is_said_of_crossed_training_sets_is_so_in_the_stored_games():
-    leads = pd.read_csv(STUDY / "crossed_leads.csv").set_index("rival")
-    assert leads.loc["mor", "low"] > 0.0 > leads.loc["network", "low"] and "HMA's lead over MOR stands, and" in FINDINGS
-    games = pd.read_csv(STUDY / "crossed_games.csv").query("refused == 0")
-    assert (games.groupby(["policy", "set"])["tower"].nunique() == leads["towers"].max()).all()
-    by_set = games.groupby(["policy", "set"])["extractions"].mean().groupby("policy").agg(["min", "max"])
-    assert (by_set["max"] - by_set["min"]).idxmax() == "mor" and leads["sets"].eq(games["set"].nunique()).all()
-    # the games of the study, played again
-    study = pd.read_csv(STUDY / "study_games.csv").query("size == 100 and refused == 0")
-    both = games.merge(study, on=["policy", "tower"], suffixes=("", "_study"))
-    own = both[both["set"] == both["tower"] % games["set"].nunique()]
-    same = (own["extractions"] == own["extractions_study"]).sum()
-    readme = (STUDY / "README.md").read_text(encoding="utf-8")
-    assert f"Of the {len(own)} crossed games that the study has, too, {same} brought out" in " ".join(readme.split())
-
-
-def test_what_is_said_of_switches_of_the_set_up_is_so_in_the_stored_games():
-    effects = pd.read_csv(STUDY / "switch_effects.csv")
-    assert set(effects["n"]) == {6} and effects["mean"].max() < 21.0
-    changed = effects.set_index(["policy", "switch"])
-    learners = changed.loc[["hma", "mor", "network"]].dropna(subset="difference")
-    assert (learners.drop("exact_states", level="switch")["difference"] < 0.0).all()
-    sure = learners[(learners["difference_low"] > 0.0) | (learners["difference_high"] < 0.0)]
-    assert list(sure.index) == [("hma", "three_quarters"), ("mor", "three_quarters")]
-    means = changed["mean"]
-    assert list((means["hma"] < means["mor"]).loc[lambda below: below].index) == ["exploration"]
-
-
-def test_what_is_said_of_beliefs_experts_and_steering_is_so_in_the_stored_tables():
-    belief = pd.read_csv(STUDY / "model_belief.csv").set_index("quantity")
-    assert (belief.loc[["stuck_no_block_first", "easy_no_block_first"], "value"] == 0.0).all()
-    assert (belief.loc[["stuck_resists", "force_leads_early", "poses_gain_later"], "low"] > 0.0).all()
-    curves, said = pd.read_csv(STUDY / "model_experts.csv"), " ".join(FINDINGS.split())
-    many = curves.query("chosen == 1 and size == 1000")
-    assert (many["cv"] > 2.0 * many["cv_std"]).all() and "each is better by two standard errors" in said
-    gain = pd.read_csv(STUDY / "model_experts_summary.csv").set_index(["quantity", "size"]).loc["chosen_gain"]
-    assert gain.loc[1000, "low"] > 0.0 and gain.loc[100, "high"] > 0.0 > gain.loc[100, "value"]
-    assert "in cross-validation no mixture is better by two standard errors" in said
-    few = curves[curves["size"] == 100]
-    assert (few["cv"] <= 2.0 * few["cv_std"]).all()
-    stray = pd.read_csv(STUDY / "showcase_steering.csv").pivot(
-        index=["block", "edge"], columns="steered", values="stray"
-    )
-    blocks = (stray[0] - stray[1]).groupby("block").mean()
-    assert blocks.mean() < 2.0 * blocks.sem()
-
-
-def test_what_is_said_of_abstractions_and_unseen_effects_is_so_in_the_stored_tables():
-    sets = pd.read_csv(STUDY / "model_agreement.csv").query("set >= 0")
-    assert (sets["n_stuck_abstractions"] >= 1).all() and set(sets["n_abstractions"]) == {2, 3}
-    found = pd.read_csv(STUDY / "model_abstractions.csv").query("size >= 100")
-    kinds = found.assign(kind=found["abstraction"].str.rstrip(" 12")).groupby(["size", "set"])["kind"].agg(set)
-    assert all({"drags tower", "easy move"} <= kind <= {"drags tower", "easy move", "hard move"} for kind in kinds)
-    assert "From 100 samples on every training set gives an abstraction of blocks that drag the tower" in FINDINGS
-    unseen = pd.read_csv(STUDY / "unseen_summary.csv").set_index("effect")
-    assert list(unseen.index) == ["glued", "slippery", "heavy_tool"] and (unseen["new_abstraction"] == 0).all()
 
 
 @pytest.mark.parametrize(
