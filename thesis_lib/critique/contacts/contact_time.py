@@ -41,7 +41,7 @@ CONTACT_TIME = Parameter("tau", "s", null=0.0, low=0.0, high=5e-3, scale=1e-3)
 DAMPING_RATIO = Parameter("damping_ratio", "1", null=10.0, low=0.01, high=500.0, scale=1.0)
 # of a convex contact: near 0 its force is that of a spring and a damper, near 1 it gives the contact the same motion
 # whatever mass stands behind it; d of MuJoCo's solimp, for a body that cannot leave its plane
-IMPEDANCE = Parameter("impedance", "1", null=0.01, low=1e-3, high=0.9999, scale=0.1)
+IMPEDANCE = Parameter("impedance", "1", null=0.01, low=1e-3, high=0.9999, scale=0.1, starts=(0.9, 0.99))
 # of friction on a pyramid: R_t m = (1 − d)/d; d of MuJoCo's solimp at an impratio of 1
 OF_PYRAMID = replace(IMPEDANCE, null=0.9, low=0.1)
 # of a pressure field: the slip at which friction is half of Coulomb's

@@ -244,7 +244,7 @@ class _Search:
         o, most = self.observations, self.model.parameters["mu"].high
         if "tau" not in start and (forerunner := self.kind.forerunner(self.model)):
             start = fit(forerunner, o, start, rounds=1).values
-        tries = self._with_sizes(self.kind.admitted(start))
+        tries = self._with_sizes(self._with_friction(self.kind.admitted(start)))
         if not self.sizes.keys() & start.keys() and self.sizes and tries[0].get("mu") == most:
             # what stuck without the effect may slip with it
             tries = [t | basin for t in tries[:2] for basin in ({}, self._basins(o, t)[0])]
@@ -270,6 +270,21 @@ class _Search:
         return max(
             fit_each(self.model, tasks, rounds, noise), key=lambda fitted: np.nan_to_num(fitted.score, nan=-np.inf)
         )
+
+    def _with_friction(self, start: dict[str, float]) -> dict[str, float]:
+        """`start` with the best start of a parameter of friction that it lacks.
+
+        In space, where engines have the impedance that they are usually set to: a fit from near 0 ends below it.
+        """
+        free = [p for p in self.model.of_friction if p.name not in start and p.starts]
+        if "mu" not in start or self.model.space.is_plane:
+            return start
+        values = {name: p.null for name, p in self.model.parameters.items()} | start
+        o = self.observations.single if len(self.observations.single) >= ENOUGH_SINGLE else self.observations
+        for p in free:
+            options = ({**values, p.name: x} for x in (p.null, *p.starts))
+            start = {**start, p.name: min(options, key=lambda at: self._cost(Comparison(self.model, at, o)))[p.name]}
+        return start
 
     def _with_sizes(self, start: dict[str, float]) -> list[dict[str, float]]:
         """Starts with the parameters of the last effect, where `start` lacks them."""
@@ -336,22 +351,27 @@ class _Search:
         return stuck if stuck.values["mu"] == most and stuck.score > found.score - FLAT else found
 
     def _basins(self, o: Observations, start: Mapping[str, float]) -> list[dict[str, float]]:
-        """Starts (μ, ε): the best on a grid in the kinetic norm, and others with less friction, where more slide.
-
-        The cost is the mean over the better 90 % of the impacts.  A median would ignore μ if more than half of them
-        stick, and no step leads back from a μ at which all stick.
-        """
+        """Starts (μ, ε): the best on a grid by `_cost`, and others with less friction, where more slide."""
         values = {name: p.null for name, p in self.model.parameters.items()} | dict(start)
-        k, d, m = o.rig.k_told, o.space.dimension, o.space.motions
         here = Comparison(self.model, values, o)
         states = here.before, here.after
 
         def cost(mu: float, epsilon: float) -> float:
-            R = np.abs(Comparison(self.model, {**values, "mu": mu, "epsilon": epsilon}, o, states).R)
-            error = np.sort(R[:, :d].sum(axis=1) + k * R[:, d:m].sum(axis=1))
-            return float(error[: max(1, round(0.9 * len(error)))].mean())
+            return self._cost(Comparison(self.model, {**values, "mu": mu, "epsilon": epsilon}, o, states))
 
         grid = product((0.02, 0.05, 0.1, 0.2, 0.4, 0.8), (0.2, 0.4, 0.6, 0.8))
         mu, epsilon = min(grid, key=lambda pair: cost(*pair))
         mu = min((mu * 2.0 ** (i / 4.0) for i in range(-4, 5)), key=lambda finer: cost(finer, epsilon))
         return [{"mu": factor * mu, "epsilon": epsilon} for factor in (1.0, 0.5, 0.2)]
+
+    @staticmethod
+    def _cost(here: Comparison) -> float:
+        """Mean error in velocity over the better 90 % of the impacts, m/s.
+
+        A median would ignore μ if more than half of them stick, and no step leads back from a μ at which all stick.
+        """
+        o = here.observations
+        k, d, m = o.rig.k_told, o.space.dimension, o.space.motions
+        R = np.abs(here.R)
+        error = np.sort(R[:, :d].sum(axis=1) + k * R[:, d:m].sum(axis=1))
+        return float(error[: max(1, round(0.9 * len(error)))].mean())
