@@ -19,7 +19,7 @@ from thesis_lib.effects.relabelled_rotation import relabelled
 
 _ON = Parameter("mirrored", "1", null=0.0, low=0.0, high=1.0, scale=1.0, discrete=1.0)
 # a turn about the mirrored axis stays, those about the others are reversed
-_SIGNS = {axis: np.diag([1.0, *np.where(np.arange(1, 4) == axis, 1.0, -1.0)]) for axis in (1, 2, 3)}
+SIGNS = {axis: np.diag([1.0, *np.where(np.arange(1, 4) == axis, 1.0, -1.0)]) for axis in (1, 2, 3)}
 
 
 class MirroredRotation(Effect):
@@ -41,7 +41,7 @@ class MirroredRotation(Effect):
             return state
         if state.space.is_plane:
             return state.moved(theta=-state.theta, omega=-state.omega)
-        return relabelled(state, _SIGNS[round(p["mirrored"])], rig)
+        return relabelled(state, SIGNS[round(p["mirrored"])], rig)
 
     to_measured = to_true  # its own inverse
 

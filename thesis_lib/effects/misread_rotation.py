@@ -18,7 +18,7 @@ from thesis_lib.effects.effect import ONLY_SPACE, Effect, Parameter
 from thesis_lib.effects.relabelled_rotation import relabelled
 
 _ORDER = np.roll(np.eye(4), 1, axis=1)  # (w, x, y, z) becomes (x, y, z, w)
-_READINGS = (
+READINGS = (
     np.eye(4),
     np.diag([1.0, -1.0, -1.0, -1.0]),
     _ORDER,
@@ -61,7 +61,7 @@ class MisreadRotation(Effect):
 def _as(state, reading, rig, back):
     if not reading:
         return state
-    P = _READINGS[reading]
+    P = READINGS[reading]
     return relabelled(state, P.T if back else P, rig)
 
 

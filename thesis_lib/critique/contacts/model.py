@@ -38,8 +38,8 @@ class Model:
     `effects` are in the order in which they were chosen; they act in that of `hooks`.
 
     `always` are effects that every model of the data has, as the table under a body that slides over it: they act
-    first, and their parameters go by their own names.  In `space` parameters of effects that are vectors have a
-    component for each axis.
+    first, those of the measurement last, and their parameters go by their own names.  In `space` parameters of effects
+    that are vectors have a component for each axis.
     """
 
     law: Law
@@ -84,9 +84,10 @@ class Model:
     @cached_property
     def hooks(self) -> list[tuple[Effect, dict[str, str]]]:
         """The effects in the order in which they act, each with the full name of every parameter of its hooks."""
+        first, last = ([e for e in self.always if (e.family == "measurement") == late] for late in (False, True))
         return [
             (e, {p.name: p.name if e in self.always else f"{e.name}.{p.name}" for p in self.parameters_of(e)})
-            for e in [*self.always, *in_order(self.effects)]
+            for e in [*first, *in_order(self.effects), *last]
         ]
 
     def acting(self, *hooks: str) -> list[Effect]:

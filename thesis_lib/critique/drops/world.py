@@ -54,7 +54,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self.settings = settings or CritiqueSettings()
         self.timed = self.settings.contact_time and observations.arcs
         self.observations, self.rivals = observations, self.settings.rivals
-        self.always = of_motion(observations)
+        self.always = (*of_motion(observations), *observations.written)
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
         of_space = CANDIDATE_LAWS if self.space.is_plane else LAWS_IN_SPACE
         laws = of_space if observations.rig.has_angle else ONE_LAW

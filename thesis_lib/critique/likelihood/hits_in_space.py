@@ -27,7 +27,7 @@ from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows, turns_off
-from thesis_lib.datasets.checks.in_space import one_clock
+from thesis_lib.datasets.checks.in_space import one_clock, reading_of
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.parabolas import Hits
@@ -46,6 +46,7 @@ from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.datasets.samples.copies import originals
 from thesis_lib.datasets.samples.stamps import times_of_pictures
 from thesis_lib.datasets.space.flights import too_slow
+from thesis_lib.effects.as_written import RELABELLINGS, AsWritten
 from thesis_lib.effects.effect import Rig
 from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
@@ -101,6 +102,11 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     _require_turns(dataset)
     settings = settings or ArcSettings(min_window=FEWEST)
     whole, told = _as_taken(whole.iloc[np.lexsort((whole["t"], whole["trial"]))], header)
+    written, read = (), ()
+    if dataset.has_angle and dataset.gravity and (name := reading_of(whole, RELABELLINGS, dataset.gravity)):
+        q, P = whole[list(QUATERNION)].to_numpy(float), RELABELLINGS[name]
+        whole, written = whole.assign(**dict(zip(QUATERNION, (q @ P).T))), (AsWritten(P),)
+        read = (f"as they are written, quaternions let no body fall freely; hits and flights are found with {name}",)
     (frame,) = surface_frames(header)
     states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
     clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
@@ -183,8 +189,9 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         noise_known=True,
         found=replace(
             found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
-            warnings=tuple(filter(None, (*lost, *told, too_slow(dataset.rate)))),
+            warnings=tuple(filter(None, (*lost, *read, *told, too_slow(dataset.rate)))),
         ),
+        written=written,
     )
     if not dataset.has_angle:
         return without_angle(single, unseen_spin(np.linalg.norm(beside(single, 0).velocity, axis=0), header))

@@ -27,7 +27,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.episodes import clearance_in_plane, find_episodes
 from thesis_lib.datasets.impacts.spin import unseen_spin
-from thesis_lib.effects.effect import ORIGIN, Reference, Rig
+from thesis_lib.effects.effect import ORIGIN, Effect, Reference, Rig
 from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import Space
@@ -80,6 +80,7 @@ class Observations:
         found: result of the detection; its impacts are these n.
         spin: rad/s, one sigma of the spin before an impact where nobody measured it, and the states say 0; else 0.
         touch_std: m, one sigma of a gap that says nothing, as a simulation looks for contacts once a step; else 0.
+        written: what leads from these states to those of the file, where they were found with another reading.
     """
 
     rig: Rig
@@ -104,6 +105,7 @@ class Observations:
     spin: float = 0.0
     touch_std: float = 0.0
     supports: tuple[Beside, ...] = ()
+    written: tuple[Effect, ...] = ()
 
     @property
     def beside(self) -> tuple[Beside, ...]:

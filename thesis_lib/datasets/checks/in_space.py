@@ -5,7 +5,7 @@ Quaternions that flights contradict, jumps of the orientation and its loss are d
 is a cause that a critique can name.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,6 +104,19 @@ def _motion(table: pd.DataFrame) -> Motion:
     readings = {SCALAR_LAST: lambda: q, REVERSED: lambda: conjugate(q[:, XYZW])}
     readings[f"{SCALAR_LAST} and {REVERSED}"] = lambda: conjugate(q)
     return Motion("", "", t, position, q[:, XYZW], readings=readings)
+
+
+def reading_of(table: pd.DataFrame, relabellings: Mapping[str, np.ndarray], gravity: float) -> str:
+    """As which of these a body falls far better than as its quaternions are written; "" if as none.
+
+    Args:
+        table: whole rows of trajectories.csv, by trial and time.
+        relabellings: P (4, 4) by name: what is written is P times the true w, x, y, z.
+        gravity: its size in m/s².
+    """
+    q = table[list(QUATERNION)].to_numpy(float)
+    readings = {name: lambda P=P: (q @ P)[:, XYZW] for name, P in relabellings.items()}
+    return reading_that_falls(replace(_motion(table), readings=readings), gravity)
 
 
 def _ends(

@@ -1,0 +1,88 @@
+"""Hits of a body whose quaternions are written wrongly are found along its true path; models judge what is written."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from tosses import simulate_tosses
+
+from thesis_lib.critique.contacts.kinds import bind
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.datasets import dataset_of
+from thesis_lib.datasets.format.frames import surface_frames
+from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.table_forms import QUATERNION
+from thesis_lib.effects import EFFECTS
+
+LAW, TRUTH = "anitescu_potra_newton", {"mu": 0.25, "epsilon": 0.5}
+TURN = Rotation.from_rotvec([0.4, -1.0, 0.7])
+CONTENT = {
+    "schema": 2,
+    "body": {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "mass": 0.25, "homogeneous": True},
+    "rate": 240.0,
+    "noise": {"position": 2e-4, "rotation": 3e-3},
+    "tracked": {"position": [0.02, -0.01, 0.03], "quaternion": TURN.as_quat(scalar_first=True).tolist()},
+    "gravity": TURN.apply([0.0, 0.0, -9.81]).tolist(),
+}
+WRITTEN = {  # what stands in the columns of w, x, y, z
+    ("misread_rotation", "reading", 2.0): lambda q: q[:, [1, 2, 3, 0]],
+    ("misread_rotation", "reading", 3.0): lambda q: q * [1.0, -1.0, 1.0, 1.0],
+    ("mirrored_rotation", "mirrored", 2.0): lambda q: q * [1.0, -1.0, 1.0, -1.0],
+}
+
+
+@pytest.fixture(scope="module")
+def tossed():
+    header = SpaceHeader.model_validate(CONTENT)
+    made = simulate_tosses(header, surface_frames(header)[0], 15, np.random.default_rng(3), **TRUTH)
+    return dataset_of(CONTENT, trajectories=made.trajectories)
+
+
+@pytest.fixture(scope="module")
+def right(tossed):
+    return observe_in_space(tossed)
+
+
+@pytest.fixture(scope="module", params=WRITTEN, ids=lambda key: f"{key[0]}-{key[2]:g}")
+def wrong(request, tossed):
+    table = tossed.trajectories
+    q = WRITTEN[request.param](table[list(QUATERNION)].to_numpy())
+    written = dataset_of(CONTENT, trajectories=table.assign(**dict(zip(QUATERNION, q.T))))
+    return *request.param, observe_in_space(written)
+
+
+def test_what_is_found_does_not_hang_on_how_quaternions_are_written(wrong, right) -> None:
+    effect, _, _, found = wrong
+    assert not right.written
+    assert any(effect in sentence for sentence in found.found.warnings)
+    assert len(found) == len(right) > 30
+    assert len(found.flights) == len(right.flights) > 10
+    for one, other in ((found.lines(side), right.lines(side)) for side in (0, 1)):
+        np.testing.assert_allclose(found.space.difference(one.pose, other.pose), 0.0, atol=1e-9)
+        np.testing.assert_allclose(one.motion, other.motion, atol=1e-7)
+    np.testing.assert_allclose(found.cov, right.cov, rtol=1e-6, atol=1e-12)
+
+
+def test_all_models_believe_what_is_written_but_those_with_the_effect(wrong) -> None:
+    effect, parameter, value, found = wrong
+    states, world = found.lines(0), Drops(found)
+    believed = bind(world.model(LAW), TRUTH, found.rig)
+    known = bind(world.model(LAW, (EFFECTS[effect],)), TRUTH | {"tau": 0.0, f"{effect}.{parameter}": value}, found.rig)
+    np.testing.assert_allclose(known.to_true(states).pose, states.pose, atol=1e-12)
+    np.testing.assert_allclose(known.to_true(states).motion, states.motion, atol=1e-9)
+    turned = found.space.turn_between(states.attitude, believed.to_true(states).attitude)
+    assert np.median(np.linalg.norm(turned, axis=0)) > 0.5  # rad
+    back = believed.to_measured(believed.to_true(states))
+    np.testing.assert_allclose(back.position, states.position, atol=1e-12)
+    np.testing.assert_allclose(back.spin, states.spin, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_effect_explains_what_is_written(wrong) -> None:
+    effect, parameter, value, found = wrong
+    world = Drops(found.single)
+    without, explained = (world.fit(LAW, effects, effort="quick") for effects in ((), (EFFECTS[effect],)))
+    assert explained.values[f"{effect}.{parameter}"] == value
+    assert explained.score > without.score + 1000.0
+    for name, true in TRUTH.items():
+        assert explained.values[name] == pytest.approx(true, abs=0.05)

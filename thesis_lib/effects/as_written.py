@@ -1,0 +1,47 @@
+"""Attitudes as a file has them, where motions were found with another reading of its quaternions.
+
+Not a candidate effect: what is sought along a wrong path is not found, so that hits and flights of a body are found
+with the reading with which it falls (`RELABELLINGS` are those that effects stand for).  Which reading is right remains
+a question to the models: `AsWritten` leads each from the states that were found to those of the file.
+
+| on paper | in code | unit | shape  |                                                    |
+|----------|---------|------|--------|----------------------------------------------------|
+| P        | `P`     | 1    | (4, 4) | of the file's numbers, as in `relabelled_rotation` |
+"""
+
+import numpy as np
+
+from thesis_lib.effects import mirrored_rotation, misread_rotation
+from thesis_lib.effects.effect import ONLY_SPACE, Effect
+from thesis_lib.effects.relabelled_rotation import relabelled
+
+RELABELLINGS = {
+    f"{effect.name}, {p.said(option)}": by_option[round(option)]
+    for effect, p, by_option in (
+        (misread_rotation.EFFECT, misread_rotation.EFFECT.parameters[0], misread_rotation.READINGS),
+        (mirrored_rotation.EFFECT, mirrored_rotation.EFFECT.own_in_space[0], mirrored_rotation.SIGNS),
+    )
+    for option in p.options
+}
+
+
+class AsWritten(Effect):
+    """What every model believes of states whose attitudes are Pᵀ times those of the file."""
+
+    name = "as_written"
+    family = "measurement"
+    title = "quaternions as they are written"
+    equation = "q_file = P q"
+    parameters = ()
+    channels = ("impact", "touch", "flight")
+    needs_angle = True
+    dimensions = ONLY_SPACE
+
+    def __init__(self, P: np.ndarray) -> None:
+        self.P = P
+
+    def to_true(self, state, p, rig):
+        return relabelled(state, self.P, rig)
+
+    def to_measured(self, state, p, rig):
+        return relabelled(state, self.P.T, rig)
