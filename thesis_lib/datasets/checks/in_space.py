@@ -114,6 +114,8 @@ def reading_of(table: pd.DataFrame, relabellings: Mapping[str, np.ndarray], grav
         relabellings: P (4, 4) by name: what is written is P times the true w, x, y, z.
         gravity: its size in m/s².
     """
+    if len(table) < FEWEST:
+        return ""
     q = table[list(QUATERNION)].to_numpy(float)
     readings = {name: lambda P=P: (q @ P)[:, XYZW] for name, P in relabellings.items()}
     return reading_that_falls(replace(_motion(table), readings=readings), gravity)
