@@ -4,12 +4,12 @@ In space the angular momentum per mass L = R G Rᵀ ω is constant, so that the 
 
     Ṙ = [ω] R,    ω = W L,    W = R G⁻¹ Rᵀ,
 
-by a commutator-free Lie-group method of order 4, whose steps are turns; it keeps L and the length of the quaternion.
-Small changes φ of the attitude, dω₀ of the first spin and L₀ of that follow
+by power series in time, one after the other (`turning.py`).  Small changes φ of the attitude, dω₀ of the first spin and
+dL of the momentum follow
 
     φ̇ = W (dL + L × φ),    dL = R₀ G R₀ᵀ dω₀,
 
-and are integrated with it.  A turn of the first attitude *and* spin turns the whole motion, so the columns of the first
+and have their series, too.  A turn of the first attitude *and* spin turns the whole motion, so the columns of the first
 attitude are 1 + Φ [ω₀], Φ those of the first spin.
 
 | on paper | in code | unit       | shape               |                                                     |
@@ -20,8 +20,8 @@ attitude are 1 + Φ [ω₀], Φ those of the first spin.
 | a        | `a`     | m/s²       | (d, n) or (d, 1)    | acceleration, gravity for example                   |
 | τ        | `tau`   | s          | (k, n), (k, 1), (k,)| times, in any order, of either sign                 |
 
-Sources: Celledoni, Marthinsen and Owren, Future Gener. Comput. Syst. 19 (2003), doi:10.1016/S0167-739X(02)00161-9 (the
-method); Goldstein, Classical Mechanics, chapter 5 (torque-free motion).
+Sources: Goldstein, Classical Mechanics, chapter 5 (torque-free motion); Hairer, Nørsett and Wanner, Solving Ordinary
+Differential Equations I (Taylor series whose coefficients follow by recursion).
 """
 
 from functools import lru_cache
@@ -31,9 +31,9 @@ import numpy as np
 
 from thesis_lib.mechanics.space import PLANE, SPACE, cross
 
-STEP = 0.06  # rad a step: some 1e-10 rad each, 1e-6 of a column a turn
+STEP = 0.6  # rad of one series: errs by some 1e-10 rad, and as much of a column
 KEPT = 8  # turns of bodies that are kept
-MOST_STEPS = 100_000  # a flight that turns further is an error in its data
+MOST_STEPS = 10_000  # a flight that turns further is an error in its data
 
 
 class Flight(NamedTuple):
@@ -88,7 +88,7 @@ def attitudes(
         spin: (3, n) at time 0, axes of the world, rad/s.
         G: (3, 3) or (3, 3, n) inertia per mass in m², axes of the body.
         tau: (k, n), (k, 1) or (k,) in s; where it is not finite, the results are NaN.
-        step: largest turn in rad of a step of the integration.
+        step: turn in rad that one series serves.
 
     Raises:
         ValueError: a body turns by more than `MOST_STEPS` of these steps.

@@ -1,5 +1,12 @@
 """Torque-free turning of n bodies, compiled; its equations stand in `free_motion.py`.
 
+In axes of the body, with M = Rᵀ L, Ω = G⁻¹ M, N = Rᵀ dL and η = Rᵀ φ,
+
+    q̇ = ½ q Ω,    Ṁ = M × Ω,    Ṅ = N × Ω,    η̇ = G⁻¹ (N + M × η) − Ω × η,
+
+so that each coefficient of their power series follows from those before it.  One series serves all times near to its
+own, and makes many times of a flight cost little more than one.
+
 numba compiles this file at the first call, in some seconds, and keeps the result beside it.  What is compiled must
 stand here, since numba does not see changes of functions in other files.
 """
@@ -7,7 +14,7 @@ stand here, since numba does not see changes of functions in other files.
 import numpy as np
 from numba import njit, types
 
-SMALL = 1e-4  # rad: half angles below it are by their series, exact to rounding
+ORDER = 12  # of the series
 
 compiled = njit(cache=True, error_model="numpy")
 # of any layout, so that each is compiled once
@@ -16,105 +23,115 @@ _new = [types.Array(types.float64, k, "C") for k in range(5)]
 
 
 @compiled
-def _slowness(q, inverse):
-    """W = R G⁻¹ Rᵀ, symmetric, as (xx, xy, xz, yy, yz, zz); G⁻¹ (3, 3) in axes of the body."""
-    w, x, y, z = q
-    a, b, c = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
-    d, e, f = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
-    g, h, i = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-    xx, xy, xz, yy, yz, zz = inverse[0, 0], inverse[0, 1], inverse[0, 2], inverse[1, 1], inverse[1, 2], inverse[2, 2]
-    ax, ay, az = a * xx + b * xy + c * xz, a * xy + b * yy + c * yz, a * xz + b * yz + c * zz
-    dx, dy, dz = d * xx + e * xy + f * xz, d * xy + e * yy + f * yz, d * xz + e * yz + f * zz
-    gx, gy, gz = g * xx + h * xy + i * xz, g * xy + h * yy + i * yz, g * xz + h * yz + i * zz
+def _rows(A):
+    """A matrix (3, 3) as three rows."""
+    return (A[0, 0], A[0, 1], A[0, 2]), (A[1, 0], A[1, 1], A[1, 2]), (A[2, 0], A[2, 1], A[2, 2])
+
+
+@compiled
+def _axes(w, x, y, z):
+    """Rotation matrix of a unit quaternion as three rows: columns are the axes of the body in the world."""
     return (
-        ax * a + ay * b + az * c,
-        ax * d + ay * e + az * f,
-        ax * g + ay * h + az * i,
-        dx * d + dy * e + dz * f,
-        dx * g + dy * h + dz * i,
-        gx * g + gy * h + gz * i,
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
 
 
 @compiled
-def _times(W, x, y, z):
-    return W[0] * x + W[1] * y + W[2] * z, W[1] * x + W[3] * y + W[4] * z, W[2] * x + W[4] * y + W[5] * z
+def _times(A, u):
+    a, b, c = A
+    x, y, z = u
+    return a[0] * x + a[1] * y + a[2] * z, b[0] * x + b[1] * y + b[2] * z, c[0] * x + c[1] * y + c[2] * z
 
 
 @compiled
-def _turned(q, x, y, z):
-    """Quaternion after a turn by the rotation vector (x, y, z) about axes of the world."""
-    half = 0.5 * np.sqrt(x * x + y * y + z * z)
-    share = 0.5 - half * half / 12.0 if half < SMALL else 0.5 * np.sin(half) / half
-    c, x, y, z = np.cos(half), share * x, share * y, share * z
-    return (
-        c * q[0] - x * q[1] - y * q[2] - z * q[3],
-        c * q[1] + x * q[0] + y * q[3] - z * q[2],
-        c * q[2] + y * q[0] + z * q[1] - x * q[3],
-        c * q[3] + z * q[0] + x * q[2] - y * q[1],
-    )
+def _back(A, u):
+    """Aᵀ u."""
+    a, b, c = A
+    x, y, z = u
+    return a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z
 
 
 @compiled
-def _step(q, h, L, inverse):
-    """Attitude after h, and W at the four stages of the step."""
-    W1 = _slowness(q, inverse)
-    x1, y1, z1 = _times(W1, L[0], L[1], L[2])
-    half = 0.5 * h
-    q2 = _turned(q, half * x1, half * y1, half * z1)
-    W2 = _slowness(q2, inverse)
-    x2, y2, z2 = _times(W2, L[0], L[1], L[2])
-    W3 = _slowness(_turned(q, half * x2, half * y2, half * z2), inverse)
-    x3, y3, z3 = _times(W3, L[0], L[1], L[2])
-    W4 = _slowness(_turned(q2, h * x3 - half * x1, h * y3 - half * y1, h * z3 - half * z1), inverse)
-    x4, y4, z4 = _times(W4, L[0], L[1], L[2])
-    part, x, y, z = h / 12.0, 2.0 * (x2 + x3), 2.0 * (y2 + y3), 2.0 * (z2 + z3)
-    q = _turned(q, part * (3.0 * x1 + x - x4), part * (3.0 * y1 + y - y4), part * (3.0 * z1 + z - z4))
-    q = _turned(q, part * (3.0 * x4 + x - x1), part * (3.0 * y4 + y - y1), part * (3.0 * z4 + z - z1))
-    return q, W1, W2, W3, W4
+def _cross(u, v):
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
 @njit([types.void(_given[2], _given[2], _given[3], _given[3], _new[2])], cache=True, error_model="numpy")
 def spins_up(attitude, spin, G, inverse, into):
     """ω' = W (L × ω), L = R G Rᵀ ω, of n bodies (3, n), written into the last; G and inverse are (n or 1, 3, 3)."""
     for i in range(spin.shape[1]):
-        q, own = (attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i]), min(i, len(G) - 1)
-        x, y, z = spin[0, i], spin[1, i], spin[2, i]
-        a, b, c = _times(_slowness(q, G[own]), x, y, z)
-        into[0, i], into[1, i], into[2, i] = _times(
-            _slowness(q, inverse[own]), b * z - c * y, c * x - a * z, a * y - b * x
-        )
+        own, R = min(i, len(G) - 1), _axes(attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
+        omega = _back(R, (spin[0, i], spin[1, i], spin[2, i]))
+        rate = _times(_rows(inverse[own]), _cross(_times(_rows(G[own]), omega), omega))
+        into[0, i], into[1, i], into[2, i] = _times(R, rate)
 
 
 @compiled
-def _rate(W, D, L, x, y, z, j):
-    """Φ̇ = W (D + L × Φ), of the column j of D that belongs to the column (x, y, z) of Φ."""
-    return _times(W, D[0, j] + L[1] * z - L[2] * y, D[1, j] + L[2] * x - L[0] * z, D[2, j] + L[0] * y - L[1] * x)
+def _series(q, L, inverse, D, Q, M, N, E):
+    """Coefficients (`ORDER` + 1, ...) of q, (M, Ω), and by column N and η, into the last four.
+
+    `E` holds the first η; D (3, c) is dL.
+    """
+    R = _axes(q[0], q[1], q[2], q[3])
+    Q[0, 0], Q[0, 1], Q[0, 2], Q[0, 3] = q
+    M[0, 0], M[0, 1], M[0, 2] = m = _back(R, L)
+    M[0, 3], M[0, 4], M[0, 5] = _times(inverse, m)
+    for j in range(D.shape[1]):
+        N[0, 0, j], N[0, 1, j], N[0, 2, j] = _back(R, (D[0, j], D[1, j], D[2, j]))
+    for k in range(ORDER):
+        share = 1.0 / (k + 1)
+        s = a = b = c = x = y = z = 0.0
+        for i in range(k + 1):
+            d, e, f = M[k - i, 3], M[k - i, 4], M[k - i, 5]
+            w, t, u, v = Q[i, 0], Q[i, 1], Q[i, 2], Q[i, 3]
+            s -= t * d + u * e + v * f
+            a += w * d + u * f - v * e
+            b += w * e + v * d - t * f
+            c += w * f + t * e - u * d
+            t, u, v = M[i, 0], M[i, 1], M[i, 2]
+            x += u * f - v * e
+            y += v * d - t * f
+            z += t * e - u * d
+        Q[k + 1, 0], Q[k + 1, 1] = 0.5 * share * s, 0.5 * share * a
+        Q[k + 1, 2], Q[k + 1, 3] = 0.5 * share * b, 0.5 * share * c
+        M[k + 1, 0], M[k + 1, 1], M[k + 1, 2] = m = share * x, share * y, share * z
+        M[k + 1, 3], M[k + 1, 4], M[k + 1, 5] = _times(inverse, m)
+        for j in range(D.shape[1]):
+            a, b, c = N[k, 0, j], N[k, 1, j], N[k, 2, j]
+            s = t = u = x = y = z = 0.0
+            for i in range(k + 1):
+                m, omega = (M[i, 0], M[i, 1], M[i, 2]), (M[i, 3], M[i, 4], M[i, 5])
+                eta = E[k - i, 0, j], E[k - i, 1, j], E[k - i, 2, j]
+                d, e, f = _cross(m, eta)
+                a, b, c = a + d, b + e, c + f
+                d, e, f = _cross(eta, omega)
+                s, t, u = s + d, t + e, u + f
+                d, e, f = _cross((N[k - i, 0, j], N[k - i, 1, j], N[k - i, 2, j]), omega)
+                x, y, z = x + d, y + e, z + f
+            a, b, c = _times(inverse, (a, b, c))
+            E[k + 1, 0, j], E[k + 1, 1, j], E[k + 1, 2, j] = share * (a + s), share * (b + t), share * (c + u)
+            N[k + 1, 0, j], N[k + 1, 1, j], N[k + 1, 2, j] = share * x, share * y, share * z
 
 
 @compiled
-def _step_columns(P, h, D, L, W1, W2, W3, W4):
-    """Φ after h, in its place, by the Runge-Kutta method whose stages `_step` has."""
-    half = 0.5 * h
-    for j in range(P.shape[1]):
-        x, y, z = P[0, j], P[1, j], P[2, j]
-        a1, b1, c1 = _rate(W1, D, L, x, y, z, j)
-        a2, b2, c2 = _rate(W2, D, L, x + half * a1, y + half * b1, z + half * c1, j)
-        a3, b3, c3 = _rate(W3, D, L, x + half * a2, y + half * b2, z + half * c2, j)
-        a4, b4, c4 = _rate(W4, D, L, x + h * a3, y + h * b3, z + h * c3, j)
-        P[0, j] = x + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
-        P[1, j] = y + h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4)
-        P[2, j] = z + h / 6.0 * (c1 + 2.0 * (c2 + c3) + c4)
+def _attitude(Q, t):
+    """The unit quaternion at time t of the series."""
+    w, x, y, z = Q[ORDER, 0], Q[ORDER, 1], Q[ORDER, 2], Q[ORDER, 3]
+    for k in range(ORDER - 1, -1, -1):
+        w, x, y, z = w * t + Q[k, 0], x * t + Q[k, 1], y * t + Q[k, 2], z * t + Q[k, 3]
+    length = np.sqrt(w * w + x * x + y * y + z * z)
+    return w / length, x / length, y / length, z / length
 
 
 @compiled
-def _order(tau, order):
-    """Numbers of the times (k,) as they rise, into `order`."""
-    order[:] = np.arange(len(tau))
-    for row in range(1, len(tau)):
-        if not tau[row] >= tau[row - 1]:
-            order[:] = np.argsort(tau)
-            return
+def _turn(E, R, t, j):
+    """The column j of φ at time t of the series, at which the axes of the body are R."""
+    x, y, z = E[ORDER, 0, j], E[ORDER, 1, j], E[ORDER, 2, j]
+    for k in range(ORDER - 1, -1, -1):
+        x, y, z = x * t + E[k, 0, j], y * t + E[k, 1, j], z * t + E[k, 2, j]
+    return _times(R, (x, y, z))
 
 
 @njit(
@@ -134,51 +151,60 @@ def follow(attitude, spin, G, inverse, largest, tau, step, most, attitudes, spin
     `step` in rad; c = 0 for no columns.  Returns the farthest turn in rad; nothing is followed if it is beyond `most`.
     """
     k, n = tau.shape
-    rate, momenta, farthest = np.empty(n), np.empty((n, 3)), 0.0
-    P, D, order = np.zeros((3, columns.shape[1])), np.empty((3, 3)), np.empty(k, np.int64)
+    c = columns.shape[1]
+    reach, momenta, farthest = np.empty(n), np.empty((n, 3)), 0.0
+    Q, M = np.empty((ORDER + 1, 4)), np.empty((ORDER + 1, 6))
+    D, N, E = np.empty((3, c)), np.empty((ORDER + 1, 3, c)), np.empty((ORDER + 1, 3, c))
     for i in range(n):
-        own = min(i, len(inverse) - 1)
-        q = (attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
-        x, y, z = spin[0, i], spin[1, i], spin[2, i]
-        momenta[i, 0], momenta[i, 1], momenta[i, 2] = a, b, c = _times(_slowness(q, G[own]), x, y, z)
+        own, omega = min(i, len(inverse) - 1), (spin[0, i], spin[1, i], spin[2, i])
+        R = _axes(attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
+        L = _times(R, _times(_rows(G[own]), _back(R, omega)))
+        momenta[i, 0], momenta[i, 1], momenta[i, 2] = L
         # least principal moment g: g |ω|² ≤ ω·G ω, which is constant
-        twice = a * x + b * y + c * z
-        rate[i] = np.sqrt((0.0 if twice < 0.0 else twice) * largest[own])
+        twice = L[0] * omega[0] + L[1] * omega[1] + L[2] * omega[2]
+        rate = np.sqrt((0.0 if twice < 0.0 else twice) * largest[own])
+        reach[i] = step / rate if 0.0 < rate < np.inf else np.inf  # of one series
         for row in range(k):
-            turn = abs(rate[i] * tau[row, i])
+            turn = rate * abs(tau[row, i])
             if np.isfinite(turn):
                 farthest = max(farthest, turn)
+            if not np.isfinite(tau[row, i]):
+                attitudes[:, row, i], spins[:, row, i], columns[:, :, row, i] = np.nan, np.nan, np.nan
     if farthest > most:
         return farthest
     for i in range(n):
-        own, momentum = inverse[min(i, len(inverse) - 1)], momenta[i]
+        own, L = min(i, len(inverse) - 1), (momenta[i, 0], momenta[i, 1], momenta[i, 2])
+        back = _rows(inverse[own])
         first = (attitude[0, i], attitude[1, i], attitude[2, i], attitude[3, i])
-        _order(tau[:, i], order)
-        if columns.shape[1]:
-            W = _slowness(first, G[min(i, len(G) - 1)])
-            D[0, 0], D[0, 1], D[0, 2], D[1, 1], D[1, 2], D[2, 2] = W
-            D[1, 0], D[2, 0], D[2, 1] = W[1], W[2], W[4]
+        if c:
+            R, moment = _axes(first[0], first[1], first[2], first[3]), _rows(G[own])
+            for j in range(3):  # the columns of R G Rᵀ
+                D[0, j], D[1, j], D[2, j] = _times(R, _times(moment, R[j]))
         for sign in (1.0, -1.0):  # onwards from time 0, then backwards
-            q, now, P[:] = first, 0.0, 0.0
-            for position in range(k):
-                row = order[position if sign > 0.0 else k - 1 - position]
-                t = tau[row, i]
-                if not np.isfinite(t):
-                    attitudes[:, row, i], spins[:, row, i], columns[:, :, row, i] = np.nan, np.nan, np.nan
-                    continue
-                if sign * t < 0.0 or (sign < 0.0 and t == 0.0):
-                    continue
-                turn = rate[i] * abs(t - now)
-                # one for a body that does not turn, whose columns grow
-                steps = max(int(np.ceil(turn / step)), 1) if np.isfinite(turn) else 1
-                for _ in range(steps):
-                    h = (t - now) / steps
-                    q, W1, W2, W3, W4 = _step(q, h, momentum, own)
-                    _step_columns(P, h, D, momentum, W1, W2, W3, W4)
-                now = t
-                W = _slowness(q, own)
-                x, y, z = _times(W, momentum[0], momentum[1], momentum[2])
-                attitudes[0, row, i], attitudes[1, row, i], attitudes[2, row, i], attitudes[3, row, i] = q
-                spins[0, row, i], spins[1, row, i], spins[2, row, i] = x, y, z
-                columns[:, :, row, i] = P
+            q, begun, P, last = first, 0.0, np.zeros((3, c)), -1.0
+            for row in range(k):
+                if np.isfinite(tau[row, i]) and (tau[row, i] != 0.0 or sign > 0.0):
+                    last = max(last, sign * tau[row, i])
+            while begun <= last:
+                R = _axes(q[0], q[1], q[2], q[3])
+                for j in range(c):
+                    E[0, 0, j], E[0, 1, j], E[0, 2, j] = _back(R, (P[0, j], P[1, j], P[2, j]))
+                _series(q, L, back, D, Q, M, N, E)
+                for row in range(k):
+                    t = sign * tau[row, i] - begun
+                    if not 0.0 <= t < reach[i] or (sign < 0.0 and tau[row, i] == 0.0):
+                        continue
+                    q = _attitude(Q, sign * t)
+                    R = _axes(q[0], q[1], q[2], q[3])
+                    omega = _times(R, _times(back, _back(R, L)))
+                    attitudes[0, row, i], attitudes[1, row, i], attitudes[2, row, i], attitudes[3, row, i] = q
+                    spins[0, row, i], spins[1, row, i], spins[2, row, i] = omega
+                    for j in range(c):
+                        columns[0, j, row, i], columns[1, j, row, i], columns[2, j, row, i] = _turn(E, R, sign * t, j)
+                begun += reach[i]
+                if begun <= last:
+                    q = _attitude(Q, sign * reach[i])
+                    R = _axes(q[0], q[1], q[2], q[3])
+                    for j in range(c):
+                        P[0, j], P[1, j], P[2, j] = _turn(E, R, sign * reach[i], j)
     return farthest
