@@ -25,6 +25,7 @@ from thesis_lib.statistics.spread import robust_std
 MOST = 160  # impacts per half: the fit costs n³, and 160 show a structure that matters
 PERMUTATIONS = 199
 RELEVANT = 3.0  # standard deviations: a feature with a longer length scale does not matter
+CONSTANT = 1e-9  # in units of `FEATURES`: what spreads less is rounding, as the contact point of a ball
 FEATURES = {
     "v_t": ("m/s", "tangential velocity of the contact point before impact"),
     "v_n": ("m/s", "normal velocity of the contact point before impact"),
@@ -119,7 +120,7 @@ def remaining(fitted: Fit, observations: Observations, rng: np.random.Generator)
     table = features(fitted, observations)
     X = table.to_numpy(float)
     spread = X.std(axis=0)
-    used = spread > 0
+    used = spread > CONSTANT
     names, X = ([name for name, use in zip(table.columns, used) if use], (X - X.mean(axis=0))[:, used] / spread[used])
     Y = _errors(fitted, observations)
     # a Gaussian process would fit single wild impacts only
