@@ -99,58 +99,85 @@ def _resisted(a, b, c, d, e, f, x, y, z, radius):
 
 
 @compiled
+def _column(A, j):
+    return A[0, j], A[1, j], A[2, j]
+
+
+@compiled
+def _moved(u, A, a, B, b, C, c):
+    """u + (A a + B b + C c) of vectors, as tuples: arrays would take memory in every step."""
+    return (
+        u[0] + (A[0] * a + B[0] * b + C[0] * c),
+        u[1] + (A[1] * a + B[1] * b + C[1] * c),
+        u[2] + (A[2] * a + B[2] * b + C[2] * c),
+    )
+
+
+@compiled
+def _changed(u, A, a, B, b):
+    """u + (A a + B b)."""
+    return u[0] + (A[0] * a + B[0] * b), u[1] + (A[1] * a + B[1] * b), u[2] + (A[2] * a + B[2] * b)
+
+
+@compiled
 def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, steps, found):
     """Impulses and couples (6, n) at the ends of the paths, into `found`."""
+    turn, lift, total, last = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
     for i in range(len(mu0)):
         dp, r, H, K = dp0[i], r0[:, i].copy(), mobility[:, :, i].copy(), K0[:, :, i].copy()
         # turning by an impulse along each axis, and motion of the contact point by a couple about each axis
-        turn, lift = np.empty((3, 3)), np.empty((3, 3))
         for j in range(3):
             e = np.zeros(3)
             e[j] = 1.0
             turn[:, j] = H @ np.cross(r, e)
             lift[:, j] = np.cross(H[:, j].copy(), r)
-        v, w, last = v0[:, i].copy(), w0[:, i].copy(), np.zeros(6)
-        before, rolled, total = v.copy(), np.zeros(2), np.zeros(6)
+        K_1, K_2, K_n = _column(K, 0), _column(K, 1), _column(K, 2)
+        turn_1, turn_2, turn_n = _column(turn, 0), _column(turn, 1), _column(turn, 2)
+        lift_1, lift_2, lift_n = _column(lift, 0), _column(lift, 1), _column(lift, 2)
+        H_1, H_2, H_n = _column(H, 0), _column(H, 1), _column(H, 2)
+        v, w = (v0[0, i], v0[1, i], v0[2, i]), (w0[0, i], w0[1, i], w0[2, i])
+        before, rolled_1, rolled_2 = v, 0.0, 0.0
+        total[:], last[:] = 0.0, 0.0
         low, compression, work, rise = v[2], 0.0, 0.0, 0.0
         t = m_t[i]
         for _ in range(steps):
             old = v[2]
             x, y = 1.5 * v[0] - 0.5 * before[0], 1.5 * v[1] - 0.5 * before[1]
-            before[:] = v
+            before = v
             f = max(mu0[i], _SMOOTH) * (1.0 + s[i] * np.exp(-(x * x + y * y) / (v_s[i] * v_s[i])))
             # friction expects the couple of the step before, so that a sticking contact goes on sticking while it rolls
-            v += K[:, 2] * dp + lift[:, 0] * rolled[0] + lift[:, 1] * rolled[1]
-            w += turn[:, 2] * dp + H[:, 0] * rolled[0] + H[:, 1] * rolled[1]
+            v = _moved(v, K_n, dp, lift_1, rolled_1, lift_2, rolled_2)
+            w = _moved(w, turn_n, dp, H_1, rolled_1, H_2, rolled_2)
             if t > 0.0:
                 p, q, z = _resisted(
-                    *(f * f * K[0, 0], f * f * K[0, 1], f * t * lift[0, 2], f * f * K[1, 1], f * t * lift[1, 2]),
-                    *(t * t * H[2, 2], f * v[0], f * v[1], t * w[2], dp),
+                    *(f * f * K_1[0], f * f * K_2[0], f * t * lift_n[0], f * f * K_2[1], f * t * lift_n[1]),
+                    *(t * t * H_n[2], f * v[0], f * v[1], t * w[2], dp),
                 )
             else:
                 p, q, z = _resisted(
-                    *(f * f * K[0, 0], f * f * K[0, 1], 0.0, f * f * K[1, 1], 0.0, 1.0, f * v[0], f * v[1], 0.0, dp)
+                    *(f * f * K_1[0], f * f * K_2[0], 0.0, f * f * K_2[1], 0.0, 1.0, f * v[0], f * v[1], 0.0, dp)
                 )
             last[0], last[1], last[2], last[5] = f * p, f * q, dp, t * z
-            v += K[:, 0] * last[0] + K[:, 1] * last[1] + lift[:, 2] * last[5]
-            w += turn[:, 0] * last[0] + turn[:, 1] * last[1] + H[:, 2] * last[5]
+            v = _moved(v, K_1, last[0], K_2, last[1], lift_n, last[5])
+            w = _moved(w, turn_1, last[0], turn_2, last[1], H_n, last[5])
             if m_r[i] > 0.0:
-                w -= H[:, 0] * rolled[0] + H[:, 1] * rolled[1]
-                v -= lift[:, 0] * rolled[0] + lift[:, 1] * rolled[1]
-                p, q, _z = _resisted(H[0, 0], H[0, 1], 0.0, H[1, 1], 0.0, 1.0, w[0], w[1], 0.0, m_r[i] * dp)
-                rolled[0], rolled[1] = p, q
-                w += H[:, 0] * p + H[:, 1] * q
-                v += lift[:, 0] * p + lift[:, 1] * q
-            last[3], last[4] = rolled
+                w = _changed(w, H_1, -rolled_1, H_2, -rolled_2)
+                v = _changed(v, lift_1, -rolled_1, lift_2, -rolled_2)
+                rolled_1, rolled_2, _z = _resisted(H_1[0], H_2[0], 0.0, H_2[1], 0.0, 1.0, w[0], w[1], 0.0, m_r[i] * dp)
+                w = _changed(w, H_1, rolled_1, H_2, rolled_2)
+                v = _changed(v, lift_1, rolled_1, lift_2, rolled_2)
+            last[3], last[4] = rolled_1, rolled_2
             rise = v[2] - old
             below = min(v[2], 0.0)
             share = (below - low + _TINY) / (rise + _TINY)
             compression += share * (below + low) * dp
             work += (v[2] + old) * dp
             low = below
-            total += last
+            for j in range(6):
+                total[j] += last[j]
         b = max(rise / dp, _FLATTEST * K[2, 2])
         compression -= low * low / b
         square = v[2] * v[2] + b * ((1.0 - epsilon[i] * epsilon[i]) * compression - work)
         share = (np.sqrt(max(square, 0.0)) - v[2]) / (b * dp)
-        found[:, i] = total + share * last
+        for j in range(6):
+            found[j, i] = total[j] + share * last[j]
