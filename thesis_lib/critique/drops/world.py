@@ -149,7 +149,8 @@ class Drops(World[Effect, Fit, Judgement]):
                 continue
             limit = fit(model.limit, self.quick, start, rounds=1)
             gains = limit.score > rigid.score + self.settings.reserve_gain
-            if refine or is_compliant or gains or turn > self.settings.reserve_turn:
+            # in space hits and episodes are so precise that no limit says what a contact gains that takes time
+            if not self.space.is_plane or refine or is_compliant or gains or turn > self.settings.reserve_turn:
                 fits.append(fit(model, self.quick, limit.values, rounds=1))
         return fits
 
