@@ -1,29 +1,32 @@
-"""Episodes in space: hits that follow each other too quickly to see the flight between them.
+"""Episodes in space: all that happens between two motions that are seen (`clear_flights`), if it is no single hit.
 
-Those with too few samples between them are found as in the plane (`datasets/impacts/episodes.py`).  Two hits between
-two samples look like one.  They are found by the corners: the flight before, followed on, touches the surface with one,
-and the flight after, followed back, with another one; where two corners are within `LEVEL` then, it may be either.
+Hits with too few samples between them are put together as in the plane (`datasets/impacts/episodes.py`).  Two hits
+between two samples look like one.  They are found by the corners: the flight before, followed on, touches the
+surface with one, and the flight after, followed back, with another one; where two corners are within `LEVEL` then, it
+may be either.
 """
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
 
 from thesis_lib.bodies.minkowski import MinkowskiSum
 from thesis_lib.critique.contacts.pressing import contact_points
+from thesis_lib.critique.likelihood.clear_flights import LEAST, SUPPORTED, BetweenHits, Poses
 from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, with_episodes
-from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows, turns_off
-from thesis_lib.datasets.flights.noise import NoiseEstimate
+from thesis_lib.critique.likelihood.windows import SpaceWindows
+from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.impacts.episodes import find_episodes
+from thesis_lib.datasets.impacts.episodes import groups_of_hits
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.free_motion import flown
+from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.state import State
 
 LEVEL = 1e-3  # m between two corners: three standard deviations of their height where a flight is extrapolated
-IMPROBABLE = 1e-6  # of χ² of the turns of a flight
 LOOK = 1e-4  # s between the poses in which a touch is looked for
 EDGE = 1e-6  # s; instants that are nearer are the same sample's
+HARD = 0.4  # m/s: weaker hits are of no kind of contact
+ELSEWHERE = "off_surface"  # the reason of hits that no episode holds
 
 
 def add_episodes(
@@ -33,44 +36,48 @@ def add_episodes(
     hits: pd.DataFrame,
     windows: pd.DataFrame,
     noise: tuple[float, float],
+    touching: tuple[float, float],
     settings: ArcSettings,
 ) -> Observations:
     """The single hits and the episodes, by trial and time; what the episodes hold is no longer left out.
 
     Args:
         samples, states: of all N samples, centre of mass and pose in the frame of the surface.
-        hits: all that were detected, as `find_episodes` takes them.
-        windows: of the single hits `start`, `end`, `n_pre` and `n_post`, as `find_episodes` returns them.
+        hits: all that were detected, sorted by trial and time, with trial, impact, t (s) and reason ("" = used alone).
+        windows: of the single hits `start` and `end` in s, times of the last sample before and the first after, and the
+            numbers of samples `n_pre` and `n_post`.
         noise: one sigma of a position in m, and of each component of a turn in rad.
+        touching: lowest and highest gap in m at which the believed body touches.
     """
-    rig = single.rig
-    r = rig.lowest(states)
-    clearance = rig.gap(states), np.hypot(noise[0], np.hypot(r[0], r[1]) * noise[1])
-    of_place = np.full(3, noise[0])
-    estimate = NoiseEstimate(*noise, of_place, of_place, "differences")
-    table = find_episodes(samples, hits, estimate, rig.gravity, clearance, settings)
+    if not len(hits):
+        return single
+    rig, poses = single.rig, Poses(samples, states, single.rig, noise)
     alone = pd.DataFrame({"trial": single.trial, "impact": single.impact, "last": single.impact}).join(windows)
-    twice = _hits_twice(rig, samples, states, alone, noise)
-    table = pd.concat([table, alone[twice]], ignore_index=True)
+    for name, edge in (("pre", "start"), ("post", "end")):
+        alone[f"row_{name}"] = samples.position(single.trial, alone[edge].to_numpy() - EDGE)
+        alone[f"clear_{name}"] = True
+    twice = _hits_twice(poses, alone)
+    beside = _beside(poses, hits, touching[1], settings)
+    table = pd.concat([_not_single(poses, hits, beside), alone[twice]], ignore_index=True)
     if not len(table):
         return single
-    trial, start, end = (table[name].to_numpy() for name in ("trial", "start", "end"))
-    count = table[["n_pre", "n_post"]].to_numpy()
-    before = _side(samples, states, trial, start, count[:, 0], -1, start, rig, noise)
-    t = start + _touch(rig, _state(before, rig), 1)[0]
+    start, n_pre, clear_pre, end, n_post, clear_post = (
+        table[f"{name}_{side}"].to_numpy() for side in ("pre", "post") for name in ("row", "n", "clear")
+    )
+    before = _state(poses.side(start, n_pre, -1, samples.t[start], clear_pre)[0], rig)
+    t = samples.t[start] + _touch(rig, before, 1)[0]
     # as in the plane: a hit that a model makes a little late must not fall behind the state after
-    end = np.minimum(end + LATE, samples.t[_number(samples, trial, end) + (count[:, 1] - 1) // 2])
-    end = np.maximum(end, t + EDGE)
-    sides = [
-        _side(samples, states, trial, *edge, at, rig, noise)
-        for edge, at in (((start, count[:, 0], -1), t), ((table["end"].to_numpy(), count[:, 1], 1), end))
-    ]
+    over = np.minimum(samples.t[end] + LATE, samples.t[end + (n_post - 1) // 2])
+    over = np.maximum(over, t + EDGE)
+    sides = [poses.side(start, n_pre, -1, t, clear_pre), poses.side(end, n_post, 1, over, clear_post)]
     good = np.all([side[1] for side in sides], axis=0)
+    good &= clear_pre | (rig.gap(before) > touching[0])  # what is deeper was not followed by this motion
     names = ("value", "slope", "bow", "cov", "nodes", "weights")
     arrays = {name: np.stack([getattr(side[0], name)[:, 0] for side in sides], axis=1) for name in names}
+    trial = table["trial"].to_numpy()
     first = samples.t[np.searchsorted(samples.trial, trial)]
     n = len(table)
-    arrays |= {"trial": trial, "impact": table["impact"].to_numpy(), "t": t - first, "span": end - t}
+    arrays |= {"trial": trial, "impact": table["impact"].to_numpy(), "t": t - first, "span": over - t}
     arrays |= {"hits": (table["last"] - table["impact"] + 1).to_numpy(), "surface": np.zeros(n, int)}
     arrays |= {"t_std": np.zeros(n), "offset": np.zeros((n, 3))}
     kept = np.flatnonzero(good)
@@ -78,55 +85,81 @@ def add_episodes(
     return with_episodes(others, {name: array[kept] for name, array in arrays.items()}, table.iloc[kept])
 
 
-def _hits_twice(
-    rig: Rig, samples: Samples, states: State, alone: pd.DataFrame, noise: tuple[float, float]
-) -> np.ndarray:
+def _beside(poses: Poses, hits: pd.DataFrame, low: float, settings: ArcSettings) -> pd.DataFrame:
+    """What is seen beside each hit, "pre" and "post": the row of the nearest sample, how many lie on the motion there,
+    0 if none does, and whether this is a clear flight."""
+    samples, trial, t = poses.samples, hits["trial"].to_numpy(), hits["t"].to_numpy()
+    between = BetweenHits.of(poses, Hits(trial, t, np.ones(len(t), bool)), low, settings)
+    most = max(LEAST, round(SUPPORTED / float(np.median(np.diff(samples.t)))) + 1)
+    after = samples.position(trial, t)
+    bounds = np.r_[0, after, len(samples)]
+    table = {}
+    for name, end, at in (
+        ("pre", 1, np.searchsorted(between.stretch[:, 1], after) - 1),
+        ("post", 0, np.searchsorted(between.stretch[:, 0], after)),
+    ):
+        at = np.clip(at, 0, len(between.stretch) - 1)
+        row, length = between.stretch[at, end], np.diff(between.stretch[at], axis=1)[:, 0] + 1
+        flight, count = between.flight[at, end], between.count[at, end]
+        clear = (count > 0) & (np.abs(samples.t[flight] - t) < LONGEST_WAIT)
+        row, count = np.where(clear, flight, row), np.where(clear, count, np.minimum(length, most))
+        low_row, high_row = (bounds[:-2], after) if name == "pre" else (after, bounds[2:])
+        near = (low_row <= row) & (row < high_row) & (samples.trial[row] == trial)
+        near &= (np.abs(samples.t[row] - t) < LONGEST_WAIT) & (count >= LEAST)
+        count[~near] = 0
+        kinked = np.flatnonzero(near)
+        kinked = kinked[~poses.side(row[near], count[near], 1 - 2 * end, samples.t[row[near]], clear[near])[1]]
+        count[kinked] = LEAST
+        table |= {f"row_{name}": row, f"n_{name}": count, f"clear_{name}": clear}
+    return pd.DataFrame(table)
+
+
+def _jump(poses: Poses, beside: pd.DataFrame) -> np.ndarray:
+    """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s from before to after, G the believed inertia per mass; NaN where none is
+    seen."""
+    jump, seen = np.full(len(beside), np.nan), np.flatnonzero((beside[["n_pre", "n_post"]] > 0).all(axis=1))
+    states = []
+    for name, way in (("pre", -1), ("post", 1)):
+        row, count, clear = (beside[f"{column}_{name}"].to_numpy()[seen] for column in ("row", "n", "clear"))
+        windows = poses.side(row, count, way, poses.samples.t[row], clear)[0]
+        states.append(_state(windows, poses.rig))
+    G = in_world(np.asarray(poses.rig.tensor), states[0].attitude)
+    dv, dw = states[1].velocity - states[0].velocity, states[1].spin - states[0].spin
+    jump[seen] = np.sqrt((dv**2).sum(axis=0) + np.einsum("in,ijn,jn->n", dw, G, dw))
+    return jump
+
+
+def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.DataFrame:
+    """Episodes with trial, first and last hit, and what is seen before the first and after the last."""
+    reason, number = hits["reason"].to_numpy(), hits["impact"].to_numpy()
+    first, last = groups_of_hits(hits, poses.samples.position(hits["trial"].to_numpy(), hits["t"].to_numpy())).T
+    elsewhere = np.cumsum(np.r_[0, reason == ELSEWHERE])
+    table = pd.DataFrame({"trial": hits["trial"].to_numpy()[first], "impact": number[first], "last": number[last]})
+    for name, at in (("pre", first), ("post", last)):
+        table = table.assign(**{c: beside[c].to_numpy()[at] for c in beside if c.endswith(name)})
+    table = table[(table["n_pre"] > 0) & (table["n_post"] > 0) & (elsewhere[last + 1] == elsewhere[first])]
+    clear = (table["clear_pre"] & table["clear_post"]).to_numpy(bool)
+    return table[clear | (_jump(poses, table) > HARD)]
+
+
+def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
     """Mask (n,) of what looks like single hits, and may be hits of two corners."""
+    rig = poses.rig
     if contact_points(rig) == 1 or not len(alone):
         return np.zeros(len(alone), bool)
-    trial, corners, close = alone["trial"].to_numpy(), [], []
-    for edge, count, way in (("start", "n_pre", -1), ("end", "n_post", 1)):
-        t = alone[edge].to_numpy()
-        fitted = _side(samples, states, trial, t, alone[count].to_numpy(), way, t, rig, noise)
+    corners, close = [], []
+    for side, way in (("pre", -1), ("post", 1)):
+        row, count = (alone[f"{name}_{side}"].to_numpy() for name in ("row", "n"))
+        fitted = poses.side(row, count, way, poses.samples.t[row])[0]
         _, corner, near = _touch(rig, _state(fitted, rig), -way)
         corners.append(corner)
         close.append(near)
     return (corners[0] != corners[1]) | close[0] | close[1]
 
 
-def _number(samples: Samples, trial: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Number (n,) of the sample at each instant."""
-    return samples.position(trial, t - EDGE)
-
-
-def _side(
-    samples: Samples,
-    states: State,
-    trial: np.ndarray,
-    edge: np.ndarray,
-    count: np.ndarray,
-    way: int,
-    at: np.ndarray,
-    rig: Rig,
-    noise: tuple[float, float],
-) -> tuple[SpaceWindows, np.ndarray]:
-    """Flights through `count` (n,) samples from the one at `edge` (n,) on, earlier ones if `way` is −1, as seen from
-    the instants `at` (n,); and whether their turns are those of a free body.  Both sides of the windows are the same.
-    """
-    first, size = _number(samples, trial, edge), np.arange(max(int(count.max(initial=0)), 1))
-    wanted = first[:, None] + way * size
-    index = np.clip(wanted, 0, len(samples) - 1)
-    used = (size < count[:, None]) & (wanted == index) & (samples.run[index] == samples.run[first][:, None])
-    pose, tau, G = np.moveaxis(states.pose[:, index], 0, -1), samples.t[index] - at[:, None], np.asarray(rig.tensor)
-    both = np.stack([used, used], axis=1)
-    fitted = fit_windows(pose, tau, both, G, noise)
-    limit = chi2.isf(IMPROBABLE, np.maximum(3.0 * used.sum(axis=1) - 6.0, 1.0))
-    return fitted, turns_off(fitted, 0, pose, tau, both, G) / noise[1] ** 2 < limit
-
-
-def _state(fitted: tuple[SpaceWindows, np.ndarray], rig: Rig) -> State:
+def _state(windows: SpaceWindows, rig: Rig) -> State:
     """The states at the instants of the windows, under believed gravity."""
-    windows, n = fitted[0], len(fitted[0].value)
+    n = len(windows.value)
     state = State.of(windows.value[:, 0], windows.slope[:, 0], np.zeros(n), np.zeros(n), None, rig.space)
     a, (b_0, b_1) = rig.fall(state)[:3], windows.bow[:, 0].T
     return state.changed(position=state.position - a * b_0, velocity=state.velocity - a * b_1)

@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 from thesis_lib.bodies.solids import Sphere, contact_kind
-from thesis_lib.critique.likelihood.episodes_in_space import add_episodes
+from thesis_lib.critique.likelihood.episodes_in_space import HARD, add_episodes
 from thesis_lib.critique.likelihood.flights_in_space import flights_in_space, noise_of_flights
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
@@ -66,7 +66,6 @@ MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that
 UPWARDS = 5  # of values and slopes of all channels: the slope of n
 SURE = 3.0  # standard errors by which a surface pushes a body away
 CLEARLY = 1.1  # of the guard, by which contacts last longer
-HARD = 0.4  # m/s: weaker hits are of no kind of contact
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
 
@@ -184,7 +183,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         t_std=t_std[rows],
         offset=np.zeros((len(rows), 3)),
         arcs=True,
-        flights=flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept]), settings.guard),
+        flights=flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept])[1], settings.guard),
         supports=supports_in_space(states, samples, hits, rig, noise) if dataset.has_angle else (),
         noise_known=True,
         found=replace(
@@ -197,18 +196,17 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         return without_angle(single, unseen_spin(np.linalg.norm(beside(single, 0).velocity, axis=0), header))
     if not episodes:
         return single
-    gap = np.full(len(at), np.nan)
-    gap[rows] = rig.gap(beside(single, 0))
-    hits = {"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "gap": gap, "reason": reason}
-    seen = (noise[0] * sigma[0], noise[1] * sigma[-1])
-    return add_episodes(single, samples, states, pd.DataFrame(hits), pd.DataFrame(edges | counts), seen, settings)
+    all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "reason": reason})
+    seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
+    return add_episodes(single, samples, states, all_hits, pd.DataFrame(edges | counts), seen, touching, settings)
 
 
-def _touching(gap: np.ndarray) -> float:
-    """Gap in m below which the body may touch, of gaps (n,) at hits by the geometry that is believed."""
+def _touching(gap: np.ndarray) -> tuple[float, float]:
+    """Lowest and highest gap in m at which the body touches, of gaps (n,) at hits by the geometry that is believed."""
     if not len(gap):
-        return -np.inf
-    return float(np.median(gap) + SPREAD * robust_std(gap - np.median(gap)))
+        return -np.inf, -np.inf
+    middle, spread = float(np.median(gap)), SPREAD * float(robust_std(gap - np.median(gap)))
+    return middle - spread, middle + spread
 
 
 def _as_taken(table: pd.DataFrame, header: SpaceHeader) -> tuple[pd.DataFrame, tuple[str, ...]]:

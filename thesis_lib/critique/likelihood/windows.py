@@ -107,10 +107,18 @@ def _start(measured: np.ndarray, tau: np.ndarray, used: np.ndarray) -> tuple[np.
     return SPACE.attitude_after(q_0, -t_0 * spin), spin
 
 
+def turns_left(
+    fitted: SpaceWindows, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
+) -> np.ndarray:
+    """Turns (n, W, 3) in rad from torque-free motion to the attitudes of one side, 0 of what is not used; as
+    `fit_windows`."""
+    believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, tau.T)
+    left = SPACE.turn_between(believed, np.moveaxis(pose[:, :, 3:], -1, 0).swapaxes(1, 2))
+    return np.moveaxis(left, 0, -1).swapaxes(0, 1) * used[:, side, :, None]
+
+
 def turns_off(
     fitted: SpaceWindows, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
 ) -> np.ndarray:
-    """Sum (n,) in rad² of the squares by which the attitudes of one side miss torque-free motion; as `fit_windows`."""
-    believed, _ = attitudes(fitted.value[:, side, 3:].T, fitted.slope[:, side, 3:].T, G, tau.T)
-    left = SPACE.turn_between(believed, np.moveaxis(pose[:, :, 3:], -1, 0).swapaxes(1, 2))
-    return ((left**2).sum(axis=0) * used[:, side].T).sum(axis=0)
+    """Sum (n,) in rad² of the squares of `turns_left`."""
+    return (turns_left(fitted, side, pose, tau, used, G) ** 2).sum(axis=(1, 2))

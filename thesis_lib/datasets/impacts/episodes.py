@@ -63,7 +63,7 @@ def find_episodes(
     number, reach = samples.position(trial, t), settings.max_window + MOST_SKIPPED + 1
     index, near = samples.around(number, trial, -reach, reach + 1)
     paths = samples.without_air()
-    groups = _groups(hits, number)
+    groups = groups_of_hits(hits, number)
     if not len(groups):
         return pd.DataFrame(columns=EPISODE_COLUMNS)
     first, last = groups.T
@@ -98,7 +98,7 @@ def find_episodes(
     return table[good].reset_index(drop=True)
 
 
-def _groups(hits: pd.DataFrame, number: np.ndarray) -> np.ndarray:
+def groups_of_hits(hits: pd.DataFrame, number: np.ndarray) -> np.ndarray:
     """First and last row (g, 2) of each run of hits with too few samples between; those used alone are left alone.
 
     `number` (h,): that of the first sample after each hit.

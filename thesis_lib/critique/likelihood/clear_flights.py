@@ -1,0 +1,161 @@
+"""What a body in space does beside hits: clear flights, and motion that the surface may disturb.
+
+The samples of a clear flight are too high to touch the surface, and lie on one free motion at either end.  Between weak
+hits a box often rocks on an edge, where each corner touches too weakly to be found.  There a force f per unit mass acts
+through its lowest point r, steadily for a few samples, of which a part of gravity is expected,
+
+    (a, α) = (f, G⁻¹ (r × f)),    f ~ N(0, diag(`WEIGHT` g)²)
+
+It is found with the motion, and what stays unknown of it widens the covariance of the motion.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows, turns_left
+from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.parabolas import Hits
+from thesis_lib.datasets.format.samples import ArcSettings, Samples
+from thesis_lib.effects.effect import Rig
+from thesis_lib.mechanics.inertia import mobility
+from thesis_lib.mechanics.space import SPACE, cross
+from thesis_lib.mechanics.state import State
+
+FEWEST = 4  # samples of a flight
+CLEAR = 3.0  # sigmas that a flying body is above what may touch
+SKIPPED = 3  # samples at an end of a flight that may lie in a contact; then the flight is cut to half
+SUPPORTED = 0.02  # s of samples, in which the force of the surface is one
+LEAST = 3  # samples there
+WEIGHT = np.array([0.4, 0.4, 1.2])  # of gravity, along the surface and across; more than the weight, as bodies bounce
+IMPROBABLE = 1e-6  # of χ² of places and turns of a flight
+
+
+@dataclass(frozen=True)
+class Poses:
+    """N measured poses of a body and how well they are known: one sigma of a place in m, of a component of a turn in
+    rad."""
+
+    samples: Samples
+    states: State
+    rig: Rig
+    noise: tuple[float, float]
+
+    def side(
+        self, row: np.ndarray, count: np.ndarray, way: int, at: np.ndarray, clear: np.ndarray | bool = True
+    ) -> tuple[SpaceWindows, np.ndarray]:
+        """Motions through `count` (n,) samples from those at `row` (n,) on, earlier ones if `way` is −1, as seen from
+        the instants `at` (n,) in s; and whether they are those of a free body, or of a supported one where they are not
+        `clear` (n,).  Both sides of the windows are the same."""
+        samples, rig, G = self.samples, self.rig, np.asarray(self.rig.tensor)
+        size = np.arange(max(int(count.max(initial=0)), 1))
+        index = np.clip(row[:, None] + way * size, 0, len(samples) - 1)
+        used = np.repeat((size < count[:, None])[:, None], 2, axis=1)
+        pose, tau = np.moveaxis(self.states.pose[:, index], 0, -1), samples.t[index] - at[:, None]
+        fitted = fit_windows(pose, tau, used, G, self.noise)
+        state, bend = self.states.select(row), 0.5 * tau[..., None] ** 2
+        path = np.concatenate([pose[:, :, :3] - rig.fall(state)[:3].T[:, None] * bend, bend], axis=2)
+        straight = lines_through(used * 1.0, tau, path).residual[:, 0] * used[:, 0, :, None]
+        left = np.concatenate([straight[..., :3], turns_left(fitted, 0, pose, tau, used, G)], axis=2)
+        left, bend = left / np.repeat(self.noise, 3), straight[..., 3]
+        off, dof = (left**2).sum(axis=(1, 2)), 6.0 * count - 12.0
+        if not np.all(clear):
+            fitted, less = self._supported(fitted, state, left, bend, ~np.broadcast_to(clear, len(row)))
+            off, dof = off - less, dof - 3.0 * (less > 0.0)
+        return fitted, off < chi2.isf(IMPROBABLE, np.maximum(dof, 1.0))
+
+    def _supported(
+        self, fitted: SpaceWindows, state: State, left: np.ndarray, bend: np.ndarray, rows: np.ndarray
+    ) -> tuple[SpaceWindows, np.ndarray]:
+        """Windows in which the surface acts in some `rows` (n,), and by how much χ² is less (n,).
+
+        Args:
+            left: (n, W, 6) what free motion leaves of places and turns, in standard deviations.
+            bend: (n, W) what a line leaves of τ²/2.
+        """
+        n, r = len(rows), self.rig.lowest(state)
+        turning = mobility(SPACE, np.asarray(self.rig.tensor), state.attitude)
+        by_force = [np.concatenate([f, np.einsum("ijn,jn->in", turning, cross(r, f))]).T for f in _units(n)]
+        change = np.stack(by_force, axis=2)  # (n, 6, 3): accelerations by forces
+        seen = change / np.repeat(self.noise, 3)[:, None]
+        pull = np.einsum("nik,nw,nwi->nk", seen, bend, left)
+        known = (bend**2).sum(axis=1)[:, None, None] * np.einsum("nik,nil->nkl", seen, seen)
+        cov = np.linalg.inv(known + np.diag((WEIGHT * self.rig.gravity) ** -2.0))
+        force = np.einsum("nkl,nl->nk", cov, pull) * rows[:, None]
+        a, bow = np.einsum("nik,nk->ni", change, force), fitted.bow[:, 0]
+        spread = np.einsum("nik,nkl,njl->nij", change, cov * rows[:, None, None], change)
+        unknown = np.einsum("nij,na,nb->niajb", spread, bow, bow).reshape(n, 1, 12, 12)
+        moved = (SPACE.shift(fitted.value[:, 0].T, -(bow[:, :1] * a).T).T)[:, None]
+        fitted = replace(
+            fitted,
+            value=np.repeat(moved, 2, axis=1),
+            slope=fitted.slope - (bow[:, 1:] * a)[:, None],
+            cov=fitted.cov + unknown,
+        )
+        return fitted, 2.0 * (force * pull).sum(axis=1) - np.einsum("nk,nkl,nl->n", force, known, force)
+
+
+def _units(n: int) -> np.ndarray:
+    """Unit vectors (3, 3, n), one after the other."""
+    return np.repeat(np.eye(3)[..., None], n, axis=2)
+
+
+@dataclass(frozen=True)
+class BetweenHits:
+    """Rows of the first and last sample (m, 2) of each stretch without hits or lost frames, by trial and time; and of
+    its clear flights at either end: the row (m, 2) nearest to that end, and how many samples lie on its free motion, 0
+    if there is none."""
+
+    stretch: np.ndarray
+    flight: np.ndarray
+    count: np.ndarray
+
+    @classmethod
+    def of(cls, poses: Poses, hits: Hits, low: float, settings: ArcSettings) -> "BetweenHits":
+        """The stretches between `hits`; bodies are clear that are higher than `low` in m by three sigmas."""
+        samples, rig, (place, turn) = poses.samples, poses.rig, poses.noise
+        r, number = rig.lowest(poses.states), hits.before(samples.trial, samples.t)
+        free = np.ones(len(samples), bool)
+        for hit in (number - 1, number):
+            free &= np.abs(hits.instants(hit, samples.trial, np.inf) - samples.t) > settings.guard
+        ends = (np.diff(samples.run) != 0) | (np.diff(number) != 0)
+        clear = free & (rig.gap(poses.states) - low > CLEAR * np.hypot(place, np.hypot(r[0], r[1]) * turn))
+        stretch, flights = (_stretches(mask, ends) for mask in (free, clear))
+        flights = flights[flights[:, 1] - flights[:, 0] + 1 >= FEWEST]
+        edge, count = (
+            np.stack(part, axis=1)
+            for part in zip(*(_end(poses, flights, side, settings.max_window) for side in (0, 1)))
+        )
+        at, found = np.zeros_like(stretch), np.zeros_like(stretch)
+        of = np.searchsorted(stretch[:, 0], flights[:, 0], side="right") - 1
+        for side, order in ((0, slice(None, None, -1)), (1, slice(None))):  # what is set last is nearest to the end
+            rows = np.flatnonzero(count[:, side])[order]
+            at[of[rows], side], found[of[rows], side] = edge[rows, side], count[rows, side]
+        return cls(stretch, at, found)
+
+
+def _stretches(mask: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """First and last rows (k, 2) where `mask` (N,) is set, cut after the rows in which `ends` (N − 1,) is."""
+    last = np.flatnonzero(np.r_[ends | (mask[1:] != mask[:-1]), True][: len(mask)])
+    first = np.r_[0, last[:-1] + 1][: len(last)]
+    return np.stack([first, last], axis=1)[mask[first]]
+
+
+def _end(poses: Poses, bounds: np.ndarray, side: int, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of flights between the rows `bounds` (m, 2) that at one end, first or last, from which on samples lie on a free
+    motion, and how many; 0 if there is none."""
+    length, way = bounds[:, 1] - bounds[:, 0] + 1, 1 - 2 * side
+    edge, count = bounds[:, side].copy(), np.zeros(len(bounds), int)
+    left = np.arange(len(bounds))
+    while most >= FEWEST and len(left):
+        for skipped in range(SKIPPED + 1):
+            left = left[length[left] - skipped >= FEWEST]
+            if not len(left):
+                break
+            row, size = bounds[left, side] + way * skipped, np.minimum(length[left] - skipped, most)
+            good = poses.side(row, size, way, poses.samples.t[row])[1]
+            edge[left[good]], count[left[good]] = row[good], size[good]
+            left = left[~good]
+        most //= 2
+    return edge, count
