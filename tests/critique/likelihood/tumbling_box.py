@@ -8,7 +8,7 @@ from thesis_lib.bodies.solids import Box
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.likelihood.flights import no_flights
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.windows import fit_windows
+from thesis_lib.datasets.flights.beside_hits import fit_windows
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.contact import contact_at, velocity_change
 from thesis_lib.mechanics.free_motion import flown

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows, turns_left
+from thesis_lib.datasets.flights.beside_hits import SpaceWindows, fit_windows, turns_left
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.samples import ArcSettings, Samples

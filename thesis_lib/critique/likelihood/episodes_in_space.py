@@ -13,7 +13,7 @@ from thesis_lib.bodies.minkowski import MinkowskiSum
 from thesis_lib.critique.contacts.pressing import contact_points
 from thesis_lib.critique.likelihood.clear_flights import LEAST, SUPPORTED, BetweenHits, Poses
 from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, with_episodes
-from thesis_lib.critique.likelihood.windows import SpaceWindows
+from thesis_lib.datasets.flights.beside_hits import SpaceWindows
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.episodes import groups_of_hits
@@ -136,7 +136,8 @@ def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.Da
     elsewhere = np.cumsum(np.r_[0, reason == ELSEWHERE])
     table = pd.DataFrame({"trial": hits["trial"].to_numpy()[first], "impact": number[first], "last": number[last]})
     for name, at in (("pre", first), ("post", last)):
-        table = table.assign(**{c: beside[c].to_numpy()[at] for c in beside if c.endswith(name)})
+        for column in (f"row_{name}", f"n_{name}", f"clear_{name}"):
+            table[column] = beside[column].to_numpy()[at]
     table = table[(table["n_pre"] > 0) & (table["n_post"] > 0) & (elsewhere[last + 1] == elsewhere[first])]
     clear = (table["clear_pre"] & table["clear_post"]).to_numpy(bool)
     return table[clear | (_jump(poses, table) > HARD)]

@@ -30,7 +30,7 @@ from scipy.stats import chi2
 
 from thesis_lib.critique.contacts.dynamics import COURSE, Dynamics
 from thesis_lib.critique.likelihood.flights import Flights, no_flights
-from thesis_lib.critique.likelihood.windows import fit_turning
+from thesis_lib.datasets.flights.beside_hits import fit_turning
 from thesis_lib.datasets.flights.parabolas import MIN_FLIGHT, Hits
 from thesis_lib.datasets.space.flights import find_flights, follow
 from thesis_lib.effects.effect import Rig

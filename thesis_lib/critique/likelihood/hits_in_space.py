@@ -6,7 +6,7 @@ The instant of a hit is where the arcs before and after come closest,
 
     t_c = −m·Δv / |Δv|²,    m = p⁺ − p⁻ at the time from which t_c counts,
 
-and pose and motion beside it are those of `windows`: lines for the place, torque-free motion for the attitude.
+and pose and motion beside it are those of `beside_hits`: lines for the place, torque-free motion for the attitude.
 
 | on paper | in code | unit | shape     |                                                                  |
 |----------|---------|------|-----------|------------------------------------------------------------------|
@@ -26,9 +26,9 @@ from thesis_lib.critique.likelihood.flights_in_space import flights_in_space, no
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
 from thesis_lib.critique.likelihood.supports import supports_in_space
-from thesis_lib.critique.likelihood.windows import SpaceWindows, fit_windows, turns_off
 from thesis_lib.datasets.checks.in_space import one_clock, reading_of
 from thesis_lib.datasets.checks.tracked_pose import settled
+from thesis_lib.datasets.flights.beside_hits import SpaceWindows, fit_windows, turns_off
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.flights.rounding import Kinks, contact_guard, guard_of, rounding_warning, sampling_interval
