@@ -1,5 +1,7 @@
 """Datasets of schema 2: each rule of the format, read or refused with the form wanted; written and read back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,7 +12,7 @@ from folders_in_space import BOX, body, header, impacts, mesh, trajectories, wri
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.datasets import dataset_of, read_dataset
-from thesis_lib.datasets.format.validate import DatasetError
+from thesis_lib.datasets.format.validate import DatasetError, Problem
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.sources.locate import locate
 from thesis_lib.foundation.errors import UserError
@@ -438,8 +440,15 @@ def test_a_critique_of_a_dataset_in_space_says_what_is_there(tmp_path):
     made = dataset_of(header(), trajectories=trajectories())
     with pytest.raises(UserError, match="It can be read, written, checked and criticised"):
         fit(made)
-    with pytest.raises(TooFew, match="0 usable impacts"):
-        criticise(made)
+    doubted = replace(made, warnings=(Problem("trajectories.csv", "column t", "samples are missing", "nothing"),))
+    with pytest.raises(TooFew, match=r"0 usable impacts.* datasets check has 1 warning") as stopped:
+        criticise(doubted, effects=["com_offset"])
+    assert "samples are missing" not in str(stopped.value)
+    found = criticise(made)
+    content = found.save(tmp_path / "few")
+    assert {"diagnosis.json", "report.html"} <= {path.name for path in (tmp_path / "few").iterdir()}
+    assert content["verdict"] is content["restitution"]["value"] is None
+    assert content["summary"][0] == "Too few impacts for a verdict (0 in 0 trials; 30 in 10 are needed)."
 
 
 def test_links_among_the_tables_are_refused_as_in_the_plane(tmp_path):

@@ -51,7 +51,8 @@ def criticise(
 
     Raises:
         DatasetError: the data are not as the format asks; `problems` lists all that is wrong.
-        TooFew: no usable impact, or too few for what was asked (effects, models, a proposal).
+        TooFew: no usable impact and, in space, no trajectories, or too few for what was asked (effects, models, a
+            proposal).
         UserError: a channel that is constant, contacts too long for an impact, more than one planar rigid body, or an
             effect or a model that is unknown or cannot be tested.
     """
@@ -126,7 +127,7 @@ def _of_drops(
     try:
         found = criticise_drops(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
     except TooFew as few:
-        if effects or models or propose or not len(few.observations):
+        if effects or models or propose or not few.say_something:
             raise
         say("too few impacts for a verdict: fitting restitution and friction")
         with threadpool_limits(limits=1):  # as `criticise_drops`

@@ -13,6 +13,9 @@ from thesis_lib.contact import LAWS, LAWS_IN_SPACE
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.drops.few_impacts import FewImpacts
+from thesis_lib.critique.drops.own_restitution import own_restitution
+from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
 from thesis_lib.critique.likelihood.comparison import Comparison
@@ -187,6 +190,14 @@ def test_what_is_saved_predicts_further_hits(centre_hidden, tmp_path):
     pd.testing.assert_frame_equal(centre_hidden.predict(states), model.predict(states))
     with pytest.raises(UserError, match="lack the column"):
         model.predict({"x": [0.0]})
+
+
+def test_episodes_alone_say_restitution_by_their_fit_only(observed):
+    episodes = observed.rows(np.flatnonzero(observed.span > 0.0))
+    fitted = Drops(observed).fit("mirtich", (), effort="quick")
+    assert len(episodes) > 3 and not len(own_restitution(fitted, episodes).epsilon)
+    few = FewImpacts("", episodes, {"mirtich": fitted})
+    assert few.restitution == (fitted.values["epsilon"], fitted.std["epsilon"])
 
 
 def test_few_hits_say_restitution(tmp_path):

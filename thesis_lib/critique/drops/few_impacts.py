@@ -27,6 +27,11 @@ class TooFew(UserError):
         super().__init__(text)
         self.dataset, self.observations = dataset, observations
 
+    @property
+    def say_something(self) -> bool:
+        """Whether there is an impact; in space flights and rests say something without one."""
+        return len(self.observations) > 0 or (self.observations.arcs and not self.observations.space.is_plane)
+
 
 @dataclass(frozen=True)
 class FewImpacts:
@@ -34,7 +39,7 @@ class FewImpacts:
 
     Attributes:
         observations: all impacts.
-        laws: each law, fitted to all of them, by name.
+        laws: each law, fitted to all of them, by name; none without an impact.
     """
 
     dataset: str
@@ -59,17 +64,19 @@ class FewImpacts:
 
     @property
     def restitution(self) -> tuple[float, float]:
-        """ε and its standard error, which is NaN where nothing shows it: a single impact of unknown noise."""
+        """ε and its standard error; NaN what nothing shows: no impact does, or one of unknown noise."""
+        if not self.laws:
+            return np.nan, np.nan
         if not len(self.each.epsilon):  # episodes alone
             return self.fitted.values["epsilon"], self.fitted.std["epsilon"]
         return self.each.mean()
 
 
 def few_impacts(few: TooFew, settings: CritiqueSettings) -> FewImpacts:
-    """All laws fitted to too few impacts, of which there is at least one."""
+    """All laws fitted to too few impacts."""
     observations, source = few.observations, few.dataset
     world = Drops(observations, settings)
-    laws = {name: fit(world.model(name), observations) for name in world.bases}
+    laws = {name: fit(world.model(name), observations) for name in world.bases if len(observations)}
     return FewImpacts(source.name, observations, laws, source)
 
 
@@ -79,7 +86,9 @@ def too_few(dataset: Dataset, observations: Observations, needs: str) -> TooFew:
     reasons = found.left_out["reason"].value_counts().to_dict()
     why = "; ".join(f"{count} {name}" for name, count in reasons.items())
     why = why or ("none" if n else "none, because not one was detected")
-    noticed = " ".join([*map(str, dataset.warnings), *found.warnings])
+    doubts = len(dataset.warnings)
+    checked = (f"datasets check has {doubts} warning{'s' * (doubts > 1)}.",) * (doubts > 0)
+    noticed = " ".join([*found.warnings, *checked])
     noticed = f"What was noticed: {noticed} " if noticed else ""
     advice = "Measure more drops, or look at what detection says (python -m thesis_lib datasets check)."
     text = f"{dataset.name} has {n} usable impacts in {len(np.unique(observations.trial))} trials; {needs}. "

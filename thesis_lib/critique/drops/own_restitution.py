@@ -83,6 +83,8 @@ def _weighted(value: np.ndarray, std: np.ndarray) -> tuple[float, float]:
 def own_restitution(fitted: Fit, observations: Observations) -> OwnRestitution:
     """An ε for each single hit, all else as fitted; its standard error is NaN if the noise is not known."""
     o, values = observations.single, fitted.values
+    if not len(o):  # episodes alone
+        return OwnRestitution(np.zeros(0, int), o.trial, np.zeros(0), np.zeros(0), np.inf)
     inward = -STEP if values["epsilon"] + STEP > 1.0 else STEP
     here = fitted.on(o)
     moved = Comparison(fitted.model, {**values, "epsilon": values["epsilon"] + inward}, o, (here.before, here.after)).R

@@ -49,7 +49,7 @@ class Poses:
         the instants `at` (n,) in s; and whether they are those of a free body, or of a supported one where they are not
         `clear` (n,).  Both sides of the windows are the same."""
         samples, rig, G = self.samples, self.rig, np.asarray(self.rig.tensor)
-        size = np.arange(max(int(count.max(initial=0)), 1))
+        size = np.arange(count.max(initial=2))  # two samples make a motion, also where there is none
         index = np.clip(row[:, None] + way * size, 0, len(samples) - 1)
         used = np.repeat((size < count[:, None])[:, None], 2, axis=1)
         pose, tau = np.moveaxis(self.states.pose[:, index], 0, -1), samples.t[index] - at[:, None]

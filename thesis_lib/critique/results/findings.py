@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.few_impacts import FewImpacts
+from thesis_lib.critique.drops.few_impacts import LAW, FewImpacts
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.likelihood.channels import ALWAYS
 from thesis_lib.critique.likelihood.fit import Fit
@@ -41,7 +41,7 @@ def few_diagnosis(few: FewImpacts) -> dict:
     """Content of diagnosis.json, rounded to six digits."""
     o, (value, std) = few.observations, few.restitution
     n, m = len(o), len(np.unique(o.trial))
-    model = {"name": few.fitted.base, "parameters": few_parameters(few)}
+    model = {"name": LAW, "parameters": few_parameters(few)}
     why = f"too few impacts ({n} in {m} {'trial' if m == 1 else 'trials'}; {MIN_IMPACTS} in {MIN_TRIALS} are needed)"
     slow = "" if few.source is None or o.space.is_plane or not o.arcs else too_slow(few.source.rate)
     if slow:
@@ -57,7 +57,7 @@ def few_diagnosis(few: FewImpacts) -> dict:
         "n_impacts": n,
         "n_trials": m,
         "verdict": None,
-        "restitution": {"value": value, "std": std, "unit": "1", "n_impacts": len(few.each.epsilon) or n},
+        "restitution": {"value": value, "std": std, "unit": "1", "n_impacts": n and (len(few.each.epsilon) or n)},
         "base_model": model,
         "augmented_model": model,
         "effects": [],
@@ -97,7 +97,9 @@ def _recording(few: FewImpacts) -> list[str]:
 
 
 def few_parameters(few: FewImpacts) -> dict[str, dict]:
-    """Those of the law, with the restitution and the standard error of all impacts."""
+    """Those of the law, with the restitution and the standard error of all impacts; none without an impact."""
+    if not few.laws:
+        return {}
     value, std = few.restitution
     found = parameters(few.fitted)
     if "bound" not in found["epsilon"]:
@@ -107,6 +109,10 @@ def few_parameters(few: FewImpacts) -> dict[str, dict]:
 
 def _summary(content: Mapping, why: str) -> list[str]:
     of, found = content["restitution"], content["base_model"]["parameters"]
+    first = f"{why.replace('too few impacts', 'Too few impacts for a verdict').replace('too slow', 'Too slow', 1)}."
+    last = (*much_left_out(content), content["next_experiment"]["why"])
+    if not found:
+        return [first, *last]
     epsilon, mu = found["epsilon"], found["mu"]
     scatter = "standard error, which counts how far trials differ"
     if epsilon.get("bound"):
@@ -124,8 +130,7 @@ def _summary(content: Mapping, why: str) -> list[str]:
         friction = f"Friction: mu {bounded(mu)}" + (
             ", the largest ratio of impulses." * (mu["bound"] == "lower") or "."
         )
-    first = why.replace("too few impacts", "Too few impacts for a verdict").replace("too slow", "Too slow", 1)
-    return [f"{first}.", f"{restitution}.", friction, *much_left_out(content), content["next_experiment"]["why"]]
+    return [first, f"{restitution}.", friction, *last]
 
 
 def with_error(value: float, std: float) -> str:
@@ -136,6 +141,10 @@ def with_error(value: float, std: float) -> str:
 
 def _what_is_needed(n: int, m: int) -> str:
     """How many more trials give enough for a verdict."""
+    if not n:
+        return (
+            f"For a verdict on the contact model record trials with impacts: {MIN_IMPACTS} in {MIN_TRIALS} are needed."
+        )
     trials = max(MIN_TRIALS, int(np.ceil(MIN_IMPACTS * m / n))) - m
     each = f"{n / m:.2g} usable impact{'' if n == m else 's'}"
     return (
@@ -176,7 +185,9 @@ def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataF
 
 def few_findings(few: FewImpacts) -> Findings:
     """Those of impacts that are too few for a verdict."""
-    model = _saved(few.fitted, few.observations.rig, few.dataset, few.source, few_parameters(few))
+    model = None
+    if few.laws:
+        model = _saved(few.fitted, few.observations.rig, few.dataset, few.source, few_parameters(few))
     return Findings(few_diagnosis(few), few_tables(few), model=model)
 
 

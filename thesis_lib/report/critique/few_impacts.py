@@ -1,6 +1,6 @@
 """The page of impacts that are too few for a verdict: a number for restitution, and what it rests on."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -24,9 +24,27 @@ def few_contents(few: FewImpacts, findings: Findings) -> Contents:
 
 def few_page(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> str:
     """report.html."""
-    law, of = d["base_model"], d["restitution"]
+    of, contents = d["restitution"], _of_impacts(few, d, made) if few.laws else {}
+    contents["What a verdict needs"] = ("next", paragraph(d["next_experiment"]["why"]), left_out_table(d))
+    value = "unknown" if of["value"] is None else number(of["value"])
+    return critique_page(
+        d,
+        contents,
+        "effect",
+        word="No verdict: too few impacts",
+        kind="none",
+        key_numbers=[
+            ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials"),
+            ("restitution", value if of["std"] is None else with_error(of["value"], of["std"]), "one standard error"),
+        ],
+    )
+
+
+def _of_impacts(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> dict[str, Sequence]:
+    """Sections on impacts, of which there is at least one."""
+    law = d["base_model"]
     rows = [(symbol(name), sized(p)) for name, p in law["parameters"].items()]
-    contents = {
+    return {
         "Restitution and friction": (
             "numbers",
             paragraph(
@@ -37,20 +55,7 @@ def few_page(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> s
         ),
         "Each impact": ("impacts", _each(few)),
         "What each law makes of it": ("laws", comparison_table(made, few.laws)),
-        "What a verdict needs": ("next", paragraph(d["next_experiment"]["why"]), left_out_table(d)),
     }
-    value = "unknown" if of["std"] is None else with_error(of["value"], of["std"])
-    return critique_page(
-        d,
-        contents,
-        "effect",
-        word="No verdict: too few impacts",
-        kind="none",
-        key_numbers=[
-            ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials"),
-            ("restitution", value if of["std"] is not None else number(of["value"]), "one standard error"),
-        ],
-    )
 
 
 def _each(few: FewImpacts) -> Markup:
