@@ -213,14 +213,21 @@ def test_whatever_the_numbers_are_a_set_is_described_or_refused(spoilt):
         assert "flights" in summary_text(made)
 
 
-def test_bodies_that_are_held_first_or_caught_are_counted(tmp_path, capsys):
+def test_bodies_that_are_held_first_or_caught_are_named_with_the_time(tmp_path, capsys):
     frame = flights(trials=10)  # all end above the table
     parts = []
     for trial, toss in frame.groupby("trial"):
         held = toss.iloc[[0]].iloc[np.zeros(60, int)].assign(t=toss["t"].iloc[0] - np.arange(60, 0, -1) / 240.0)
         parts += [held.iloc[30:] if trial < 4 else held[:0], toss]
     facts = motion_facts(pd.concat(parts, ignore_index=True), dataset_of(header(), trajectories=frame).in_space)
-    assert (facts.held, facts.in_the_air) == (4, 10)
+    assert list(facts.held) == [0, 1, 2, 3] and len(facts.in_the_air) == 10
+    for times, end in ((facts.held, "min"), (facts.in_the_air, "max")):
+        own = frame.groupby("trial")["t"].agg(end)
+        np.testing.assert_allclose(list(times.values()), own[list(times)], atol=0.02)
     folder = write(tmp_path / "drops", header(), trajectories=pd.concat(parts, ignore_index=True))
     assert main(["check", str(folder)]) == 0
-    assert "4 trials begin before the body is let go, 10 end in the air" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "4 trials begin before the body is let go (trial 0 until" in said and ", trial 3 until" in said
+    assert (
+        "10 end in the air: caught, out of view, or beyond the table's edge (trial 0 at" in said and "5 more)" in said
+    )

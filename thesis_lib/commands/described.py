@@ -30,8 +30,8 @@ def described(folder: str | Path, as_json: bool = False, compare: bool = False) 
 def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     """What a critique would use of a dataset in space, ready for JSON.
 
-    Keys `used`, `trials`, `by_contact`, `left_out` (reason -> kind of contact -> count), `warnings`, `tracked` (a
-    sentence, or none); `why`, where nothing can be used.
+    Keys `used`, `trials`, `by_contact`, `left_out` (reason -> kind of contact -> count), `elsewhere` (trial and time in
+    s of what hits off the surface), `warnings`, `tracked` (a sentence, or none); `why`, where nothing can be used.
     """
     import numpy as np
 
@@ -45,6 +45,7 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     except UserError as error:
         return told | {"used": 0, "why": str(error)}
     kinds, out = kinds_of(o), o.found.left_out
+    off = out[out["reason"] == "off_surface"]
     reasons = {
         reason: of["kind"].replace("", "any").value_counts().sort_index().to_dict()
         for reason, of in out.groupby("reason")
@@ -54,5 +55,6 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
         "trials": len(np.unique(o.trial)),
         "by_contact": {kind: int((kinds == kind).sum()) for kind in ("corner", "edge", "face") if (kinds != "").any()},
         "left_out": reasons,
+        "elsewhere": list(zip(off["trial"].tolist(), off["t"].tolist())),
         "warnings": list(o.found.warnings),
     }

@@ -1,5 +1,6 @@
 """What a dataset holds and which impacts are detected in it, as numbers and as text, for the check command."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
 from thesis_lib.datasets.read import read_dataset
 
+SHOWN = 5  # trials that are named in a line
 UNIT = {"t": "s", "theta": "rad", "omega": "rad/s"}
 UNIT |= {axis: "m" for axis in "xyz"} | {f"v{axis}": "m/s" for axis in "xyz"} | {f"w{axis}": "rad/s" for axis in "xyz"}
 
@@ -97,8 +99,10 @@ def _motion(facts: MotionFacts, samples: int) -> dict:
         "between_jumps": facts.turned.share,
         "jumps_of_place": len(facts.moved.rows) / samples,
         "reading": facts.reading or "as stated",
-        "held": facts.held,
-        "in_the_air": facts.in_the_air,
+        "held": len(facts.held),
+        "held_until": facts.held,
+        "in_the_air": len(facts.in_the_air),
+        "in_the_air_at": facts.in_the_air,
     }
 
 
@@ -142,8 +146,12 @@ def summary_text(dataset: Dataset, detection: FoundImpacts | None = None, hits: 
         lost = f"orientation lost in {part['lost_orientation']:.1%} of the samples, jumps at {part['jumps']:.1%}"
         lines.append(f"flights     {part['flights']}{fall}; {lost}")
         if part["held"] or part["in_the_air"]:
+            held, caught = _named(part["held_until"].items(), "until"), _named(part["in_the_air_at"].items(), "at")
             ends = f"{part['in_the_air']} end in the air: caught, out of view, or beyond the table's edge"
-            lines.append(f"releases    {part['held']} trials begin before the body is let go, {ends}")
+            lines += [
+                f"releases    {part['held']} trials begin before the body is let go{held}",
+                f"  ends      {ends}{caught}",
+            ]
     if (part := facts.get("impacts")) is not None:
         lines.append(
             f"impacts     {part['rows']}; contact points {part['contact_points']}; "
@@ -199,7 +207,18 @@ def _hit_lines(hits: dict) -> list[str]:
     kinds = counts(hits["by_contact"])
     lines.append(f"hits        {hits['used']} can be used in {hits['trials']} trials{f' ({kinds})' if kinds else ''}")
     lines += [f"  left out  {reason} {sum(of.values())} ({counts(of)})" for reason, of in hits["left_out"].items()]
+    if elsewhere := hits["elsewhere"]:
+        lines.append(
+            f"  elsewhere {len(elsewhere)} hits off the surface, of a hand or another body{_named(elsewhere, 'at')}"
+        )
     return lines if are_enough(hits["used"], hits["trials"]) else [*lines, _no_verdict(hits["used"], hits["trials"])]
+
+
+def _named(times: Iterable[tuple[int, float]], word: str) -> str:
+    """In brackets trials with a time in s, `SHOWN` at most; "" of none."""
+    said = [f"trial {trial} {word} {t:.3g} s" for trial, t in times]
+    more = f", and {len(said) - SHOWN} more" if len(said) > SHOWN else ""
+    return f" ({', '.join(said[:SHOWN])}{more})" if said else ""
 
 
 def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:

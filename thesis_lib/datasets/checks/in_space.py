@@ -6,7 +6,7 @@ is a cause that a critique can name.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -46,8 +46,8 @@ REVERSED = "reversed (of a left-handed frame, or turning the world into the body
 class MotionFacts:
     """What the samples say: the free flights and their median acceleration (m/s²), and faults of the orientations.
 
-    `held` trials begin before the body is let go; the last flight of those `in_the_air` ends off the surface: caught,
-    out of view, or beyond the table's edge.
+    `held` trials begin before the body is let go, at that time in s.  The last flight of those `in_the_air` ends off
+    the surface, at that time: caught, out of view, or beyond the table's edge.
     """
 
     flights: int
@@ -57,8 +57,8 @@ class MotionFacts:
     moved: Jumps = NO_JUMPS  # of the tracked point
     reading: str = ""  # as which the quaternions turn like a free body, "" if they do as they are
     fall_error: float = 0.0  # m/s², standard error of the size of `fall`
-    held: int = 0
-    in_the_air: int = 0
+    held: Mapping[int, float] = field(default_factory=dict)
+    in_the_air: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def down(self) -> np.ndarray:
@@ -123,14 +123,15 @@ def reading_of(table: pd.DataFrame, relabellings: Mapping[str, np.ndarray], grav
 
 def _ends(
     table: pd.DataFrame, t: np.ndarray, track: Track, flights: Sequence[slice], header: SpaceHeader
-) -> tuple[int, int]:
-    """Trials that begin held, and trials that end in the air, of samples at times `t` (n,) on one clock."""
-    trial = table["trial"].to_numpy()
-    start = {trial[flight.start]: t[flight.start] for flight in reversed(flights)}
-    first = np.flatnonzero(np.r_[True, trial[1:] != trial[:-1]])
-    held = sum(start.get(number, -np.inf) - begins > HELD for number, begins in zip(trial[first], t[first]))
+) -> tuple[dict[int, float], dict[int, float]]:
+    """Trials that begin held, and trials that end in the air, with their own times, of samples at times `t` (n,) on one
+    clock."""
+    trial, own = table["trial"].to_numpy().tolist(), table["t"].tolist()
+    start = {trial[flight.start]: flight.start for flight in reversed(flights)}
+    begins = {trial[i]: t[i] for i in reversed(range(len(t)))}
+    held = {number: own[at] for number, at in sorted(start.items()) if t[at] - begins[number] > HELD}
     if header.tracked is None or header.surfaces is not None:
-        return int(held), 0
+        return held, {}
     last = np.array([flight.stop - 1 for flight in {trial[flight.start]: flight for flight in flights}.values()])
     (frame,) = surface_frames(header)
     states = frame.seen(body_states(tracked_states(table.iloc[last]), header))
@@ -138,7 +139,8 @@ def _ends(
     # as far as the body falls until the next sample, too
     speed = np.array([np.linalg.norm(track.v[min(at, len(t) - 1 - track.half)]) for at in last])
     reach = OFF_SURFACE * solid.extent + 2.0 * np.nan_to_num(speed) * float(np.median(np.diff(t)))
-    return int(held), int(np.sum(states.height + solid.lowest(states.attitude)[2] > reach))
+    off = np.flatnonzero(states.height + solid.lowest(states.attitude)[2] > reach)
+    return held, {trial[last[i]]: own[last[i]] for i in off}
 
 
 def centre_path(table: pd.DataFrame, header: SpaceHeader) -> tuple[np.ndarray, np.ndarray]:
