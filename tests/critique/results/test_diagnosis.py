@@ -16,6 +16,7 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.diagnosis import diagnosis
+from thesis_lib.critique.results.effect_sentences import unseen
 from thesis_lib.critique.results.summary import summary
 from thesis_lib.critique.results.tables import ladder as ladder_table
 from thesis_lib.critique.results.titles import counted_from
@@ -465,3 +466,11 @@ def test_what_the_held_out_trials_reject_and_where_the_search_ended_is_said(hidd
     text = " ".join(content["summary"])
     assert f"raises the error of the velocities after impact from {number(low)} to {number(high)} m/s" in text
     assert "The search ended at max_effects = 4" in text and "critique.settings.max_effects" in text
+
+
+def test_what_of_a_vector_nothing_shows_is_said():
+    effect = {"parameters": {"b_x": {}, "b_y": {}, "b_z": {}}}
+    assert unseen(effect) == unseen(effect | {"unseen": []}) == ""
+    assert unseen(effect | {"unseen": [[1e-4, 0.0, -1.0]]}) == "Nothing here can show b_z, which is held at 0."
+    oblique = effect | {"unseen": [[0.6, 0.0, -0.8]]}
+    assert unseen(oblique) == "Nothing here can show 0.60 b_x −0.80 b_z, which is held at 0."

@@ -15,6 +15,7 @@
 |                 | fails               | null, or the test it fails: chance, immaterial, spoils (another error)      |
 |                 | material_in         | channels whose held-out misfit it lowers materially                         |
 |                 | stand_in            | null, or why it is no cause: see `drops/stand_ins.py`                       |
+|                 | unseen              | directions among its parameters that nothing here shows; absent if none     |
 |                 | could_be            | null, or `causes` beside it: for gravity the error of `clock` and `scale`   |
 |                 |                     | (relative) and the true `rate` in Hz; for a size from which k was computed, |
 |                 |                     | `size` (true over believed), `radius` in m, effects that it `explains` too  |
@@ -156,6 +157,7 @@ def _effect(critique: DropsCritique, i: int, rng: np.random.Generator) -> dict:
     name = step.effect.name
     gain, low, high = critique.gain_of(name, rng)
     without, s = critique.without[name], critique.settings
+    unseen = step.effect.unseen(critique.observations.rig)
     return {
         "name": name,
         "family": step.effect.family,
@@ -166,6 +168,7 @@ def _effect(critique: DropsCritique, i: int, rng: np.random.Generator) -> dict:
         "gain": {"held_out_log_score_per_impact": gain, "interval": [low, high], "p_value": step.p_value},
         "indistinguishable_from": list(step.alternatives),
         "stand_in": asdict(critique.stand_ins[name]) if name in critique.stand_ins else None,
+        **({"unseen": unseen.tolist()} if len(unseen) else {}),
     }
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from thesis_lib.critique.drops.words import alternatives_listed
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.effects import EFFECTS
-from thesis_lib.statistics.wording import bounded, listed, number
+from thesis_lib.statistics.wording import bounded, formatted, listed, number
 
 
 def effects_found(content: Mapping, clears: bool = True) -> list[Mapping]:
@@ -34,6 +34,16 @@ def at_its_end(effect: Mapping) -> str:
     return (
         f"“{EFFECTS[effect['name']].title}” is at an end of its range ({ends}), so it may stand in for another cause."
     )
+
+
+def unseen(effect: Mapping) -> str:
+    """What of the parameters nothing here can show, as a sentence; "" if all of them can be seen."""
+    said = []
+    for direction in effect.get("unseen", ()):
+        terms = [(formatted(part, "+.2f"), name) for name, part in zip(effect["parameters"], direction)]
+        seen = [(part, name) for part, name in terms if part.strip("+0.")]
+        said.append(seen[0][1] if len(seen) == 1 else " ".join(" ".join(term) for term in seen).removeprefix("+"))
+    return f"Nothing here can show {listed(said)}, which is held at 0." if said else ""
 
 
 def rejected(effect: Mapping) -> str:

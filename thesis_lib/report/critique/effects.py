@@ -21,6 +21,7 @@ from thesis_lib.critique.results.effect_sentences import (
     is_fault,
     rejected,
     stands_in,
+    unseen,
     why_not,
 )
 from thesis_lib.critique.results.effect_sentences import faults as measurement_faults
@@ -79,11 +80,12 @@ def _effect_sentence(effect: Mapping) -> str:
     change = f"lower by {number(size)} {interval(low, high)}"
     if size < 0:
         change = f"higher by {number(-size)} {interval(-high, -low)}"
-    return (
+    sentence = (
         f"{capital(effect_title(name))}{equation}: {listed(sizes(effect))}. Without it, and all else refitted, the "
         f"held-out log score is {change} nats an impact (p = {number(gain['p_value'], 2)} against the best of all "
         "candidates by chance)."
     )
+    return f"{sentence} {unseen(effect)}".rstrip()
 
 
 def _doubt(effect: Mapping) -> str:
