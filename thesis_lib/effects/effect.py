@@ -198,12 +198,18 @@ class Rig:
         """Vectors (3, n) in axes of the recording, in those of the surface."""
         return u if self.world is None else rotated(conjugate(self.world)[:, None], u)
 
+    @property
+    def pull(self) -> np.ndarray:
+        """Acceleration of gravity (d, 1) in m/s² beside one surface in space."""
+        down = np.array([0.0, 0.0, -1.0]) if self.down is None else self.down
+        return self.gravity * down[:, None]
+
     def fall(self, state: State) -> np.ndarray:
         """Acceleration of gravity (d + turns, n) in m/s² and rad/s², in the frames of the bodies."""
         a = np.zeros(state.motion.shape)
         a[state.space.dimension - 1] = -self.gravity
         if self.down is not None:
-            a[: len(self.down)] = self.gravity * self.down[:, None]
+            a[: len(self.down)] = self.pull
         if self.tensor is not None:
             a[3:] = spin_rate(state.attitude, state.spin, self.tensor)
         if self.walls and self.gravity:

@@ -322,10 +322,10 @@ class Dynamics:
         """The states after times h (n,) in s of flight."""
         if true.space.is_plane:
             return true.flown(self.middle_acceleration(true, h), h)
-        a = self.true_acceleration(true)
-        if self.model.has_varying_flight:
-            middle = self.along(true, 0.5 * h[None], a)
-            a = self.true_acceleration(middle) + (self.flying.fall(true) - self.flying.fall(middle)).T
+        if not self.model.has_varying_flight:
+            return self.along(true, h[None])
+        middle = self.along(true, 0.5 * h[None], self.true_acceleration(true))
+        a = self.true_acceleration(middle) + (self.flying.fall(true) - self.flying.fall(middle)).T
         return self.along(true, h[None], a)
 
     def middle_acceleration(self, true: State, h: np.ndarray) -> np.ndarray:
@@ -378,24 +378,22 @@ class Dynamics:
         The flight is true to third order in τ: its acceleration changes with the velocity.
         """
         true = self.to_true(measured)
-        a = self.true_acceleration(true)
+        falls = not self.model.has_varying_flight and not true.space.is_plane  # by gravity alone, which `along` knows
+        a = None if falls else self.true_acceleration(true)
         beyond = self._true_arc(tau, true)
-        if self.model.has_varying_flight:
+        if a is not None and self.model.has_varying_flight:
             early, late = (self.true_acceleration(true.with_velocity(true.v + h * a)) for h in (-_H_PATH, _H_PATH))
             cubic = tau[..., None] ** 3 / 6.0 * (late - early)[:, None] / (2.0 * _H_PATH)
             beyond = cubic if beyond is None else beyond + cubic
-        rows = np.repeat(np.arange(len(tau)), tau.shape[1])
-        at = self._along(true, a, tau, rows)
+        n, W = tau.shape  # the states (W n,) are those of all bodies at their first time, then at their second, ...
+        if a is None or not true.space.is_plane:
+            at = self.along(true, tau.T, a)
+        else:
+            at = true.tiled(W).flown(np.tile(a, (W, 1)), tau.T.ravel())
         if beyond is not None:
-            at = at.with_pose(at.space.shift(at.pose, beyond.reshape(len(rows), -1).T))
-        return self.select(rows).to_measured(at).q.reshape(*tau.shape, true.space.poses)
-
-    def _along(self, true: State, a: np.ndarray, tau: np.ndarray, rows: np.ndarray) -> State:
-        """The states (n W,) at times τ (n, W) in s, of constant acceleration a (n, d + turns); turns are free ones."""
-        if true.space.is_plane:
-            return true.select(rows).flown(a[rows], tau.ravel())
-        n, W = tau.shape
-        return self.along(true, tau.T, a).select(np.arange(n * W).reshape(W, n).T.ravel())
+            at = at.with_pose(at.space.shift(at.pose, beyond.swapaxes(0, 1).reshape(n * W, -1).T))
+        poses = self.tiled(W, n).to_measured(at).pose.reshape(-1, W, n)
+        return np.ascontiguousarray(poses.transpose(2, 1, 0))
 
     def along(self, true: State, tau: np.ndarray, a: np.ndarray | None = None) -> State:
         """The states in space at times τ (k, n) in s, first those of all n bodies at their first time, (k n,).
@@ -403,13 +401,13 @@ class Dynamics:
         The acceleration a (n, 6), that of gravity by default, is constant, but for the torque-free turning that it
         holds.
         """
-        d, k, fall = true.space.dimension, len(tau), self.flying.fall(true)
+        d, k = true.space.dimension, len(tau)
         turns, spins = attitudes(true.attitude, true.spin, np.asarray(self.flying.tensor), tau)
         attitude, spin = turns.reshape(len(turns), -1), spins.reshape(len(spins), -1)
-        straight = (fall[:d] if a is None else a.T[:d])[:, None]
+        straight = (self.flying.pull if a is None else a.T[:d])[:, None]
         position = true.position[:, None] + (tau * true.velocity[:, None] + 0.5 * tau * tau * straight)
         velocity = true.velocity[:, None] + tau * straight
-        extra, t = None if a is None else a.T[d:] - fall[d:], tau.ravel()
+        extra, t = None if a is None else a.T[d:] - self.flying.fall(true)[d:], tau.ravel()
         if extra is not None and extra.any():
             extra = np.tile(extra, k)
             attitude = true.space.attitude_after(attitude, 0.5 * t * t * extra)

@@ -20,7 +20,7 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.sandwich import sandwich
-from thesis_lib.critique.likelihood.whitening import Parts, Whitening, robust, together, weight
+from thesis_lib.critique.likelihood.whitening import Parts, Whitening, residuals, robust, together, weight
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 
@@ -283,7 +283,7 @@ class _Search:
         o = self.observations.single if len(self.observations.single) >= ENOUGH_SINGLE else self.observations
         for p in free:
             options = ({**values, p.name: x} for x in (p.null, *p.starts))
-            start = {**start, p.name: min(options, key=lambda at: self._cost(Comparison(self.model, at, o)))[p.name]}
+            start = {**start, p.name: min(options, key=lambda at: _cost(o, Comparison(self.model, at, o).R))[p.name]}
         return start
 
     def _with_sizes(self, start: dict[str, float]) -> list[dict[str, float]]:
@@ -356,22 +356,22 @@ class _Search:
         here = Comparison(self.model, values, o)
         states = here.before, here.after
 
-        def cost(mu: float, epsilon: float) -> float:
-            return self._cost(Comparison(self.model, {**values, "mu": mu, "epsilon": epsilon}, o, states))
+        def best(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+            points = [(o, states, {**values, "mu": mu, "epsilon": epsilon}) for mu, epsilon in pairs]
+            costs = [_cost(o, R) for R in residuals(self.model, points)]
+            return min(zip(costs, pairs), key=lambda found: found[0])[1]
 
-        grid = product((0.02, 0.05, 0.1, 0.2, 0.4, 0.8), (0.2, 0.4, 0.6, 0.8))
-        mu, epsilon = min(grid, key=lambda pair: cost(*pair))
-        mu = min((mu * 2.0 ** (i / 4.0) for i in range(-4, 5)), key=lambda finer: cost(finer, epsilon))
+        mu, epsilon = best(list(product((0.02, 0.05, 0.1, 0.2, 0.4, 0.8), (0.2, 0.4, 0.6, 0.8))))
+        mu, _ = best([(mu * 2.0 ** (i / 4.0), epsilon) for i in range(-4, 5)])
         return [{"mu": factor * mu, "epsilon": epsilon} for factor in (1.0, 0.5, 0.2)]
 
-    @staticmethod
-    def _cost(here: Comparison) -> float:
-        """Mean error in velocity over the better 90 % of the impacts, m/s.
 
-        A median would ignore μ if more than half of them stick, and no step leads back from a μ at which all stick.
-        """
-        o = here.observations
-        k, d, m = o.rig.k_told, o.space.dimension, o.space.motions
-        R = np.abs(here.R)
-        error = np.sort(R[:, :d].sum(axis=1) + k * R[:, d:m].sum(axis=1))
-        return float(error[: max(1, round(0.9 * len(error)))].mean())
+def _cost(o: Observations, R: np.ndarray) -> float:
+    """Mean error in velocity over the better 90 % of the impacts in m/s, from their residuals (n, m).
+
+    A median would ignore μ if more than half of them stick, and no step leads back from a μ at which all stick.
+    """
+    k, d, m = o.rig.k_told, o.space.dimension, o.space.motions
+    size = np.abs(R)
+    error = np.sort(size[:, :d].sum(axis=1) + k * size[:, d:m].sum(axis=1))
+    return float(error[: max(1, round(0.9 * len(error)))].mean())

@@ -108,16 +108,9 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
                 missing.append((i, k, whitening, values))
     flights = _beside(requests)
     for alike in _of_one_choice(missing):
-        parts = [whitening.observations for _, _, whitening, _ in alike]
-        sizes = [len(o) for o in parts]
-        all_of = replace(
-            parts[0], **{name: np.concatenate([getattr(o, name) for o in parts]) for name in BESIDE_STATES}
-        )
-        states = zip(*(flights[i, k][0] for i, k, _, _ in alike))
-        before, after = (State.joined(list(side)) for side in states)
-        values = _by_impact([values for _, _, _, values in alike], sizes)
-        R = Comparison(alike[0][2].model, values, all_of, (before, after)).R
-        found |= {(i, k): part for (i, k, _, _), part in zip(alike, np.split(R, np.cumsum(sizes)[:-1]))}
+        model = alike[0][2].model
+        R = residuals(model, [(w.observations, flights[i, k][0], values) for i, k, w, values in alike])
+        found |= {(i, k): part for (i, k, _, _), part in zip(alike, R)}
 
     def all_parts(i: int, k: int, w: Whitening, values: Mapping[str, float]) -> Parts:
         o = w.observations
@@ -125,6 +118,18 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
         return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
 
     return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]
+
+
+def residuals(
+    model: Model, points: Sequence[tuple[Observations, tuple[State, State], Mapping[str, float]]]
+) -> list[np.ndarray]:
+    """Residuals (n, m) of a model whose choices agree, at each point: observations, states at impact, values."""
+    parts, states, values = zip(*points)
+    sizes = [len(o) for o in parts]
+    all_of = replace(parts[0], **{name: np.concatenate([getattr(o, name) for o in parts]) for name in BESIDE_STATES})
+    before, after = (State.joined(list(side)) for side in zip(*states))
+    R = Comparison(model, _by_impact(values, sizes), all_of, (before, after)).R
+    return np.split(R, np.cumsum(sizes)[:-1])
 
 
 def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
