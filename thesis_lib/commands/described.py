@@ -35,7 +35,7 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     """
     import numpy as np
 
-    from thesis_lib.critique.likelihood.hits_in_space import kinds_of, observe_in_space
+    from thesis_lib.critique.likelihood.hits_in_space import hard_hits, observe_in_space
     from thesis_lib.datasets.checks.tracked_pose import settled, tracked_frame_told
     from thesis_lib.foundation.errors import UserError
 
@@ -44,7 +44,8 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
         o = observe_in_space(settled(dataset))
     except UserError as error:
         return told | {"used": 0, "why": str(error)}
-    kinds, out = kinds_of(o), o.found.left_out
+    hits, out = hard_hits(o), o.found.left_out
+    used = hits["kind"][hits["row"] >= 0]
     off = out[out["reason"] == "off_surface"]
     reasons = {
         reason: of["kind"].replace("", "any").value_counts().sort_index().to_dict()
@@ -53,7 +54,7 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     return told | {
         "used": len(o),
         "trials": len(np.unique(o.trial)),
-        "by_contact": {kind: int((kinds == kind).sum()) for kind in ("corner", "edge", "face") if (kinds != "").any()},
+        "by_contact": {kind: int((used == kind).sum()) for kind in ("corner", "edge", "face") if len(hits)},
         "left_out": reasons,
         "elsewhere": list(zip(off["trial"].tolist(), off["t"].tolist())),
         "warnings": list(o.found.warnings),

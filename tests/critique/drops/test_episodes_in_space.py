@@ -14,7 +14,7 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
-from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.critique.likelihood.hits_in_space import HARD, hard_hits, observe_in_space
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
@@ -91,6 +91,22 @@ def test_rounded_corners_act_on_every_corner_that_presses():
 @pytest.fixture(scope="module")
 def tossed():
     return observe_in_space(simulate_tosses("tosses", "box", "nothing", drops=25, seed=1))
+
+
+def test_most_hits_of_a_box_are_used_and_those_in_episodes_count(tossed):
+    hits = hard_hits(tossed)
+    share = (hits["row"] >= 0).groupby(hits["kind"]).mean()
+    assert share["corner"] > 0.95 and share["edge"] > 0.8 and share["face"] > 0.6
+    played = hits[(hits["row"] >= 0) & (tossed.span[hits["row"]] > 0.0)]  # others are measured by their own windows
+    assert not (played.merge(tossed.found.contacts)["jump"] <= HARD).any()
+    assert len(hits) < len(tossed.found.contacts)  # what rattles at last is too weak
+    # each observation holds its hits, and a hit is used if its observation is there
+    first = hits[hits["row"] >= 0]
+    assert (first["impact"] - tossed.impact[first["row"]]).between(0, tossed.hits[first["row"]] - 1).all()
+    assert (first["impact"] > tossed.impact[first["row"]]).any()
+    fewer = hard_hits(tossed.rows(np.flatnonzero(tossed.hits == 1)))
+    lost = tossed.hits[first["row"]] > 1
+    assert (fewer["row"] >= 0).sum() == (~lost).sum() and lost.any()
 
 
 def test_of_a_body_too_high_to_touch_the_gap_is_compared(tossed):

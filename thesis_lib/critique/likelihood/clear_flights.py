@@ -12,14 +12,16 @@ It is found with the motion, and what stays unknown of it widens the covariance 
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from scipy.stats import chi2
 
+from thesis_lib.critique.likelihood.observations import LONGEST_WAIT
 from thesis_lib.datasets.flights.beside_hits import SpaceWindows, fit_windows, turns_left
 from thesis_lib.datasets.flights.lines import lines_through
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.effects.effect import Rig
-from thesis_lib.mechanics.inertia import mobility
+from thesis_lib.mechanics.inertia import in_world, mobility
 from thesis_lib.mechanics.space import SPACE, cross
 from thesis_lib.mechanics.state import State
 
@@ -159,3 +161,73 @@ def _end(poses: Poses, bounds: np.ndarray, side: int, most: int) -> tuple[np.nda
             left = left[~good]
         most //= 2
     return edge, count
+
+
+def seen_beside(poses: Poses, hits: pd.DataFrame, low: float, settings: ArcSettings) -> pd.DataFrame:
+    """What is seen beside each hit, "pre" and "post": the row of the nearest sample, how many lie on the motion there,
+    0 if none does, and whether this is a clear flight."""
+    samples, trial, t = poses.samples, hits["trial"].to_numpy(), hits["t"].to_numpy()
+    between = BetweenHits.of(poses, Hits(trial, t, np.ones(len(t), bool)), low, settings)
+    if not len(hits):
+        return pd.DataFrame(
+            {f"{name}_{side}": [] for side in ("pre", "post") for name in ("row", "n", "clear")}, dtype=int
+        )
+    most = max(LEAST, round(SUPPORTED / float(np.median(np.diff(samples.t)))) + 1)
+    after = samples.position(trial, t)
+    bounds = np.r_[0, after, len(samples)]
+    table = {}
+    for name, end, at in (
+        ("pre", 1, np.searchsorted(between.stretch[:, 1], after) - 1),
+        ("post", 0, np.searchsorted(between.stretch[:, 0], after)),
+    ):
+        at = np.clip(at, 0, len(between.stretch) - 1)
+        row, length = between.stretch[at, end], np.diff(between.stretch[at], axis=1)[:, 0] + 1
+        flight, count = between.flight[at, end], between.count[at, end]
+        clear = (count > 0) & (np.abs(samples.t[flight] - t) < LONGEST_WAIT)
+        row, count = np.where(clear, flight, row), np.where(clear, count, np.minimum(length, most))
+        low_row, high_row = (bounds[:-2], after) if name == "pre" else (after, bounds[2:])
+        near = (low_row <= row) & (row < high_row) & (samples.trial[row] == trial)
+        near &= (np.abs(samples.t[row] - t) < LONGEST_WAIT) & (count >= LEAST)
+        count[~near] = 0
+        kinked = np.flatnonzero(near)
+        kinked = kinked[~poses.side(row[near], count[near], 1 - 2 * end, samples.t[row[near]], clear[near])[1]]
+        count[kinked] = LEAST
+        table |= {f"row_{name}": row, f"n_{name}": count, f"clear_{name}": clear}
+    return pd.DataFrame(table)
+
+
+def jump_across(poses: Poses, beside: pd.DataFrame) -> np.ndarray:
+    """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s from before to after, G the believed inertia per mass; NaN where none is
+    seen."""
+    jump, seen = np.full(len(beside), np.nan), np.flatnonzero((beside[["n_pre", "n_post"]] > 0).all(axis=1))
+    states = []
+    for name, way in (("pre", -1), ("post", 1)):
+        row, count, clear = (beside[f"{column}_{name}"].to_numpy()[seen] for column in ("row", "n", "clear"))
+        windows = poses.side(row, count, way, poses.samples.t[row], clear)[0]
+        states.append(state_under_gravity(windows, poses.rig))
+    G = in_world(np.asarray(poses.rig.tensor), states[0].attitude)
+    dv, dw = states[1].velocity - states[0].velocity, states[1].spin - states[0].spin
+    jump[seen] = np.sqrt((dv**2).sum(axis=0) + np.einsum("in,ijn,jn->n", dw, G, dw))
+    return jump
+
+
+def jumps(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> np.ndarray:
+    """`jump_across` (n,) each hit; of hits with too few samples between them that from before the first to after the
+    last."""
+    trial, order = hits["trial"].to_numpy(), np.arange(len(hits))
+    other = np.flatnonzero(np.diff(trial)) + 1 if len(trial) else order
+    ends = np.zeros((2, len(hits)), bool)
+    ends[0, [0, *other][: len(hits)]] = ends[1, [*(other - 1), -1][: len(hits)]] = True
+    n_pre, n_post = (beside[name].to_numpy() > 0 for name in ("n_pre", "n_post"))
+    first = np.maximum.accumulate(np.where(ends[0] | n_pre, order, 0))
+    last = np.minimum.accumulate(np.where(ends[1] | n_post, order, len(hits))[::-1])[::-1]
+    sides = [beside.filter(like=name).iloc[at].reset_index(drop=True) for name, at in (("pre", first), ("post", last))]
+    return jump_across(poses, pd.concat(sides, axis=1))
+
+
+def state_under_gravity(windows: SpaceWindows, rig: Rig) -> State:
+    """The states at the instants of the windows, under believed gravity."""
+    n = len(windows.value)
+    state = State.of(windows.value[:, 0], windows.slope[:, 0], np.zeros(n), np.zeros(n), None, rig.space)
+    a, (b_0, b_1) = rig.fall(state)[:3], windows.bow[:, 0].T
+    return state.changed(position=state.position - a * b_0, velocity=state.velocity - a * b_1)

@@ -11,60 +11,54 @@ import pandas as pd
 
 from thesis_lib.bodies.minkowski import MinkowskiSum
 from thesis_lib.critique.contacts.pressing import contact_points
-from thesis_lib.critique.likelihood.clear_flights import LEAST, SUPPORTED, BetweenHits, Poses
+from thesis_lib.critique.likelihood.clear_flights import Poses, jump_across, state_under_gravity
 from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, with_episodes
-from thesis_lib.datasets.flights.beside_hits import SpaceWindows
-from thesis_lib.datasets.flights.parabolas import Hits
-from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.datasets.impacts.episodes import groups_of_hits
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.free_motion import flown
-from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.state import State
 
 LEVEL = 1e-3  # m between two corners: three standard deviations of their height where a flight is extrapolated
 LOOK = 1e-4  # s between the poses in which a touch is looked for
 EDGE = 1e-6  # s; instants that are nearer are the same sample's
 HARD = 0.4  # m/s: weaker hits are of no kind of contact
+OFF_SURFACE = 0.25  # extents of the body from where most hits are: a hand, a wall, another body, the table's edge
 ELSEWHERE = "off_surface"  # the reason of hits that no episode holds
 
 
 def add_episodes(
     single: Observations,
-    samples: Samples,
-    states: State,
+    poses: Poses,
     hits: pd.DataFrame,
     windows: pd.DataFrame,
-    noise: tuple[float, float],
+    beside: pd.DataFrame,
     touching: tuple[float, float],
-    settings: ArcSettings,
 ) -> Observations:
     """The single hits and the episodes, by trial and time; what the episodes hold is no longer left out.
 
     Args:
-        samples, states: of all N samples, centre of mass and pose in the frame of the surface.
+        poses: of the centre of mass, in the frame of the surface.
         hits: all that were detected, sorted by trial and time, with trial, impact, t (s) and reason ("" = used alone).
         windows: of the single hits `start` and `end` in s, times of the last sample before and the first after, and the
             numbers of samples `n_pre` and `n_post`.
-        noise: one sigma of a position in m, and of each component of a turn in rad.
+        beside: what is seen beside all hits.
         touching: lowest and highest gap in m at which the believed body touches.
     """
     if not len(hits):
         return single
-    rig, poses = single.rig, Poses(samples, states, single.rig, noise)
+    rig, samples = poses.rig, poses.samples
     alone = pd.DataFrame({"trial": single.trial, "impact": single.impact, "last": single.impact}).join(windows)
     for name, edge in (("pre", "start"), ("post", "end")):
         alone[f"row_{name}"] = samples.position(single.trial, alone[edge].to_numpy() - EDGE)
         alone[f"clear_{name}"] = True
     twice = _hits_twice(poses, alone)
-    beside = _beside(poses, hits, touching[1], settings)
     table = pd.concat([_not_single(poses, hits, beside), alone[twice]], ignore_index=True)
     if not len(table):
         return single
     start, n_pre, clear_pre, end, n_post, clear_post = (
         table[f"{name}_{side}"].to_numpy() for side in ("pre", "post") for name in ("row", "n", "clear")
     )
-    before = _state(poses.side(start, n_pre, -1, samples.t[start], clear_pre)[0], rig)
+    before = state_under_gravity(poses.side(start, n_pre, -1, samples.t[start], clear_pre)[0], rig)
     t = samples.t[start] + _touch(rig, before, 1)[0]
     # as in the plane: a hit that a model makes a little late must not fall behind the state after
     over = np.minimum(samples.t[end] + LATE, samples.t[end + (n_post - 1) // 2])
@@ -72,6 +66,8 @@ def add_episodes(
     sides = [poses.side(start, n_pre, -1, t, clear_pre), poses.side(end, n_post, 1, over, clear_post)]
     good = np.all([side[1] for side in sides], axis=0)
     good &= clear_pre | (rig.gap(before) > touching[0])  # what is deeper was not followed by this motion
+    gap = rig.gap(state_under_gravity(sides[0][0], rig))
+    good &= np.abs(gap - np.mean(touching)) < OFF_SURFACE * rig.shape.extent  # a hand, a wall, another body
     names = ("value", "slope", "bow", "cov", "nodes", "weights")
     arrays = {name: np.stack([getattr(side[0], name)[:, 0] for side in sides], axis=1) for name in names}
     trial = table["trial"].to_numpy()
@@ -85,50 +81,6 @@ def add_episodes(
     return with_episodes(others, {name: array[kept] for name, array in arrays.items()}, table.iloc[kept])
 
 
-def _beside(poses: Poses, hits: pd.DataFrame, low: float, settings: ArcSettings) -> pd.DataFrame:
-    """What is seen beside each hit, "pre" and "post": the row of the nearest sample, how many lie on the motion there,
-    0 if none does, and whether this is a clear flight."""
-    samples, trial, t = poses.samples, hits["trial"].to_numpy(), hits["t"].to_numpy()
-    between = BetweenHits.of(poses, Hits(trial, t, np.ones(len(t), bool)), low, settings)
-    most = max(LEAST, round(SUPPORTED / float(np.median(np.diff(samples.t)))) + 1)
-    after = samples.position(trial, t)
-    bounds = np.r_[0, after, len(samples)]
-    table = {}
-    for name, end, at in (
-        ("pre", 1, np.searchsorted(between.stretch[:, 1], after) - 1),
-        ("post", 0, np.searchsorted(between.stretch[:, 0], after)),
-    ):
-        at = np.clip(at, 0, len(between.stretch) - 1)
-        row, length = between.stretch[at, end], np.diff(between.stretch[at], axis=1)[:, 0] + 1
-        flight, count = between.flight[at, end], between.count[at, end]
-        clear = (count > 0) & (np.abs(samples.t[flight] - t) < LONGEST_WAIT)
-        row, count = np.where(clear, flight, row), np.where(clear, count, np.minimum(length, most))
-        low_row, high_row = (bounds[:-2], after) if name == "pre" else (after, bounds[2:])
-        near = (low_row <= row) & (row < high_row) & (samples.trial[row] == trial)
-        near &= (np.abs(samples.t[row] - t) < LONGEST_WAIT) & (count >= LEAST)
-        count[~near] = 0
-        kinked = np.flatnonzero(near)
-        kinked = kinked[~poses.side(row[near], count[near], 1 - 2 * end, samples.t[row[near]], clear[near])[1]]
-        count[kinked] = LEAST
-        table |= {f"row_{name}": row, f"n_{name}": count, f"clear_{name}": clear}
-    return pd.DataFrame(table)
-
-
-def _jump(poses: Poses, beside: pd.DataFrame) -> np.ndarray:
-    """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s from before to after, G the believed inertia per mass; NaN where none is
-    seen."""
-    jump, seen = np.full(len(beside), np.nan), np.flatnonzero((beside[["n_pre", "n_post"]] > 0).all(axis=1))
-    states = []
-    for name, way in (("pre", -1), ("post", 1)):
-        row, count, clear = (beside[f"{column}_{name}"].to_numpy()[seen] for column in ("row", "n", "clear"))
-        windows = poses.side(row, count, way, poses.samples.t[row], clear)[0]
-        states.append(_state(windows, poses.rig))
-    G = in_world(np.asarray(poses.rig.tensor), states[0].attitude)
-    dv, dw = states[1].velocity - states[0].velocity, states[1].spin - states[0].spin
-    jump[seen] = np.sqrt((dv**2).sum(axis=0) + np.einsum("in,ijn,jn->n", dw, G, dw))
-    return jump
-
-
 def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.DataFrame:
     """Episodes with trial, first and last hit, and what is seen before the first and after the last."""
     reason, number = hits["reason"].to_numpy(), hits["impact"].to_numpy()
@@ -140,7 +92,7 @@ def _not_single(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> pd.Da
             table[column] = beside[column].to_numpy()[at]
     table = table[(table["n_pre"] > 0) & (table["n_post"] > 0) & (elsewhere[last + 1] == elsewhere[first])]
     clear = (table["clear_pre"] & table["clear_post"]).to_numpy(bool)
-    return table[clear | (_jump(poses, table) > HARD)]
+    return table[clear | (jump_across(poses, table) > HARD)]
 
 
 def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
@@ -152,18 +104,10 @@ def _hits_twice(poses: Poses, alone: pd.DataFrame) -> np.ndarray:
     for side, way in (("pre", -1), ("post", 1)):
         row, count = (alone[f"{name}_{side}"].to_numpy() for name in ("row", "n"))
         fitted = poses.side(row, count, way, poses.samples.t[row])[0]
-        _, corner, near = _touch(rig, _state(fitted, rig), -way)
+        _, corner, near = _touch(rig, state_under_gravity(fitted, rig), -way)
         corners.append(corner)
         close.append(near)
     return (corners[0] != corners[1]) | close[0] | close[1]
-
-
-def _state(windows: SpaceWindows, rig: Rig) -> State:
-    """The states at the instants of the windows, under believed gravity."""
-    n = len(windows.value)
-    state = State.of(windows.value[:, 0], windows.slope[:, 0], np.zeros(n), np.zeros(n), None, rig.space)
-    a, (b_0, b_1) = rig.fall(state)[:3], windows.bow[:, 0].T
-    return state.changed(position=state.position - a * b_0, velocity=state.velocity - a * b_1)
 
 
 def _touch(rig: Rig, state: State, way: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -80,9 +80,11 @@ def given_in_space(dataset: Dataset) -> Observations:
         arcs=False,
         flights=no_flights(SPACE),
         noise_known=cov is not None,
-        found=found_in_space(header, before, impact, reason, _sigma(header.noise)),
+        found=found_in_space(header, before, impact, reason, np.full(n, np.nan), _sigma(header.noise)),
     )
-    return o.rows(np.flatnonzero(reason == ""))
+    assert o.found.contacts is not None
+    contacts = o.found.contacts.assign(jump=o.norm(motion[:, 1] - motion[:, 0]))
+    return replace(o, found=replace(o.found, contacts=contacts)).rows(np.flatnonzero(reason == ""))
 
 
 def _reasons(before: State, r: np.ndarray, motion: np.ndarray, rig: Rig) -> np.ndarray:

@@ -20,8 +20,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from thesis_lib.bodies.solids import Sphere, contact_kind
-from thesis_lib.critique.likelihood.episodes_in_space import HARD, add_episodes
+from thesis_lib.bodies.solids import Sphere
+from thesis_lib.critique.likelihood.clear_flights import Poses, jumps, seen_beside
+from thesis_lib.critique.likelihood.episodes_in_space import HARD, OFF_SURFACE, add_episodes
 from thesis_lib.critique.likelihood.flights_in_space import flights_in_space, noise_of_flights
 from thesis_lib.critique.likelihood.given_in_space import given_in_space
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
@@ -60,7 +61,6 @@ FEWEST = 3  # samples on either side of a hit
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that have no other one in their window, at least
 ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
-OFF_SURFACE = 0.25  # extents of the body from where most hits are: a hand, a wall, another body, the table's edge
 SPREAD = 3.0  # robust standard deviations of the gap at hits
 MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that of samples shows a filter
 UPWARDS = 5  # of values and slopes of all channels: the slope of n
@@ -165,11 +165,15 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         "end": np.where(used[kept, 1], inner, np.inf).min(axis=1, initial=np.inf),
     }
     counts = dict(zip(("n_pre", "n_post"), used[kept].sum(axis=2).T))
-    detected = State(states.pose[:, at], states.motion[:, at], trial, t + windows.t_0, None, SPACE)
+    detected = _between_samples(states, samples, at, t + windows.t_0)
     rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
     since = t + windows.t_0 - _first_sample(samples)[at]
     rig = replace(rig, recorded=WholeTosses.of(states, trial, since))
     hits = Hits(trial, t + windows.t_0, reason == "")
+    seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
+    all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "reason": reason})
+    poses = Poses(samples, states, rig, seen)
+    nearby = seen_beside(poses, all_hits, touching[1] if kept.any() else 0.0, settings)
     single = Observations(
         rig=rig,
         trial=trial[rows],
@@ -187,7 +191,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         supports=supports_in_space(states, samples, hits, rig, noise) if dataset.has_angle else (),
         noise_known=True,
         found=replace(
-            found_in_space(header, detected, ordinals(trial), reason, (noise[0] * sigma[0], noise[1] * sigma[-1])),
+            found_in_space(header, detected, ordinals(trial), reason, jumps(poses, all_hits, nearby), seen),
             warnings=tuple(filter(None, (*lost, *read, *told, too_slow(dataset.rate)))),
         ),
         written=written,
@@ -196,9 +200,15 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         return without_angle(single, unseen_spin(np.linalg.norm(beside(single, 0).velocity, axis=0), header))
     if not episodes:
         return single
-    all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "reason": reason})
-    seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
-    return add_episodes(single, samples, states, all_hits, pd.DataFrame(edges | counts), seen, touching, settings)
+    return add_episodes(single, poses, all_hits, pd.DataFrame(edges | counts), nearby, touching)
+
+
+def _between_samples(states: State, samples: Samples, at: np.ndarray, t: np.ndarray) -> State:
+    """States (n,) at the instants `t` (n,) in s between the samples `at` (n,) and the next ones, attitudes turned."""
+    first, last = states.attitude[:, at], states.attitude[:, at + 1]
+    share = np.clip((t - samples.t[at]) / (samples.t[at + 1] - samples.t[at]), 0.0, 1.0)
+    attitude = SPACE.attitude_after(first, share * SPACE.turn_between(first, last))
+    return State(states.pose[:, at], states.motion[:, at], samples.trial[at], t, None, SPACE).changed(attitude=attitude)
 
 
 def _touching(gap: np.ndarray) -> tuple[float, float]:
@@ -264,10 +274,17 @@ def approach_speed(state: State, rig: Rig) -> np.ndarray:
     return np.abs(at.v_n) / np.sqrt(at.K_nn)
 
 
-def kinds_of(o: Observations) -> np.ndarray:
-    """What of the believed hull hits (n,): corner, edge or face; "" of weak hits, and of smooth bodies."""
-    kind = contact_kind(o.rig.shape, o.value[:, 0, 3:].T)  # pyright: ignore[reportArgumentType]
-    return np.where(jump(o) > HARD, kind, "")
+def hard_hits(o: Observations) -> pd.DataFrame:
+    """The hits at corners, edges and faces of the believed hull that change the motion by more than `HARD`, or by
+    nobody knows how much: trial, impact, kind, and the row of the observation that holds them, −1 if none does."""
+    assert o.found.contacts is not None
+    first = np.repeat(np.arange(len(o)), o.hits)
+    number = np.arange(len(first)) - np.repeat(np.cumsum(o.hits) - o.hits, o.hits)
+    held = pd.DataFrame({"trial": o.trial[first], "impact": o.impact[first] + number, "row": first})
+    table = o.found.contacts.merge(held, how="left", on=["trial", "impact"]).fillna({"row": -1}).astype({"row": int})
+    alone = np.flatnonzero((table["row"] >= 0) & (o.span[table["row"]] == 0.0)) if len(o) else []
+    table.loc[alone, "jump"] = jump(o)[table["row"].to_numpy()[alone]]
+    return table[(table["kind"] != "") & ~(table["jump"] <= HARD)].drop(columns="jump")
 
 
 def jump(o: Observations) -> np.ndarray:

@@ -53,7 +53,7 @@ from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.likelihood.fit import Fit
-from thesis_lib.critique.likelihood.hits_in_space import kinds_of
+from thesis_lib.critique.likelihood.hits_in_space import hard_hits
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.clock_and_size import could_be
 from thesis_lib.critique.results.summary import headline, summary
@@ -209,20 +209,20 @@ def by_contact(critique: DropsCritique) -> dict:
     """Held-out errors of hits at corners, edges and faces of a hull in space, m/s; {} of a smooth body.
 
     The kinds are those of the believed sharp hull (`bodies.solids.contact_kind`); a hit counts from `HARD` on.
-    `used_share` is that of all hits of the kind that were found, n the number of held-out hits used.
+    `used_share` is that of all such hits, singly or in episodes, n the number of held-out hits used: one in an episode
+    has the error of its episode.
     """
     (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
     o, held_out = critique.observations, critique.held_out
-    kinds, lost = (kinds_of(part) for part in (o, held_out)), o.found.left_out["kind"].to_numpy()
-    of_all, of_held_out = kinds
+    hits, judged = (hard_hits(part) for part in (o, held_out))
     found = {}
-    for kind in CONTACT_KINDS if (of_all != "").any() else ():
-        rows, used = np.flatnonzero(of_held_out == kind), int((of_all == kind).sum())
-        all_of_kind = used + int((lost == kind).sum())
+    for kind in CONTACT_KINDS if len(hits) else ():
+        rows = judged["row"][(judged["kind"] == kind) & (judged["row"] >= 0)].to_numpy()
+        used = hits["row"][hits["kind"] == kind] >= 0
         ends = {"base": before.error[rows].mean(), "augmented": after.error[rows].mean()} if len(rows) else {}
         ends |= {"noise_floor": judge(fitted, held_out.rows(rows)).floor} if len(rows) else {}
         none = dict.fromkeys(("base", "augmented", "noise_floor"))
-        share = used / all_of_kind if all_of_kind else None
+        share = float(used.mean()) if len(used) else None
         found[kind] = none | {name: float(x) for name, x in ends.items()} | {"n": len(rows), "used_share": share}
     return found
 

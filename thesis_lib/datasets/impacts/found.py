@@ -49,6 +49,7 @@ class FoundImpacts:
     down: StaysDown | None = None  # hits that end at rest, where faster ones rebound
     step: float = 0.0  # s; contacts seem to be looked for once in it
     air: Air | None = None  # forces of the air on the body in flight; `samples.air` where arcs take them into account
+    contacts: pd.DataFrame | None = None  # of bodies in space, a row for each hit: trial, impact, kind, jump in m/s
     gain: float = 0.0  # median relative gain of energy at impacts, 0 unless most gain
     warnings: tuple[str, ...] = ()  # sentences for the user, the remarks among them
 
@@ -106,24 +107,32 @@ def arc_table(fits: ArcFits, trial: np.ndarray, ordinal: np.ndarray, used: np.nd
 
 
 def found_in_space(
-    header: SpaceHeader, detected: State, impact: np.ndarray, reason: np.ndarray, noise: tuple[float, float]
+    header: SpaceHeader,
+    detected: State,
+    impact: np.ndarray,
+    reason: np.ndarray,
+    jump: np.ndarray,
+    noise: tuple[float, float],
 ) -> FoundImpacts:
-    """What was found of the hits of a body in space; of those that are left out also which `kind` of contact they are.
+    """What was found of the hits of a body in space, with the `kind` of contact of each.
 
     Args:
         detected: their poses in the frame of the surface, trials and times.
         impact, reason: (n,) number in the trial, and why it is left out, "" if it is not.
+        jump: (n,) m/s by which they change the motion, in the norm of `Observations.norm`; NaN where nobody knows.
         noise: one sigma of a position in m and of each component of a turn in rad.
     """
     none, out = np.zeros(0), np.flatnonzero(reason != "")
     cells = (detected.trial[out], impact[out], detected.t[out], reason[out], np.full(len(out), "", object))
     left_out = pd.DataFrame(dict(zip(LEFT_OUT_COLUMNS, cells)))
     sigma, k_g = np.array([noise[0], noise[0], noise[1]]), header.body.radius_of_gyration
+    kind = contact_kind(header.body.solid, detected.attitude)
     return FoundImpacts(
         impacts=Impacts(
             none, none, none.reshape(0, 7), none.reshape(0, 6), none.reshape(0, 6), none.reshape(0, 3), k_g
         ),
-        left_out=left_out.assign(kind=contact_kind(header.body.solid, detected.attitude[:, out])),
+        left_out=left_out.assign(kind=kind[out]),
+        contacts=pd.DataFrame({"trial": detected.trial, "impact": impact, "kind": kind, "jump": jump}),
         arcs=pd.DataFrame(columns=ARC_COLUMNS),
         noise=NoiseEstimate(*noise, sigma, sigma, "differences" if header.noise is None else "header"),
         glitches=pd.DataFrame(columns=["trial", "t"]),
