@@ -102,7 +102,7 @@ def test_the_diagnosis_says_which_contacts_err(centre_hidden):
     assert list(kinds) == ["corner", "edge", "face"]
     assert kinds["corner"]["augmented"] < 0.5 * kinds["corner"]["base"]
     assert kinds["corner"]["augmented"] < 1.5 * kinds["corner"]["noise_floor"]
-    assert kinds["corner"]["used_share"] > kinds["edge"]["used_share"]
+    assert min(kinds[kind]["used_share"] for kind in ("corner", "edge")) > 0.8
     held_out = centre_hidden.found.held_out
     assert 0 < sum(kind["n"] for kind in kinds.values()) <= held_out.hits.sum()
     assert centre_hidden.summary().startswith("drops: effects")
