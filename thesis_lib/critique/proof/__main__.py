@@ -36,7 +36,7 @@ from thesis_lib.critique.proof.next_drops import as_markdown as next_experiment
 from thesis_lib.critique.proof.next_drops import run as run_questions
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.sizes import require_checkout, store_cause_size, stored_factor
-from thesis_lib.critique.proof.store import put_missing
+from thesis_lib.critique.proof.store import is_of_other_code, put_missing
 from thesis_lib.critique.proof.summary import report
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.command_line import FAILED, Parser, command
@@ -137,7 +137,7 @@ def _run_other(proof: Any, options: argparse.Namespace) -> bool:
         for case in cases:
             tell(f"{case}: {proof.told(proof.compute(case))}")
         return True
-    older = (lambda case: True) if options.again else None
+    older = is_of_other_code(proof.compute) if options.again else None
     return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, jobs=options.jobs, older=older)
 
 

@@ -173,9 +173,8 @@ def run(
 
     `jobs` at a time, `tell` each; with `again` also those whose row other code than today's made, after the others.
     """
-    stored = {case: row for source in {case.source for case in cases} for case, row in read_rows(source, store).items()}
 
-    def older(case: Case) -> bool:
-        return again and not is_of_today(case, stored[case])
+    def older(case: Case, row: Cells) -> bool:
+        return again and not is_of_today(case, row)
 
     return put_missing(cases, compute, lambda case: table_of(case.source, store), said_of, tell, jobs=jobs, older=older)

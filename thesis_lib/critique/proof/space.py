@@ -29,7 +29,16 @@ import pandas as pd
 
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.proof.results import LARGEST_GROUP
-from thesis_lib.critique.proof.store import COMMAND, CONFIG, STORE, groups_in, groups_of, numbers_in, put_missing
+from thesis_lib.critique.proof.store import (
+    COMMAND,
+    CONFIG,
+    STORE,
+    groups_in,
+    groups_of,
+    is_of_other_code,
+    numbers_in,
+    put_missing,
+)
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
@@ -96,11 +105,13 @@ def told(row: dict) -> str:
 
 
 def run(jobs: int, only: Collection[str], tell: Callable[[str], object], again: bool = False) -> bool:
-    """Compute the datasets that are not stored, and return whether all were; `only`: worlds, truths or shapes."""
+    """Compute the datasets that are not stored, and return whether all were; `only`: worlds, truths or shapes.
+
+    With `again` also those whose row other code than today's made, after the others.
+    """
     chosen = [c for c in cases() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
-    return put_missing(
-        chosen, compute, lambda case: ROWS, told, tell, jobs=jobs, older=(lambda c: True) if again else None
-    )
+    older = is_of_other_code(compute) if again else None
+    return put_missing(chosen, compute, lambda case: ROWS, told, tell, jobs=jobs, older=older)
 
 
 def judged(rows: pd.DataFrame) -> pd.DataFrame:

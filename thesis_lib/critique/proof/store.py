@@ -84,6 +84,12 @@ def stamped(row: Mapping[str, Any], compute: Callable) -> dict[str, Any]:
     return {**row, **dict(zip(STAMP, (code_of(compute), today())))}
 
 
+def is_of_other_code(compute: Callable) -> Callable[[Any, Cells], bool]:
+    """Whether other code than today's made a row, as `put_missing` asks."""
+    code = code_of(compute)
+    return lambda case, row: row["code"] != code
+
+
 def put_missing(
     cases: Iterable[Any],
     compute: Callable[[Any], dict[str, Any]],
@@ -92,19 +98,24 @@ def put_missing(
     tell: Callable[[str], object],
     *,
     jobs: int = 1,
-    older: Callable[[Any], bool] | None = None,
+    older: Callable[[Any, Cells], bool] | None = None,
 ) -> bool:
     """Store the rows that `compute` makes of cases, `tell` of each what `told` says, and return whether all were made.
 
     Args:
         cases: dataclasses whose fields are the key of their table; those that are stored are left out.
         compute: function of an importable module; it runs in processes of their own, `jobs` at a time.
-        older: whether a stored row is to be made again, after the others; None: none is.
+        older: whether the stored row of a case is to be made again, after the others; None: none is.
     """
     cases, stored = list(cases), {rows.path: rows for rows in map(rows_of, cases)}
-    keys = {path: set(rows.parsed(itemgetter(*rows.key))) for path, rows in stored.items()}
-    missing = [c for c in cases if tuple(as_cell(vars(c)[k]) for k in rows_of(c).key) not in keys[rows_of(c).path]]
-    again = [case for case in cases if case not in missing and older and older(case)]
+    known = {path: {itemgetter(*rows.key)(row): row for row in rows.parsed(dict)} for path, rows in stored.items()}
+
+    def row_of(case: Any) -> Cells | None:
+        rows = rows_of(case)
+        return known[rows.path].get(tuple(as_cell(vars(case)[k]) for k in rows.key))
+
+    missing = [case for case in cases if row_of(case) is None]
+    again = [case for case in cases if older and (row := row_of(case)) and older(case, row)]
     tell(f"{len(cases) - len(missing)} of {len(cases)} are stored, {len(missing) + len(again)} to compute")
     complete, todo = True, {str(case): case for case in (*missing, *again)}
     with tempfile.TemporaryDirectory() as logs:
