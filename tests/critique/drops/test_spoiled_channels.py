@@ -52,6 +52,13 @@ def test_each_channel_counts(channel):
         assert not errs_more(None, worse, unknown, settings) and not errs_more(None, unknown, worse, settings)
 
 
+def test_what_acts_on_the_channels_that_a_base_spoils_alone_may_be_what_it_lacks():
+    drops = SimpleNamespace(candidates={name: EFFECTS[name] for name in ("sliding_friction", "linear_drag", "wear")})
+    for spoilt, missing in (("slide", ["sliding_friction"]), ("flight", ["linear_drag"]), ("impact", [])):
+        acting = Drops.acting_on(drops, judged(**{spoilt: 2.0}), judged(), CritiqueSettings())
+        assert [effect.name for effect in acting] == missing
+
+
 @pytest.mark.parametrize("integrated", [True, False])
 def test_an_effect_of_the_touch_may_show_where_an_integrated_contact_ends(integrated):
     of_touch, settings = EFFECTS["surface_height"], CritiqueSettings()

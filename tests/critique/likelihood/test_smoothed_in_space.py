@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.critique.likelihood.hits_in_space import beside, observe_in_space
 from thesis_lib.simulate.tosses.drawn import NOTHING, SpaceCase, make
 from thesis_lib.simulate.tosses.own import OwnTosses
 
@@ -27,6 +27,15 @@ def test_noise_of_smoothed_samples_is_that_before_the_filter():
     spread = [np.sqrt(np.median(np.einsum("nsii->nsi", o.cov)[:, 0, [1, 7]], axis=0)) for o in (plain, smooth)]
     assert np.all(spread[1] > 0.8 * spread[0]) and np.all(spread[1] < 2.0 * spread[0])  # velocity and spin
     assert len(smooth) > 0.7 * len(plain) and len(smooth.flights) > 0.7 * len(plain.flights)
+
+
+@pytest.mark.slow
+def test_a_flight_in_which_a_smoothed_ball_hits_again_is_not_used():
+    # unseen hits in it let the ball rise up to twice as fast as it can
+    seen = {"rate": 498.0, "position": 9e-5, "rotation": 5e-3, "epsilon": 0.5}
+    found = observed(filter="kalman_smoother", cutoff=99.6, irregular=0.0, **seen)
+    before, after = (beside(found, side).velocity[2] for side in (0, 1))
+    assert len(found) > 80 and np.max(-after / before) < 0.6
 
 
 @pytest.mark.slow

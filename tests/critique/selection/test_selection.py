@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from thesis_lib.critique.selection.bases import Bases
 from thesis_lib.critique.selection.discovery import judge_held_out
 from thesis_lib.critique.selection.evidence import REFITS, Evidence
 from thesis_lib.critique.selection.scan import orthonormal, scan
@@ -231,6 +232,26 @@ def test_a_base_of_the_reserve_that_errs_more_is_left_whatever_its_score():
 
     world = with_reserve(0, bend=3.0, wave=SIZE)
     assert found(Erring(world.trial, world.x, world.y)).fitted.base == "line"
+
+
+@pytest.mark.parametrize(("acts", "spoils"), [("wave", False), ("step", True), (None, True)])
+def test_a_base_spoils_nothing_if_an_effect_that_acts_on_that_error_alone_is_missing(acts, spoils):
+    class Waving(Line):
+        """Whatever lacks the wave errs more."""
+
+        def errs_more(self, judged, than, settings):
+            return judged.total < than.total - SIZE
+
+        def acting_on(self, judged, than, settings):
+            return [self.candidates[acts]] if acts else []
+
+    world = line(0, wave=SIZE)
+    world = Waving(world.trial, world.x, world.y)
+    bases = Bases(Evidence(world, SearchSettings(), np.random.default_rng(1)))
+    plain, waving = world.fit("line", ()), world.fit("line", (world.candidates["wave"],))
+    judged, than = bases.evidence.judge(plain), bases.evidence.judge(waving)
+    assert bases.spoils(plain, judged, than) == spoils
+    assert not bases.spoils(waving, than, judged)
 
 
 def test_a_base_of_the_reserve_that_ends_worse_is_left_again():

@@ -20,7 +20,7 @@ from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, joined, judge, spoilt_channels
 from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.likelihood.channels import SLIDE, concerned
+from thesis_lib.critique.likelihood.channels import IMPACT, SLIDE, concerned
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
 from thesis_lib.critique.likelihood.observations import Observations
@@ -157,6 +157,10 @@ class Drops(World[Effect, Fit, Judgement]):
     def errs_more(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
         # the log score forgives a minority that is far off, as hits of two corners may be, and one channel for another
         return bool(spoilt_channels(judged, than, settings))
+
+    def acting_on(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> list[Effect]:
+        spoilt = {*spoilt_channels(judged, than, settings)} - {IMPACT.name}  # velocities are what bases are for
+        return [e for e in self.candidates.values() if e.channels and spoilt.issuperset(e.channels)]
 
     def leaves_little(self, fitted: Fit, judged: Judgement, candidate: Effect) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:

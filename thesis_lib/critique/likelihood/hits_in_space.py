@@ -139,7 +139,10 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     off, dof = _off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise)
     # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
     grown = np.maximum(np.quantile(off / dof, CLEAN, axis=0), 1.0) if len(rows) else np.ones(2)
-    reason[rows[(off / grown > chi2.isf(IMPROBABLE, dof)).any(axis=1)]] = "second_hit"
+    # a filter leaves as much noise in a line, but in fewer degrees of freedom
+    free = np.quantile(off / chi2.ppf(CLEAN, dof), CLEAN, axis=0) if len(rows) else np.ones(2)
+    off, dof = off / grown, dof * np.minimum(free, 1.0)
+    reason[rows[(off > chi2.isf(IMPROBABLE, dof)).any(axis=1)]] = "second_hit"
     lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
     first = _under_gravity(lines, fitted.bow[:, 0], rig)
     off_by = rig.gap(first)

@@ -45,7 +45,7 @@ class Bases(Generic[E, F, J]):
         return self.other(reserve, max(contenders, key=lambda fit: fit.score), judged)
 
     def other(self, reserve: Sequence[F], rival: F, to_beat: J) -> tuple[F, J] | None:
-        """Fit and judgement of the best base of the reserve, if it predicts better than `rival` and errs no more.
+        """Fit and judgement of the best base of the reserve, if it predicts better than `rival` and spoils none.
 
         `reserve` holds quick fits; `to_beat` is the judgement of `rival`.
         """
@@ -59,8 +59,23 @@ class Bases(Generic[E, F, J]):
         other = self.evidence.judge(best)
         gain = self.evidence.gain(other, to_beat, "reserve", best.base)
         better = gain[1] > 0.0 and other.total - to_beat.total > least
-        better = better and not world.errs_more(other, to_beat, self.settings)
-        return (self.in_full(best), other) if better else None
+        return (self.in_full(best), other) if better and not self.spoils(best, other, to_beat) else None
+
+    def spoils(self, fitted: F, judged: J, than: J) -> bool:
+        """Whether a base errs more than another one, also with any one effect that acts on these errors alone.
+
+        A base that fits better may pass on to another channel what is missing there, which a worse one had made up
+        for: friction while sliding, say, if the base that is right finds the friction of the hits.
+        """
+        world, settings = self.world, self.settings
+        if not world.errs_more(judged, than, settings):
+            return False
+        for effect in world.acting_on(judged, than, settings):
+            if effect not in fitted.effects:
+                near = world.fit(fitted.base, (*fitted.effects, effect), fitted.values, "near")
+                if not world.errs_more(self.evidence.judge(near), than, settings):
+                    return False
+        return True
 
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
         """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
@@ -72,9 +87,7 @@ class Bases(Generic[E, F, J]):
             best = world.fit(quick.base, quick.effects, quick.values, "near")
             if best.score - fitted.score >= least:
                 judged = self.evidence.judge(best)
-                if judged.total - step.judged.total >= least and not world.errs_more(
-                    judged, step.judged, self.settings
-                ):
+                if judged.total - step.judged.total >= least and not self.spoils(best, judged, step.judged):
                     step = replace(step, fitted=best, judged=judged)
         return replace(step, fitted=self.in_full(step.fitted))
 

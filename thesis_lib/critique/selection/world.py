@@ -158,6 +158,10 @@ class World(ABC, Generic[E, F, J]):
         """Whether any error of a model is larger than another one's by an amount that matters, whatever they score."""
         return False
 
+    def acting_on(self, judged: J, than: J, settings: SearchSettings) -> list[E]:
+        """Candidates that change nothing but errors that are larger than another model's by an amount that matters."""
+        return []
+
     def leaves_little(self, fitted: F, judged: J, candidate: E) -> bool:
         """Whether a model errs by little more than noise where the candidate acts, so that its slope is enough."""
         return fitted.base in self.reserve
