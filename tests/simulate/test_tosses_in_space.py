@@ -97,20 +97,35 @@ def test_a_body_comes_to_rest_on_a_face():
     assert np.all(np.min(np.abs(heights[:, None] - [0.05, 0.04, 0.03]), axis=1) < 2e-3)
 
 
-def test_what_a_hit_returns_does_not_hang_on_where_in_a_step_it_begins():
+def bounced(height, contact_time, **hidden):
+    """Restitution at the first two hits (2, n) of balls that fall from `height` (n,) in m without spin."""
     body = {"shape": {"kind": "sphere", "radius": 0.03}, "mass": 0.25, "homogeneous": True}
     frame = {"position": (0.0, 0.0, 0.0), "quaternion": (1.0, 0.0, 0.0, 0.0)}
     header = SpaceHeader.model_validate({"schema": 2, "body": body, "tracked": frame, "gravity": (0.0, 0.0, -9.81)})
-    height = 0.1 + 0.1 * np.random.default_rng(0).random(16)
-    pose, n = np.zeros((7, 16)), np.arange(16)
+    n = len(height)
+    pose = np.zeros((7, n))
     pose[2], pose[3] = 0.03 + height, 1.0
-    release = State(pose, np.zeros((6, 16)), n, np.zeros(16), None, SPACE)
-    fall = np.sqrt(2.0 * height / 9.81)
-    after = fall[:, None] + np.array([0.02, 0.04])
-    z = MujocoTosses().moves(TossedWorld(header, contact_time=3e-3), release, after).height.reshape(16, 2)
-    returned = (np.diff(z, axis=1)[:, 0] / 0.02 + 9.81 * 0.03) / (9.81 * fall)
-    trend = np.polyval(np.polyfit(fall, returned, 1), fall)
-    assert np.std(returned - trend) < 1e-3  # 4e-3 with 40 steps in a contact
+    release = State(pose, np.zeros((6, n)), np.arange(n), np.zeros(n), None, SPACE)
+    world = TossedWorld(header, contact_time=contact_time, hidden=hidden)
+    at, speed, found = np.sqrt(2.0 * height / 9.81), np.sqrt(2.0 * height * 9.81), []
+    for _ in range(2):
+        z = MujocoTosses().moves(world, release, at[:, None] + np.array([0.02, 0.04])).height.reshape(n, 2)
+        off = np.diff(z, axis=1)[:, 0] / 0.02 + 9.81 * 0.03
+        found.append(off / speed)
+        at, speed = at + 2.0 * off / 9.81, off
+    return np.array(found)
+
+
+def test_what_a_hit_returns_does_not_hang_on_where_in_a_step_it_begins():
+    height = 0.1 + 0.1 * np.random.default_rng(0).random(16)
+    returned, fall = bounced(height, 3e-3)[0], np.sqrt(height)
+    assert np.std(returned - np.polyval(np.polyfit(fall, returned, 1), fall)) < 1e-3  # 4e-3 with 40 steps in a contact
+
+
+def test_only_later_hits_have_a_later_restitution_in_each_toss_and_after_a_short_contact():
+    first, later = bounced(np.linspace(0.1, 0.2, 5), 3e-4, **{"later_restitution.d": -0.3})
+    np.testing.assert_allclose(first, first[0], rtol=5e-3)
+    np.testing.assert_allclose(later / first, 0.7, rtol=0.02)
 
 
 def test_what_cannot_be_tossed_is_said(tmp_path, capsys):

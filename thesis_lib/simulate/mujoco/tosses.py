@@ -133,6 +133,7 @@ class _Changes:
         self.later = world.of("later_restitution.d"), world.of("later_friction.d")
         self.sliding = world.of("sliding_friction.d_mu")
         self.reach = float(world.rig.body.solid.extent)
+        self.epsilon = world.epsilon  # that of the model
         self.begin()
 
     def begin(self) -> None:
@@ -151,7 +152,10 @@ class _Changes:
                 self.fine_until = t + part * step + OVER * self.world.contact_time
             finer = FINER if t < self.fine_until else 1
             self.model.opt.timestep = step / finer
-            mujoco.mj_step(self.model, data, part * finer)
+            for _ in range(1 if finer == 1 else part * finer):
+                mujoco.mj_step(self.model, data, part if finer == 1 else 1)
+                if data.ncon and self.first < 0.0:  # a short contact is over before the next `_set`
+                    self.first = t
             done += part
         return done
 
@@ -181,7 +185,6 @@ class _Changes:
             r = r[:, r[2].argmin()]
             speed = -(data.qvel[2] + spin[0] * r[1] - spin[1] * r[0])
             if data.ncon:
-                self.first = t if self.first < 0.0 else self.first
                 self.hit = t if speed > HIT else self.hit
             else:
                 self._set_coefficients(data.qpos[:2] + r[:2], max(speed, 0.0), -R[2], t)
@@ -198,5 +201,6 @@ class _Changes:
         )
         epsilon *= np.exp(-self.by_speed * speed)
         self.model.geom_friction[:, 0] = max(mu, 0.0)
-        if epsilon != self.world.epsilon:
+        if epsilon != self.epsilon:
+            self.epsilon = epsilon
             self.model.geom_solref[:] = solref(float(np.clip(epsilon, 0.02, 0.98)), self.world.contact_time, 1.0)
