@@ -45,6 +45,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "measured sets": measured.as_markdown,
     "engines": engine_proof.as_markdown,
     "proof in space": space.as_markdown,
+    "lifted sets": space.lifted_as_markdown,
     "proposals": proposals.as_markdown,
     "next experiment": next_drops.as_markdown,
     "models of measured sets": measured_models.as_markdown,

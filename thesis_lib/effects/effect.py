@@ -401,6 +401,14 @@ def parameters_in(effect: Effect, space: Space) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
+def values_in_space(effect: Effect, of_plane: Mapping[str, float]) -> dict[str, float]:
+    """The effect's parameters in space for those `of_plane`, of a motion in the plane x, z; up is y in the plane."""
+    p = {q.name: q.null if effect.own_in_space else of_plane.get(q.name, 0.0) for q in parameters_in(effect, SPACE)}
+    for vector in effect.vectors:
+        p[f"{vector}_y"], p[f"{vector}_z"] = 0.0, of_plane[f"{vector}_y"]
+    return p | {name: factor * of_plane[source] for name, source, factor in effect.embedded}
+
+
 def components(p: Parameter, names: Iterable[str]) -> tuple[Parameter, ...]:
     """The parameter once for each of these names, as the components of a vector."""
     return tuple(replace(p, name=name) for name in names)

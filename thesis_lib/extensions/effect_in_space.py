@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.effects.effect import Effect, Impulse, Rig, parameters_in
+from thesis_lib.effects.effect import Effect, Impulse, Rig, parameters_in, values_in_space
 from thesis_lib.extensions.contract import Check
 from thesis_lib.extensions.effect_probe import BOX, HALF, MOMENTS, RECORDED_BOX, differs, hook_calls, tumbling_boxes
 from thesis_lib.mechanics.space import PLANE, SPACE, Space, multiplied, of_rotation_vector
@@ -29,14 +29,10 @@ def has_the_plane_as_a_case(effect: Effect) -> str:
     if PLANE.dimension not in effect.dimensions:
         return ""
     of_plane = _sizes(effect, PLANE)
-    p = {name: of_plane.get(name, 0.0) for name in _sizes(effect, SPACE)}
-    for vector in effect.vectors:  # up is y in the plane, z in space
-        p[f"{vector}_y"], p[f"{vector}_z"] = 0.0, of_plane[f"{vector}_y"]
     if effect.own_in_space:
         seen = {source for _, source, _ in effect.embedded}
         of_plane = {q.name: of_plane[q.name] if q.name in seen else q.null for q in effect.parameters}
-        p = {q.name: q.null for q in effect.own_in_space}
-        p |= {name: sign * of_plane[source] for name, source, sign in effect.embedded}
+    p = values_in_space(effect, of_plane)
     flat = _sliding()
     expected = _carried(_made(effect, of_plane, SECTION, flat), _embedded, _tilted)
     made = _made(effect, p, BOX, _of_state(flat, _embedded, _tilted))

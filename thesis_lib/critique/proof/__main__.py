@@ -12,6 +12,7 @@ python -m thesis_lib.critique.proof next --questions 24
 python -m thesis_lib.critique.proof engines run --jobs 2
 python -m thesis_lib.critique.proof mechanisms table
 python -m thesis_lib.critique.proof space --only nothing box
+python -m thesis_lib.critique.proof lifted --jobs 2
 python -m thesis_lib.critique.proof measured run data/measured/planar_dice --trials 150 --single
 """
 
@@ -147,6 +148,12 @@ def _run_space(options: argparse.Namespace) -> bool:
     return made
 
 
+def _run_lifted(options: argparse.Namespace) -> bool:
+    made = space.run_lifted(options.jobs, tell, options.again)
+    tell(space.lifted_as_markdown())
+    return made
+
+
 def _run_measured(options: argparse.Namespace) -> None:
     dataset = read_dataset(options.folder).first_trials(options.trials)
     with Progress(dataset.name) as say:
@@ -249,8 +256,10 @@ def _parser() -> Parser:
     of_space.add_argument(
         "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
     )
-    of_space.add_argument("--again", action="store_true", help="then compute stored rows again")
-    add_jobs(of_space)
+    of_lifted = add("lifted", _run_lifted, "planar sets lifted into space: compute what is missing, print the table")
+    for one in (of_space, of_lifted):
+        one.add_argument("--again", action="store_true", help="then compute stored rows again")
+        add_jobs(one)
     add("space-list", lambda options: space.write_list(), "write config/proof_in_space.csv, what is drawn for each set")
     about = "what measured throws of a body with faces say without any contact law"
     add("law-free", lambda options: tell(law_free.as_text(read_dataset(options.folder))), about).add_argument("folder")

@@ -15,6 +15,18 @@
 What is drawn for each set stands in config/proof_in_space.csv, stored before any was computed; a test holds it to what
 the seed draws (`simulate.tosses.drawn`).
 
+Ten planar sets of the proof, lifted into space (`simulate.tosses.lifted`), stand in config/proof/lifted.csv.  They were
+chosen before any but the first two was computed: causes with one size, that both worlds have.
+
+| column                | unit | meaning                                                                    |
+|-----------------------|------|----------------------------------------------------------------------------|
+| truth, shape, seed    |      | the planar set, of the source mechanism (`cases.Case`)                     |
+| plane, space          |      | verdicts                                                                   |
+| in_plane, in_space    |      | groups of effects that are named                                           |
+| sizes                 |      | of what both models have, by the name in space: plane, its standard error, |
+|                       |      | space, its standard error                                                  |
+| apart                 | 1    | largest difference of these, over the plane's standard error               |
+
 Right is, with nothing hidden, `adequate`; with one cause `effects` with one group, of at most three, that contains it.
 A wrong name is a group without what is hidden.
 """
@@ -22,12 +34,16 @@ A wrong name is a group without what is hidden.
 import time
 from collections import Counter
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.drops.criticise import criticise_drops
+from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.proof.cases import SEEDS, Case
+from thesis_lib.critique.proof.cases import make as make_in_plane
 from thesis_lib.critique.proof.results import LARGEST_GROUP
 from thesis_lib.critique.proof.store import (
     COMMAND,
@@ -39,12 +55,14 @@ from thesis_lib.critique.proof.store import (
     numbers_in,
     put_missing,
 )
+from thesis_lib.effects.effect import values_in_space
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, Rows
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 from thesis_lib.simulate.tosses.drawn import DRAWN, NOTHING, WORLDS, SpaceCase, cases, make
+from thesis_lib.simulate.tosses.lifted import lifted
 from thesis_lib.simulate.tosses.own import OwnTosses
 from thesis_lib.simulate.tosses.world import TossEngine
 from thesis_lib.statistics.wording import count
@@ -56,6 +74,14 @@ COLUMNS = (
 )
 ROWS = Rows(STORE / "space.csv", COLUMNS, KEY, f"{COMMAND} space", digits=6)
 LIST = Rows(CONFIG / "proof_in_space.csv", (*KEY, *DRAWN), KEY, f"{COMMAND} space-list")
+LIFTED = (
+    *((NOTHING, "ellipse"), ("com_offset_x", "ellipse"), ("com_offset_y", "ellipse"), ("size_error", "ellipse")),
+    *(("inertia_error", "ellipse"), ("tilt", "ellipse"), ("surface_height", "ellipse"), ("linear_drag", "ellipse")),
+    *(("gravity_error", "square"), (NOTHING, "square")),
+)
+LIFTED_KEY = ("truth", "shape", "seed")
+LIFTED_COLUMNS = (*LIFTED_KEY, "plane", "space", "in_plane", "in_space", "sizes", "apart", *STAMP)
+LIFTED_ROWS = Rows(STORE / "lifted.csv", LIFTED_COLUMNS, LIFTED_KEY, f"{COMMAND} lifted", digits=6)
 UNKNOWN = "not recorded"
 
 
@@ -156,3 +182,76 @@ def as_markdown(store: Rows = ROWS) -> str:
     head = ("world", "hidden", "shape", "verdict", "named")
     missed = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
     return f"{markdown(('', *worlds), lines)}\n\n{len(rows)} of {len(planned)} datasets: {codes}.{missed}"
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """A planar set and its seed."""
+
+    truth: str
+    shape: str
+    seed: int = SEEDS
+
+
+def compute_lifted(case: Lifted) -> dict[str, object]:
+    """Criticise a set in the plane and in space: a row of the table."""
+    planar, _ = make_in_plane(Case("mechanism", case.truth, case.seed, shape=case.shape))
+    made = lifted(planar, generator(case.seed, "lifted", case.truth))
+    found = [criticise_drops(data, rng=generator(case.seed, "critique", data.digest())) for data in (planar, made)]
+    sizes = shared(*found)
+    return vars(case) | {
+        "plane": found[0].verdict,
+        "space": found[1].verdict,
+        "in_plane": groups_in(found[0].discovery.steps),
+        "in_space": groups_in(found[1].discovery.steps),
+        "sizes": numbers_in(sizes, 6),
+        "apart": max(abs(space - plane) / std for plane, std, space, _ in sizes.values()),
+    }
+
+
+def shared(plane: DropsCritique, space: DropsCritique) -> dict[str, tuple[float, float, float, float]]:
+    """Plane, its standard error, space and its standard error of what the law and the effects of both have.
+
+    Not of the contact time, which is 0 within its error.
+    """
+    flat, deep = plane.discovery.fitted, space.discovery.fitted
+    values, std = (dict(numbers) for numbers in (flat.values, flat.std))
+    for effect in plane.discovery.fitted.effects:
+        for numbers in (values, std):
+            own = {p.name: numbers.pop(f"{effect.name}.{p.name}") for p in effect.parameters}
+            # a factor of −1 turns the sign of a size, not of its standard error
+            there = values_in_space(effect, own)
+            numbers |= {f"{effect.name}.{k}": abs(v) if numbers is std else v for k, v in there.items()}
+    return {
+        name: (values[name], std[name], deep.values[name], deep.std[name])
+        for name in values
+        if name in deep.values and name != CONTACT_TIME.name and std.get(name, 0.0) > 0.0
+    }
+
+
+def told_lifted(row: dict) -> str:
+    """What a row found, in words."""
+    return f"{row['plane']}, {row['in_plane'] or 'nothing'}; in space {row['space']}, {row['in_space'] or 'nothing'}"
+
+
+def run_lifted(jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
+    """Compute the sets that are not stored, with `again` also those of older code, and return whether all were."""
+    sets = [Lifted(truth, shape) for truth, shape in LIFTED]
+    older = is_of_other_code(compute_lifted) if again else None
+    return put_missing(sets, compute_lifted, lambda case: LIFTED_ROWS, told_lifted, tell, jobs=jobs, older=older)
+
+
+def lifted_as_markdown(store: Rows = LIFTED_ROWS) -> str:
+    """The rows as a table of a page, and how many agree."""
+    try:
+        rows = store.table()
+    except UserError:
+        return f"None of the {len(LIFTED)} sets is computed yet: `{COMMAND} lifted`."
+    same = (rows["plane"] == rows["space"]) & (rows["in_plane"] == rows["in_space"])
+    near = rows["apart"].astype(float) <= 1.0
+    lines = [
+        (f"`{r['truth']}`", r["shape"], told_lifted(r), f"{float(r['apart']):.2g}") for r in rows.to_dict("records")
+    ]
+    head = ("hidden", "shape", "verdict and effects", "sizes apart, in standard errors")
+    agree = f"The same verdict and effects: {count(int(same.sum()), len(rows))}; sizes within one standard error: "
+    return f"{markdown(head, lines)}\n\n{agree}{count(int(near.sum()), len(rows))}; {len(rows)} of {len(LIFTED)} sets."
