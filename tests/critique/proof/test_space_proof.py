@@ -85,7 +85,11 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
     }
     assert judged["first"].sum() == 4
     assert list(judged.index[judged["wrong"]]) == [("mujoco", "magnus", 0), ("own", NOTHING, 1)]
-    page = space.as_markdown(store)
+    by_hand = space.MISSED.at(tmp_path / "space_missed.csv")
+    untold = dict.fromkeys(space.MISSED_COLUMNS, "") | {"code": "abc", "made": "2026-11-26"}
+    by_hand.put(untold | {"world": "mujoco", "truth": "magnus", "seed": 0, "why": "no flight"})
+    page = space.as_markdown(store, by_hand)
+    assert "named | the cause switched on by hand |" in page and "no flight |" in page
     assert "1 of 2 (" in page and "6 of 80 datasets: 6 by `abc`" in page and "magnus + com_offset" in page
 
 

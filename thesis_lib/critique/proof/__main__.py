@@ -148,9 +148,9 @@ def _run_space(options: argparse.Namespace) -> bool:
     return made
 
 
-def _run_lifted(options: argparse.Namespace) -> bool:
-    made = space.run_lifted(options.jobs, tell, options.again)
-    tell(space.lifted_as_markdown())
+def _run_more(compute: Callable, page: Callable[[], str], options: argparse.Namespace) -> bool:
+    made = compute(options.jobs, tell, options.again)
+    tell(page())
     return made
 
 
@@ -256,8 +256,11 @@ def _parser() -> Parser:
     of_space.add_argument(
         "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
     )
-    of_lifted = add("lifted", _run_lifted, "planar sets lifted into space: compute what is missing, print the table")
-    for one in (of_space, of_lifted):
+    missed = functools.partial(_run_more, space.run_missed, space.as_markdown)
+    of_missed = add("space-missed", missed, "what a hidden cause gains by hand where `space` is not right")
+    lifted = functools.partial(_run_more, space.run_lifted, space.lifted_as_markdown)
+    of_lifted = add("lifted", lifted, "planar sets lifted into space: compute what is missing, print the table")
+    for one in (of_space, of_missed, of_lifted):
         one.add_argument("--again", action="store_true", help="then compute stored rows again")
         add_jobs(one)
     add("space-list", lambda options: space.write_list(), "write config/proof_in_space.csv, what is drawn for each set")

@@ -15,6 +15,16 @@
 What is drawn for each set stands in config/proof_in_space.csv, stored before any was computed; a test holds it to what
 the seed draws (`simulate.tosses.drawn`).
 
+Of each set that is not right, config/proof/space_missed.csv says what its data hold of the cause: what it gains when it
+is switched on by hand instead of the search.
+
+| column                   | unit | meaning                                                                 |
+|--------------------------|------|-------------------------------------------------------------------------|
+| world, truth, seed       |      | the dataset                                                             |
+| gain, low, high          | nats | held-out gain of an impact, with 95 % interval                          |
+| without, with_it, floor  | m/s  | held-out error of the hits, and noise floor                             |
+| why                      |      | reason why the data cannot test it                                      |
+
 Ten planar sets of the proof, lifted into space (`simulate.tosses.lifted`), stand in config/proof/lifted.csv.  They were
 chosen before any but the first two was computed: causes with one size, that both worlds have.
 
@@ -73,6 +83,8 @@ COLUMNS = (
     *("seconds", "why", *STAMP),
 )
 ROWS = Rows(STORE / "space.csv", COLUMNS, KEY, f"{COMMAND} space", digits=6)
+MISSED_COLUMNS = (*KEY, "gain", "low", "high", "without", "with_it", "floor", "why", *STAMP)
+MISSED = Rows(STORE / "space_missed.csv", MISSED_COLUMNS, KEY, f"{COMMAND} space-missed", digits=4)
 LIST = Rows(CONFIG / "proof_in_space.csv", (*KEY, *DRAWN), KEY, f"{COMMAND} space-list")
 LIFTED = (
     *((NOTHING, "ellipse"), ("com_offset_x", "ellipse"), ("com_offset_y", "ellipse"), ("size_error", "ellipse")),
@@ -154,7 +166,38 @@ def judged(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def as_markdown(store: Rows = ROWS) -> str:
+def compute_missed(case: SpaceCase) -> dict[str, object]:
+    """What the data of a case hold of its cause: a row of `MISSED`."""
+    dataset, row = make(case, engine_of(case)), {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
+    try:
+        own = generator(case.seed, "critique", dataset.digest())
+        critique = criticise_drops(dataset, rng=own, effects=[case.truth])
+    except UserError as error:
+        return row | {"why": str(error).splitlines()[0][:200]}
+    (step,), without, with_it = critique.discovery.steps, critique.ladder[0][2], critique.ladder[-1][2]
+    errors = {"without": float(without.error.mean()), "with_it": float(with_it.error.mean()), "floor": with_it.floor}
+    return row | dict(zip(("gain", "low", "high"), step.gain)) | errors
+
+
+def told_missed(row: dict) -> str:
+    """What a row of `MISSED` says, in words."""
+    if row["why"]:
+        return row["why"]
+    errors = " to ".join(f"{float(row[name]):.2g}" for name in ("without", "with_it"))
+    gain, low, high = (f"{float(row[name]):.2g}" for name in ("gain", "low", "high"))
+    return f"{gain} ({low} to {high}) nats an impact, {errors} m/s, noise {float(row['floor']):.2g}"
+
+
+def run_missed(jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
+    """Compute what is missing of `MISSED`, with `again` also rows of older code, and return whether all were."""
+    rows = judged(ROWS.table())
+    wrong = rows[~rows["right"].astype(bool) & (rows["truth"] != NOTHING)]
+    sets = [SpaceCase(row["world"], row["truth"], int(row["seed"])) for row in wrong.to_dict("records")]
+    older = is_of_other_code(compute_missed) if again else None
+    return put_missing(sets, compute_missed, lambda case: MISSED, told_missed, tell, jobs=jobs, older=older)
+
+
+def as_markdown(store: Rows = ROWS, missed: Rows = MISSED) -> str:
     """The three figures by world, each miss by name, and which code made the rows."""
     planned = cases()
     try:
@@ -175,13 +218,15 @@ def as_markdown(store: Rows = ROWS) -> str:
         lines.append((title, *(count(int(one.sum()), len(one)) if len(one) else "" for one in of)))
     by = Counter(zip(rows["code"], rows["made"]))
     codes = ", ".join(f"{n} by `{code or UNKNOWN}` on {made}" for (code, made), n in by.items())
+    by_hand = {tuple(row[k] for k in KEY): told_missed(row) for row in missed.parsed(dict)}
     misses = [
         (row["world"], f"`{row['truth']}`", row["shape"], row["verdict"], row["named"] or row["why"])
+        + (by_hand.get(tuple(str(row[k]) for k in KEY), ""),)
         for row in rows[~rows["right"].astype(bool)].to_dict("records")
     ]
-    head = ("world", "hidden", "shape", "verdict", "named")
-    missed = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
-    return f"{markdown(('', *worlds), lines)}\n\n{len(rows)} of {len(planned)} datasets: {codes}.{missed}"
+    head = ("world", "hidden", "shape", "verdict", "named", "the cause switched on by hand")
+    not_right = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
+    return f"{markdown(('', *worlds), lines)}\n\n{len(rows)} of {len(planned)} datasets: {codes}.{not_right}"
 
 
 @dataclass(frozen=True)
