@@ -1,10 +1,11 @@
-"""Samples in space that a filter smoothed, and contacts that last several samples: what is left out, and the noise."""
+"""Samples in space that a filter smoothed, long contacts, attitudes that come late: what is left out, and the noise."""
 
 import numpy as np
 import pytest
 
 from thesis_lib.critique.likelihood.hits_in_space import beside, observe_in_space
 from thesis_lib.simulate.tosses.drawn import NOTHING, SpaceCase, make
+from thesis_lib.simulate.tosses.example import simulate_tosses
 from thesis_lib.simulate.tosses.own import OwnTosses
 
 
@@ -43,3 +44,15 @@ def test_samples_within_a_long_contact_belong_to_no_flight():
     short, long = observed(rate=500.0), observed(rate=500.0, contact_time=3e-3)
     nearest = [np.abs(o.nodes).min(axis=(1, 2)) for o in (short, long)]
     assert np.quantile(nearest[0], 0.1) < 1.2e-3 < np.min(nearest[1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [8e-3, -8e-3])
+def test_attitudes_that_come_late_are_left_out_beside_a_hit_and_are_no_noise(lag):
+    hidden = ({}, {"time_lag.lag": lag})
+    tosses = (simulate_tosses("ball", "sphere", one, drops=30, contact_time=5e-4) for one in hidden)
+    plain, late = (observe_in_space(made, episodes=False) for made in tosses)
+    nearest = [np.median(np.abs(o.nodes).min(axis=(1, 2))) for o in (plain, late)]
+    assert nearest[0] < 3e-3 and nearest[1] > 6e-3
+    spread = [np.sqrt(np.median(np.einsum("nsii->nsi", o.cov)[:, 0, [1, 7]], axis=0)) for o in (plain, late)]
+    assert np.all(spread[1] < 2.0 * spread[0]) and len(late) > 0.5 * len(plain)  # velocity and spin

@@ -55,7 +55,7 @@ from thesis_lib.mechanics.contact import contact_at
 from thesis_lib.mechanics.inertia import mobility
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
-from thesis_lib.statistics.spread import MAD_TO_STD, robust_std
+from thesis_lib.statistics.spread import MAD_TO_STD, MEDIAN, robust_std
 
 FEWEST = 3  # samples on either side of a hit
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
@@ -64,7 +64,7 @@ ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a f
 SPREAD = 3.0  # robust standard deviations of the gap at hits
 MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that of samples shows a filter
 UPWARDS = 5  # of values and slopes of all channels: the slope of n
-SURE = 3.0  # standard errors by which a surface pushes a body away
+SURE = 3.0  # standard errors by which a surface pushes a body away, and of a lag of the attitudes
 CLEARLY = 1.1  # of the guard, by which contacts last longer
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
@@ -136,7 +136,10 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     pose, tau = np.moveaxis(states.pose[:, index], 0, -1), windows.t[rows] - t[rows, None]
     used, G = side[rows] > 0.0, header.body.inertia_per_mass
     fitted = fit_windows(pose, tau, used, G, noise)
-    off, dof = _off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise)
+    lag = _lag(fitted)
+    if abs(lag) > settings.guard:
+        return observe_in_space(dataset, settings.model_copy(update={"guard": CLEARLY * abs(lag)}), episodes)
+    off, dof = _off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
     # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
     grown = np.maximum(np.quantile(off / dof, CLEAN, axis=0), 1.0) if len(rows) else np.ones(2)
     # a filter leaves as much noise in a line, but in fewer degrees of freedom
@@ -369,10 +372,11 @@ def _off_free_motion(
     G: np.ndarray,
     gravity: float,
     noise: tuple[float, float],
+    lag: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """χ² (n, 2) by which places and turns miss free motion on both sides and its meeting, and degrees of freedom (n,).
 
-    The places may not meet along Δv, which the instant takes up.
+    The places may not meet along Δv, which the instant takes up, and turns that come `lag` in s behind them meet later.
     """
     off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 of the places meet
     if not len(tau):
@@ -386,10 +390,33 @@ def _off_free_motion(
     aside = miss - (miss * dv).sum(1, keepdims=True) / np.maximum((dv * dv).sum(1, keepdims=True), 1e-9) * dv
     place = fitted.cov[:, :, [0, 2, 4], [0, 2, 4]].sum(axis=1).mean(axis=1)
     off[:, 0] += (aside**2).sum(axis=1) / place
-    turn = SPACE.turn_between(fitted.value[:, 0, 3:].T, fitted.value[:, 1, 3:].T).T
+    turn, spun = _turned(fitted)
+    turn += lag * spun
     of_turn = fitted.cov[:, :, 6::2, 6::2].sum(axis=1)
     off[:, 1] += np.einsum("ni,nij,nj->n", turn, np.linalg.inv(of_turn), turn)
     return off, np.stack([dof, dof + 1.0], axis=1)
+
+
+def _turned(fitted: SpaceWindows) -> tuple[np.ndarray, np.ndarray]:
+    """Turns (n, 3) in rad from the attitudes before hits to those after, and changes (n, 3) of the spin in rad/s."""
+    turn = SPACE.turn_between(fitted.value[:, 0, 3:].T, fitted.value[:, 1, 3:].T).T
+    return turn, fitted.slope[:, 1, 3:] - fitted.slope[:, 0, 3:]
+
+
+def _lag(fitted: SpaceWindows) -> float:
+    """Time in s by which attitudes change their course later than places do, 0 where that is not clear.
+
+    Attitudes that come a time L late miss each other by −L Δω where the places meet.  Samples taken meanwhile belong to
+    neither flight.
+    """
+    turn, spun = _turned(fitted)
+    square = (spun**2).sum(axis=1)
+    strong = square >= np.median(square) if len(square) else np.zeros(0, bool)
+    if strong.sum() < FEWEST:
+        return 0.0
+    late = -(turn * spun).sum(axis=1)[strong] / np.maximum(square[strong], 1e-9)
+    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(strong.sum())
+    return middle if abs(middle) > SURE * error else 0.0
 
 
 def _first_sample(samples: Samples) -> np.ndarray:
