@@ -1,5 +1,7 @@
 """Samples in space that a filter smoothed, long contacts, attitudes that come late: what is left out, and the noise."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,9 @@ def test_attitudes_that_come_late_are_left_out_beside_a_hit_and_are_no_noise(lag
     hidden = ({}, {"time_lag.lag": lag})
     tosses = (simulate_tosses("ball", "sphere", one, drops=30, contact_time=5e-4) for one in hidden)
     plain, late = (observe_in_space(made, episodes=False) for made in tosses)
+    way = "behind" if lag > 0.0 else "ahead of"
+    assert not plain.found.warnings
+    assert any(re.match(rf"At hits orientations come (7|8)\.?\d* ms {way} pos", text) for text in late.found.warnings)
     nearest = [np.median(np.abs(o.nodes).min(axis=(1, 2))) for o in (plain, late)]
     assert nearest[0] < 3e-3 and nearest[1] > 6e-3
     spread = [np.sqrt(np.median(np.einsum("nsii->nsi", o.cov)[:, 0, [1, 7]], axis=0)) for o in (plain, late)]

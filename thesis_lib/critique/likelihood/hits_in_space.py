@@ -139,6 +139,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     lag = _lag(fitted)
     if abs(lag) > settings.guard:
         return observe_in_space(dataset, settings.model_copy(update={"guard": CLEARLY * abs(lag)}), episodes)
+    told += lag_warning(lag) * (abs(lag) > ArcSettings().guard)
     off, dof = _off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
     # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
     grown = np.maximum(np.quantile(off / dof, CLEAN, axis=0), 1.0) if len(rows) else np.ones(2)
@@ -417,6 +418,15 @@ def _lag(fitted: SpaceWindows) -> float:
     late = -(turn * spun).sum(axis=1)[strong] / np.maximum(square[strong], 1e-9)
     middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(strong.sum())
     return middle if abs(middle) > SURE * error else 0.0
+
+
+def lag_warning(lag: float) -> tuple[str, ...]:
+    """A sentence for the user on attitudes that come `lag` in s behind the places."""
+    where = "behind" if lag > 0.0 else "ahead of"
+    return (
+        f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a clock or a filter of "
+        "their own. Samples within that time of a hit belong to no flight and are not used.",
+    )
 
 
 def _first_sample(samples: Samples) -> np.ndarray:
