@@ -16,6 +16,7 @@ REASONS = {
     "window_too_short": "trial, or a rest, begins or ends too near",
     "stays_down": "the body stays down after the hit",
     "not_ballistic": "no free flight on a side (held, rolling, bad track)",
+    "no_bounce": "the ball seems to bounce higher than before: it rolls, and its turns are misread",
     "no_push": "no push from the surface: noise, or a hit on something else",
     "no_approach": "contact point does not approach (rest, rolling)",
 }
