@@ -123,7 +123,10 @@ def press(dynamics: Dynamics, true: State, left: np.ndarray | float = 0.0) -> tu
     steps = central / STEPS, np.ceil((LONGEST + left / central) * STEPS).astype(int)
     integrated = _in_plane if space.is_plane else _in_space
     pressed = integrated(at_corners, tiled, frame, at, points, falling, tau, *steps)
-    v, shift = pressed.v + _added(others.on(rig), pressed, seen, at.with_coefficients(mu, epsilon)), pressed.shift
+    added = _added(others.on(rig), pressed, seen, at.with_coefficients(mu, epsilon))
+    v, shift = pressed.v + added, pressed.shift
+    if not space.is_plane:  # hits in space are so precise that it shows: half of the contact moves with it
+        shift = shift + 0.5 * pressed.elapsed[:, None] * added
     after = _moved(frame, shift, v, pressed.elapsed)
     if model.has_varying_flight:
         # the contact turns the velocity, and with it what slows the flight: the mean of before and after
