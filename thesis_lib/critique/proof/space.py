@@ -168,7 +168,8 @@ def judged(rows: pd.DataFrame) -> pd.DataFrame:
 
 def compute_missed(case: SpaceCase) -> dict[str, object]:
     """What the data of a case hold of its cause: a row of `MISSED`."""
-    dataset, row = make(case, engine_of(case)), {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
+    dataset = make(case, engine_of(case))
+    row: dict[str, object] = {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
     try:
         own = generator(case.seed, "critique", dataset.digest())
         critique = criticise_drops(dataset, rng=own, effects=[case.truth])
