@@ -169,10 +169,11 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         second = State.of(fitted.value[:, 1], fitted.slope[:, 1], trial[rows], t[rows], space=SPACE)
         rebound = _under_gravity(second, fitted.bow[:, 1], rig).velocity[2]
         speeds = np.stack([-first.velocity[2], rebound], axis=1)[bounces]
-        rolls = np.zeros(len(at), bool)
-        rolls[rows[bounces]] = _risen(speeds, trial[rows[bounces]])
-        since = np.array([rolls[: i + 1][trial[: i + 1] == one].any() for i, one in enumerate(trial)], bool)
-        reason[since & np.isin(reason, ("", "second_hit"))] = "no_bounce"
+        rises = np.zeros(len(at), int)
+        rises[rows[bounces]] = _risen(speeds, trial[rows[bounces]])
+        count = np.r_[0, rises.cumsum()]
+        rolls = count[1:] > count[np.searchsorted(trial, trial)]  # from the first rise of its trial on
+        reason[rolls & np.isin(reason, ("", "second_hit"))] = "no_bounce"
     kept = reason[rows] == ""
     lasts = contact_guard(-off_by[kept], approach_speed(first.select(np.flatnonzero(kept)), rig))
     if lasts > CLEARLY * settings.guard:
