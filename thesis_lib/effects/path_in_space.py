@@ -25,8 +25,9 @@ doi:10.1016/S0997-7538(02)01256-9.
 """
 
 import numpy as np
-from numba import njit
 
+from thesis_lib.contact.compliant.compiled import compiled
+from thesis_lib.contact.compliant.compiled_in_space import in_ball
 from thesis_lib.effects.effect import Impulse
 from thesis_lib.effects.impulse_path import STEPS, whole_impulse
 from thesis_lib.mechanics.contact import Contact
@@ -34,9 +35,6 @@ from thesis_lib.mechanics.contact import Contact
 _TINY = 1e-30  # m/s; a step without any rise of v_n lies wholly in compression or in restitution
 _FLATTEST = 1e-6  # of dv_n/dp over K_nn, for the last step
 _SMOOTH = 1e-9  # least μ, so that the ball has a size
-_NEWTON, _FOUND = 30, 1e-13  # steps to λ, and of the radius of the ball; some 5 are needed
-
-compiled = njit(cache=True, error_model="numpy")
 
 
 def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **parameters) -> Impulse:
@@ -71,31 +69,6 @@ def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **par
 def _within(u: np.ndarray, most: np.ndarray) -> np.ndarray:
     """Vectors (2, n), shortened to `most` (n,)."""
     return u * np.minimum(1.0, most / np.maximum(np.hypot(u[0], u[1]), _TINY))
-
-
-@compiled
-def _solved(a, b, c, d, e, f, x, y, z):
-    """The solution of the symmetric system ((a, b, c), (b, d, e), (c, e, f)) · = (x, y, z)."""
-    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
-    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
-    det = a * A + b * B + c * C
-    return (A * x + B * y + C * z) / det, (B * x + D * y + E * z) / det, (C * x + E * y + F * z) / det
-
-
-@compiled
-def _resisted(a, b, c, d, e, f, x, y, z, radius):
-    """y of the module's text, with B as of `_solved` and u = (x, y, z)."""
-    more = 0.0
-    for _ in range(_NEWTON):
-        p, q, r = _solved(a + more, b, c, d + more, e, f + more, -x, -y, -z)
-        size = np.sqrt(p * p + q * q + r * r)
-        if more == 0.0 and size <= radius:
-            break
-        if not abs(size - radius) > _FOUND * radius:
-            break
-        i, j, k = _solved(a + more, b, c, d + more, e, f + more, p, q, r)
-        more += (size / radius - 1.0) * size * size / (p * i + q * j + r * k)
-    return p, q, r
 
 
 @compiled
@@ -149,12 +122,12 @@ def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, steps
             v = _moved(v, K_n, dp, lift_1, rolled_1, lift_2, rolled_2)
             w = _moved(w, turn_n, dp, H_1, rolled_1, H_2, rolled_2)
             if t > 0.0:
-                p, q, z = _resisted(
+                p, q, z = in_ball(
                     *(f * f * K_1[0], f * f * K_2[0], f * t * lift_n[0], f * f * K_2[1], f * t * lift_n[1]),
                     *(t * t * H_n[2], f * v[0], f * v[1], t * w[2], dp),
                 )
             else:
-                p, q, z = _resisted(
+                p, q, z = in_ball(
                     *(f * f * K_1[0], f * f * K_2[0], 0.0, f * f * K_2[1], 0.0, 1.0, f * v[0], f * v[1], 0.0, dp)
                 )
             last[0], last[1], last[2], last[5] = f * p, f * q, dp, t * z
@@ -163,7 +136,7 @@ def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, steps
             if m_r[i] > 0.0:
                 w = _changed(w, H_1, -rolled_1, H_2, -rolled_2)
                 v = _changed(v, lift_1, -rolled_1, lift_2, -rolled_2)
-                rolled_1, rolled_2, _z = _resisted(H_1[0], H_2[0], 0.0, H_2[1], 0.0, 1.0, w[0], w[1], 0.0, m_r[i] * dp)
+                rolled_1, rolled_2, _z = in_ball(H_1[0], H_2[0], 0.0, H_2[1], 0.0, 1.0, w[0], w[1], 0.0, m_r[i] * dp)
                 w = _changed(w, H_1, rolled_1, H_2, rolled_2)
                 v = _changed(v, lift_1, rolled_1, lift_2, rolled_2)
             last[3], last[4] = rolled_1, rolled_2

@@ -63,7 +63,8 @@ def tossed(solid, n, seed=0):
 def in_space(solid, name, G=None, **values):
     G = solid.moments.inertia_per_mass if G is None else G
     rig = Rig(solid, float(np.sqrt(np.trace(G) / 3.0)), 9.81, 0.0, tensor=G)
-    return bind(Model(BASES[name], takes_time=True, space=SPACE), VALUES | values, rig)
+    effects = tuple(EFFECTS[of] for of in {of.partition(".")[0] for of in values if "." in of})
+    return bind(Model(BASES[name], effects, takes_time=True, space=SPACE), VALUES | values, rig)
 
 
 def energy(states, G):
@@ -185,12 +186,14 @@ def test_a_central_contact_in_space_has_the_restitution_and_the_time_of_its_forc
         assert "crossley" not in name or elapsed == pytest.approx(lasting, rel=0.03)
 
 
+@pytest.mark.parametrize("lever", [0.0, 0.006])
 @pytest.mark.parametrize(("impratio", "d"), [(1.0, 0.9), (50.0, 0.999)])
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
-def test_convex_contacts_are_those_of_mujoco(cone, impratio, d):
+def test_convex_contacts_are_those_of_mujoco(cone, impratio, d, lever):
     lasts, mu, epsilon = 1e-3, 0.3, 0.5
     header = SpaceHeader.model_validate({"schema": 2, "body": {"shape": BOX, "mass": 0.2, "homogeneous": True}})
-    engine, world = MujocoTosses(cone, impratio, (d, d), steps=400), TossedWorld(header, mu, epsilon, lasts)
+    torsion = {"torsional_friction.m_t": lever} if lever else {}
+    engine, world = MujocoTosses(cone, impratio, (d, d), steps=400), TossedWorld(header, mu, epsilon, lasts, torsion)
     states = tossed(BOX, 40, seed=2)
     times = np.full((len(states), 1), 3.0 * lasts)
     expected = engine.moves(world, states.changed(states.position + [[0.0], [0.0], [1e-6]]), times)
@@ -206,11 +209,12 @@ def test_convex_contacts_are_those_of_mujoco(cone, impratio, d):
     off = {}
     for of, (name, impedance, e, T) in own.items():
         values = {"mu": mu, "epsilon": e, "tau": T / BASES[name].force.lasting(e)}
-        values |= {"damping_ratio": impratio, "impedance": impedance}
+        values |= {"damping_ratio": impratio, "impedance": impedance} | torsion
         model = in_space(BOX, name, header.body.inertia_per_mass, **values)
         after, elapsed = press(model, states)
         fallen = after.velocity - 9.81 * (3.0 * lasts - elapsed) * [[0.0], [0.0], [1.0]]
-        off[of] = float(np.median(np.linalg.norm(fallen - expected.velocity, axis=0)))
+        apart = np.concatenate([fallen - expected.velocity, K_G * (after.spin - expected.spin)])
+        off[of] = float(np.median(np.linalg.norm(apart, axis=0)))
     other = "elliptic" if cone == "pyramidal" else "pyramidal"
     assert off[cone] < 0.01 and off[other] > 0.1, off
 

@@ -8,8 +8,9 @@ momentum L, which the body keeps without torque,
 Friction has two components.  It ends the slip within the step, if |c_t| ≤ μ c_n; else it is μ c_n against the slip in
 the middle of the step, (½ A + λ) c_t = −s, with A the compliance along the surface, or, where the slip turns round
 within the step, first against the slip before and then against the one after.  A convex contact has the force
-that minimises its program in the circular cone |f_t| ≤ μ f_n: inside, or on the generator that serves best.  On a
-pyramid it is the sum of pushes g ≥ 0 along four edges, n ± μ t_1 and n ± μ t_2, each with its share of R.
+that minimises its program in the circular cone |f_t| ≤ μ f_n.  On a pyramid it is the sum of pushes g ≥ 0 along four
+edges, n ± μ t_1 and n ± μ t_2, each with its share of R.  Torsional friction of a convex contact is a couple τ about
+the normal in the same cone, |(f_t / μ, τ / m_t)| ≤ f_n, or on two more edges, with R as of a slip of ω_n m_t / μ.
 μ is that of fast slip times Stribeck's factor 1 + s exp(−(|s_t| / v_s)²) at the slip s_t before the step.
 
 A contact point is one of a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body, plus
@@ -23,11 +24,10 @@ import numpy as np
 
 from thesis_lib.contact.compliant.compiled import CONVEX, PYRAMID, SETTLED, SPEED, SWEEPS, _push, compiled
 
-CLOSE = 1e-9  # relative: friction on its limit, direction of the generator in rad
-MOST = 40  # Newton steps to either; some 4 are needed
-FURTHEST = 0.7  # rad a step over the generators
-# directions of generators that are looked at first: more than one may be better than its neighbours
-FIRST = np.stack([np.cos(0.25 * np.pi * np.arange(8)), np.sin(0.25 * np.pi * np.arange(8))], axis=1)
+CLOSE = 1e-9  # relative: friction on its limit
+MOST = 40  # steps to it; some 4 of Newton's are needed
+LEAST = 1e-9  # μ, so that a cone has a size
+ON_BALL = 1e-13  # relative, of what `in_ball` limits
 
 
 @compiled
@@ -74,109 +74,141 @@ def _friction(a, b, c, x, y, s_1, s_2, limit, sharing):
 
 
 @compiled
-def _on_generator(Q, c, mu, cos, sin):
-    """c·g and gᵀ Q g of the generator g in the direction (cos, sin), with their first and second derivatives by its
-    angle."""
-    cos, sin = mu * cos, mu * sin
-    gain, turn = c[0] * cos + c[1] * sin + c[2], c[1] * cos - c[0] * sin
-    p, q = Q[0, 0] * cos + Q[0, 1] * sin + Q[0, 2], Q[0, 1] * cos + Q[1, 1] * sin + Q[1, 2]
-    square = cos * p + sin * q + Q[0, 2] * cos + Q[1, 2] * sin + Q[2, 2]
-    first = 2.0 * (cos * q - sin * p)
-    along = Q[0, 0] * sin * sin - 2.0 * Q[0, 1] * sin * cos + Q[1, 1] * cos * cos
-    second = 2.0 * (along - cos * p - sin * q)
-    return gain, turn, c[2] - gain, square, first, second
+def _inverted(a, b, c, d, e, f, x, y, z):
+    """The solution of the symmetric system ((a, b, c), (b, d, e), (c, e, f)) · = (x, y, z)."""
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, F = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * A + b * B + c * C
+    return (A * x + B * y + C * z) / det, (B * x + D * y + E * z) / det, (C * x + E * y + F * z) / det
 
 
 @compiled
-def _circular_cone(Q, c, mu):
-    """f (f_1, f_2, f_n) that minimises ½ fᵀ Q f − fᵀ c on the cone |f_t| = μ f_n, or 0."""
-    if mu <= 0.0:
-        return 0.0, 0.0, max(c[2], 0.0) / Q[2, 2]
-    best, cos, sin = -np.inf, 1.0, 0.0
-    for i in range(len(FIRST)):
-        gain, _, _, square, _, _ = _on_generator(Q, c, mu, FIRST[i, 0], FIRST[i, 1])
-        if gain > best * np.sqrt(square):
-            best, cos, sin = gain / np.sqrt(square), FIRST[i, 0], FIRST[i, 1]
-    if best <= 0.0:
-        return 0.0, 0.0, 0.0
-    for _ in range(MOST):  # the largest log (c·g)² / gᵀ Q g
-        gain, turn, bend, square, first, second = _on_generator(Q, c, mu, cos, sin)
-        slope = turn / gain - 0.5 * first / square
-        curvature = bend / gain - (turn / gain) ** 2 - 0.5 * second / square + 0.5 * (first / square) ** 2
-        step = -slope / curvature if curvature < 0.0 else np.sign(slope) * FURTHEST
-        step = min(max(step, -FURTHEST), FURTHEST)
-        a, b = np.cos(step), np.sin(step)
-        while _on_generator(Q, c, mu, a * cos - b * sin, a * sin + b * cos)[0] <= 0.0:
-            step *= 0.5
-            a, b = np.cos(step), np.sin(step)
-        cos, sin = a * cos - b * sin, a * sin + b * cos
-        if abs(step) < CLOSE:
+def in_ball(a, b, c, d, e, f, x, y, z, radius):
+    """y in |y| ≤ radius with (B + λ) y = −(x, y, z), λ ≥ 0 as small as that allows; B as of `_inverted`."""
+    added = 0.0
+    for _ in range(MOST):
+        p, q, r = _inverted(a + added, b, c, d + added, e, f + added, -x, -y, -z)
+        size = np.sqrt(p * p + q * q + r * r)
+        if added == 0.0 and size <= radius:
             break
-    gain, _, _, square, _, _ = _on_generator(Q, c, mu, cos, sin)
-    f_n = gain / square
-    return mu * cos * f_n, mu * sin * f_n, f_n
+        if not abs(size - radius) > ON_BALL * radius:
+            break
+        i, j, k = _inverted(a + added, b, c, d + added, e, f + added, p, q, r)
+        added += (size / radius - 1.0) * size * size / (p * i + q * j + r * k)
+    return p, q, r
+
+
+@compiled
+def _in_cone(Q, c, mu, lever, start):
+    """f (f_1, f_2, f_n, τ) that minimises ½ fᵀ Q f − fᵀ c in |(f_t / μ, τ / lever)| ≤ f_n; τ is 0 without a lever.
+
+    What is least at a given f_n is convex in f_n, so that its slope rises: Newton's steps from `start` to its root,
+    between what is known to be too low and too high.
+    """
+    m, t = max(mu, LEAST), lever
+    A, B, C, D, E, F = m * m * Q[0, 0], m * m * Q[0, 1], m * t * Q[0, 3], m * m * Q[1, 1], m * t * Q[1, 3], 1.0
+    if t > 0.0:
+        F = t * t * Q[3, 3]
+    b_1, b_2, b_t, c_1, c_2, c_t = m * Q[0, 2], m * Q[1, 2], t * Q[2, 3], m * c[0], m * c[1], t * c[3]
+    first = -c[2] - np.sqrt(c_1 * c_1 + c_2 * c_2 + c_t * c_t)
+    if first >= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    low, high, f_n = 0.0, np.inf, start if start > 0.0 else -first / Q[2, 2]
+    for _ in range(MOST):
+        x, y, z = b_1 * f_n - c_1, b_2 * f_n - c_2, b_t * f_n - c_t
+        p, q, r = in_ball(A, B, C, D, E, F, x, y, z, f_n)
+        slope, bend = Q[2, 2] * f_n + b_1 * p + b_2 * q + b_t * r - c[2], Q[2, 2]
+        pull = p * (x + A * p + B * q + C * r) + q * (y + B * p + D * q + E * r) + r * (z + C * p + E * q + F * r)
+        added = max(-pull, 0.0) / (f_n * f_n)  # λ of `in_ball`; 0 inside
+        i, j, k = _inverted(A + added, B, C, D + added, E, F + added, b_1, b_2, b_t)
+        bend -= b_1 * i + b_2 * j + b_t * k
+        if added > 0.0:
+            slope -= added * f_n
+            u, v, w = _inverted(A + added, B, C, D + added, E, F + added, p, q, r)
+            bend += (f_n + p * i + q * j + r * k) ** 2 / (p * u + q * v + r * w) - added
+        if abs(slope) <= CLOSE * -first:
+            break
+        if slope < 0.0:
+            low = f_n
+        else:
+            high = f_n
+        f_n -= slope / bend
+        if not low < f_n < high:
+            f_n = 0.5 * (low + high) if high < np.inf else 2.0 * low
+    return m * p, m * q, f_n, t * r
 
 
 @compiled
 def _on_edges(Q, c, free, g):
-    """g (4,) with Q g = c where `free`, else 0, by elimination; Q (4, 4) is positive definite."""
-    M, x = np.zeros((4, 4)), np.zeros(4)
-    for i in range(4):
+    """g (n,) with Q g = c where `free`, else 0, by elimination; Q (n, n) is positive definite."""
+    n = len(c)
+    M, x = np.zeros((n, n)), np.zeros(n)
+    for i in range(n):
         M[i, i] = 1.0
         if free[i]:
             x[i] = c[i]
-            for j in range(4):
+            for j in range(n):
                 if free[j]:
                     M[i, j] = Q[i, j]
-    for i in range(4):
-        for j in range(i + 1, 4):
+    for i in range(n):
+        for j in range(i + 1, n):
             share = M[j, i] / M[i, i]
-            for k in range(i, 4):
+            for k in range(i, n):
                 M[j, k] -= share * M[i, k]
             x[j] -= share * x[i]
-    for i in range(3, -1, -1):
+    for i in range(n - 1, -1, -1):
         g[i] = x[i]
-        for j in range(i + 1, 4):
+        for j in range(i + 1, n):
             g[i] -= M[i, j] * g[j]
         g[i] /= M[i, i]
 
 
 @compiled
-def _pyramid(Q, c, mu, regular):
-    """f (f_1, f_2, f_n) = Σ g_i e_i of g ≥ 0 that minimise ½ fᵀ Q f − fᵀ c + ½ `regular` Σ g_i², e_i the four edges.
+def _pyramid(Q, c, mu, lever, regular):
+    """f (f_1, f_2, f_n, τ) = Σ g_i e_i of g ≥ 0 that minimise ½ fᵀ Q f − fᵀ c + ½ `regular` Σ g_i², e_i the edges.
 
     The signs of g and of its slopes are put right one at a time, the first that is wrong each time (Murty 1974).
     """
-    if mu <= 0.0:
-        return 0.0, 0.0, max(c[2], 0.0) / Q[2, 2]
-    P, d, g, free = np.empty((4, 4)), np.empty(4), np.empty(4), np.ones(4, np.bool_)
-    for i in range(4):
-        a, x = i // 2, mu if i % 2 == 0 else -mu
-        d[i] = c[2] + x * c[a]
-        for j in range(4):
-            b, y = j // 2, mu if j % 2 == 0 else -mu
-            P[i, j] = Q[2, 2] + x * Q[a, 2] + y * Q[2, b] + x * y * Q[a, b]
+    if mu <= 0.0:  # all edges are the normal
+        return 0.0, 0.0, max(c[2], 0.0) / Q[2, 2], 0.0
+    n = 6 if lever > 0.0 else 4
+    P, d, g, free = np.empty((n, n)), np.empty(n), np.empty(n), np.ones(n, np.bool_)
+    for i in range(n):
+        a, x = _edge(i, mu, lever)
+        d[i], row = c[2] + x * c[a], Q[2, 2] + x * Q[a, 2]
+        for j in range(i + 1):
+            b, y = _edge(j, mu, lever)
+            P[i, j] = P[j, i] = row + y * (Q[2, b] + x * Q[a, b])
         P[i, i] += regular
     for _ in range(MOST):
         _on_edges(P, d, free, g)
         wrong = -1
-        for i in range(3, -1, -1):
+        for i in range(n - 1, -1, -1):
             slope = d[i]
-            for j in range(4):
+            for j in range(n):
                 slope -= P[i, j] * g[j]
             if (g[i] < 0.0) if free[i] else (slope > CLOSE * abs(d[i])):
                 wrong = i
         if wrong < 0:
             break
         free[wrong] = not free[wrong]
-    for i in range(4):
+    for i in range(n):
         g[i] = max(g[i], 0.0)
-    return mu * (g[0] - g[1]), mu * (g[2] - g[3]), g[0] + g[1] + g[2] + g[3]
+    twist = lever * (g[4] - g[5]) if n > 4 else 0.0
+    return mu * (g[0] - g[1]), mu * (g[2] - g[3]), g.sum(), twist
+
+
+@compiled
+def _edge(i, mu, lever):
+    """Which component the edge has beside the normal one, and how much of it."""
+    a, x = (3, lever) if i > 3 else (i // 2, mu)
+    return a, x if i % 2 == 0 else -x
 
 
 @compiled
 def _compliance(W, r, A):
-    """K = 1 − [r]ₓ W [r]ₓ into A (3, 3), with W (3, 3) and r (3,)."""
+    """K = 1 − [r]ₓ W [r]ₓ into the first rows of A (4, 4), with W (3, 3) and r (3,); into the last what a couple about
+    the normal does: W n × r to the point, W_nn to the spin."""
     x, y, z = r[0], r[1], r[2]
     # rows of −[r]ₓ W
     for j in range(3):
@@ -185,65 +217,62 @@ def _compliance(W, r, A):
         a, b, c = A[i, 0], A[i, 1], A[i, 2]
         A[i, 0], A[i, 1], A[i, 2] = b * z - c * y, c * x - a * z, a * y - b * x
         A[i, i] += 1.0
+        A[i, 3] = A[3, i] = c
+    A[3, 3] = W[2, 2]
 
 
 @compiled
-def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, Bs, Ks, forces):
-    """Forces per mass of convex contacts, into `forces` (p, 3), which holds those of the step before.
+def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers, Bs, Ks, forces):
+    """Forces and couples about the normal per mass of convex contacts, into `forces` (p, 4), which holds those of the
+    step before.
 
     As in the plane: they are those of velocities in the middle of a step of h from `v`, `omega`; a and alpha (3,) are
     the accelerations of the body without contact, and are changed.
     """
     p = len(depths)
     pressing = 0
-    A, Q, c = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    A, Q, c, u, M, d = np.empty((4, 4)), np.empty((4, 4)), np.empty(4), np.empty(4), np.empty((3, 3)), np.empty(3)
     for k in range(p):
         if depths[k] <= 0.0:
             forces[k] = 0.0
             continue
         pressing += 1
-        _accelerate(forces[k, 0], forces[k, 1], forces[k, 2], rs[k], W, a, alpha)
+        f = forces[k]
+        _accelerate(f[0], f[1], f[2], f[3], rs[k], W, a, alpha)
     for _ in range(SWEEPS if pressing > 1 else 1):
         moved, total = 0.0, 0.0
         for k in range(p):
             if depths[k] <= 0.0:
                 continue
-            r, f, B, mu = rs[k], forces[k], Bs[k], mus[k]
+            r, f, B, mu, lever = rs[k], forces[k], Bs[k], mus[k], levers[k]
             _compliance(W, r, A)
-            u_1 = a[0] + alpha[1] * r[2] - alpha[2] * r[1] - A[0, 0] * f[0] - A[0, 1] * f[1] - A[0, 2] * f[2]
-            u_2 = a[1] + alpha[2] * r[0] - alpha[0] * r[2] - A[1, 0] * f[0] - A[1, 1] * f[1] - A[1, 2] * f[2]
-            u_n = a[2] + alpha[0] * r[1] - alpha[1] * r[0] - A[2, 0] * f[0] - A[2, 1] * f[1] - A[2, 2] * f[2]
-            s_1, s_2 = v[0] + omega[1] * r[2] - omega[2] * r[1], v[1] + omega[2] * r[0] - omega[0] * r[2]
-            v_n = v[2] + omega[0] * r[1] - omega[1] * r[0]
+            u[0], u[1] = a[0] + alpha[1] * r[2] - alpha[2] * r[1], a[1] + alpha[2] * r[0] - alpha[0] * r[2]
+            u[2], u[3] = a[2] + alpha[0] * r[1] - alpha[1] * r[0], alpha[2]
             half = 1.0 + 0.5 * B * h
-            c_n = Ks[k] * depths[k] - B * v_n - half * u_n
+            c[0] = -B * (v[0] + omega[1] * r[2] - omega[2] * r[1])
+            c[1] = -B * (v[1] + omega[2] * r[0] - omega[0] * r[2])
+            c[2] = Ks[k] * depths[k] - B * (v[2] + omega[0] * r[1] - omega[1] * r[0])
+            c[3] = -B * omega[2]
+            for i in range(4 if lever > 0.0 else 3):
+                u[i] -= A[i, 0] * f[0] + A[i, 1] * f[1] + A[i, 2] * f[2] + A[i, 3] * f[3]
+                c[i] -= half * u[i]
+                Q[i, 0], Q[i, 1], Q[i, 2], Q[i, 3] = half * A[i, 0], half * A[i, 1], half * A[i, 2], half * A[i, 3]
             largest = max(A[0, 0], A[1, 1])
             if kind == PYRAMID:
-                for i in range(3):
-                    for j in range(3):
-                        Q[i, j] = half * A[i, j]
-                c[0], c[1], c[2] = -B * s_1 - half * u_1, -B * s_2 - half * u_2, c_n
-                f_1, f_2, f_n = _pyramid(Q, c, mu, 2.0 * mu * mu * rho)
+                f_1, f_2, f_n, twist = _pyramid(Q, c, mu, lever, 2.0 * mu * mu * rho)
             else:
+                along = rho / ratio
+                about = along * mu * mu / (lever * lever) if lever > 0.0 else np.inf
+                Q[0, 0], Q[1, 1], Q[2, 2], Q[3, 3] = Q[0, 0] + along, Q[1, 1] + along, Q[2, 2] + rho, Q[3, 3] + about
                 # sticking: at the middle of a step that resolves it, or it would swing; else at its end
-                late = half if B * h * largest < half * largest + rho / ratio else 1.0 + B * h
-                for i in range(3):
-                    share = half if i == 2 else late
-                    for j in range(3):
-                        Q[i, j] = share * A[i, j]
-                    Q[i, i] += rho if i == 2 else rho / ratio
-                c[0], c[1], c[2] = -B * s_1 - late * u_1, -B * s_2 - late * u_2, c_n
-                f_1, f_2, f_n = _solved(Q, c)
-                if f_n < 0.0 or f_1 * f_1 + f_2 * f_2 > mu * mu * f_n * f_n:
-                    for i in range(2):
-                        for j in range(3):
-                            Q[i, j] = half * A[i, j]
-                        Q[i, i] += rho / ratio
-                    c[0], c[1] = -B * s_1 - half * u_1, -B * s_2 - half * u_2
-                    f_1, f_2, f_n = _circular_cone(Q, c, mu)
-            d_1, d_2, d_n = f_1 - f[0], f_2 - f[1], f_n - f[2]
-            _accelerate(d_1, d_2, d_n, r, W, a, alpha)
-            f[0], f[1], f[2] = f_1, f_2, f_n
+                later = 0.0 if B * h * largest < half * largest + along else 0.5 * B * h
+                f_1, f_2, f_n, twist = _sticking(Q, A, c, u, later, lever, M, d)
+                slip = (f_1 * f_1 + f_2 * f_2) / max(mu, LEAST) ** 2
+                if f_n < 0.0 or slip + (twist / lever if lever > 0.0 else 0.0) ** 2 > f_n * f_n:
+                    f_1, f_2, f_n, twist = _in_cone(Q, c, mu, lever, f[2])
+            d_1, d_2, d_n, d_t = f_1 - f[0], f_2 - f[1], f_n - f[2], twist - f[3]
+            _accelerate(d_1, d_2, d_n, d_t, r, W, a, alpha)
+            f[0], f[1], f[2], f[3] = f_1, f_2, f_n, twist
             moved = max(moved, abs(d_1) + abs(d_2) + abs(d_n))
             total += f_n
         if moved <= SETTLED * (total + 1e-12):
@@ -251,10 +280,36 @@ def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, Bs, Ks,
 
 
 @compiled
-def _accelerate(f_1, f_2, f_n, r, W, a, alpha):
-    """Add what a force at r does to the accelerations a and alpha (3,)."""
+def _sticking(Q, A, c, u, later, lever, M, d):
+    """f (f_1, f_2, f_n, τ) with Q f = c, friction and couple `later` in the step; τ is 0 without a lever.
+
+    M (3, 3) and d (3,) are room to work in.
+    """
+    for i in range(3):
+        share = 0.0 if i == 2 else later
+        d[i] = c[i] - share * u[i]
+        for j in range(3):
+            M[i, j] = Q[i, j] + share * A[i, j]
+    if lever <= 0.0:
+        f_1, f_2, f_n = _solved(M, d)
+        return f_1, f_2, f_n, 0.0
+    twist, pivot = c[3] - later * u[3], Q[3, 3] + later * A[3, 3]
+    for i in range(3):
+        column = (Q[i, 3] + (0.0 if i == 2 else later) * A[i, 3]) / pivot
+        d[i] -= column * twist
+        for j in range(3):
+            M[i, j] -= column * (Q[3, j] + later * A[3, j])
+    f_1, f_2, f_n = _solved(M, d)
+    for i, f in enumerate((f_1, f_2, f_n)):
+        twist -= (Q[3, i] + later * A[3, i]) * f
+    return f_1, f_2, f_n, twist / pivot
+
+
+@compiled
+def _accelerate(f_1, f_2, f_n, twist, r, W, a, alpha):
+    """Add what a force at r and a couple about the normal do to the accelerations a and alpha (3,)."""
     a[0], a[1], a[2] = a[0] + f_1, a[1] + f_2, a[2] + f_n
-    x, y, z = r[1] * f_n - r[2] * f_2, r[2] * f_1 - r[0] * f_n, r[0] * f_2 - r[1] * f_1
+    x, y, z = r[1] * f_n - r[2] * f_2, r[2] * f_1 - r[0] * f_n, r[0] * f_2 - r[1] * f_1 + twist
     for i in range(3):
         alpha[i] += W[i, 0] * x + W[i, 1] * y + W[i, 2] * z
 
@@ -341,7 +396,7 @@ def _rolled(T, squares, axes, radius, at):
 
 
 @compiled
-def integrate(force, r_0, points, stribeck, body, outline, velocity, spin, step, most):
+def integrate(force, r_0, points, friction, body, outline, velocity, spin, step, most):
     """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
 
     Args:
@@ -349,7 +404,7 @@ def integrate(force, r_0, points, stribeck, body, outline, velocity, spin, step,
             pyramid along the surface; share (n,) of the depth by which the force acts above the point.
         r_0: points (3, p, n) in m from the centre of mass, at the touch.
         points: gap in m, μ, D and L in m of each point, (4, p, n).
-        stribeck: s and v_s in m/s, (2, n).
+        friction: s and v_s in m/s of Stribeck's factor, and m_t in m of a convex contact, (3, n).
         body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
             flight, (3, n).
         outline: squares (3,) in m² of the semi-axes of an ellipsoid that rolls, axes of the body (3, 3, n) as columns
@@ -371,17 +426,17 @@ def integrate(force, r_0, points, stribeck, body, outline, velocity, spin, step,
     shift, turned, after, spun = np.zeros((3, n)), np.zeros((4, n)), velocity.copy(), spin.copy()
     elapsed, impulses = np.zeros(n), np.zeros((3, p, n))
     x, q, v, L, omega = np.zeros(3), np.zeros(4), np.zeros(3), np.zeros(3), np.zeros(3)
-    a, alpha, T, W, W_0, A = np.zeros(3), np.zeros(3), np.eye(3), np.eye(3), np.eye(3), np.eye(3)
+    a, alpha, T, W, W_0, A = np.zeros(3), np.zeros(3), np.eye(3), np.eye(3), np.eye(3), np.eye(4)
     beside, under, own = np.zeros(3), np.zeros(3), np.eye(3)
-    r, slid, forces = np.zeros((p, 3)), np.zeros((p, 2)), np.zeros((p, 3))
+    r, slid, forces = np.zeros((p, 3)), np.zeros((p, 2)), np.zeros((p, 4))
     push, depths, deepest, carried = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
-    mu, Bs, Ks = np.zeros(p), np.zeros(p), np.zeros(p)
+    mu, levers, Bs, Ks = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
     for i in range(n):
         h, t = step[i], 0.0
         q[0], q[1], q[2], q[3] = 1.0, 0.0, 0.0, 0.0
         x[:], v[:], L[:], omega[:] = 0.0, velocity[:, i], momenta[:, i], spin[:, i]
         W_0[:], own[:], mu[:] = W_0s[:, :, i], axes[:, :, i], mus[:, i]
-        deepest[:], carried[:], forces[:] = 0.0, 0.0, 0.0
+        deepest[:], carried[:], forces[:], levers[:] = 0.0, 0.0, 0.0, friction[2, i]
         _matrix(q, T)
         _rolled(T, squares, own, radius, beside)
         for _ in range(most[i]):
@@ -404,11 +459,11 @@ def integrate(force, r_0, points, stribeck, body, outline, velocity, spin, step,
                 r[k, 1] = under[1] + T[1, 0] * c_1 + T[1, 1] * c_2 + T[1, 2] * c_3
                 r[k, 2] += shares[i] * depths[k]
                 deepest[k] = max(deepest[k], depths[k])
-                if stribeck[0, i] != 0.0:
+                if friction[0, i] != 0.0:
                     s_1 = v[0] + omega[1] * r[k, 2] - omega[2] * r[k, 1]
                     s_2 = v[1] + omega[2] * r[k, 0] - omega[0] * r[k, 2]
-                    slow = np.exp(-(s_1 * s_1 + s_2 * s_2) / stribeck[1, i] ** 2)
-                    mu[k] = mus[k, i] * (1.0 + stribeck[0, i] * slow)
+                    slow = np.exp(-(s_1 * s_1 + s_2 * s_2) / friction[1, i] ** 2)
+                    mu[k] = mus[k, i] * (1.0 + friction[0, i] * slow)
             _turned_inertia(T, W_0, W)
             _times(W, L, omega)
             pressing = 0
@@ -418,7 +473,7 @@ def integrate(force, r_0, points, stribeck, body, outline, velocity, spin, step,
                     Bs[k], Ks[k] = B * (1.0 + share * rhos[i]), (SPEED / lengths[k, i]) ** 2 * (1.0 + share * rhos[i])
                 a[:] = accelerations[:, i]
                 _times(W, couples[:, i], alpha)
-                _convex(kind, h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, Bs, Ks, forces)
+                _convex(kind, h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, levers, Bs, Ks, forces)
                 for k in range(p):
                     push[k] = h * forces[k, 2]
                     pressing += push[k] > 0.0
@@ -450,6 +505,7 @@ def integrate(force, r_0, points, stribeck, body, outline, velocity, spin, step,
             for k in range(p):
                 if is_convex:
                     d_1, d_2 = h * forces[k, 0], h * forces[k, 1]
+                    L[2] += h * forces[k, 3]
                 elif push[k] == 0.0:
                     carried[k] = 0.0
                     continue

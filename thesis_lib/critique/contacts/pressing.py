@@ -11,10 +11,10 @@ too.  Per unit mass, with x the depth over L,
 Both forces of a convex contact follow from its program.
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
-the law is added to the impulse of each corner, at the velocity with which it touched.  Three are integrated with the
+the law is added to the impulse of each corner, at the velocity with which it touched.  Four are integrated with the
 rest: `tangential_compliance` is a spring along the surface; under `soft_body` the force acts in the chord that the
 surface cuts off, the higher the deeper the body sinks in; and in space the μ of `velocity_dependent_friction` follows
-the slip.
+the slip, and the couple of `torsional_friction` is in the program of a convex contact.
 """
 
 from collections.abc import Mapping
@@ -34,6 +34,7 @@ from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
+from thesis_lib.effects.torsional_friction import TorsionalFriction
 from thesis_lib.effects.velocity_dependent_friction import VelocityDependentFriction
 from thesis_lib.engines.parameters import PLANAR
 from thesis_lib.mechanics.contact import Contact, velocity_change
@@ -93,7 +94,8 @@ def all_points(rig: Rig, bodies: int) -> Rig:
 def integrates(law: Law, effect: Effect, space: Space) -> bool:
     """Whether the effect is part of the integrated motion; others have friction and place of their own."""
     if not space.is_plane:
-        return isinstance(effect, VelocityDependentFriction)
+        in_cone = isinstance(effect, TorsionalFriction) and isinstance(law.force, ConvexDamper)
+        return in_cone or isinstance(effect, VelocityDependentFriction)
     return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(
         law.force, ConvexDamper | PressureField
     )
@@ -198,8 +200,9 @@ def _in_space(
     force, n = at_corners.model.law.force or SPRING, len(frame)
     ratio, regularisation = _of_friction(at_corners, n)
     share = MIDDLE if isinstance(force, ConvexDamper) else 0.0
-    slowed = _parameters(at_corners, VelocityDependentFriction)
-    stribeck = np.stack([np.full(len(tiled), slowed.get(name, null))[:n] for name, null in (("s", 0.0), ("v_s", 1.0))])
+    resisted = {**_parameters(at_corners, VelocityDependentFriction), **_parameters(at_corners, TorsionalFriction)}
+    nulls = {"s": 0.0, "v_s": 1.0, "m_t": 0.0}
+    friction = np.stack([np.full(len(tiled), resisted.get(name, null))[:n] for name, null in nulls.items()])
     W, spin = at.mobility[:, :, :n], frame.spin
     G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)
     momentum, couple = (np.einsum("ijn,jn->in", G, u) for u in (spin, falling[:, 3:].T))
@@ -212,7 +215,7 @@ def _in_space(
         (force.kind, force.exponent, ratio, regularisation, np.full(n, share)),
         r,
         points,
-        stribeck,
+        friction,
         (W, momentum, a, couple),
         (outline.squares, axes, outline.radius),
         velocity,
