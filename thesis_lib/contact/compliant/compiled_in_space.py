@@ -396,6 +396,14 @@ def _rolled(T, squares, axes, radius, at):
 
 
 @compiled
+def _roll(share, couples, L):
+    """Add a share of couples (p, 2) about level axes to the angular momentum L (3,)."""
+    for k in range(len(couples)):
+        L[0] += share * couples[k, 0]
+        L[1] += share * couples[k, 1]
+
+
+@compiled
 def integrate(force, r_0, points, friction, body, outline, velocity, spin, step, most):
     """The motion of n bodies from their first touch until none of their p contact points is in the surface any more.
 
@@ -404,7 +412,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
             pyramid along the surface; share (n,) of the depth by which the force acts above the point.
         r_0: points (3, p, n) in m from the centre of mass, at the touch.
         points: gap in m, μ, D and L in m of each point, (4, p, n).
-        friction: s and v_s in m/s of Stribeck's factor, and m_t in m of a convex contact, (3, n).
+        friction: s and v_s in m/s of Stribeck's factor, m_t of a convex contact and m_r in m, (4, n).
         body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
             flight, (3, n).
         outline: squares (3,) in m² of the semi-axes of an ellipsoid that rolls, axes of the body (3, 3, n) as columns
@@ -430,13 +438,13 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
     beside, under, own = np.zeros(3), np.zeros(3), np.eye(3)
     r, slid, forces = np.zeros((p, 3)), np.zeros((p, 2)), np.zeros((p, 4))
     push, depths, deepest, carried = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
-    mu, levers, Bs, Ks = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p)
+    mu, levers, Bs, Ks, rolled = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
     for i in range(n):
         h, t = step[i], 0.0
         q[0], q[1], q[2], q[3] = 1.0, 0.0, 0.0, 0.0
         x[:], v[:], L[:], omega[:] = 0.0, velocity[:, i], momenta[:, i], spin[:, i]
         W_0[:], own[:], mu[:] = W_0s[:, :, i], axes[:, :, i], mus[:, i]
-        deepest[:], carried[:], forces[:], levers[:] = 0.0, 0.0, 0.0, friction[2, i]
+        deepest[:], carried[:], forces[:], levers[:], rolled[:] = 0.0, 0.0, 0.0, friction[2, i], 0.0
         _matrix(q, T)
         _rolled(T, squares, own, radius, beside)
         for _ in range(most[i]):
@@ -500,6 +508,8 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                     v[2] += push[k]
                     L[0] += r[k, 1] * push[k]
                     L[1] -= r[k, 0] * push[k]
+            if friction[3, i] > 0.0:  # friction expects the couples of the step before
+                _roll(1.0, rolled, L)
             _times(W, L, omega)
             along_1 = along_2 = 0.0
             for k in range(p):
@@ -524,6 +534,18 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                 impulses[1, k, i] += d_2
                 impulses[2, k, i] += push[k]
             v[0], v[1] = v[0] + along_1, v[1] + along_2
+            if friction[3, i] > 0.0:
+                _roll(-1.0, rolled, L)
+                _times(W, L, omega)
+                for k in range(p):
+                    x_1, x_2, x_3 = pressing * W[0, 0], pressing * W[0, 1], pressing * W[1, 1]
+                    rolled[k] = 0.0
+                    if push[k] > 0.0:
+                        most_k = friction[3, i] * push[k]
+                        rolled[k, 0], rolled[k, 1], _ = in_ball(
+                            x_1, x_2, 0.0, x_3, 0.0, 1.0, omega[0], omega[1], 0.0, most_k
+                        )
+                _roll(1.0, rolled, L)
             _times(W, L, omega)
             for j in range(3):
                 x[j] += 0.5 * h * v[j]

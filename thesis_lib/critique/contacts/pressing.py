@@ -31,6 +31,7 @@ from thesis_lib.contact.compliant.normal_force import ConvexDamper, NormalForce,
 from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.contact_time import IMPEDANCE
 from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.effects.contact_torque import ContactTorque
 from thesis_lib.effects.effect import Effect, Impulse, Rig
 from thesis_lib.effects.soft_body import SoftBody, lean
 from thesis_lib.effects.tangential_compliance import TangentialCompliance
@@ -95,7 +96,7 @@ def integrates(law: Law, effect: Effect, space: Space) -> bool:
     """Whether the effect is part of the integrated motion; others have friction and place of their own."""
     if not space.is_plane:
         in_cone = isinstance(effect, TorsionalFriction) and isinstance(law.force, ConvexDamper)
-        return in_cone or isinstance(effect, VelocityDependentFriction)
+        return in_cone or isinstance(effect, VelocityDependentFriction | ContactTorque)
     return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(
         law.force, ConvexDamper | PressureField
     )
@@ -200,8 +201,9 @@ def _in_space(
     force, n = at_corners.model.law.force or SPRING, len(frame)
     ratio, regularisation = _of_friction(at_corners, n)
     share = MIDDLE if isinstance(force, ConvexDamper) else 0.0
-    resisted = {**_parameters(at_corners, VelocityDependentFriction), **_parameters(at_corners, TorsionalFriction)}
-    nulls = {"s": 0.0, "v_s": 1.0, "m_t": 0.0}
+    kinds = (VelocityDependentFriction, TorsionalFriction, ContactTorque)
+    resisted = {name: value for kind in kinds for name, value in _parameters(at_corners, kind).items()}
+    nulls = {"s": 0.0, "v_s": 1.0, "m_t": 0.0, "m_r": 0.0}
     friction = np.stack([np.full(len(tiled), resisted.get(name, null))[:n] for name, null in nulls.items()])
     W, spin = at.mobility[:, :, :n], frame.spin
     G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)

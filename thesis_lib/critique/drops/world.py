@@ -22,7 +22,17 @@ from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.channels import IMPACT, SLIDE, concerned
 from thesis_lib.critique.likelihood.comparison import Comparison
-from thesis_lib.critique.likelihood.fit import ENOUGH_SINGLE, ROUNDS, SLOPE_STEP, Fit, Noise, fit, fit_each
+from thesis_lib.critique.likelihood.fit import (
+    ENOUGH_SINGLE,
+    ROUNDS,
+    SLOPE_STEP,
+    WIDER,
+    Fit,
+    Noise,
+    fit,
+    fit_each,
+    jumps,
+)
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.likelihood.whitening import Whitening, weight
@@ -208,8 +218,9 @@ class Drops(World[Effect, Fit, Judgement]):
             change = whitening.stacked({**values, name: values[name] + step}) - base
             return weights * change / step if np.abs(change).max(initial=0.0) > ROUNDING else 0.0 * change
 
+        share = SLOPE_STEP * (WIDER[-1] if jumps(model) else 1.0)
         columns = [
-            slope(here, fitted.values, name, inward(p, fitted.values[name], SLOPE_STEP * p.scale))
+            slope(here, fitted.values, name, inward(p, fitted.values[name], share * p.scale))
             for name, p in model.fitted_parameters.items()
         ]
         of_candidates = {}

@@ -27,6 +27,9 @@ from thesis_lib.foundation.errors import UserError
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
 MOST_TRIES = 4  # starts of a fit; of a discrete parameter each of its values
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
+# times that, of contacts in space that take time, at first: narrow differences see the jumps of single episodes, where
+# one more corner hits, and no slope.  The first is a fifth of a parameter's scale
+WIDER = (200.0, 40.0, 8.0)
 SHAPES = 2  # of an effect's shapes that are fitted, the best by their score tests
 ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # of an effect's size, one sigma: what a model of a contact that takes time errs by, and no scatter shows.  Of the first
@@ -208,11 +211,12 @@ def _fitting(
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
     unseen = model.unseen(observations.rig)  # stays 0
+    wider = WIDER if jumps(model) else ()
     for k in range(rounds):
         values |= dict(zip(free, x.tolist()))
         given = noise if k == 0 else None
         whitening = Whitening(model, observations, *given) if given else Whitening.at(model, values, observations)
-        search = levenberg_marquardt(x, low, high, step, ENOUGH if rounds > 1 else NEAR)
+        search = levenberg_marquardt(x, low, high, step, ENOUGH if rounds > 1 else NEAR, wider)
         points = next(search)
         while points:
             found = yield whitening, [{**values, **dict(zip(free, point.tolist()))} for point in points]
@@ -227,6 +231,11 @@ def _fitting(
     whitening = Whitening.at(model, values, observations)
     score = float(sum(part.sum() for part in whitening.log_scores(values)))
     return Fit(model, values, score, len(observations), whitening)
+
+
+def jumps(model: Model) -> bool:
+    """Whether what the model predicts of an episode jumps along its parameters by more than noise."""
+    return kind_of(model).integrated and not model.space.is_plane
 
 
 class _Search:

@@ -3,7 +3,7 @@
 Source: Marquardt 1963, doi:10.1137/0111030.
 """
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 
 import numpy as np
 
@@ -13,17 +13,24 @@ NEAR = 3e-2  # the same of a fit that is only compared; the step that gains it e
 
 
 def levenberg_marquardt(
-    x: np.ndarray, low: np.ndarray, high: np.ndarray, step: np.ndarray, enough: float = ENOUGH
+    x: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    step: np.ndarray,
+    enough: float = ENOUGH,
+    wider: Sequence[float] = (),
 ) -> Generator[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """Minimise |r(x)|² over x (p,) within the bounds `low`, `high`.
 
     It yields the points at which it needs r, gets r (N,) of each, and returns the best point; so several searches can
     share their calls.  `step` (p,) is that of finite differences; a step that gains less than `enough` is the last.
+    Before, the differences are so many times `wider`, one after the other, which lead over jumps of r.
     """
     (r,) = yield [x]
-    cost, damping = r @ r, 1e-3
+    cost, damping, widths = r @ r, 1e-3, [*wider, 1.0]
     for _ in range(STEPS):
-        h = np.where(x + step <= high, step, -step)
+        wide = widths[0] * step
+        h = np.where(x + wide <= high, wide, -wide)
         moved = yield list(x + np.diag(h))
         J = np.stack([(other - r) / h_i for other, h_i in zip(moved, h)], axis=1)
         JtJ, g = J.T @ J, J.T @ r
@@ -40,12 +47,14 @@ def levenberg_marquardt(
             (r_new,) = yield [new]
             cost_new = r_new @ r_new
             if cost_new < cost:
+                gain = cost - cost_new
+                x, r, cost, damping = new, r_new, cost_new, max(damping / 10.0, 1e-8)
                 break
             damping *= 10.0
         else:
-            return x
-        gain = cost - cost_new
-        x, r, cost, damping = new, r_new, cost_new, max(damping / 10.0, 1e-8)
+            gain, damping = 0.0, 1e-3
         if gain < enough:
+            del widths[0]
+        if not widths:
             return x
     return x
