@@ -19,7 +19,6 @@ excites comes out too small, as with known mass (`mass_ratio.treatments`).
 """
 
 import re
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,7 +55,6 @@ def solve_homogeneous(window: ContactWindow, unit: str = "m") -> Ratios:
     Raises:
         UserError: a force or a parameter is known, there is no such parameter, or more than the scale is undetermined.
     """
-    begin = time.process_time()
     if np.abs(window.f).max(initial=0.0) > FLOOR:
         raise UserError("the window has a known force or parameter, which sets the scale: use solve_mode_qp")
     if unit not in window.names:
@@ -76,8 +74,8 @@ def solve_homogeneous(window: ContactWindow, unit: str = "m") -> Ratios:
     theta, amplitude = theta / size, amplitude / size
     c_n, c_t = forces_of(window, edges, amplitude)
     cost = float(np.sum(window.residual(theta, c_n, c_t) ** 2))
-    answer = (PROGRAM, "singular value", admissible(window, theta, amplitude), theta, c_n, c_t, cost)
-    result = judged(window, *answer, time.process_time() - begin)
+    pushes = admissible(window, theta, amplitude)
+    result = judged(window, PROGRAM, "singular value", pushes, theta, c_n, c_t, cost)
     one = theta[window.names.index(unit)] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
     result = replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one)
     return Ratios(unit, result, values)

@@ -22,7 +22,6 @@ the solution.
 Sources: thesis section 2.3.2; P. Goulart, Y. Chen, Clarabel, arXiv 2405.12762.
 """
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -84,7 +83,6 @@ def solve_mode_qp(
     window: ContactWindow, program: Program = "2.12", *, dynamics_tolerance: float = RESIDUAL_TOLERANCE
 ) -> ProgramResult:
     """Global minimum of a program on a window; `dynamics_tolerance` as in `result.judged`."""
-    begin = time.process_time()
     edges = edges_of(window, program)
     free = edges[edges.price == 0.0]
     theta, amplitude, misfit = least_squares(window, free)
@@ -101,8 +99,7 @@ def solve_mode_qp(
     cost = float(edges.price @ amplitude / F)
     if program != "2.14":
         cost += float(np.sum((window.residual(theta, c_n, c_t) / F) ** 2))
-    answer = (program, solver, claimed, theta, c_n, c_t, cost, time.process_time() - begin)
-    return judged(window, *answer, dynamics_tolerance=dynamics_tolerance)
+    return judged(window, program, solver, claimed, theta, c_n, c_t, cost, dynamics_tolerance=dynamics_tolerance)
 
 
 def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
