@@ -4,10 +4,9 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.figures.chapter2.forces import figure_2_10, figure_2_11
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.identify.settings import WheelStudy
@@ -29,5 +28,4 @@ drawn = {
     "figure_2_10": figure_2_10(study.motion_by_mass(settings, bodies)),
     "figure_2_11": figure_2_11(study.example_forces(stream("figure"), settings, bodies)),
 }
-for name, (figure, table) in drawn.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures(drawn, snakemake.output[0])

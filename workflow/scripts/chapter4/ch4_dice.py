@@ -9,7 +9,7 @@ from pathlib import Path
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.chapter4 import belief, dice
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
@@ -55,5 +55,4 @@ drawn = {
     "figure_budget": dice.figure_budget(tables["dice_budget"]),
     "figure_calibration": belief.figure_calibration(*results.calibration(*calibrated)),
 }
-for stem, figure in drawn.items():
-    save_figure(*figure, Path(snakemake.output.dice).with_name(stem))
+save_figures(drawn, snakemake.output.dice)
