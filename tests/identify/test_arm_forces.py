@@ -18,7 +18,6 @@ from thesis_lib.identify.arm.parameters import (
 from thesis_lib.identify.arm.shooting import (
     Candidates,
     Shooting,
-    Stage,
     _arrow_step,
     equal_segments,
     measured,
@@ -152,7 +151,7 @@ def test_arrow_elimination_equals_the_full_normal_equations(records, rng):
     record = records[0]
     noisy = add_noise(record, 40.0, rng)
     shooting = Shooting(ARM, measured(noisy.q, noisy.v, record.f_ext, record.h, MU))
-    stage = Stage(((0, 8), (8, 16)))
+    stage = ((0, 8), (8, 16))
     p = free_coordinates(base_of(ARM), L1)[None] + 0.05
     x = shooting.z[[0, 8]][None]
     r, J = shooting.differences(stage, p, x)
@@ -177,7 +176,7 @@ def test_short_segments_draw_a_blind_start_near_the_truth(records, rng):
     shooting = Shooting(ARM, measured(noisy.q, noisy.v, record.f_ext, record.h, MU))
     stage = equal_segments(record.steps, 10)
     p = free_coordinates(2.0 * base_of(ARM), L1)[None]
-    x = shooting.z[[start for start, _ in stage.segments]][None]
+    x = shooting.z[[start for start, _ in stage]][None]
     found = shooting.minimise(stage, Candidates(p, x, np.full(1, np.inf)), 20)
     assert np.abs(from_free(found.p[0], L1) / base_of(ARM) - 1.0).max() < 0.3
 

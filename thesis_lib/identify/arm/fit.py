@@ -93,14 +93,14 @@ def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, 
 
 
 def _whole(data: ArmData, stop: int | None = None) -> Stage:
-    return Stage(((0, data.steps if stop is None else stop),))
+    return ((0, data.steps if stop is None else stop),)
 
 
 def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -> Candidates:
     """The candidates that best predict short segments from the measured states."""
     stage = equal_segments(shooting.data.steps, settings.segments[0])
     p = free_coordinates(theta, shooting.arm.link_lengths[0])
-    x = np.tile(shooting.z[[start for start, _ in stage.segments]], (len(p), 1, 1))
+    x = np.tile(shooting.z[[start for start, _ in stage]], (len(p), 1, 1))
     r = shooting.residuals(stage, p, x)
     chi2 = np.nan_to_num(np.einsum("nsr,nsr->ns", r, r), nan=np.inf) / r.shape[2]
     # the logarithm: a start slightly on the wrong side of a contact spoils its segment for every candidate
@@ -118,7 +118,7 @@ def _grown(shooting: Shooting, point: Candidates, settings: ArmFitSettings, grow
     old = stages[0]
     for stage in stages:
         point = shooting.minimise(stage, shooting.moved(point, old, stage), settings.iterations)
-        if len(stage.segments) == 1:
+        if len(stage) == 1:
             point = _distinct(point)
         old = stage
     return point

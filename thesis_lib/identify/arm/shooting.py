@@ -29,6 +29,7 @@ STEP = 1e-6  # of a parameter or a state: forward differences, whose rounding is
 DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that an iteration tries side by side
 SETTLED = 1e-3  # relative fall of χ² in an iteration
 LARGEST_STEP = 1.5  # of a logarithm: no parameter changes by more than a factor of 4.5 in an iteration
+Stage = tuple[tuple[int, int], ...]  # segments (start, stop) in steps, each predicted from a free start
 CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off there
 
 
@@ -48,13 +49,6 @@ class ArmData:
     def steps(self) -> int:
         """Number of steps m."""
         return len(self.f_ext)
-
-
-@dataclass(frozen=True)
-class Stage:
-    """Segments (start, stop) in steps, each predicted from a free start."""
-
-    segments: tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
@@ -125,7 +119,7 @@ def measured(q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: floa
 def equal_segments(steps: int, length: int) -> Stage:
     """The whole motion in segments of about `length` steps."""
     edges = np.linspace(0, steps, max(round(steps / length), 1) + 1).round().astype(int)
-    return Stage(tuple(zip(edges[:-1].tolist(), edges[1:].tolist())))
+    return tuple(zip(edges[:-1].tolist(), edges[1:].tolist()))
 
 
 class Shooting:
@@ -149,11 +143,11 @@ class Shooting:
         """Whitened residuals (n, S, (L+1) 10) for p (n, 6), x (n, S, 10): zero beyond a segment's end, NaN without a
         solution."""
         n, S = x.shape[:2]
-        lengths = np.array([stop - start for start, stop in stage.segments])
+        lengths = np.array([stop - start for start, stop in stage])
         L = int(lengths.max())
         f_ext, z = np.zeros((S, L, 5)), np.zeros((S, L + 1, 10))
         inside = np.arange(L + 1) <= lengths[:, None]
-        for s, (start, stop) in enumerate(stage.segments):
+        for s, (start, stop) in enumerate(stage):
             f_ext[s, : stop - start] = self.data.f_ext[start:stop]
             z[s, : stop - start + 1] = self.z[start : stop + 1]
         forces = f_ext if S == 1 else np.tile(f_ext, (n, 1, 1))
@@ -236,9 +230,9 @@ class Shooting:
 
     def moved(self, point: Candidates, old: Stage, new: Stage) -> Candidates:
         """The candidates with starts for the segments of stage `new`, simulated from those of `old`."""
-        x = np.empty((len(point.p), len(new.segments), 10))
-        begins = [start for start, _ in old.segments]
-        for j, (start, _) in enumerate(new.segments):
+        x = np.empty((len(point.p), len(new), 10))
+        begins = [start for start, _ in old]
+        for j, (start, _) in enumerate(new):
             i = max(k for k, begin in enumerate(begins) if begin <= start)
             x[:, j] = point.x[:, i]
             if begins[i] < start:
@@ -246,7 +240,7 @@ class Shooting:
                 x[:, j] = np.concatenate([out.q[:, -1], out.v[:, -1]], axis=1)
         # where that simulation has no solution, the measured states
         lost = ~np.isfinite(x).all(axis=2)
-        x[lost] = np.broadcast_to(self.z[[start for start, _ in new.segments]], x.shape)[lost]
+        x[lost] = np.broadcast_to(self.z[[start for start, _ in new]], x.shape)[lost]
         return Candidates(point.p, x, np.full(len(x), np.inf))
 
 

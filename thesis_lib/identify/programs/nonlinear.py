@@ -79,22 +79,18 @@ class ContactProgram:
         c_t[self.step, self.pair] = self.F * (plus - minus)
         return self.T * theta, c_n, c_t
 
-    def solve(self, point: np.ndarray, solver: str) -> tuple[bool, float, np.ndarray]:
-        """Solve from a point: whether the solver claims success, the cost, and the solution."""
+    def answer(self, point: np.ndarray, solver: str) -> ProgramResult:
+        """The program solved from a point by "snopt" or "ipopt", with a judged status."""
         constrained = self.program in ("2.12", "2.13")
         bounds = RELAXATION if constrained and self.products == "relaxed" else (0.0,)
         for bound in bounds:
             claimed, cost, point = self._solve_once(point, solver, bound)
             if not np.isfinite(point).all():
                 break
-        return claimed, cost, point
-
-    def answer(self, point: np.ndarray, solver: str) -> ProgramResult:
-        """The program solved from a point by "snopt" or "ipopt", with a judged status."""
-        claimed, cost, point = self.solve(point, solver)
         return judged(self.window, self.program, solver, claimed, *self.unscaled(point), cost)
 
     def _solve_once(self, point: np.ndarray, solver: str, bound: float) -> tuple[bool, float, np.ndarray]:
+        """Whether the solver claims success, the cost, and the solution."""
         from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver
 
         prog = MathematicalProgram()
