@@ -24,6 +24,7 @@ from typing import Self
 import numpy as np
 
 from thesis_lib.bodies.lying import lying_angle
+from thesis_lib.bodies.solids import UP
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.likelihood.beside import Beside
@@ -31,8 +32,7 @@ from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.impacts.found import FoundImpacts
-from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides
-from thesis_lib.datasets.impacts.supports_in_space import UP, resting_and_sliding
+from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides, resting_and_sliding
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -58,7 +58,7 @@ class OnSurface:
     @classmethod
     def of(cls, found: Supported) -> Self:
         """Those that were found."""
-        return cls(State.of(found.q, found.v, found.trial, found.t), found.variance)
+        return cls(found.state, found.variance)
 
     def of_trials(self, trials: np.ndarray) -> Self:
         """Those of the given trials."""
@@ -95,7 +95,7 @@ class Slides(OnSurface):
     @classmethod
     def of(cls, found: Supported) -> Self:
         """Those that were found."""
-        return cls(State.of(found.q, found.v, found.trial, found.t), found.variance, found.measured)
+        return cls(found.state, found.variance, found.measured)
 
     def of_trials(self, trials: np.ndarray) -> Self:
         """Those of the given trials."""
