@@ -58,8 +58,7 @@ def _new(name: str, as_json: bool) -> int:
 
 def _check(files: Sequence[str], as_json: bool) -> int:
     from thesis_lib.commands.additions import note
-    from thesis_lib.extensions.check import results
-    from thesis_lib.extensions.loading import read_file
+    from thesis_lib.extensions.loading import read_file, results
     from thesis_lib.extensions.registry import add
 
     rows: list[dict[str, str]] = []

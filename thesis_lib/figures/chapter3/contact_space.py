@@ -22,7 +22,7 @@ from thesis_lib.figures.planar_drawing import Sketch
 from thesis_lib.figures.style import GREY, INK, PANELS, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.predictive_range import admissible_outline, region
-from thesis_lib.impact_study.shown_impacts import spin_reversal_case, zero_friction_case
+from thesis_lib.impact_study.shown import spin_reversal_case, zero_friction_case
 from thesis_lib.impact_study.tables import VARIANTS
 from thesis_lib.mechanics.contact import Contact
 

@@ -73,7 +73,7 @@ def projected(window: ContactWindow) -> tuple[np.ndarray, np.ndarray]:
 
 
 def identifiability(window: ContactWindow) -> Identifiability:
-    """Rank, null space and excitation of a window, with the reasons for any deficiency."""
+    """Rank and null space of a window, with the reasons for any deficiency."""
     Y, _ = projected(window)
     n = Y.shape[2]
     size = np.linalg.norm(window.Y.reshape(-1, n), axis=0)
