@@ -139,8 +139,8 @@ def run_batch(
     out = Path(out)
     named = _names(paths, out)
     with _only_one(out):
-        code = _code()
         of_ones_own = (tuple(files), tuple(additions)) if additions else ()
+        code = lib_hash(run.__file__)  # of the modules that a critique runs
         settings = {"seed": seed, "effects": effects and list(effects), "code": code, "additions": list(additions)}
         keys = {name: _key(Path(os.path.realpath(path)), settings) for name, path in named.items()}
         skipped = [name for name in named if _is_done(out, name, keys[name])]
@@ -250,11 +250,6 @@ def _key(path: Path, settings: Mapping[str, object]) -> str | None:
     except (OSError, FileProblem):
         return None
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
-
-
-def _code() -> str:
-    """Hash of the modules that a critique runs."""
-    return lib_hash(run.__file__)
 
 
 def _written(folder: Path) -> dict[str, str]:

@@ -16,12 +16,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
+from thesis_lib.foundation.files import FLOAT_FORMAT
 from thesis_lib.ledger.format import Claim
 
 
@@ -92,11 +91,6 @@ def to_table(results: Sequence[Result]) -> pd.DataFrame:
         for r in results
     ]
     return pd.DataFrame(rows, columns=list(COLUMNS), dtype=object)
-
-
-def write_results(results: Sequence[Result], path: str | Path) -> None:
-    """Write claims.csv, atomically and with reproducible bytes."""
-    write_table(to_table(results), path)
 
 
 def count_statuses(results: Sequence[Result]) -> dict[ClaimStatus, int]:

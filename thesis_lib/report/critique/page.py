@@ -78,7 +78,7 @@ def report_html(
             *("added", effects.ladder_text(critique, d, ladder), drawn.get("ladder"), effects.moved(critique)),
             *(drawn.get("parameters"), tables.parameters_table(critique)),
         ),
-        "Which model is right": ("models", *_models(made), drawn.get("models")),
+        "Which model is right": ("models", tables.models(made.get("models")), drawn.get("models")),
         "What could not be told, and what would tell": ("untold", effects.untold(d), text.following(d)),
         "What these data could have shown": ("power", text.power(d), tables.detectable_table(d)),
         "Tables": ("tables", tables.comparison_table(made, models), tables.left_out_table(d)),
@@ -101,15 +101,6 @@ def report_html(
         key_numbers=_key_numbers(d, ladder),
         script=impacts.SCRIPT.read_text(encoding="utf-8"),
     )
-
-
-def _models(made: Mapping[str, pd.DataFrame]) -> tuple[Markup, ...]:
-    """The comparison of laws and engines, where it was asked for."""
-    if "models" not in made:
-        return ()
-    from thesis_lib.report.critique.tables import models
-
-    return (models(made["models"]),)
 
 
 def _description(critique: DropsCritique) -> Markup:
