@@ -111,11 +111,11 @@ def mirrored(quaternion: np.ndarray, axis: int) -> np.ndarray:
     return quaternion * sign
 
 
-def turning(motion: Motion) -> np.ndarray:
-    """Rotation vectors (n - 1, 3) in rad from each sample to the next, in the axes of the recording."""
+def turning(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation vectors (n - 1, 3) in rad from each orientation (n, 4) to the next, in the axes of the recording."""
     from scipy.spatial.transform import Rotation
 
-    whole = Rotation.from_quat(motion.quaternion)
+    whole = Rotation.from_quat(quaternion)
     return (whole[1:] * whole[:-1].inv()).as_rotvec()
 
 

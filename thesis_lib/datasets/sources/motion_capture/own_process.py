@@ -106,7 +106,7 @@ def main(form: str) -> None:
     os.dup2(2, 1)
     content = io.BytesIO()
     paths = os.fsdecode(sys.stdin.buffer.read()).split("\0")
-    np.savez(content, **{"c3d": _of_c3d, "tensors": _of_tensors}[form](paths))
+    np.savez(content, **{"c3d": _of_c3d, "tensors": _of_tensors}[form](paths))  # pyright: ignore[reportArgumentType]
     with os.fdopen(answer, "wb") as out:
         out.write(content.getvalue())
 
