@@ -38,7 +38,6 @@ WHAT = {
     "slide": ("Δ acceleration in a slide (m/s²)", 1.0),
     "gap": ("Δ gap (mm)", 1e3),
 }
-SYMBOLS = {"v_x": "$v_x$", "v_y": "$v_y$", "a_x": "$a_x$", "a_y": "$a_y$", "φ_n": "$φ_n$"}
 KEPT_EVERY = 97  # of the numbers; coprime to the grids, so that it touches all rows and columns
 
 
@@ -91,7 +90,7 @@ def _draw_plane(figure: Figure, ax: Axes, rows: pd.DataFrame) -> None:
 def _draw_curve(ax: Axes, rows: pd.DataFrame, label: str, factor: float) -> None:
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     for look, (name, part) in zip(LOOKS, rows.groupby("series", sort=False)):
-        ax.plot(part["at"], factor * part["value"], label=SYMBOLS.get(name, f"${name}$"), **look)
+        ax.plot(part["at"], factor * part["value"], label=f"${name}$", **look)
     over = rows["over"].iloc[0]
     at_impact = over == "v_n" and rows["panel"].iloc[0] == "gap"
     ax.set(xlabel="$v_n$ before impact (m/s)" if at_impact else AXES[over], ylabel=label)

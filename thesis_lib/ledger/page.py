@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from thesis_lib.foundation.files import write_text
+from thesis_lib.ledger.checks import Interval, Threshold, Within
 from thesis_lib.ledger.result import ClaimStatus, Result, count_statuses, summary_line
 from thesis_lib.pages import page
 
@@ -29,7 +30,7 @@ HEADINGS = {  # heading: class that sets the column's width
     "Published": "value",
     "Ours": "value",
     "Difference": "difference",
-    "ClaimStatus": "found",
+    "Status": "found",
 }
 
 
@@ -72,7 +73,7 @@ def _cells(result: Result) -> dict:
     difference = f"{result.difference:+.3g}{unit}" if numeric else ""
     if result.relative_difference == result.relative_difference:
         difference += f" ({100 * result.relative_difference:+.3g}\u00a0%)"
-    published = f"{result.published}{unit}" if numeric or _is_number(result.published) else result.published
+    published = result.published + unit * isinstance(claim.check, Within | Interval | Threshold)
     reason = result.reason
     if numeric and result.status is ClaimStatus.DEVIATES:
         reason = claim.note or "reason unknown"  # the difference has its own column
@@ -85,11 +86,3 @@ def _cells(result: Result) -> dict:
         "reason": reason,
         "weak": claim.weak if result.status is ClaimStatus.REPRODUCED else None,
     }
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.removeprefix("> ").removeprefix("< "))
-    except ValueError:
-        return False
-    return True

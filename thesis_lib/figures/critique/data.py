@@ -16,7 +16,7 @@ from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.results.tables import left_out_impacts
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.critique.where import axis_label
-from thesis_lib.figures.marks import BLUE, RED, note
+from thesis_lib.figures.marks import BLUE, RED, note, turned
 from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
 from thesis_lib.mechanics.state import State
 
@@ -110,16 +110,13 @@ def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
     ax.plot(x[shown], y[shown], ".", color="0.6", markersize=1.6, zorder=1)
     rows = [("path", "sample", a, b, np.nan, trial) for a, b in zip(x[shown], y[shown])]
     outline = o.rig.shape.outline(60)
-    outline = np.concatenate([outline, outline[:1]])
     played = {(i, k) for i, first, n in zip(o.trial, o.impact, o.hits) for k in range(first, first + n)}
     hits = hits.assign(used=[pair in played for pair in zip(hits["trial"], hits["impact"])])
     for hit in hits.itertuples():
         angle, at_x, at_y = (np.interp(hit.t, t, values) for values in (theta, x, y))
-        cos, sin = np.cos(angle), np.sin(angle)
         color, dash = (USED, "-") if hit.used else (LEFT_OUT, (0, (2, 1.5)))
-        edge_x = at_x + cos * outline[:, 0] - sin * outline[:, 1]
-        edge_y = at_y + sin * outline[:, 0] + cos * outline[:, 1]
-        ax.plot(edge_x, edge_y, color=color, linewidth=0.8, linestyle=dash, zorder=2)
+        edge = turned(outline, angle) + [at_x, at_y]
+        ax.plot(*edge.T, color=color, linewidth=0.8, linestyle=dash, zorder=2)
         ax.plot(at_x, at_y, "o" if hit.used else "x", color=color, markersize=3.5, zorder=4)
         rows.append(("path", "impact" if hit.used else "impact left out", at_x, at_y, np.nan, trial))
     for i in np.flatnonzero(o.trial == trial):

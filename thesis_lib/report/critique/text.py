@@ -15,8 +15,9 @@ from thesis_lib.critique.results.summary import MUCH_LEFT_OUT, much_left_out
 from thesis_lib.critique.results.titles import addition_title, law_title, origin_text
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
+from thesis_lib.pages import element
 from thesis_lib.report.critique.tables import states_table
-from thesis_lib.report.elements import amount, bullets, fitted, heading, interval, paragraph, percent
+from thesis_lib.report.elements import amount, bullets, fitted, interval, paragraph, percent
 from thesis_lib.statistics.wording import listed, number
 
 NOISE_SOURCES = {"arcs": "estimated from the arcs", "differences": "estimated from differences of neighbouring samples"}
@@ -148,7 +149,7 @@ def following(d: Mapping) -> Markup:
     proposed = d.get("next_experiment")
     if not proposed or not proposed.get("why"):
         return Markup()
-    return heading("The next experiment") + paragraph(str(proposed["why"])) + states_table(proposed)
+    return element("heading", "The next experiment") + paragraph(str(proposed["why"])) + states_table(proposed)
 
 
 def power(d: Mapping) -> Markup:
