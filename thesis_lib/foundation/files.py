@@ -45,13 +45,16 @@ def atomic(path: str | Path) -> Iterator[Path]:
         raise
 
 
-def write_table(table: pd.DataFrame, path: str | Path) -> None:
-    """Write a table as CSV (or Parquet, by suffix), atomically and with reproducible bytes."""
+def write_table(table: pd.DataFrame, path: str | Path, float_format: str | None = FLOAT_FORMAT) -> None:
+    """Write a table as CSV (or Parquet, by suffix), atomically and with reproducible bytes.
+
+    Without `float_format`, numbers are the shortest text that reads back to the same bits.
+    """
     with atomic(path) as tmp:
         if tmp.suffix == ".parquet":
             table.to_parquet(tmp, index=False)
         else:
-            table.to_csv(tmp, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+            table.to_csv(tmp, index=False, float_format=float_format, lineterminator="\n")
 
 
 def write_result(table: pd.DataFrame, path: str | Path) -> None:

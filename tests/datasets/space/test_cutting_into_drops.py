@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.datasets.in_space import BODIES, UP, Take, take
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import body_of_markers
 from thesis_lib.datasets.space.drops import IN_THE_AIR, SPATIAL, Cuts, Drop, cut_drops, impact_shares
 from thesis_lib.datasets.space.flights import find_flights, follow
-from thesis_lib.datasets.space.markers import body_of_markers
 from thesis_lib.figures.cuts import draw_cuts
 
 G = 9.81

@@ -23,7 +23,6 @@ from typing import Self
 
 import numpy as np
 
-from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.bodies.solids import UP
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.critique.contacts.dynamics import Dynamics
@@ -75,7 +74,7 @@ class Rests(OnSurface):
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Gap in m and lean in rad (m, 2)."""
         true = dynamics.to_true(self.state)
-        flat = lying_angle(dynamics.rig.shape, true.theta)
+        flat = dynamics.rig.shape.lying(true.theta)
         return np.stack([dynamics.gap(true.moved(theta=flat)), true.theta - flat], axis=1)
 
     def less(self, residuals: np.ndarray) -> Self:

@@ -54,9 +54,8 @@ class NoiseEstimate:
     contact_spread: float = 0.0  # s, see `arcs`
     lag1: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # ρ; near 0 for white noise
     colour: np.ndarray = field(default_factory=lambda: np.ones(3))  # factor by which covariances exceed white noise's
-    stray: np.ndarray = field(
-        default_factory=lambda: np.zeros(3)
-    )  # accelerations beyond gravity, m/s², rad/s² (`arcs`)
+    # accelerations beyond gravity, m/s², rad/s² (`arcs`)
+    stray: np.ndarray = field(default_factory=lambda: np.zeros(3))
     stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # the header's; NaN if none or not believed
 
     def variance(self, walls: bool) -> np.ndarray:

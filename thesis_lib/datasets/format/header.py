@@ -1,6 +1,6 @@
 """dataset.yaml as typed, checked data (dataset format, schema 1)."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -38,13 +38,18 @@ class Header(Section):
 
     @model_validator(mode="after")
     def _surroundings_agree(self) -> "Header":
-        if self.surfaces is None:
-            return self
-        if not self.surfaces:
-            raise ValueError("surfaces holds no wall")
-        if "surface" in self.model_fields_set:
-            raise ValueError("there are surface and surfaces; give one of them")
-        names = [wall.name for wall in self.surfaces]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")
+        require_distinct(self, "wall")
         return self
+
+
+def require_distinct(header: Any, one: str) -> None:
+    """ValueError where a header has surfaces, each `one`, beside its surface, none of them, or two of one name."""
+    if header.surfaces is None:
+        return
+    if not header.surfaces:
+        raise ValueError(f"surfaces holds no {one}")
+    if "surface" in header.model_fields_set:
+        raise ValueError("there are surface and surfaces; give one of them")
+    names = [surface.name for surface in header.surfaces]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")

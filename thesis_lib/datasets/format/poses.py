@@ -11,9 +11,8 @@ from thesis_lib.bodies.solid_body import UNIT
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
 from thesis_lib.datasets.format.validate import UsableRows
 
-EXACT = (
-    4.0 * np.finfo(float).eps
-)  # how far from 1 a length stays that is not touched, so that what is written reads back
+# how far from 1 a length stays that is not touched, so that what is written reads back
+EXACT = 4.0 * np.finfo(float).eps
 
 
 def whole_poses(table: UsableRows) -> UsableRows:

@@ -9,6 +9,7 @@ from thesis_lib.bodies.body import Positive
 from thesis_lib.bodies.shapes import Coordinate
 from thesis_lib.bodies.solid_body import FlatSurface, NamedSurface, NoiseInSpace, SolidBody, Tracked, Vector, direction
 from thesis_lib.bodies.walls import MOST
+from thesis_lib.datasets.format.header import require_distinct
 from thesis_lib.foundation.settings import Section
 
 UNKNOWN = "unknown"  # pose of the tracked frame in the body
@@ -49,17 +50,9 @@ class SpaceHeader(Section):
 
     @model_validator(mode="after")
     def _surroundings_agree(self) -> "SpaceHeader":
-        if self.surfaces is None:
-            if self.surface.normal is None and not any(self.gravity):
-                raise ValueError("without gravity nothing says how the surface lies; give surface.normal")
-            return self
-        if not self.surfaces:
-            raise ValueError("surfaces holds no surface")
-        if "surface" in self.model_fields_set:
-            raise ValueError("there are surface and surfaces; give one of them")
-        names = [surface.name for surface in self.surfaces]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")
+        require_distinct(self, "surface")
+        if self.surfaces is None and self.surface.normal is None and not any(self.gravity):
+            raise ValueError("without gravity nothing says how the surface lies; give surface.normal")
         return self
 
     @property

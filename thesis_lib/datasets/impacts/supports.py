@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import theilslopes
 
-from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.bodies.solids import UP
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.datasets.flights.parabolas import Hits
@@ -61,7 +60,7 @@ def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) 
     first, q, count = first[near], q[near], count[near]
     if len(q) < FEWEST:
         return None
-    flat = lying_angle(header.body.shape, q[:, 2])
+    flat = header.body.shape.lying(q[:, 2])
     side = np.round(np.remainder(flat + LEANS, 2.0 * np.pi), 6)
     sides, of = np.unique(side, return_inverse=True)
     measured = np.stack([q[:, 1], q[:, 2] - flat], axis=1)
@@ -254,6 +253,6 @@ def _mean_states(states: State, samples: Samples, first: np.ndarray, last: np.nd
 def _near(header: Header, q: np.ndarray) -> np.ndarray:
     """Mask (m,) of poses (m, 3) of a body that lies on the believed surface."""
     shape = header.body.shape
-    flat = lying_angle(shape, q[:, 2])
+    flat = shape.lying(q[:, 2])
     gap = shape.gap(q[:, 1], flat, header.surface.height)
     return (np.abs(gap) < NEAR * shape.extent) & (np.abs(q[:, 2] - flat) < LEANS)
