@@ -51,7 +51,7 @@ def plain_ratio(
     slides = np.abs(v_t) > TOLERANCE * v_t_std + EXACT
     sign = np.where(slides, -np.sign(v_t), 0.0)
 
-    low, high = np.log(np.array(SEARCH) / _extent(body) ** 2)
+    low, high = np.log(np.array(SEARCH) / body.shape.extent**2)
     for _ in range(_REFINEMENTS):
         grid = np.linspace(low, high, _GRID)
         best = int(np.argmin(_cost(np.exp(grid), b, J_n, J_t, mu, sign)))
@@ -83,10 +83,6 @@ def _lowest_pair(
     ahead = contacts.phi + h * np.einsum("kpi,ki->kp", contacts.J_n, v_free)
     at = np.arange(len(q)), ahead.argmin(axis=1)
     return ahead[at], contacts.J_n[at], contacts.J_t[at]
-
-
-def _extent(body: PlanarFreeBody) -> float:
-    return float(np.linalg.norm(body.shape.outline(), axis=1).max())
 
 
 def _cost(

@@ -75,7 +75,8 @@ def dice_tables(
     ]
     coverage = pd.concat(coverages, ignore_index=True)
     whole["calibration"] = coverage[["model", "kind", *coverage.columns.drop(["model", "kind"])]]
-    whole["budget"] = _budget(whole["budget"])
+    budgets = whole["budget"].drop(columns="split").groupby(["model", "contact"], sort=False)
+    whole["budget"] = budgets.mean().reset_index()
 
     def summarised(summarise: Callable, *names: str) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
         """The summary of tables of all throws, with the spread over the summaries of parts; and these."""
@@ -134,11 +135,6 @@ def belief_widths(
             row |= {name: float(np.median(values[known])), f"{name}_error": error}
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _budget(table: pd.DataFrame) -> pd.DataFrame:
-    """Means over parts of a table of the budget, the order of models kept."""
-    return table.drop(columns="split").groupby(["model", "contact"], sort=False).mean().reset_index()
 
 
 def stacked(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:

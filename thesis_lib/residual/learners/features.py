@@ -21,14 +21,8 @@ import numpy as np
 
 from thesis_lib.contact.space import contact_space, measured_impulse, residual_couple
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.mechanics.contact import Contact
 
 FeatureSet = Literal["X1", "X2", "X2_polar", "X1_omega", "full"]
-
-
-def space_of(impacts: Impacts) -> Contact:
-    """Contact space before impact, arrays (n,)."""
-    return contact_space(impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
 
 
 def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
@@ -36,7 +30,7 @@ def features(impacts: Impacts, chosen: FeatureSet) -> np.ndarray:
     if chosen == "full":
         body = np.tile([impacts.mass, impacts.mass * impacts.k_g**2], (len(impacts), 1))
         return np.column_stack([impacts.q, impacts.v_pre, impacts.r, body])
-    space = space_of(impacts)
+    space = contact_space(impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g)
     if chosen in ("X1", "X1_omega"):
         M_c = space.M_c
         x1 = np.stack([M_c[:, 0, 0], M_c[:, 0, 1], M_c[:, 1, 1], space.v_t, space.v_n], axis=1)
