@@ -19,11 +19,11 @@ A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if un
 `converged_at` without a law is that of the slowest law.  `individual_statements` and `energy` explain their rows.
 """
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import minimum_filter
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.bounds import best_post_hoc, irb_bound
@@ -113,12 +113,8 @@ def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
 def local_minima(topography: pd.DataFrame) -> int:
     """Number of grid points, borders included, with a lower cost than all their neighbours."""
     cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
-    padded = np.pad(cost, 1, constant_values=np.inf)
-    lowest = np.ones(cost.shape, dtype=bool)
-    for i, j in itertools.product(range(3), range(3)):
-        if (i, j) != (1, 1):
-            lowest &= cost < padded[i : i + cost.shape[0], j : j + cost.shape[1]]
-    return int(lowest.sum())
+    beside = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
+    return int((cost < minimum_filter(cost, footprint=beside, mode="constant", cval=np.inf)).sum())
 
 
 def mirrored_rotation(impacts: Impacts) -> Impacts:
