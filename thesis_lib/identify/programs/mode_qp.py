@@ -170,7 +170,7 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
     theta = prog.NewContinuousVariables(n_theta, "theta")
     amplitude = prog.NewContinuousVariables(len(edges), "a")
     residual = np.zeros(0) if hard else prog.NewContinuousVariables(window.f.size, "r")
-    A, b = dynamics_rows(window, edges, F, T)
+    A, b = dynamics_rows(window, edges.step, edges.direction, F, T)
     if not hard:
         from scipy.sparse import eye, hstack
 
@@ -193,14 +193,19 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
     return result.is_success(), T * result.GetSolution(theta), solution
 
 
-def dynamics_rows(window: ContactWindow, edges: Edges, F: float, T: np.ndarray) -> tuple["csc_matrix", np.ndarray]:
-    """Y Θ − B a = f as sparse rows A (m nv, n_Θ + E) and b (m nv,), in units F of force and T (n_Θ,) of Θ."""
+def dynamics_rows(
+    window: ContactWindow, step: np.ndarray, direction: np.ndarray, F: float, T: np.ndarray
+) -> tuple["csc_matrix", np.ndarray]:
+    """Y Θ − B a = f as sparse rows A (m nv, n_Θ + E) and b (m nv,), in units F of force and T (n_Θ,) of Θ.
+
+    `step` (E,) and `direction` (E, nv) of the forces a.
+    """
     from scipy.sparse import csc_matrix, hstack
 
     m, nv, _ = window.Y.shape
-    rows = (edges.step[:, None] * nv + np.arange(nv)).ravel()
-    columns = np.repeat(np.arange(len(edges)), nv)
-    B = csc_matrix((edges.direction.ravel(), (rows, columns)), shape=(m * nv, len(edges)))
+    rows = (step[:, None] * nv + np.arange(nv)).ravel()
+    columns = np.repeat(np.arange(len(step)), nv)
+    B = csc_matrix((direction.ravel(), (rows, columns)), shape=(m * nv, len(step)))
     Y = csc_matrix(window.Y.reshape(m * nv, -1) * (T / F))
     return hstack([Y, -B], format="csc"), window.f.ravel() / F
 

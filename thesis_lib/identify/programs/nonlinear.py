@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from thesis_lib.identify.base_parameters.window import ContactWindow
-from thesis_lib.identify.programs.mode_qp import REACH, Program, parameter_scale
+from thesis_lib.identify.programs.mode_qp import REACH, Program, dynamics_rows, parameter_scale
 from thesis_lib.identify.programs.result import ProgramResult, judged
 
 if TYPE_CHECKING:
@@ -127,17 +127,11 @@ class ContactProgram:
         triangle = np.linalg.qr(np.column_stack([Y[idle].reshape(-1, len(self.T)), f[idle].ravel()]), mode="r")
         triangle = triangle[np.abs(triangle).max(axis=1, initial=0.0) > VANISHING]
         if hard:
-            from scipy.sparse import csc_matrix, hstack
-
-            busy, position = np.unique(self.step, return_inverse=True)
-            nv = f.shape[1]
-            rows = (position[:, None] * nv + np.arange(nv)).ravel()
-            columns = np.repeat(np.arange(len(self.step)), nv)
-            shape = (len(busy) * nv, len(self.step))
-            parts = [csc_matrix((blocks[:, :, i].ravel(), (rows, columns)), shape=shape) for i in range(3)]
-            A = hstack([csc_matrix(Y[busy].reshape(-1, len(self.T))), *parts], format="csc")
-            if len(busy):
-                prog.AddLinearEqualityConstraint(A, f[busy].ravel(), np.concatenate([theta, c_n, c_plus, c_minus]))
+            directions = np.concatenate([J_n, J_t, -J_t])
+            A, b = dynamics_rows(window, np.tile(self.step, 3), directions, self.F, self.T)
+            busy = np.repeat(~idle, f.shape[1])
+            if busy.any():
+                prog.AddLinearEqualityConstraint(A[busy], b[busy], np.concatenate([theta, c_n, c_plus, c_minus]))
             if len(triangle):
                 prog.AddLinearEqualityConstraint(triangle[:, :-1], triangle[:, -1], theta)
             return
