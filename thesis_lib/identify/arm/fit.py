@@ -257,10 +257,9 @@ def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.
     both = np.concatenate([A.T, -A.T])
     out = shooting.copies(best.p + both[:, 10:], best.x[:, 0] + both[:, :10], shooting.data.f_ext)
     centre = shooting.copies(best.p, best.x[:, 0], shooting.data.f_ext)
-    pair = []
-    for moved, c in ((out.c_n, centre.c_n), (out.c_t, centre.c_t)):
-        pair.append(np.sqrt(0.5 * np.nansum((moved - c) ** 2, axis=0)))
-    return pair[0], pair[1]
+    pairs = (out.c_n, centre.c_n), (out.c_t, centre.c_t)
+    std_n, std_t = (np.sqrt(0.5 * np.nansum((moved - c) ** 2, axis=0)) for moved, c in pairs)
+    return std_n, std_t
 
 
 def _nothing(data: ArmData) -> ArmFit:
