@@ -27,8 +27,9 @@ from thesis_lib.foundation.files import atomic, write_table
 
 SHEET = Path(__file__).with_name("thesis.mplstyle")
 WIDTH = 6.3  # inches: the text width of an A4 or letter page
-PANELS = {"as_published": "as published", "as_defined": "as defined"}
 GREY, INK, SHADE = "0.55", "0.15", "#DCE6F0"
+# Okabe and Ito's colours, for colour-blind readers
+BLUE, RED, GREEN, VIOLET, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#9ecae1", "#0072B2"])
 DARK = 0.55  # of `SHADES`; from there on a number is written in white
 Drawn = tuple[Figure, pd.DataFrame]

@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.figures.marks import BLUE, GREEN, RED, VIOLET, turned
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import turned
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, VIOLET, Drawn, house_style, new_figure
 from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
 from thesis_lib.statistics.intervals import Z95
 

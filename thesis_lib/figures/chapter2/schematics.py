@@ -13,9 +13,9 @@ l is the distance of P from the centre of mass in m.  Configurations q (nv,) are
 
 import numpy as np
 
-from thesis_lib.figures.marks import BLUE, GREEN, RED, turned, unit, white_box
+from thesis_lib.figures.marks import turned, unit, white_box
 from thesis_lib.figures.planar_drawing import Sketch, outline_at
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody

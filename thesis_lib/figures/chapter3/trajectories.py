@@ -8,8 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.figures.marks import BLUE, GREEN, RED
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.impact_study.shown import LEADING, energies, pick_trial, sample_velocities
 
 SERIES = {"x": (BLUE, "$x$"), "y": (RED, "$y$"), "k_theta": (GREEN, r"$k\,\theta$")}

@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.figures.chapter4.dice import MODEL_STYLE, draw_outline
 from thesis_lib.figures.densities import reflected_density
-from thesis_lib.figures.marks import BLUE, GREEN, RED, VIOLET
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, VIOLET, Drawn, house_style, new_figure
 
 CONTACT_COLORS = (RED, GREEN, BLUE, VIOLET)
 CONTACT_NAMES = ("start", "after the first contact", "after the second contact")

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.figures.densities import reflected_density
-from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW, turned
-from thesis_lib.figures.style import GREY, INK, WIDTH, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import turned
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 
 MODEL_STYLE = {
     "law": (BLUE, (0, (5, 1.5)), "law alone"),
@@ -78,7 +78,7 @@ def figure_4_9(poses: pd.DataFrame, hits: pd.DataFrame, shape: Polygon, easy: in
 
     `poses`: trial, t, x, y, theta; `hits`: trial, t of detected hits; `easy` and `hard` are numbers of trials.
     """
-    figure = new_figure(width=0.75 * WIDTH, height=3.0, layout="compressed")
+    figure = new_figure(width=4.725, height=3.0, layout="compressed")
     axes = figure.subplots(1, 2, sharey=True)
     tables = []
     for ax, trial, title in zip(axes, (hard, easy), ("hard to predict", "easy to predict")):
@@ -114,7 +114,7 @@ def figure_restitution(table: pd.DataFrame) -> Drawn:
 
     `table`: first (1: a throw's first contact), x (m), measured, model (1); see `residual.restitution`.
     """
-    figure = new_figure(width=WIDTH, height=2.6)
+    figure = new_figure(height=2.6)
     axes = figure.subplots(1, 2, sharey=True)
     for ax, first, title in zip(axes, (1, 0), ("first contacts", "later contacts")):
         part = table[table["first"] == first]
@@ -133,7 +133,7 @@ def figure_budget(table: pd.DataFrame) -> Drawn:
 
     `table`: model, contact, std (sides), std_error, face_right, face_error; "nearest" and "pairs" have contact 0.
     """
-    figure = new_figure(width=WIDTH, height=2.8)
+    figure = new_figure(height=2.8)
     axes = figure.subplots(1, 2)
     columns = (("face_right", "face_error", 100.0), ("std", "std_error", 1.0))
     for ax, (column, error, scale) in zip(axes, columns):

@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.figures.chapter5.model import abstraction_style
-from thesis_lib.figures.marks import BLUE, RED, arrow, turned, unit
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import arrow, turned, unit
+from thesis_lib.figures.style import BLUE, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.jenga.robot.samples import RADIUS_OF_GYRATION
 
 CASES = {"stuck": "A  block that is stuck", "easy": "B  block that moves easily"}

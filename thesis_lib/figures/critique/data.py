@@ -16,8 +16,8 @@ from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.results.tables import left_out_impacts
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.critique.where import axis_label
-from thesis_lib.figures.marks import BLUE, RED, note, turned
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import note, turned
+from thesis_lib.figures.style import BLUE, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.mechanics.state import State
 
 PANEL = 1.3  # width of a trial's panel over its height
