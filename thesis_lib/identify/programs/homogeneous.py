@@ -15,7 +15,7 @@ other have a scale each.  The sign is that with which contacts push.
 | `theta`           | Θ, one of it 1      | per `unit` | (n_Θ,) |
 
 With noise the least singular value is not 0, and which Θ has the least misfit depends on S; a parameter that only noise
-excites comes out too small, as with known mass (`mass_ratio.treatments`).
+excites comes out too small, as with known mass (`mass_ratio.plain_program`).
 """
 
 import re

@@ -26,9 +26,15 @@ from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import MU_MAX, fit_individual
 from thesis_lib.residual.learners import feasible as feasibility
 from thesis_lib.residual.learners.bases import Base, LawBase
-from thesis_lib.residual.learners.features import FeatureSet, features, impulse_of, velocity_after, velocity_map
+from thesis_lib.residual.learners.features import (
+    FeatureSet,
+    TrainingRange,
+    features,
+    impulse_of,
+    velocity_after,
+    velocity_map,
+)
 from thesis_lib.residual.learners.gaussian_process import GaussianProcess, GaussianProcessSettings, fit_gaussian_process
-from thesis_lib.residual.learners.in_range import TrainingRange
 
 RANGE = 0.02  # m/s in the kinetic metric: largest misfit of the best (μ, ε) at which the law explains an outcome
 FEWEST = 5
