@@ -17,21 +17,6 @@ SIGNS = {
     ClaimStatus.ERROR: "!",
 }
 CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "undecided", "error")))
-MEANINGS = {
-    ClaimStatus.REPRODUCED: "our value agrees within the tolerance stated beside it",
-    ClaimStatus.DEVIATES: "it does not; by how much, and why if known, stands beside it",
-    ClaimStatus.NO_DATA: "the measurements behind it were not at hand in this run; nothing is said",
-    ClaimStatus.UNDECIDED: "this scale is too noisy to tell; a larger one decides",
-    ClaimStatus.ERROR: "our value is missing or not a number; this run is incomplete",
-}
-HEADINGS = {  # heading: class that sets the column's width
-    "Where": "where",
-    "What is claimed": "claim",
-    "Published": "value",
-    "Ours": "value",
-    "Difference": "difference",
-    "Status": "found",
-}
 
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
@@ -49,9 +34,7 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
         summary=summary_line(results),
         counts=count_statuses(results),
         scale=scale,
-        meanings=MEANINGS,
         chapters=chapters,
-        headings=HEADINGS,
         signs=SIGNS,
         classes=CLASSES,
     )

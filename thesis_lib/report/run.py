@@ -34,11 +34,6 @@ DATASETS = {  # those that come with the project; any other is headed by its nam
     "drops": "drops: simulated, whose law and parameters are known",
     "common": "",
 }
-READING = (
-    "Results are ordered by chapter, and within a chapter by dataset. "
-    "“As published” is the authors' code, which differs from the law that it is named after in four of six models; "
-    "“as defined” is the law itself. Beside each picture lie its PDF and a CSV of the numbers drawn."
-)
 PNG_SIZE = struct.Struct(">16x2I")  # signature, length and name of the first chunk; then width and height
 LARGEST = 20_000_000  # bytes of a picture
 DENSITY = 180 / 96  # pixels of our pictures (savefig.dpi) to those of a page
@@ -63,7 +58,7 @@ def run_report(
             "proof": _finding(results / "critique/proof/proof.txt"),
         }
     title = TITLE if chapter is None else content["chapters"][0]["title"]
-    return page(TEMPLATE, title, reading=READING, absent=absent, scale=scale, found_here=FOUND_HERE, **content)
+    return page(TEMPLATE, title, absent=absent, scale=scale, found_here=FOUND_HERE, **content)
 
 
 def _chapter(results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence[Path], n: int) -> dict:
