@@ -17,7 +17,7 @@ from thesis_lib.datasets.checks.jumps import NO_JUMPS, Jumps, place_jumps, turn_
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
 from thesis_lib.datasets.space.falling_body import reading_that_falls

@@ -48,9 +48,6 @@ class Supported:
     variance: np.ndarray
     measured: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.variance)
-
 
 def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
     """A rest a trial at most, the first after its last hit; None of too few.  `sigma` (3,): noise in m, m, rad."""

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thesis_lib.bodies.solid_body import UNIT
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-UNIT_LENGTH = 0.02  # how far from 1 the length of a quaternion may be: files have three digits and more
 Readings = Mapping[str, Callable[[], np.ndarray]]
 
 
@@ -77,7 +77,7 @@ def unit(quaternion: np.ndarray, where: str) -> np.ndarray:
     quaternion = np.where(quaternion.any(axis=1, keepdims=True), quaternion, np.nan)
     length = np.linalg.norm(quaternion, axis=1)
     with np.errstate(invalid="ignore"):
-        wrong = np.abs(length - 1.0) > UNIT_LENGTH
+        wrong = np.abs(length - 1.0) > UNIT
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
         raise UserError(
