@@ -19,8 +19,8 @@ COMMANDS = {  # name -> module, function, what it does; in groups
     },
     "the thesis": {
         "claims": ("commands.claims", "main", "what the thesis states against what this program finds"),
-        "tables": ("commands.tables", "main", "a chapter's tables with the meaning of their columns"),
-        "figures": ("report.figure_list", "main", "file, caption and command of every figure"),
+        "tables": ("commands.tables", "tables", "a chapter's tables with the meaning of their columns"),
+        "figures": ("commands.tables", "list_figures", "file, caption and command of every figure"),
     },
 }
 HELP = """\

@@ -7,7 +7,6 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.figures.chapter5 import showcase as figures
-from thesis_lib.figures.chapter5.render import figure_game
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
@@ -39,4 +38,4 @@ steps, ends = steering_pushes(policy.learner, showcase.SHOWN, settings.setup, ch
 write_result(ends, out.ends)
 write_result(steering_summary(steps, ends), out.summary)
 save_figure(*figures.figure_5_9(strayed_most(steps, ends)), folder / "figure_5_9")
-save_figure(*figure_game(*showcase.frames(game)), folder / "figure_game")
+save_figure(*figures.figure_game(*showcase.frames(game)), folder / "figure_game")
