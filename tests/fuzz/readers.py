@@ -256,9 +256,8 @@ def _read_claims(folder: Path, out: Path) -> None:
     from thesis_lib.ledger.evaluate import evaluate
     from thesis_lib.ledger.expected import read_expected
     from thesis_lib.ledger.format import read_ledger
-    from thesis_lib.ledger.page import write_page
     from thesis_lib.ledger.reading import read_present
-    from thesis_lib.ledger.result import to_table
+    from thesis_lib.ledger.result import to_table, write_page
 
     if folder.joinpath("expected.yaml").exists():
         read_expected(folder / "expected.yaml")

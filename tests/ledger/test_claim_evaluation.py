@@ -8,8 +8,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
-from thesis_lib.ledger.page import render_page
-from thesis_lib.ledger.result import COLUMNS, ClaimStatus, refuse_errors, summary_line, to_table
+from thesis_lib.ledger.result import COLUMNS, ClaimStatus, refuse_errors, render_page, summary_line, to_table
 
 PRESENT = {"planar_impact": True, "drops": True}
 ABS = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}

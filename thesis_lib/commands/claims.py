@@ -98,8 +98,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _print_text(options: argparse.Namespace, results: list, changes: list, figures, differing) -> None:
-    from thesis_lib.ledger.page import SIGNS
-    from thesis_lib.ledger.result import ClaimStatus, summary_line
+    from thesis_lib.ledger.result import SIGNS, ClaimStatus, summary_line
 
     print(f"Claims at scale {options.scale}\n{summary_line(results)}")
     for r in results:
@@ -151,8 +150,7 @@ def _update(options: argparse.Namespace) -> int:
 
 def _page(options: argparse.Namespace) -> int:
     from thesis_lib.foundation.files import write_table
-    from thesis_lib.ledger.page import write_page
-    from thesis_lib.ledger.result import refuse_errors, to_table
+    from thesis_lib.ledger.result import refuse_errors, to_table, write_page
 
     results, _ = _evaluate(options)
     csv, html = options.results / "claims.csv", options.results / "claims.html"

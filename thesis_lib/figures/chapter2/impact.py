@@ -1,4 +1,4 @@
-"""Figure 2-15, the force at one impact, and m/I (1/m²): from measured impacts, and its error against noise (table 2.1).
+"""Figure 2-15, the force at one impact, and m/I (1/m²) from measured impacts.
 
 Normal forces in N: `force` (s,) on the body in Drake, `reading` (p,) of the sensor at 1000 Hz, and the half-sine of the
 estimated impulse over the declared duration.  Equations and sources: `thesis_lib.identify.impacts.forces`,
@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.figures.marks import turned
-from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, VIOLET, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
 from thesis_lib.statistics.intervals import Z95
 
@@ -26,15 +26,6 @@ NAMES = {
     "rounded_corners": "rounded corners",
     "earlier_vy_post": r"earlier $v_y^+$",
 }
-METHODS = {  # of table 2.1: color, marker, label
-    "plain": (GREY, "s", "plain program, eq. 2.23"),
-    "least_squares": (VIOLET, "v", "least squares at true impacts"),
-    "arcs": (BLUE, "o", "arcs, free impulses"),
-    "arcs_gap": (GREEN, "^", "arcs, with gaps"),
-    "arcs_law": (RED, "D", "arcs, with contact law"),
-}
-LINEAR = 0.1  # %; the axis of the bias is linear below this size, because the bias has both signs
-APART = 0.5  # dB, between the methods of one noise level
 
 
 @house_style
@@ -147,43 +138,3 @@ def figure_measured_ratio(table: pd.DataFrame) -> Drawn:
     return figure, table[
         ["variant", "ratio", "std", "low", "high", "published", "lower", "upper", "misfit", "misfit_unit"]
     ]
-
-
-@house_style
-def figure_table_2_1(table: pd.DataFrame) -> Drawn:
-    """Table 2.1: mean error of m/I with its standard error (above), error over the bound without contact law (below).
-
-    `table`: as `identify.mass_ratio.table_2_1` returns it, by method and noise.
-    """
-    shapes = list(dict.fromkeys(table["shape"]))
-    figure = new_figure(height=4.6)
-    axes = figure.subplots(2, len(shapes), sharex=True, sharey="row", squeeze=False)
-    for column, shape in enumerate(shapes):
-        above, below = axes[:, column]
-        errors = table[table["shape"] == shape]
-        for i, (method, (color, marker, label)) in enumerate(METHODS.items()):
-            rows = errors[errors["method"] == method].sort_values("snr")
-            snr = rows["snr"] + APART * (i - 2.0)
-            style = {"color": color, "marker": marker, "ms": 4, "lw": 0.9, "capsize": 2}
-            above.errorbar(snr, rows["mean_error"], 2.0 * rows["mean_error_std"], label=label, **style)
-            relative = 1.0 / np.sqrt(2.0 * rows["n"])  # of the root mean square of n normal errors
-            over = rows["error_over_bound"]
-            below.errorbar(snr, over, 2.0 * relative * over, label=label, **style)
-        thesis = errors[errors["method"] == "plain"].sort_values("snr")
-        above.plot(thesis["snr"], thesis["thesis"], "x", color=INK, ms=6, label="thesis")
-        above.axhline(0.0, color=INK, lw=0.6)
-        above.set_title(shape)
-        above.set_yscale("symlog", linthresh=LINEAR)
-        below.axhline(1.0, color=INK, lw=0.8, ls="--")
-        below.text(
-            0.98, 1.4, "Cramér-Rao bound", ha="right", va="bottom", transform=below.get_yaxis_transform(), fontsize=7
-        )
-        below.set(yscale="log", xlabel="signal-to-noise ratio (dB)")
-        below.set_xticks(sorted(errors["snr"].unique()))
-        below.minorticks_off()
-    axes[0, 0].set_ylabel("mean error of $m/I$ (%)")
-    axes[1, 0].set_ylabel("error over bound")
-    axes[0, 0].invert_xaxis()
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncol=3)
-    columns = ["shape", "method", "snr", "n", "mean_error", "mean_error_std", "error_over_bound", "thesis"]
-    return figure, table[table["method"].isin(METHODS)][columns].reset_index(drop=True)

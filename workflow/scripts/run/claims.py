@@ -9,9 +9,8 @@ from pathlib import Path
 from thesis_lib.foundation.files import write_table
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import read_ledger
-from thesis_lib.ledger.page import write_page
 from thesis_lib.ledger.reading import read_present
-from thesis_lib.ledger.result import refuse_errors, summary_line, to_table
+from thesis_lib.ledger.result import refuse_errors, summary_line, to_table, write_page
 
 results = evaluate(
     read_ledger(Path(snakemake.input.ledger[0]).parent),
