@@ -25,7 +25,7 @@ from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import MeasuredImpulses
 from thesis_lib.impact_study.energy import rest_height
-from thesis_lib.impact_study.individual_statements import MU_ZERO
+from thesis_lib.impact_study.statements import MU_ZERO
 
 LEADING = 3  # impacts from the start that should be measured
 HALF_WINDOW = 5  # samples on either side; at 250 Hz and 0.3 mm this gives velocities to 7 mm/s

@@ -12,8 +12,7 @@ from thesis_lib.figures.chapter3.errors import figure_3_8, figure_3_9
 from thesis_lib.figures.chapter3.identification import figure_3_7, figure_3_10
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
-from thesis_lib.impact_study.individual_statements import STUDIED
-from thesis_lib.impact_study.statements import MAPPED
+from thesis_lib.impact_study.statements import MAPPED, STUDIED
 from thesis_lib.impact_study.study import pick
 
 source = snakemake.input
