@@ -4,6 +4,7 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.chapter2 import motions as figures
@@ -16,11 +17,7 @@ from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
 chosen = scenes.SceneSettings.model_validate(snakemake.params.scenes)
-
-
-def stream(step):
-    return generator(snakemake.params.seed, "ch2_motions", step)
-
+stream = partial(generator, snakemake.params.seed, "ch2_motions")
 
 disk = scenes.landing_disk(stream("disk"), bodies, chosen)
 block = scenes.tipping_block(stream("block"), bodies, chosen)

@@ -4,6 +4,7 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 
 from thesis_lib.figures.chapter2.forces import figure_2_10, figure_2_11
 from thesis_lib.figures.style import save_figures
@@ -15,11 +16,7 @@ from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 settings = WheelStudy.model_validate(snakemake.params.settings)
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
-
-
-def stream(step):
-    return generator(snakemake.params.seed, "ch2_wheel", step)
-
+stream = partial(generator, snakemake.params.seed, "ch2_wheel")
 
 rows = study.wheel_force_study(settings.n, stream("study"), settings, bodies)
 write_result(rows, snakemake.output.rows)

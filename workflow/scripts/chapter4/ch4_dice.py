@@ -4,6 +4,7 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 from pathlib import Path
 
 from thesis_lib.critique.results.load_model import load_model
@@ -20,11 +21,7 @@ from thesis_lib.residual.dice.study import dice_study, side_of
 
 params, source, name = snakemake.params, snakemake.input, snakemake.wildcards.dataset
 settings = DiceStudySettings.model_validate(params.settings)
-
-
-def stream(step):
-    return generator(params.seed, "ch4_dice", name, step)
-
+stream = partial(generator, params.seed, "ch4_dice", name)
 
 dataset = read_dataset(params.folder)
 impacts = read_dataset(Path(source.header).parent).stated_impacts()

@@ -4,6 +4,7 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 from pathlib import Path
 
 from thesis_lib.figures.chapter5 import showcase as figures
@@ -19,11 +20,7 @@ from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, s
 
 params, out = snakemake.params, snakemake.output
 settings, shown = Chapter5.model_validate(params.settings), params.settings["showcase"]
-
-
-def stream(step):
-    return generator(params.seed, "ch5_showcase", step)
-
+stream = partial(generator, params.seed, "ch5_showcase")
 
 samples = read_samples(snakemake.input.samples).first(shown["samples"])
 policy = policy_of("hma", samples, len(samples), settings, stream("fit"))
