@@ -18,16 +18,7 @@ from thesis_lib.critique.drops.features import features
 from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.engines.compare import WITH, WITHOUT, model_sentences, model_title
 from thesis_lib.critique.results.tables import left_out_impacts
-from thesis_lib.figures.critique.errors import (
-    AFTER,
-    BEFORE,
-    draw_budget,
-    draw_ladder,
-    draw_laws,
-    draw_parameters,
-    readable_log,
-    set_title,
-)
+from thesis_lib.figures.critique import errors
 from thesis_lib.figures.critique.residuals import BINS, draw_flights, draw_residuals
 from thesis_lib.figures.critique.where import axis_label, draw_where
 from thesis_lib.figures.marks import note, turned
@@ -39,7 +30,10 @@ PANEL = 1.3  # width of a trial's panel over its height
 TRIALS = 3  # trials drawn
 USED, LEFT_OUT = BLUE, RED
 STATES = ("v_t", "v_n", "omega", "theta", "omega_t", "omega_n")
-LOOKS = {WITHOUT: (BEFORE, "white", 0.14), WITH: (AFTER, AFTER, -0.14)}  # edge, face, place in the row
+LOOKS = {  # edge, face, place in the row
+    WITHOUT: (errors.BEFORE, "white", 0.14),
+    WITH: (errors.AFTER, errors.AFTER, -0.14),
+}
 LABELS = {WITHOUT: "without the named effects", WITH: "with them"}
 
 
@@ -78,7 +72,7 @@ def draw_data(critique: DropsCritique) -> Drawn:
     below.legend(handles=kinds, loc="outside upper left", ncols=2, handlelength=1.2)
     if len(left_out):
         rows += _left_out(parts[-1].add_subplot(), left_out, len(o))
-    set_title(figure, data_sentence(critique))
+    errors.set_title(figure, data_sentence(critique))
     return figure, pd.DataFrame(rows, columns=["panel", "series", "x", "y", "count", "trial"])
 
 
@@ -213,7 +207,7 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     if np.isfinite(floor):
         left.axvline(floor, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
     shown = [*table["error"], *([floor] if np.isfinite(floor) else [])]
-    readable_log(left, shown, shown)
+    errors.readable_log(left, shown, shown)
     left.set_yticks(range(len(names)), [model_title(name) for name in names])
     left.set(ylim=(len(names) - 0.5, -0.5), xlabel="held-out error (m/s)")
     low, high = table[table["kind"] != "default"]["mu"].quantile([0.1, 0.9])
@@ -228,7 +222,7 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     if np.isfinite(floor):
         handles.append(Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="noise floor"))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    set_title(figure, model_sentences(table)[0].rstrip("."))
+    errors.set_title(figure, model_sentences(table)[0].rstrip("."))
     return figure, table
 
 
@@ -246,13 +240,13 @@ def pictures(
     its table.
     """
     tables = tables or {}
-    drawn: dict[str, Drawn | None] = {"data": draw_data(critique), "laws": draw_laws(critique)}
+    drawn: dict[str, Drawn | None] = {"data": draw_data(critique), "laws": errors.draw_laws(critique)}
     if "budget" in tables:
-        drawn["budget"] = draw_budget(tables)
+        drawn["budget"] = errors.draw_budget(tables)
     drawn |= {"where": draw_where(critique, where), "residuals": draw_residuals(critique)}
     if len(critique.observations.flights) > BINS:
         drawn["flights"] = draw_flights(critique)
-    drawn |= {"ladder": draw_ladder(critique, tables), "parameters": draw_parameters(critique)}
+    drawn |= {"ladder": errors.draw_ladder(critique, tables), "parameters": errors.draw_parameters(critique)}
     if "models" in tables:
         drawn["models"] = draw_models(tables["models"])
     return {name: one for name, one in drawn.items() if one is not None}
