@@ -43,10 +43,10 @@ import torch
 from scipy.special import ndtr
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, along_pushes, push_groups, windows
 from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
+from thesis_lib.jenga.learners.networks import BayesianNetworks, train
 from thesis_lib.jenga.robot.samples import F_N, FREE, STATE, STUCK, TOWER, UNKNOWN, PushSamples, X
 
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample

@@ -69,7 +69,7 @@ def learner_of(name: str, settings: Chapter5) -> "Learner":
     """An unfitted learner, by the name of a policy; UserError for an unknown name."""
     from thesis_lib.jenga.learners.hma import Hma
     from thesis_lib.jenga.learners.mor import Mor
-    from thesis_lib.jenga.learners.network import Network
+    from thesis_lib.jenga.learners.networks import Network
 
     learners = {"hma": Hma, "hma_one_shot": Hma, "mor": Mor, "network": Network}
     learns = LEARNS_AS.get(name, name)
