@@ -17,7 +17,6 @@ from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
 from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.header_file import header_of, is_round, load_header, salvage_shape, schema_of
-from thesis_lib.datasets.format.poses import whole_poses
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, TableForm, impact_form, trajectory_form
 from thesis_lib.datasets.format.tables import load_table, table_of
 from thesis_lib.datasets.format.validate import (
@@ -27,6 +26,7 @@ from thesis_lib.datasets.format.validate import (
     check_impacts,
     check_trajectories,
     read_checked,
+    whole_poses,
 )
 
 Columns = Mapping[str, Sequence[float] | np.ndarray] | pd.DataFrame

@@ -23,6 +23,7 @@ from thesis_lib.datasets.flights.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
     estimate_spread,
+    fit_straightest,
     noise_from_arcs,
     noise_warnings,
     overstated,
@@ -39,7 +40,6 @@ from thesis_lib.datasets.flights.rounding import (
     sunk_and_speed,
     touch_time,
 )
-from thesis_lib.datasets.flights.straightest import fit_straightest
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
