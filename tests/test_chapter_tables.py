@@ -5,7 +5,7 @@ import re
 import pandas as pd
 import pytest
 
-from thesis_lib.commands.tables import CHAPTERS, chapters, main
+from thesis_lib.commands.tables import CHAPTERS, chapters, tables
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.files import write_table
 
@@ -18,7 +18,7 @@ def test_values_and_meanings_are_printed(tmp_path, capsys):
     for k, shown in enumerate(chapters()["chapter2"]):
         row = {column: [1000 * k + i] for i, column in enumerate(shown["columns"].split())}
         write_table(pd.DataFrame(row), tmp_path / shown["file"])
-    assert main(["chapter2", "--results", str(tmp_path)]) == 0
+    assert tables(["chapter2", "--results", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     for k, shown in enumerate(chapters()["chapter2"]):
         assert shown["title"] in said
@@ -29,5 +29,5 @@ def test_values_and_meanings_are_printed(tmp_path, capsys):
 
 @pytest.mark.parametrize("chapter", CHAPTERS)
 def test_missing_results_are_said_with_the_command_that_makes_them(chapter, tmp_path, capsys):
-    assert main([chapter, "--results", str(tmp_path)]) == 2
+    assert tables([chapter, "--results", str(tmp_path)]) == 2
     assert f"snakemake --cores 2 {chapter}" in capsys.readouterr().err

@@ -24,10 +24,7 @@ WRITERS = {
     "to_parquet": set(),
     "savefig": {"thesis_lib/figures/style.py"},  # into memory, for the page and the file
     "np.save": set(),
-    "np.savez": {  # into a pipe
-        "thesis_lib/datasets/sources/motion_capture/c3d_process.py",
-        "thesis_lib/datasets/sources/motion_capture/tensors_process.py",
-    },
+    "np.savez": {"thesis_lib/datasets/sources/motion_capture/own_process.py"},  # into a pipe
     "np.savez_compressed": set(),
     "torch.save": set(),
     "json.dump": set(),

@@ -8,7 +8,7 @@ import pytest
 from matplotlib import image
 
 from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.report.run import chapter_report, run_report
+from thesis_lib.report.run import run_report
 
 FOUND = "The error is 0.1 m/s & more."
 
@@ -47,7 +47,7 @@ def test_data_that_a_run_lacks_are_named_with_the_command_that_gets_them(results
     assert "Data not present" not in written(results)
     for html in (
         run_report(results, [], "quick", ["planar_dice"]),
-        chapter_report(results, [], "quick", 3, ["planar_dice"]),
+        run_report(results, [], "quick", ["planar_dice"], 3),
     ):
         assert "planar_dice (<code>thesis-lib datasets fetch planar-dice</code> gets it)" in html
 
@@ -67,11 +67,11 @@ def test_a_chapter_has_a_page_before_the_run_has_ended(results):
     for path in ("claims.txt", "critique/proof/proof.txt"):  # these come last
         (results / path).unlink()
     findings = sorted(results.rglob("chapter3/**/*.txt"))
-    html = chapter_report(results, findings, "quick", 3)
+    html = run_report(results, findings, "quick", chapter=3)
     assert re.findall(r'<figure id="([\w-]+)"', html) == ["figure-3-1", "figure-3-8-planar_dice", "figure-3-8-drops"]
     assert html.count("<h2") == 1 and "Chapter 3: six impact laws" in html and "critique/drops" not in html
     assert 'href="chapter3/drops/table_3_1.csv"' in html and 'href="report.html"' in html
-    assert not re.findall("<figure", chapter_report(results, [], "quick", 2))
+    assert not re.findall("<figure", run_report(results, [], "quick", chapter=2))
 
 
 def test_equal_runs_give_equal_pages(results):

@@ -12,7 +12,7 @@ import pandas as pd
 from thesis_lib.bodies.solids import Solid
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.frames import tracked_of_body
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.mechanics.contact import contact_at, velocity_change
 from thesis_lib.mechanics.frame import Frame

@@ -14,13 +14,13 @@ COMMANDS = {  # name -> module, function, what it does; in groups
         "critique": ("commands.critique", "critique", "what the models miss in one dataset or in many"),
         "predict": ("commands.model", "predict", "velocities after impact, by a criticised model"),
         "simulate": ("commands.model", "simulate", "drops as such a model makes them"),
-        "export": ("commands.export", "main", "such a model as a file of MuJoCo or Drake, or in your own"),
+        "export": ("commands.model", "export", "such a model as a file of MuJoCo or Drake, or in your own"),
         "effects": ("commands.effects", "effects", "the physical effects that are looked for; add your own"),
     },
     "the thesis": {
         "claims": ("commands.claims", "main", "what the thesis states against what this program finds"),
-        "tables": ("commands.tables", "main", "a chapter's tables with the meaning of their columns"),
-        "figures": ("report.figure_list", "main", "file, caption and command of every figure"),
+        "tables": ("commands.tables", "tables", "a chapter's tables with the meaning of their columns"),
+        "figures": ("commands.tables", "list_figures", "file, caption and command of every figure"),
     },
 }
 HELP = """\

@@ -5,9 +5,10 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.bodies.minkowski import farthest
 from thesis_lib.bodies.moments import moments_within
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Primitive, Solid, Sphere, farthest
+from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Primitive, Solid, Sphere
 
 EXACT = 1e-14  # m, of bodies of some cm: rounding only
 SAMPLES = 400_000
@@ -198,7 +199,7 @@ def test_rounding_a_hull_moves_in_and_sweeps_out(rng):
 def test_many_directions_are_taken_in_blocks(rng, monkeypatch):
     d = directions(rng, 50)
     whole = SOLIDS["hull"].support(d)
-    monkeypatch.setattr("thesis_lib.bodies.solids.BLOCK", 64)
+    monkeypatch.setattr("thesis_lib.bodies.minkowski.BLOCK", 64)
     np.testing.assert_array_equal(SOLIDS["hull"].support(d), whole)
     assert SOLIDS["hull"].support(np.empty((3, 0))).shape == (3, 0)
 

@@ -12,7 +12,7 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.foundation.files import write_text
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
-from thesis_lib.ledger.page import write_page
+from thesis_lib.ledger.result import write_page
 from thesis_lib.report.batch_index import row_of_failure, row_of_verdict, write_index
 from thesis_lib.report.run import run_report
 from thesis_lib.simulate.compliant.example import simulate_example

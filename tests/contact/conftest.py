@@ -19,4 +19,4 @@ def draw() -> ImpactDraws:
 
 @pytest.fixture(scope="session")
 def central() -> ImpactDraws:
-    return law_contract.central()
+    return law_contract.reference(central=True)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from thesis_lib.critique.likelihood.observations import rig_of
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_of_body, tracked_states
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.frame import Frame

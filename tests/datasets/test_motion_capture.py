@@ -11,13 +11,12 @@ from tests.datasets.in_space import UP, Take, take
 from tests.datasets.test_logs_in_space import SHAPE, edited, init, same_drops
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import find_impacts, read_dataset
-from thesis_lib.datasets.sources.logs import convert
+from thesis_lib.datasets.sources.logs import convert, convert_motions
 from thesis_lib.datasets.sources.motion_capture import c3d
 from thesis_lib.datasets.sources.motion_capture.bags import read_bag
 from thesis_lib.datasets.sources.motion_capture.c3d import read_c3d
 from thesis_lib.datasets.sources.motion_capture.optitrack import BEGINS, read_optitrack
 from thesis_lib.datasets.sources.motion_capture.qualisys import read_qualisys
-from thesis_lib.datasets.sources.motion_log import convert_motions
 from thesis_lib.datasets.sources.recorded import View
 from thesis_lib.datasets.sources.tables.options import Reading, parse_columns
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, parse_shape

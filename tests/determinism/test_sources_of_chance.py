@@ -29,10 +29,7 @@ SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}
 
 # where a clock is read, and what becomes of it
 ALLOWED = {
-    "thesis_lib/identify/arm/fit.py": "CPU seconds for benchmarks.programs; arm_forces leaves them out of its tables",
-    "thesis_lib/identify/programs/homogeneous.py": "the same; ratios_table leaves them out",
-    "thesis_lib/identify/programs/mode_qp.py": "the same; programs_table drops them",
-    "thesis_lib/identify/programs/nonlinear.py": "the same; programs_table drops them",
+    "thesis_lib/identify/programs/study.py": "CPU seconds for benchmarks.programs; programs_table drops them",
     "thesis_lib/critique/proof/proposals.py": "CPU seconds of a proposal, for the proof's table; no run writes it",
     "thesis_lib/critique/proof/space.py": "CPU seconds of a critique, for the proof's table; no run writes it",
     "thesis_lib/foundation/rows.py": "the day of a row of the proof; no run writes it",

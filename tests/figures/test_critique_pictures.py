@@ -13,9 +13,8 @@ from thesis_lib.critique.results import numbers
 from thesis_lib.critique.results.numbers import energy_disc
 from thesis_lib.critique.results.titles import handy_unit
 from thesis_lib.figures.critique import residuals
-from thesis_lib.figures.critique.data import trials_to_show
 from thesis_lib.figures.critique.errors import draw_budget, laws_sentence
-from thesis_lib.figures.critique.pictures import NAMES, pictures
+from thesis_lib.figures.critique.pictures import NAMES, pictures, trials_to_show
 from thesis_lib.figures.critique.residuals import dependences, draw_flights, features_to_show
 from thesis_lib.figures.critique.where import boxes_of, inside, map_axes, region_text
 from thesis_lib.figures.style import house_style, png_of

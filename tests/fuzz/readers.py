@@ -252,19 +252,18 @@ def _claims_samples() -> list[Sample]:
 
 
 def _read_claims(folder: Path, out: Path) -> None:
-    from thesis_lib.foundation.files import read_cells
+    from thesis_lib.foundation.files import read_cells, write_table
     from thesis_lib.ledger.evaluate import evaluate
     from thesis_lib.ledger.expected import read_expected
     from thesis_lib.ledger.format import read_ledger
-    from thesis_lib.ledger.page import write_page
     from thesis_lib.ledger.reading import read_present
-    from thesis_lib.ledger.result import write_results
+    from thesis_lib.ledger.result import to_table, write_page
 
     if folder.joinpath("expected.yaml").exists():
         read_expected(folder / "expected.yaml")
         return
     results = evaluate(read_ledger(folder / "claims.yaml"), folder, read_present(folder / "present.json"))
-    write_results(results, out / "claims.csv")
+    write_table(to_table(results), out / "claims.csv")
     write_page(results, out / "claims.html", "quick")
     read_cells(folder / "table.csv")
 

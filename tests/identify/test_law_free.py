@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.body import Noise
-from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.errors import UserError
@@ -47,7 +46,7 @@ def test_the_angle_from_flat_is_that_of_the_two_lowest_corners():
     theta = np.linspace(-4.0, 4.0, 101)
     corners = SQUARE.shape.corners
     height = np.sin(theta)[:, None] * corners[:, 0] + np.cos(theta)[:, None] * corners[:, 1]
-    angle = theta - lying_angle(SQUARE.shape, theta)
+    angle = theta - SQUARE.shape.lying(theta)
     rise = np.sort(height, axis=1)
     np.testing.assert_allclose(0.06 * np.sin(np.abs(angle)), rise[:, 1] - rise[:, 0], atol=1e-12)
 

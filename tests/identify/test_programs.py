@@ -80,7 +80,7 @@ def test_convex_form_is_the_programs_global_minimum(noisy: ContactWindow, progra
     convex = solve_mode_qp(window, program, dynamics_tolerance=1.0)
     nlp = ContactProgram(window, program)
     rng = np.random.default_rng(0)
-    costs = [nlp.solve(nlp.random_point(rng), "snopt")[1] for _ in range(STARTS)]
+    costs = [nlp.answer(nlp.random_point(rng), "snopt").cost for _ in range(STARTS)]
     assert convex.cost > 1e-6 and (convex.solver == "clarabel" or program == "2.12")
     assert min(costs) == pytest.approx(convex.cost, rel=1e-4)
     assert min(costs) > convex.cost * (1.0 - CONVEX_AGREEMENT)
@@ -102,16 +102,16 @@ def test_edges_are_priced_by_the_complementarity_they_break(drops: list[TrueWind
 
 def test_a_solvers_word_does_not_count_without_residuals(drops: list[TrueWindow]) -> None:
     case = drops[0]
-    truth = judged(case.window, "2.14", "x", True, case.theta, case.c_n, case.c_t, 0.0, 0.0)
+    truth = judged(case.window, "2.14", "x", True, case.theta, case.c_n, case.c_t, 0.0)
     assert truth.status is SolveStatus.SOLVED
-    wrong = judged(case.window, "2.14", "x", True, 1.5 * case.theta, case.c_n, case.c_t, 0.0, 0.0)
+    wrong = judged(case.window, "2.14", "x", True, 1.5 * case.theta, case.c_n, case.c_t, 0.0)
     assert wrong.status is SolveStatus.DYNAMICS_VIOLATED and wrong.claimed
     far = case.c_n.copy()
     far[case.window.gap > 0.01] = 1e-3 * case.window.force_scale
-    assert judged(case.window, "2.14", "x", True, case.theta, far, case.c_t, 0.0, 0.0).status is (
+    assert judged(case.window, "2.14", "x", True, case.theta, far, case.c_t, 0.0).status is (
         SolveStatus.NOT_COMPLEMENTARY
     )
-    nothing = judged(case.window, "2.14", "x", True, case.theta * np.nan, case.c_n, case.c_t, 0.0, 0.0)
+    nothing = judged(case.window, "2.14", "x", True, case.theta * np.nan, case.c_n, case.c_t, 0.0)
     assert nothing.status is SolveStatus.SOLVER_FAILED
 
 

@@ -21,6 +21,7 @@ from thesis_lib.identify.wheel.study import (
     wheel_force_study,
     wheel_force_table,
 )
+from thesis_lib.simulate.chapter2.motions import DEFAULT
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import simulate
@@ -147,7 +148,7 @@ def test_whiteness_is_uniform_on_white_noise_and_small_on_a_trend():
 
 def test_only_the_ratio_of_mass_to_inertia_moves_the_wheel():
     settings = WheelStudy(masses=(0.5, 2.0), mass_seconds=1.0)
-    motions = motion_by_mass(settings).pivot(index="t", columns="mass", values="omega")
+    motions = motion_by_mass(settings, DEFAULT).pivot(index="t", columns="mass", values="omega")
     # angular acceleration on one spoke, at equal angle and inertia: m g l sin / (I + m l²) grows with the mass
     assert motions[2.0].iloc[20] < motions[0.5].iloc[20] < motions[0.5].iloc[0]
     light, heavy = rolled(made(1.0, 0.4)), rolled(made(4.0, 1.6))
@@ -157,7 +158,7 @@ def test_only_the_ratio_of_mass_to_inertia_moves_the_wheel():
 
 @pytest.mark.slow
 def test_study_has_a_row_per_record_spoke_and_method():
-    rows = wheel_force_study(2, np.random.default_rng(0), WheelStudy(steps=280))
+    rows = wheel_force_study(2, np.random.default_rng(0), WheelStudy(steps=280), DEFAULT)
     assert len(rows) == 2 * 3 * 3 and not rows.duplicated(["record", "pair", "method"]).any()
     table = wheel_force_table(rows).set_index(["method", "order"])
     assert (table.loc["noise_free", "error_n_90"] < 1e-4).all()

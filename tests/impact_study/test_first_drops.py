@@ -11,9 +11,15 @@ from known_truth import falling_ellipses
 from thesis_lib.contact.space import velocity_change
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table
-from thesis_lib.impact_study import first_drops as module
-from thesis_lib.impact_study.first_drops import TOGETHER, first_drops, first_kept
-from thesis_lib.impact_study.stored_predictions import TABLE_3_1, law_with_gravity_step, target_with_gravity_step
+from thesis_lib.impact_study import stored_predictions as module
+from thesis_lib.impact_study.stored_predictions import (
+    TABLE_3_1,
+    TOGETHER,
+    first_drops,
+    first_kept,
+    law_with_gravity_step,
+    target_with_gravity_step,
+)
 
 ROOT = Path(__file__).parents[2]
 LAWS = ("anitescu_potra_newton", "wang_mason")  # as published they are themselves, and quick

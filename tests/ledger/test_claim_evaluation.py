@@ -5,10 +5,10 @@ import math
 import pytest
 
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_table
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
-from thesis_lib.ledger.page import render_page
-from thesis_lib.ledger.result import COLUMNS, ClaimStatus, refuse_errors, summary_line, to_table, write_results
+from thesis_lib.ledger.result import COLUMNS, ClaimStatus, refuse_errors, render_page, summary_line, to_table
 
 PRESENT = {"planar_impact": True, "drops": True}
 ABS = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}
@@ -248,8 +248,9 @@ def test_the_table(entries, results, tmp_path):
     assert table["published"].iloc[3] == "> 0.05"
     assert table["status"].iloc[-1] == "deviates"
     assert summary_line(found) == "10 claims: 9 reproduced, 1 deviates, 0 without data."
-    write_results(found, tmp_path / "one.csv")
-    write_results(run([*entries, {**entries[0], "id": "a.b", "published": 1}], results), tmp_path / "two.csv")
+    write_table(to_table(found), tmp_path / "one.csv")
+    two = run([*entries, {**entries[0], "id": "a.b", "published": 1}], results)
+    write_table(to_table(two), tmp_path / "two.csv")
     assert (tmp_path / "one.csv").read_bytes() == (tmp_path / "two.csv").read_bytes()
     assert b"nan" not in (tmp_path / "one.csv").read_bytes()
 

@@ -7,7 +7,7 @@ import pytest
 
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
-from thesis_lib.ledger.page import render_page, write_page
+from thesis_lib.ledger.result import render_page, write_page
 
 CHECK = {"kind": "abs", "tolerance": 0.01, "reason": "rounding & noise"}
 VOID = {"meta", "br", "hr", "img", "link", "wbr"}

@@ -5,7 +5,7 @@ import re
 import pandas as pd
 import pytest
 
-from thesis_lib.impact_study import individual_statements, statements
+from thesis_lib.impact_study import statements
 from thesis_lib.ledger.format import read_ledger
 from thesis_lib.records import chapter3
 from thesis_lib.records.catalogue import records
@@ -36,8 +36,8 @@ def test_the_thesis_is_quoted_as_in_the_ledger():
 
 
 def test_laws_and_limits_are_those_of_the_statements():
-    assert chapter3.STUDIED == individual_statements.STUDIED
-    assert chapter3.MU_ZERO == individual_statements.MU_ZERO
+    assert chapter3.STUDIED == statements.STUDIED
+    assert chapter3.MU_ZERO == statements.MU_ZERO
     assert chapter3.MAPPED == statements.MAPPED
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from thesis_lib.bodies.solids import Box, Sphere
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.free_motion import flown

@@ -10,7 +10,7 @@ from thesis_lib.critique.likelihood.hits_in_space import beside, jump, observe_i
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.checks.in_space import motion_facts
 from thesis_lib.datasets.format.frames import body_states, tracked_states
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.inertia import in_world

@@ -27,7 +27,7 @@ EDITS = [
     ("records/chapter3.py", RECORDED, None),
     ("records/chapter3.yaml", RECORDED, None),
     ("ledger/evaluate.py", {"claims"}, None),
-    ("ledger/page.py", {"claims"}, None),
+    ("ledger/result.py", {"claims"}, None),
     ("impact_study/stored_predictions.py", {"ch3_published"}, None),
     ("figures/thesis.mplstyle", DRAWN | {"critique", "critique_proof"}, UNDRAWN),
     ("figures/style.py", DRAWN | {"critique", "critique_proof"}, UNDRAWN),

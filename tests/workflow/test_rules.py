@@ -101,7 +101,7 @@ class TestScripts:
             if isinstance(node, ast.Import | ast.ImportFrom):
                 names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
                 for name in names:
-                    assert name.split(".")[0] in {"sys", "pathlib", "thesis_lib"}, name
+                    assert name.split(".")[0] in {"sys", "functools", "pathlib", "thesis_lib"}, name
             if isinstance(node, ast.BinOp):
                 # Path / "name" joins paths
                 joins = isinstance(node.op, ast.Div) and isinstance(node.right, ast.Constant | ast.JoinedStr)

@@ -14,28 +14,42 @@ with which it may touch a level surface are, at the attitude R and with n the no
 | capsule           | centres of its caps       | 0            | its radius         |
 """
 
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from thesis_lib.mechanics.space import SPACE
 
+LEVEL = 1e-12  # of a unit direction, or of the extent: less is rounding, and the points lie equally far
+BLOCK = 2**22  # vertices times directions that are compared at once: 32 MiB
 
-class MinkowskiSum(NamedTuple):
+
+@dataclass(frozen=True, eq=False)
+class MinkowskiSum:
     """Centres u (3, p) in m, squares (3,) in m² of the semi-axes of the ellipsoid, and the radius of the ball in m."""
 
     centres: np.ndarray
     squares: np.ndarray
     radius: float
 
-    def support(self, direction: np.ndarray, index: np.ndarray) -> np.ndarray:
-        """Point (3, n) that lies farthest along `direction` (3, n) of the part about the centre `index` (n,)."""
-        stretched = self.squares[:, None] * direction
-        length = np.sqrt((direction * stretched).sum(axis=0))
-        rolled = np.divide(stretched, length, out=np.zeros_like(stretched), where=length > 0.0)
+    def support(self, direction: np.ndarray, index: np.ndarray | None = None) -> np.ndarray:
+        """Point (3, n) that lies farthest along `direction` (3, n); with `index` (n,) of the part about that centre."""
         unit = direction / np.sqrt((direction * direction).sum(axis=0))
-        return self.centres[:, index] + rolled + self.radius * unit
+        point = (farthest(self.centres, unit) if index is None else self.centres[:, index]) + self.radius * unit
+        if not self.squares.any():
+            return point
+        stretched = self.squares[:, None] * unit
+        length = np.sqrt((unit * stretched).sum(axis=0))
+        # of a disk that lies level the middle
+        rolls = length > LEVEL * np.sqrt(self.squares.max())
+        return point + np.divide(stretched, length, out=np.zeros_like(stretched), where=rolls)
+
+    @property
+    def extent(self) -> float:
+        """Largest distance in m of a point from the origin, where the ellipsoid lies across its centre."""
+        return float(np.sqrt((self.centres**2).sum(axis=0).max() + self.squares.max()) + self.radius)
 
     def heights(self, attitude: np.ndarray) -> np.ndarray:
         """Heights (p, n) in m of all points above the body's origin, at attitudes (4, n)."""
@@ -68,3 +82,18 @@ class SupportPoint:
     @cached_property
     def _centres(self) -> np.ndarray:
         return self.solid.minkowski.centres[:, self.index]
+
+
+def farthest(points: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Of points (3, k) those (3, n) that lie farthest along unit vectors (3, n); the middle of points equally far."""
+    if points.shape[1] == 1:
+        return points
+    if (block := max(1, BLOCK // points.shape[1])) < direction.shape[1]:
+        parts = [farthest(points, direction[:, i : i + block]) for i in range(0, direction.shape[1], block)]
+        return np.concatenate(parts, axis=1)
+    along = points.T @ direction
+    first = along.max(axis=0)
+    equal = along >= first - LEVEL * np.abs(points).max()
+    if np.count_nonzero(equal) == len(first):  # no two lie equally far
+        return points[:, equal.argmax(axis=0)]
+    return (points @ equal) / equal.sum(axis=0)

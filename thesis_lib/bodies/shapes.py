@@ -55,6 +55,10 @@ class _Shape(Section):
         """Gap φ_n (n,) in m between the body with origin at height `y` and the surface at `height`."""
         return np.asarray(y) + self.contact_point(theta)[..., 1] - height
 
+    def lying(self, theta: np.ndarray) -> np.ndarray:
+        """The nearest angle (n,) in rad to `theta` (n,) at which the body lies still on a level surface."""
+        raise NotImplementedError
+
 
 class Ellipse(_Shape):
     """Ellipse with semi-axes (a, b) in m along body x and y."""
@@ -83,6 +87,10 @@ class Ellipse(_Shape):
     def radius_of_gyration(self) -> float:
         return float(np.hypot(*self.semi_axes) / 2.0)
 
+    def lying(self, theta: np.ndarray) -> np.ndarray:
+        a, b = self.semi_axes
+        return _nearest(theta, np.array([0.0 if b <= a else 0.5 * np.pi]), np.pi)
+
 
 class Disk(_Shape):
     """Disk of a given radius in m about the body origin."""
@@ -101,6 +109,9 @@ class Disk(_Shape):
     @property
     def radius_of_gyration(self) -> float:
         return self.radius / np.sqrt(2.0)
+
+    def lying(self, theta: np.ndarray) -> np.ndarray:
+        return theta
 
 
 class Polygon(_Shape):
@@ -156,6 +167,14 @@ class Polygon(_Shape):
         # polar second moment of area about the origin, moved to the centroid (parallel axes)
         polar = (cross * ((p * p).sum(1) + (p * q).sum(1) + (q * q).sum(1))).sum() / 12.0
         return float(np.sqrt(polar / area - centroid @ centroid))
+
+    def lying(self, theta: np.ndarray) -> np.ndarray:
+        """On a side of the convex hull that has the origin, taken as the centre of mass, above it."""
+        corners = self.corners
+        along = np.roll(corners, -1, axis=0) - corners
+        share = -np.sum(corners * along, axis=1) / np.sum(along**2, axis=1)  # of the side, where the origin is above it
+        sides = -np.arctan2(along[:, 1], along[:, 0])[(share > 0.0) & (share < 1.0)]
+        return _nearest(theta, sides, 2.0 * np.pi)
 
 
 class Corner:
@@ -213,6 +232,12 @@ class Corner:
     def gap(self, y: np.ndarray, theta: np.ndarray, height: float = 0.0) -> np.ndarray:
         """Distance (n,) in m of the corner above the surface at `height`."""
         return y + self.contact_point(theta)[:, 1] - height
+
+
+def _nearest(theta: np.ndarray, angles: np.ndarray, turn: float) -> np.ndarray:
+    """Of angles (k,) that repeat after a `turn`, in rad, those (n,) nearest to `theta` (n,)."""
+    off = np.remainder(np.subtract.outer(theta, angles) + 0.5 * turn, turn) - 0.5 * turn
+    return theta - off[np.arange(len(theta)), np.abs(off).argmin(axis=1)]
 
 
 @lru_cache(maxsize=32)

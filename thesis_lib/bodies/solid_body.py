@@ -22,11 +22,11 @@ from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.moments import Moments
 from thesis_lib.bodies.shapes import Coordinate, Length
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Solid, Sphere
+from thesis_lib.bodies.walls import FARTHEST, SurfaceName
 from thesis_lib.foundation.settings import Section
 
 UNIT = 0.02  # how far from 1 the length of a quaternion may be: files have three digits and more
 ROUNDED = 1e-3  # relative; numbers in dataset.yaml may have three digits
-FARTHEST = 40.0  # m from the origin to a point of a surface; no rig is larger
 OFF_SURFACE = 0.01  # of its size, by which corners of an extent may lie off the surface
 
 Vector = tuple[Coordinate, Coordinate, Coordinate]
@@ -209,7 +209,7 @@ class FlatSurface(Section):
 class NamedSurface(FlatSurface):
     """One of several planes, each with a name, which may end somewhere."""
 
-    name: str = Field(pattern="^[a-z][a-z0-9_]{0,19}$", description="lower-case letters, digits and _")
+    name: SurfaceName
     point: Vector = Field(description="m, any point of the plane")
     normal: Vector = Field(description="from the surface towards the body, of any length above 0")
     extent: Annotated[tuple[Vector, ...], Field(min_length=3, max_length=1000)] | None = Field(

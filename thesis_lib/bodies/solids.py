@@ -18,13 +18,14 @@ its middle; mirrored solids then touch in mirrored points.  Volume, centre of ma
 homogeneous solid with sharp edges.
 """
 
+from dataclasses import replace
 from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from thesis_lib.bodies.minkowski import MinkowskiSum
+from thesis_lib.bodies.minkowski import LEVEL, MinkowskiSum
 from thesis_lib.bodies.moments import Moments, moments_within
 from thesis_lib.bodies.shapes import Coordinate, Length
 from thesis_lib.foundation.settings import Section
@@ -33,8 +34,6 @@ from thesis_lib.mechanics.space import SPACE
 UP = np.array([[0.0], [0.0], [1.0]])
 LEVELLED = 4e-3  # m above the lowest corner, within which another one hits with it
 CONTACT_KINDS = ("corner", "edge", "face")
-LEVEL = 1e-12  # of a unit direction, or of the extent: less is rounding, and the points lie equally far
-BLOCK = 2**22  # vertices times directions that are compared at once: 32 MiB
 
 
 class Solid(Section):
@@ -42,7 +41,7 @@ class Solid(Section):
 
     def support(self, direction: np.ndarray) -> np.ndarray:
         """Point (3, n) in m that lies farthest along `direction` (3, n), both in axes of the body."""
-        raise NotImplementedError
+        return self.minkowski.support(direction)
 
     @property
     def moments(self) -> Moments:
@@ -51,13 +50,13 @@ class Solid(Section):
 
     @property
     def minkowski(self) -> MinkowskiSum:
-        """The solid as a Minkowski sum, which says with which points it may touch."""
+        """The solid as a Minkowski sum, which says with which points it may touch, and how far it reaches."""
         raise NotImplementedError
 
     @property
     def extent(self) -> float:
         """Largest distance in m of a point of the solid from the body's origin."""
-        raise NotImplementedError
+        return self.minkowski.extent
 
     def about(self, point: np.ndarray) -> "Solid":
         """The same solid with its origin at `point` (3,) in m."""
@@ -93,9 +92,6 @@ class Sphere(Solid):
     kind: Literal["sphere"] = "sphere"
     radius: Length = Field(description="m")
 
-    def support(self, direction: np.ndarray) -> np.ndarray:
-        return self.radius * _unit(direction)
-
     @property
     def minkowski(self) -> MinkowskiSum:
         return MinkowskiSum(np.zeros((3, 1)), np.zeros(3), self.radius)
@@ -104,21 +100,12 @@ class Sphere(Solid):
     def moments(self) -> Moments:
         return _central(4.0 / 3.0 * np.pi * self.radius**3, np.full(3, 0.4 * self.radius**2))
 
-    @property
-    def extent(self) -> float:
-        return self.radius
-
 
 class Ellipsoid(Solid):
     """Ellipsoid with semi-axes along the axes of the body."""
 
     kind: Literal["ellipsoid"] = "ellipsoid"
     semi_axes: tuple[Length, Length, Length] = Field(description="m, along x, y, z")
-
-    def support(self, direction: np.ndarray) -> np.ndarray:
-        # s = A d / √(dᵀ A d), A = diag(a², b², c²)
-        stretched = np.array(self.semi_axes)[:, None] * direction
-        return np.array(self.semi_axes)[:, None] * _unit(stretched)
 
     @property
     def minkowski(self) -> MinkowskiSum:
@@ -129,10 +116,6 @@ class Ellipsoid(Solid):
         squares = np.square(self.semi_axes)
         return _central(4.0 / 3.0 * np.pi * float(np.prod(self.semi_axes)), 0.2 * (squares.sum() - squares))
 
-    @property
-    def extent(self) -> float:
-        return max(self.semi_axes)
-
 
 class Capsule(Solid):
     """Cylinder along z with a half ball at each end."""
@@ -140,12 +123,6 @@ class Capsule(Solid):
     kind: Literal["capsule"] = "capsule"
     radius: Length = Field(description="m")
     half_length: Length = Field(description="m, of the cylinder without its caps")
-
-    def support(self, direction: np.ndarray) -> np.ndarray:
-        unit = _unit(direction)
-        point = self.radius * unit
-        point[2] += self.half_length * _sign(unit[2])
-        return point
 
     @property
     def minkowski(self) -> MinkowskiSum:
@@ -160,10 +137,6 @@ class Capsule(Solid):
         along = tube * R**2 / 2.0 + ball * 0.4 * R**2
         return _central(tube + ball, np.array([across, across, along]) / (tube + ball))
 
-    @property
-    def extent(self) -> float:
-        return self.half_length + self.radius
-
 
 class Edged(Solid):
     """A solid whose edges and corners may be rounded."""
@@ -173,15 +146,6 @@ class Edged(Solid):
     def rounded(self, edge_radius: float) -> "Edged":
         """The same solid with edges of another radius in m, within the same measures."""
         return type(self)(**{**self.model_dump(), "edge_radius": edge_radius})
-
-    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
-        """Support (3, n) along unit directions of the solid that is moved in by the edge radius."""
-        raise NotImplementedError
-
-    def support(self, direction: np.ndarray) -> np.ndarray:
-        unit = _unit(direction)
-        point = self._sharp_support(unit)
-        return point + self.edge_radius * unit if self.edge_radius else point
 
     @model_validator(mode="after")
     def _has_room_for_its_edges(self) -> "Edged":
@@ -201,22 +165,15 @@ class Box(Edged):
     kind: Literal["box"] = "box"
     half_extents: tuple[Length, Length, Length] = Field(description="m, along x, y, z")
 
-    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
-        return (np.array(self.half_extents) - self.edge_radius)[:, None] * _sign(unit)
-
     @cached_property
     def minkowski(self) -> MinkowskiSum:
-        inner = self.corners * (1.0 - self.edge_radius / np.array(self.half_extents))[:, None]
+        inner = np.sign(self.corners) * (np.array(self.half_extents) - self.edge_radius)[:, None]
         return MinkowskiSum(inner, np.zeros(3), self.edge_radius)
 
     @property
     def moments(self) -> Moments:
         squares = np.square(self.half_extents)
         return _central(8.0 * float(np.prod(self.half_extents)), (squares.sum() - squares) / 3.0)
-
-    @property
-    def extent(self) -> float:
-        return float(np.linalg.norm(np.array(self.half_extents) - self.edge_radius) + self.edge_radius)
 
     @property
     def inradius(self) -> float:
@@ -235,12 +192,6 @@ class Cylinder(Edged):
     radius: Length = Field(description="m")
     half_length: Length = Field(description="m")
 
-    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
-        across = np.hypot(unit[0], unit[1])
-        # at an end that lies level, the middle of the end
-        share = np.where(across > LEVEL, self.radius - self.edge_radius, 0.0) / np.maximum(across, LEVEL)
-        return np.stack([share * unit[0], share * unit[1], (self.half_length - self.edge_radius) * _sign(unit[2])])
-
     @property
     def minkowski(self) -> MinkowskiSum:
         squares = np.array([1.0, 1.0, 0.0]) * (self.radius - self.edge_radius) ** 2
@@ -251,11 +202,6 @@ class Cylinder(Edged):
         R, h = self.radius, self.half_length
         across = R**2 / 4.0 + h**2 / 3.0
         return _central(2.0 * np.pi * R**2 * h, np.array([across, across, R**2 / 2.0]))
-
-    @property
-    def extent(self) -> float:
-        ρ = self.edge_radius
-        return float(np.hypot(self.radius - ρ, self.half_length - ρ) + ρ)
 
     @property
     def inradius(self) -> float:
@@ -269,11 +215,6 @@ class Hull(Edged):
     vertices: Annotated[tuple[tuple[Coordinate, Coordinate, Coordinate], ...], Field(min_length=4)] = Field(
         description="m, in axes of the body"
     )
-
-    def _sharp_support(self, unit: np.ndarray) -> np.ndarray:
-        points, block = self._inner, max(1, BLOCK // self._inner.shape[1])
-        parts = [farthest(points, unit[:, i : i + block]) for i in range(0, max(1, unit.shape[1]), block)]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
     @cached_property
     def _hull(self):
@@ -346,10 +287,6 @@ class Hull(Edged):
         triangles[inwards] = triangles[inwards][:, ::-1]
         return moments_within(triangles)
 
-    @cached_property
-    def extent(self) -> float:
-        return float(np.linalg.norm(self._inner, axis=0).max() + self.edge_radius)
-
     @model_validator(mode="after")
     def _has_volume(self) -> "Hull":
         _ = self._hull
@@ -363,9 +300,6 @@ class Recentred(Solid):
     solid: Solid
     origin: tuple[Coordinate, Coordinate, Coordinate] = Field(description="m, in the frame of the solid")
 
-    def support(self, direction: np.ndarray) -> np.ndarray:
-        return self.solid.support(direction) - self._shift
-
     def rounded(self, edge_radius: float) -> "Recentred":
         """The same solid with edges of another radius in m; AttributeError if it has no edges."""
         return Recentred(solid=self.solid.rounded(edge_radius), origin=self.origin)  # pyright: ignore[reportAttributeAccessIssue]
@@ -373,7 +307,7 @@ class Recentred(Solid):
     @cached_property
     def minkowski(self) -> MinkowskiSum:
         own = self.solid.minkowski
-        return own._replace(centres=own.centres - self._shift)
+        return replace(own, centres=own.centres - self._shift)
 
     @property
     def _shift(self) -> np.ndarray:
@@ -406,16 +340,6 @@ class Recentred(Solid):
 Primitive = Annotated[Sphere | Ellipsoid | Box | Cylinder | Capsule, Field(discriminator="kind")]
 
 
-def farthest(points: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Of points (3, k) those (3, n) that lie farthest along `direction` (3, n); the middle of points equally far."""
-    along = points.T @ direction
-    first = along.max(axis=0)
-    equal = along >= first - LEVEL * np.abs(points).max()
-    if np.count_nonzero(equal) == len(first):  # no two lie equally far
-        return points[:, equal.argmax(axis=0)]
-    return (points @ equal) / equal.sum(axis=0)
-
-
 def contact_kind(solid: Solid, attitude: np.ndarray) -> np.ndarray:
     """What of the sharp solid hits a level surface at attitudes (4, n): "corner", "edge", "face", "" of a smooth one.
 
@@ -442,15 +366,6 @@ def _distinct(rows: np.ndarray) -> np.ndarray:
     """Rows that differ by more than rounding."""
     size = np.abs(rows).max()
     return rows[np.unique(np.round(rows / (size * LEVEL)), axis=0, return_index=True)[1]]
-
-
-def _unit(direction: np.ndarray) -> np.ndarray:
-    return direction / np.sqrt((direction * direction).sum(axis=0))
-
-
-def _sign(component: np.ndarray) -> np.ndarray:
-    """Sign of components of unit directions, 0 where it would be rounding alone."""
-    return np.where(np.abs(component) > LEVEL, np.sign(component), 0.0)
 
 
 def _times(value, factor: float):

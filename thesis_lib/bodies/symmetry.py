@@ -50,8 +50,23 @@ class Symmetry:
 
     @cached_property
     def stands(self) -> np.ndarray:
-        """Directions (k, 3) as `standing` has them."""
-        return standing(self.solid)
+        """Directions (k, 3) that are up, in axes of the body, where it stands: least heights of its centre of mass.
+
+        Of a body with an axis of symmetry one stands for all about that axis.
+        """
+
+        def height(up: np.ndarray) -> np.ndarray:
+            return -np.einsum("in,in->n", up, self.solid.support(-up))
+
+        directions = (
+            np.eye(3)[i] * np.cos(a) + np.eye(3)[i - 1] * np.sin(a) for i in range(3) for a in (0.0, 0.8, 1.6, 2.4)
+        )
+        around, least = np.array(list(directions)), []
+        for up in -self.solid.faces:
+            tilted = up[:, None] + TILT * np.cross(np.concatenate([around, -around]), up).T
+            near = tilted / np.linalg.norm(tilted, axis=0)
+            least.append(bool((height(near) >= height(up[:, None]) - LEVEL).all()))
+        return -self.solid.faces[least]
 
     def leaning(self, up: np.ndarray) -> np.ndarray:
         """Turns (m, 3) in rad, axes of the body, that take unit vectors `up` (m, 3) to the nearest of these directions.
@@ -96,23 +111,3 @@ def turn_about(axis: int, angle: float) -> np.ndarray:
     Q = np.eye(3)
     Q[[i, i, j, j], [i, j, i, j]] = np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)
     return Q
-
-
-def standing(solid: Solid) -> np.ndarray:
-    """Directions (k, 3) that are up, in axes of the body, where a solid with its origin at its centre of mass stands.
-
-    They are least heights of the centre.  Of a solid with an axis of symmetry one stands for all about that axis.
-    """
-
-    def height(up: np.ndarray) -> np.ndarray:
-        return -np.einsum("in,in->n", up, solid.support(-up))
-
-    directions = (
-        np.eye(3)[i] * np.cos(a) + np.eye(3)[i - 1] * np.sin(a) for i in range(3) for a in (0.0, 0.8, 1.6, 2.4)
-    )
-    around, least = np.array(list(directions)), []
-    for up in -solid.faces:
-        tilted = up[:, None] + TILT * np.cross(np.concatenate([around, -around]), up).T
-        near = tilted / np.linalg.norm(tilted, axis=0)
-        least.append(bool((height(near) >= height(up[:, None]) - LEVEL).all()))
-    return -solid.faces[least]

@@ -16,6 +16,7 @@ the place along the wall from its `point`; which wall it is stands beside the po
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -23,7 +24,8 @@ from pydantic import Field, model_validator
 from thesis_lib.bodies.shapes import Coordinate, Shape
 from thesis_lib.foundation.settings import Section
 
-FARTHEST = 40.0  # m from the origin to a wall's point; no rig is larger
+FARTHEST = 40.0  # m from the origin to a point of a surface; no rig is larger
+SurfaceName = Annotated[str, Field(pattern="^[a-z][a-z0-9_]{0,19}$", description="lower-case letters, digits and _")]
 OUT_OF_REACH = 1e3  # m, beyond every gap: a wall that cannot have pushed the body
 MOST = 50
 
@@ -31,7 +33,7 @@ MOST = 50
 class Wall(Section):
     """A straight wall."""
 
-    name: str = Field(pattern="^[a-z][a-z0-9_]{0,19}$", description="lower-case letters, digits and _")
+    name: SurfaceName
     point: tuple[Coordinate, Coordinate] = Field(description="m, any point of the wall's line")
     normal: tuple[Coordinate, Coordinate] = Field(
         description="direction from the wall towards the body, of any length above 0"

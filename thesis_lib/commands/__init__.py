@@ -1,1 +1,1 @@
-"""The command line: a module for each command of `thesis_lib COMMAND`."""
+"""The command line: what each command of `thesis_lib COMMAND` does."""

@@ -33,15 +33,7 @@ from thesis_lib.foundation.isolated import ProcessResult, Task, run_isolated
 from thesis_lib.foundation.progress import duration
 from thesis_lib.foundation.provenance import file_sha256, lib_hash
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
-from thesis_lib.report.batch_index import (
-    INDEX_FILES,
-    NO_VERDICT,
-    plain,
-    row_of_failure,
-    row_of_verdict,
-    summary_text,
-    write_index,
-)
+from thesis_lib.report import batch_index
 from thesis_lib.report.critique.whole_folder import LAST, MODEL_FILE
 
 STATE = ".batch"
@@ -139,8 +131,8 @@ def run_batch(
     out = Path(out)
     named = _names(paths, out)
     with _only_one(out):
-        code = _code()
         of_ones_own = (tuple(files), tuple(additions)) if additions else ()
+        code = lib_hash(run.__file__)  # of the modules that a critique runs
         settings = {"seed": seed, "effects": effects and list(effects), "code": code, "additions": list(additions)}
         keys = {name: _key(Path(os.path.realpath(path)), settings) for name, path in named.items()}
         skipped = [name for name in named if _is_done(out, name, keys[name])]
@@ -164,25 +156,25 @@ def run_batch(
                     say(_progress(rows[outcome.name], len(rows), len(named), outcome, spent, len(finished)))
         finally:
             ordered = [rows[name] for name in named if name in rows]
-            write_index(ordered, out, total=len(named), seed=seed, effects=effects)
+            batch_index.write_index(ordered, out, total=len(named), seed=seed, effects=effects)
     return Batch(ordered, finished, skipped)
 
 
 def batch_text(batch: Batch, out: Path) -> str:
     """Number of datasets with each verdict, reasons of failures, and where to look."""
-    lines = [summary_text(batch.rows, len(batch.rows))]
+    lines = [batch_index.summary_text(batch.rows, len(batch.rows))]
     if batch.skipped:
         lines.append(f"  {len(batch.skipped)} of them were done already")
     for row in batch.failed:
         log = out / f"{row['dataset']}.log"
-        lines.append(f"  {plain(row['dataset'])} failed: {row['reason']}\n      log: {log}")
+        lines.append(f"  {batch_index.plain(row['dataset'])} failed: {row['reason']}\n      log: {log}")
     return "\n".join([*lines, f"\nwritten to {out}; open {out / 'index.html'}"])
 
 
 def _closed(out: Path, outcome: ProcessResult, key: str | None) -> dict:
     """The row of a dataset that has just ended; marks it as done if it has a verdict."""
     if outcome.failure is not None:
-        return row_of_failure(outcome.name, outcome.failure)
+        return batch_index.row_of_failure(outcome.name, outcome.failure)
     row = _row(out, outcome.name)
     if row["status"] == "done" and key is not None:
         _mark(out, outcome.name, key)
@@ -191,17 +183,17 @@ def _closed(out: Path, outcome: ProcessResult, key: str | None) -> dict:
 
 def _row(out: Path, name: str) -> dict:
     try:
-        return row_of_verdict(name, read_run(out / name))
+        return batch_index.row_of_verdict(name, read_run(out / name))
     except UserError as error:
-        return row_of_failure(name, str(error))
+        return batch_index.row_of_failure(name, str(error))
 
 
 def _progress(row: Mapping, count: int, total: int, outcome: ProcessResult, spent: float, ended: int) -> str:
     """[ 3/100] my_drops: effects (com_offset), 21 s; about 12 min left"""
-    what = f"FAILED: {row['reason']}" if row["status"] == "failed" else row["verdict"] or NO_VERDICT
+    what = f"FAILED: {row['reason']}" if row["status"] == "failed" else row["verdict"] or batch_index.NO_VERDICT
     named = f" ({row['effects']})" if row["effects"] else ""
     rest = "" if count == total else f"; about {duration((total - count) * spent / ended)} left"
-    name = f"[{count:{len(str(total))}d}/{total}] {plain(row['dataset'])}"
+    name = f"[{count:{len(str(total))}d}/{total}] {batch_index.plain(row['dataset'])}"
     return f"{name}: {what}{named}, {outcome.wall_s:.0f} s{rest}"
 
 
@@ -218,7 +210,7 @@ def _names(paths: Sequence[str | Path], out: Path) -> dict[str, Path]:
         if os.path.realpath(out / name) == os.path.realpath(path):
             raise UserError(f"-o {out} is the folder that the datasets are in; choose another one.")
         named[name] = path
-    taken = {STATE, *INDEX_FILES, *(f"{name}.log" for name in named)}
+    taken = {STATE, *batch_index.INDEX_FILES, *(f"{name}.log" for name in named)}
     for name in named:
         if name in taken:
             raise UserError(f"A batch writes a file called {name}; rename the dataset folder {named[name]}.")
@@ -250,11 +242,6 @@ def _key(path: Path, settings: Mapping[str, object]) -> str | None:
     except (OSError, FileProblem):
         return None
     return hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
-
-
-def _code() -> str:
-    """Hash of the modules that a critique runs."""
-    return lib_hash(run.__file__)
 
 
 def _written(folder: Path) -> dict[str, str]:

@@ -4,12 +4,8 @@ import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from thesis_lib.foundation.command_line import FAILED, Parser, command
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 EPILOG = """\
 What each command does
@@ -87,10 +83,13 @@ def _evaluate(options: argparse.Namespace) -> tuple[list, dict[str, bool]]:
 
 def _check(options: argparse.Namespace) -> int:
     from thesis_lib.ledger.expected import compare_with_expected, read_expected
+    from thesis_lib.ledger.figure_check import AGREES, NO_DATA, check_figures
+    from thesis_lib.records import catalogue
 
     results, present = _evaluate(options)
     changes = compare_with_expected(results, read_expected(options.expected), options.scale)
-    figures, differing = _compared_figures(options, present)
+    figures = check_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
+    differing = figures[~figures["status"].isin([AGREES, NO_DATA])]
     if options.json:
         _print_json(options, results, changes, figures)
     else:
@@ -98,18 +97,8 @@ def _check(options: argparse.Namespace) -> int:
     return FAILED if changes or len(differing) else 0
 
 
-def _compared_figures(options: argparse.Namespace, present: dict[str, bool]) -> "tuple[pd.DataFrame, pd.DataFrame]":
-    """Comparison of the figures with their stored copies, and those that differ."""
-    from thesis_lib.ledger.figure_check import AGREES, NO_DATA, check_figures
-    from thesis_lib.records import catalogue
-
-    table = check_figures(options.results, options.stored / options.scale, catalogue.figures(), present)
-    return table, table[~table["status"].isin([AGREES, NO_DATA])]
-
-
 def _print_text(options: argparse.Namespace, results: list, changes: list, figures, differing) -> None:
-    from thesis_lib.ledger.page import SIGNS
-    from thesis_lib.ledger.result import ClaimStatus, summary_line
+    from thesis_lib.ledger.result import SIGNS, ClaimStatus, summary_line
 
     print(f"Claims at scale {options.scale}\n{summary_line(results)}")
     for r in results:
@@ -160,12 +149,12 @@ def _update(options: argparse.Namespace) -> int:
 
 
 def _page(options: argparse.Namespace) -> int:
-    from thesis_lib.ledger.page import write_page
-    from thesis_lib.ledger.result import refuse_errors, write_results
+    from thesis_lib.foundation.files import write_table
+    from thesis_lib.ledger.result import refuse_errors, to_table, write_page
 
     results, _ = _evaluate(options)
     csv, html = options.results / "claims.csv", options.results / "claims.html"
-    write_results(results, csv)
+    write_table(to_table(results), csv)
     write_page(results, html, options.scale)
     print(f"{csv}\n{html}")
     refuse_errors(results)  # last, so that the page shows what is wrong

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from thesis_lib.commands.additions import add_option, load_additions
+from thesis_lib.commands.effects import add_option, load_additions
 from thesis_lib.foundation import SEED
 from thesis_lib.foundation.command_line import FAILED, INTERRUPTED, Parser, command
 from thesis_lib.foundation.errors import UserError

@@ -152,8 +152,9 @@ class _ExampleHelp(argparse.Action):
 @command
 def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
-    if args.command in ("init", "example"):
-        _refuse_existing(Path(args.out), args.force)
+    writes = args.command in ("init", "example") and not args.force
+    if writes and any(Path(args.out, name).exists() for name in ("dataset.yaml", "recording.yaml")):
+        raise UserError(f"{args.out} already holds a dataset; choose another folder, or give --force to replace it.")
     return {"fetch": _fetch, "check": _check, "init": convert_logs, "example": _example}[args.command](args)
 
 
@@ -298,8 +299,3 @@ def _contact_time(milliseconds: float) -> float:
     if not 0.0 < milliseconds <= 5.0:
         raise UserError(f"--contact-time must be above 0 and at most 5 ms; got {milliseconds:g}.")
     return 1e-3 * milliseconds
-
-
-def _refuse_existing(out: Path, force: bool) -> None:
-    if any((out / name).exists() for name in ("dataset.yaml", "recording.yaml")) and not force:
-        raise UserError(f"{out} already holds a dataset; choose another folder, or give --force to replace it.")

@@ -1,10 +1,16 @@
-"""`python -m thesis_lib effects`: the list of effects, the checks of one's own, and a file to begin one with."""
+"""`python -m thesis_lib effects`: the list of effects, the checks of one's own, and a file to begin one with.
 
+Also the option --effects of other commands: effects and laws of one's own, from files and from installed packages.
+"""
+
+import argparse
 import json
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from thesis_lib.foundation.command_line import FAILED, Parser, command
+from thesis_lib.foundation.errors import UserError
 
 DESCRIPTION = """\
 List every candidate effect: equation, parameters with unit and bounds, and source; those of installed packages, too.
@@ -24,6 +30,33 @@ examples:
   python -m thesis_lib effects --check sticky_corners.py               would the critique take it?
   python -m thesis_lib critique data/my_drops --effects sticky_corners.py
 """
+OPTION = (
+    "Python file with effects or laws of your own, which join the library; it runs with your rights, so read what "
+    "others wrote; may be given several times"
+)
+
+
+def add_option(parser: argparse.ArgumentParser) -> None:
+    """Let a command take --effects FILE.py."""
+    parser.add_argument("--effects", action="append", dest="files", metavar="FILE.py", default=[], help=OPTION)
+
+
+def load_additions(files: Sequence[str], data: Iterable[str | Path] = ()) -> list[dict[str, str]]:
+    """What installed packages offer and what the files hold, for JSON; that files run is said on stderr before.
+
+    Files must not lie in the folders `data`.  UserError as in `thesis_lib.extensions.loading.load`.
+    """
+    from thesis_lib.extensions.loading import load
+
+    for path in files:
+        if not path.endswith(".py") and not Path(path).exists():
+            raise UserError(f"--effects {path}: no such file. It takes a Python file; a name goes behind --effect.")
+    return load(files, data=data, say=note)
+
+
+def note(text: str) -> None:
+    """Tell what a user should know before it happens, also where progress is not wanted."""
+    print(f"note: {text}", file=sys.stderr, flush=True)
 
 
 @command
@@ -38,8 +71,6 @@ def effects(argv: Sequence[str] | None = None) -> int:
         return _new(args.new, args.json)
     if args.check:
         return _check(args.check, args.json)
-    from thesis_lib.commands.additions import load_additions
-
     load_additions([])
     print(effects_json() if args.json else effects_text())
     return 0
@@ -57,9 +88,7 @@ def _new(name: str, as_json: bool) -> int:
 
 
 def _check(files: Sequence[str], as_json: bool) -> int:
-    from thesis_lib.commands.additions import note
-    from thesis_lib.extensions.check import results
-    from thesis_lib.extensions.loading import read_file
+    from thesis_lib.extensions.loading import read_file, results
     from thesis_lib.extensions.registry import add
 
     rows: list[dict[str, str]] = []

@@ -156,8 +156,13 @@ def convert_logs(args: argparse.Namespace) -> int:
         conversion = convert(args.files, out.resolve().name, rig, reading, say)
         say("writing the dataset")
         write_dataset(conversion.dataset, out, float_format=None)
-    if conversion.cuts:
-        _write_cuts(conversion.cuts, out)
+    if conversion.cuts:  # a picture to check, and the energy out of the plane at each impact
+        from thesis_lib.figures.cuts import draw_cuts
+        from thesis_lib.figures.style import save_figure
+        from thesis_lib.foundation.files import write_result
+
+        write_result(conversion.cuts.impacts, out / "impacts_in_space.csv")
+        save_figure(*draw_cuts(conversion.cuts), out / "cuts")
     for kind, texts in (("note", conversion.notes), ("warning", conversion.warnings)):
         for text in texts:
             print(f"{kind}: {text}")
@@ -173,13 +178,3 @@ def convert_logs(args: argparse.Namespace) -> int:
         f"then run python -m thesis_lib datasets check {out}"
     )
     return 0
-
-
-def _write_cuts(cuts, out: Path) -> None:
-    """What became of a motion in space: a picture to check, and the energy out of the plane at each impact."""
-    from thesis_lib.figures.cuts import draw_cuts
-    from thesis_lib.figures.style import save_figure
-    from thesis_lib.foundation.files import write_result
-
-    write_result(cuts.impacts, out / "impacts_in_space.csv")
-    save_figure(*draw_cuts(cuts), out / "cuts")

@@ -15,10 +15,8 @@ from thesis_lib.datasets.checks import in_space
 from thesis_lib.datasets.checks import trajectories as plausible
 from thesis_lib.datasets.checks.known_body import KnownBody
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, unwrap
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.header_file import header_of, is_round, load_header, salvage_shape, schema_of
-from thesis_lib.datasets.format.poses import whole_poses
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, TableForm, impact_form, trajectory_form
 from thesis_lib.datasets.format.tables import load_table, table_of
 from thesis_lib.datasets.format.validate import (
@@ -28,6 +26,7 @@ from thesis_lib.datasets.format.validate import (
     check_impacts,
     check_trajectories,
     read_checked,
+    whole_poses,
 )
 
 Columns = Mapping[str, Sequence[float] | np.ndarray] | pd.DataFrame

@@ -8,9 +8,8 @@ import numpy as np
 
 from thesis_lib.datasets.checks.in_space import MotionFacts, motion_facts
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.impacts import STATE
-from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.impacts.detect import FoundImpacts, find_impacts
 from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS, are_enough
@@ -21,7 +20,7 @@ UNIT = {"t": "s", "theta": "rad", "omega": "rad/s"}
 UNIT |= {axis: "m" for axis in "xyz"} | {f"v{axis}": "m/s" for axis in "xyz"} | {f"w{axis}": "rad/s" for axis in "xyz"}
 
 
-def check_dataset(path: str | Path, settings: ArcSettings | None = None) -> tuple[Dataset, FoundImpacts | None]:
+def check_dataset(path: str | Path) -> tuple[Dataset, FoundImpacts | None]:
     """The dataset in the folder `path`, and the impacts detected in its trajectories (None without).
 
     Trajectories are searched even beside impacts.csv, which the program then uses as it is.  DatasetError lists
@@ -30,7 +29,7 @@ def check_dataset(path: str | Path, settings: ArcSettings | None = None) -> tupl
     dataset = read_dataset(path)
     if dataset.trajectories is None or not dataset.space.is_plane:
         return dataset, None
-    return dataset, find_impacts(replace(dataset, impacts=None), settings)
+    return dataset, find_impacts(replace(dataset, impacts=None))
 
 
 def summarise(dataset: Dataset, detection: FoundImpacts | None = None, hits: dict | None = None) -> dict:

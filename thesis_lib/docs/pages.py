@@ -25,8 +25,7 @@ from thesis_lib.critique.proof import (
 )
 from thesis_lib.critique.proof import engines as engine_proof
 from thesis_lib.critique.proof.results import outcomes, recovered
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.recordings.header import RecordingHeader
 from thesis_lib.docs import configuration
 from thesis_lib.docs.templates import filled

@@ -38,7 +38,6 @@ WHAT = {
     "slide": ("Δ acceleration in a slide (m/s²)", 1.0),
     "gap": ("Δ gap (mm)", 1e3),
 }
-SYMBOLS = {"v_x": "$v_x$", "v_y": "$v_y$", "a_x": "$a_x$", "a_y": "$a_y$", "φ_n": "$φ_n$"}
 KEPT_EVERY = 97  # of the numbers; coprime to the grids, so that it touches all rows and columns
 
 
@@ -85,18 +84,16 @@ def _draw_plane(figure: Figure, ax: Axes, rows: pd.DataFrame) -> None:
     figure.colorbar(image, ax=ax, label="|Δv| after impact (m/s)")
     each = (slice(2, None, 5), slice(2, None, 6))
     ax.quiver(v_x.columns[each[1]], v_x.index[each[0]], v_x.iloc[each], v_y.iloc[each], color=INK, width=0.006)
-    ax.set_xlabel("contact velocity $v_t$ (m/s)")
-    ax.set_ylabel("$v_n$ (m/s)")
+    ax.set(xlabel="contact velocity $v_t$ (m/s)", ylabel="$v_n$ (m/s)")
 
 
 def _draw_curve(ax: Axes, rows: pd.DataFrame, label: str, factor: float) -> None:
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     for look, (name, part) in zip(LOOKS, rows.groupby("series", sort=False)):
-        ax.plot(part["at"], factor * part["value"], label=SYMBOLS.get(name, f"${name}$"), **look)
+        ax.plot(part["at"], factor * part["value"], label=f"${name}$", **look)
     over = rows["over"].iloc[0]
     at_impact = over == "v_n" and rows["panel"].iloc[0] == "gap"
-    ax.set_xlabel("$v_n$ before impact (m/s)" if at_impact else AXES[over])
-    ax.set_ylabel(label)
+    ax.set(xlabel="$v_n$ before impact (m/s)" if at_impact else AXES[over], ylabel=label)
     if rows["series"].nunique() > 1:
         ax.legend()
 
@@ -116,8 +113,7 @@ def draw_reach(law: Law) -> Figure:
         outline = unit.factor * region_outline(variant, space)
         ax.plot(*outline.T, **look, label="as published" if variant is published else law.title)
         ax.set_ylim(top=max(ax.get_ylim()[1], 1.03 * float(outline[:, 1].max())))
-    ax.set_xlabel(f"tangential impulse $c_t$ ({unit.unit})")
-    ax.set_ylabel(f"normal impulse $c_n$ ({unit.unit})")
+    unit.label(ax)
     figure.legend(loc="outside right upper")
     return figure
 

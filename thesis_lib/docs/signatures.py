@@ -13,7 +13,6 @@ One ellipse (a square where an effect needs corners) hits the surface once, by M
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,12 @@ PLANE_T, PLANE_N = np.linspace(-2.0, 2.0, 41), np.linspace(-3.5, -0.25, 27)
 POINTS = 121
 SPAN = 0.5  # s
 COLUMNS = ["effect", "panel", "over", "at", "at_n", "series", "value"]
-Change = Callable[[Effect, State], np.ndarray]
+PREDICTED: dict[str, Callable[[Dynamics, State], np.ndarray]] = {
+    "impact": lambda dynamics, state: dynamics.predict(state).v,
+    "flight": lambda dynamics, state: dynamics.acceleration(state),
+    "slide": lambda dynamics, state: dynamics.sliding(state),
+    "gap": lambda dynamics, state: -dynamics.gap(state) - dynamics.strike(state)[1],
+}
 
 
 def size_that_matters(p: Parameter) -> float:
@@ -63,14 +67,14 @@ def rig_for(effect: Effect) -> Rig:
 def signature(effect: Effect) -> pd.DataFrame:
     """The numbers of an effect's picture, in SI: panel, variable `over` and its value `at` (`at_n`), series, value."""
     if "impact" in effect.channels:
-        parts = [_plane(effect), _curve(effect, "curve", RANGES, impact_change, ("v_x", "v_y", "k ω"))]
+        parts = [_plane(effect), _curve(effect, "curve", RANGES, "impact", ("v_x", "v_y", "k ω"))]
     elif "flight" in effect.channels:
-        parts = [_curve(effect, "flight", IN_FLIGHT, flight_change, ("a_x", "a_y", "k α")), _path(effect)]
+        parts = [_curve(effect, "flight", IN_FLIGHT, "flight", ("a_x", "a_y", "k α")), _path(effect)]
     elif "slide" in effect.channels:
-        parts = [_curve(effect, "slide", {"v_t": (-2.0, 2.0)}, slide_change, ("a_x",))]
+        parts = [_curve(effect, "slide", {"v_t": (-2.0, 2.0)}, "slide", ("a_x",))]
     else:
         ranges = {name: RANGES[name] for name in ("theta", "x")} | {"v_n": (-3.5, -0.25)}
-        parts = [_curve(effect, "gap", ranges, gap_change, ("φ_n",))]
+        parts = [_curve(effect, "gap", ranges, "gap", ("φ_n",))]
     return pd.concat(parts, ignore_index=True).assign(effect=effect.name)[COLUMNS]
 
 
@@ -83,46 +87,29 @@ def states(rig: Rig, **changed: np.ndarray) -> State:
     return State.planar(y=rig.height - r_y, vx=s["v_t"] + r_y * s["omega"], vy=s["v_n"] - r_x * s["omega"], **same)
 
 
-def impact_change(effect: Effect, state: State) -> np.ndarray:
-    """Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact in m/s."""
-    rig, (with_it, values) = rig_for(effect), _model(effect)
-    without, changed = (bind(model, values, rig).predict(state) for model in (Model(LAW), with_it))
-    return (changed.v - without.v) * [1.0, 1.0, rig.k_g]
+def change(effect: Effect, state: State, channel: str) -> np.ndarray:
+    """What an effect adds to what a channel of `PREDICTED` predicts, in SI.
+
+    Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact, Δ(a_x, a_y, k α) (n, 3) of the acceleration in flight, Δa_x
+    (n, 1) of a body that slides on the surface, Δφ_n (n, 1) of the gap.
+    """
+    rig, with_it, without = _models(effect, takes_time=channel == "gap")
+    changed = PREDICTED[channel](with_it, state) - PREDICTED[channel](without, state)
+    return changed * [1.0, 1.0, rig.k_g] if changed.ndim == 2 else changed[:, None]
 
 
-def flight_change(effect: Effect, state: State) -> np.ndarray:
-    """Δ(a_x, a_y, k α) (n, 3) in m/s²."""
-    rig, (with_it, values) = rig_for(effect), _model(effect)
-    without, changed = (bind(model, values, rig).acceleration(state) for model in (Model(LAW), with_it))
-    return (changed - without) * [1.0, 1.0, rig.k_g]
-
-
-def slide_change(effect: Effect, state: State) -> np.ndarray:
-    """Δa_x (n, 1) in m/s² of a body that slides on the surface."""
-    rig, (with_it, values) = rig_for(effect), _model(effect)
-    without, changed = (bind(model, values, rig).sliding(state) for model in (Model(LAW), with_it))
-    return (changed - without)[:, None]
-
-
-def gap_change(effect: Effect, state: State) -> np.ndarray:
-    """Δφ_n (n, 1) in m."""
-    rig, (with_it, values) = rig_for(effect), _model(effect)
-    gaps = []
-    for model in (replace(with_it, takes_time=True), Model(LAW, takes_time=True)):
-        dynamics = bind(model, values, rig)
-        gaps.append(-dynamics.gap(state) - dynamics.strike(state)[1])
-    return (gaps[0] - gaps[1])[:, None]
-
-
-def _model(effect: Effect) -> tuple[Model, dict[str, float]]:
-    sizes = {f"{effect.name}.{p.name}": size_that_matters(p) for p in effect.parameters}
-    return Model(LAW, (effect,)), COEFFICIENTS | sizes
+def _models(effect: Effect, takes_time: bool = False) -> tuple[Rig, Dynamics, Dynamics]:
+    """The rig, and its dynamics with the effect and without it."""
+    rig = rig_for(effect)
+    values = COEFFICIENTS | {f"{effect.name}.{p.name}": size_that_matters(p) for p in effect.parameters}
+    with_it, without = (bind(Model(LAW, on, takes_time=takes_time), values, rig) for on in ((effect,), ()))
+    return rig, with_it, without
 
 
 def _plane(effect: Effect) -> pd.DataFrame:
     v_t, v_n = (grid.ravel() for grid in np.meshgrid(PLANE_T, PLANE_N))
-    change = impact_change(effect, states(rig_for(effect), v_t=v_t, v_n=v_n))
-    columns = {"size": np.linalg.norm(change, axis=1), "v_x": change[:, 0], "v_y": change[:, 1]}
+    changes = change(effect, states(rig_for(effect), v_t=v_t, v_n=v_n), "impact")
+    columns = {"size": np.linalg.norm(changes, axis=1), "v_x": changes[:, 0], "v_y": changes[:, 1]}
     return _table("plane", "v_t, v_n", v_t, columns, v_n)
 
 
@@ -133,13 +120,13 @@ def _table(panel: str, over: str, at: np.ndarray, columns: dict[str, np.ndarray]
 
 
 def _curve(
-    effect: Effect, panel: str, ranges: dict[str, tuple[float, float]], change: Change, series: tuple[str, ...]
+    effect: Effect, panel: str, ranges: dict[str, tuple[float, float]], channel: str, series: tuple[str, ...]
 ) -> pd.DataFrame:
     """Changes against the variable over whose range they vary most; the first variable if none matters."""
     best, most = None, -1.0
     for over, (low, high) in ranges.items():
         at = np.linspace(low, high, POINTS)
-        changes = change(effect, states(rig_for(effect), **{over: at}))
+        changes = change(effect, states(rig_for(effect), **{over: at}), channel)
         spread = float(np.ptp(changes, axis=0).max())
         if spread > most + 1e-9:
             best, most = (over, at, changes), spread
@@ -148,11 +135,10 @@ def _curve(
 
 
 def _path(effect: Effect) -> pd.DataFrame:
-    rig, (with_it, values) = rig_for(effect), _model(effect)
+    rig, with_it, without = _models(effect)
     t = np.linspace(0.0, SPAN, POINTS)
-    paths = [_flown(bind(model, values, rig), t) for model in (with_it, Model(LAW))]
-    change = (paths[0] - paths[1]) * [1.0, 1.0, rig.k_g]
-    return _table("path", "t", t, dict(zip(("x", "y", "k θ"), change.T)))
+    changes = (_flown(with_it, t) - _flown(without, t)) * [1.0, 1.0, rig.k_g]
+    return _table("path", "t", t, dict(zip(("x", "y", "k θ"), changes.T)))
 
 
 def _flown(dynamics: Dynamics, t: np.ndarray) -> np.ndarray:

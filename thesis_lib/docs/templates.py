@@ -93,12 +93,9 @@ class StoredTable:
         return formatted(times * float(getattr(found, take)() if take else found.iloc[0]), as_)
 
 
-def _docstring(module: str) -> str:
-    return docstring(import_module(module))
-
-
 KNOWN = {  # to templates
-    **{"table": StoredTable, "meanings": meanings, "docstring": _docstring, "with_links": with_links},
+    **{"table": StoredTable, "meanings": meanings, "with_links": with_links},
+    "docstring": lambda module: docstring(import_module(module)),
     **{"LAWS": LAWS, "LAWS_IN_SPACE": LAWS_IN_SPACE, "Promise": Promise, "EFFECTS": EFFECTS, "FAMILIES": FAMILIES},
     **{"size_that_matters": size_that_matters, "sizes_text": sizes_text},
 }

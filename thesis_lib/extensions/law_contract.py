@@ -1,11 +1,17 @@
 """What every impact law must do, whoever wrote it: the library's are tested by the same checks as a user's.
 
-Each check resolves random impacts, most of them those of the reference draw (`impact_draws`), in the plane or in space;
-what holds in space only stands in `space_contract`.
+Each check resolves random impacts, most of them those of the reference draw (`impact_draws`), in the plane or in space.
+In space there are two more.  A turn about the normal by ψ, R its matrix, turns velocity and compliance of the contact,
+and so the impulse:
+
+    v → R v,    K → R K Rᵀ,    c → R c.
+
+An impact in a plane is one in space with slip, r and the couple of all else in that plane: K has no element between the
+plane and the direction across it, whose own compliance does not matter.
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,7 +19,7 @@ from thesis_lib.contact.law import ROUNDING as KEPT
 from thesis_lib.contact.law import Law, Promise, Status
 from thesis_lib.extensions.contract import Check
 from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw, reference_draw_in_space, violation
-from thesis_lib.extensions.space_contract import embeds_the_plane, turns_with_the_surface
+from thesis_lib.mechanics.contact import Contact
 from thesis_lib.mechanics.space import PLANE, SPACE
 
 # Impacts of the draw: in the plane as in the published constraint summary that the rates are compared with.
@@ -27,6 +33,7 @@ ROUNDING = 1e-12  # two evaluations of the same formulas in another order, relat
 UNITS = 1e-10  # the same in other units of mass and length
 # the body of the checks that need just one: principal moments per mass in m², in its radii of gyration
 BODY = np.diag([0.8, 1.0, 1.3])
+PARALLEL = 1.3  # compliance across a plane over that along it; any positive number would do
 
 
 def drawn(rng: np.random.Generator, n: int, dimension: int, central: bool = False) -> ImpactDraws:
@@ -35,15 +42,10 @@ def drawn(rng: np.random.Generator, n: int, dimension: int, central: bool = Fals
 
 
 @functools.cache
-def reference(dimension: int = 2) -> ImpactDraws:
-    """The reference draw; do not write into it."""
-    return drawn(np.random.default_rng(1), N_REFERENCE if dimension == 2 else N_IN_SPACE, dimension)
-
-
-@functools.cache
-def central(dimension: int = 2) -> ImpactDraws:
-    """The same with the centre of mass above the contact."""
-    return drawn(np.random.default_rng(2), N_REFERENCE if dimension == 2 else N_IN_SPACE, dimension, central=True)
+def reference(dimension: int = 2, *, central: bool = False) -> ImpactDraws:
+    """The reference draw, or that with the centre of mass above the contact; do not write into it."""
+    n = N_REFERENCE if dimension == 2 else N_IN_SPACE
+    return drawn(np.random.default_rng(2 if central else 1), n, dimension, central)
 
 
 def few(n: int = 40, dimension: int = 2) -> ImpactDraws:
@@ -89,7 +91,7 @@ def broken_share(law: Law, promise: Promise, dimension: int = 2) -> float:
     """Share of the impacts of the reference draw in which a law breaks a promise."""
     draw = reference(dimension)
     factor = np.random.default_rng(20180608).uniform(0.1, 10.0, len(draw.mu))
-    x = violation(promise, law, draw, central(dimension), factor)
+    x = violation(promise, law, draw, reference(dimension, central=True), factor)
     return float(np.mean(~(x <= _accuracy(law, dimension))))
 
 
@@ -233,6 +235,46 @@ def _three_alike(dimension: int) -> tuple[np.ndarray, np.ndarray, dict]:
         return np.tile([0.6, -2.5, 0.0], (3, 1)), np.tile([0.1, -0.2], (3, 1)), {"mass": 1.0, "k_g": 0.3}
     v, r = np.tile([0.6, 0.3, -2.5, 0.0, 0.0, 0.0], (3, 1)), np.tile([0.1, -0.15, -0.2], (3, 1))
     return v, r, {"mass": 1.0, "inertia": 0.09 * BODY}
+
+
+def turns_with_the_surface(law: Law, draw: ImpactDraws) -> str:
+    """Impacts turned about the normal have turned impulses."""
+    contact, R = draw.space, _about_the_normal(len(draw.mu))
+    c = np.stack(law.impulse(contact, draw.mu, draw.epsilon))
+    found = law.impulse(_turned(contact, R), draw.mu, draw.epsilon)
+    wrong = _differ(law, found, np.einsum("ijn,jn->in", R, c), draw)
+    return f"turned about the normal, {wrong} of {len(draw.mu)} impacts have not the turned impulse" if wrong else ""
+
+
+def embeds_the_plane(law: Law, draw: ImpactDraws) -> str:
+    """An impact in a plane, however that is turned about the normal, has the impulse of that in the plane."""
+    if 2 not in law.dimensions:
+        return ""
+    plane, R = draw.space, _about_the_normal(len(draw.mu))
+    c_t, c_n = law.impulse(plane, draw.mu, draw.epsilon)
+    zero = np.zeros_like(c_n)
+    K = np.array([[plane.K_tt, zero, plane.K_tn], [zero, PARALLEL * plane.K_tt, zero], [plane.K_tn, zero, plane.K_nn]])
+    embedded = _turned(Contact(np.stack([plane.v_t, zero, plane.v_n]), K), R)
+    expected = np.einsum("ijn,jn->in", R, np.stack([c_t, zero, c_n]))
+    wrong = _differ(law, law.impulse(embedded, draw.mu, draw.epsilon), expected, draw)
+    return f"in {wrong} of {len(draw.mu)} impacts in a plane the impulse in space is another one" if wrong else ""
+
+
+def _about_the_normal(n: int) -> np.ndarray:
+    """Turns (3, 3, n) about the normal by angles of all sizes, every other by none."""
+    angle = np.linspace(-np.pi, np.pi, n) * (np.arange(n) % 2)
+    cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros(n)
+    return np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, zero + 1.0]])
+
+
+def _turned(contact: Contact, R: np.ndarray) -> Contact:
+    return Contact(np.einsum("ijn,jn->in", R, contact.v), np.einsum("ijn,jkn,lkn->iln", R, contact.K, R))
+
+
+def _differ(law: Law, found: Sequence[np.ndarray], expected: np.ndarray, draw: ImpactDraws) -> int:
+    """Number of impacts whose impulse differs from what is expected."""
+    tolerance = _accuracy(law, 3) * draw.speed
+    return int(np.sum(~(np.abs(np.stack(found) - expected).max(axis=0) <= tolerance)))
 
 
 # in the plane and in space

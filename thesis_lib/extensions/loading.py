@@ -24,15 +24,15 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
 from thesis_lib.contact import Law
 from thesis_lib.datasets.format.folder import holds_data
 from thesis_lib.effects import Effect
-from thesis_lib.extensions.check import results
-from thesis_lib.extensions.contract import raised
+from thesis_lib.extensions import effect_contract, law_contract
+from thesis_lib.extensions.contract import CheckResult, outcomes, raised
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Loaded, Origin, add, contents
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import FileProblem, read_bytes
@@ -150,10 +150,19 @@ def _as_tuple(value: object) -> tuple:
     return tuple(value) if isinstance(value, tuple | list) else (value,)
 
 
+def results(loaded: Loaded, described: bool = True) -> Iterator[tuple[str, str, list[CheckResult]]]:
+    """Kind, name and outcomes of each effect and law; `described`: look also at what is said of them."""
+    for effect in loaded.effects:
+        checks = [check for check in effect_contract.checks_of(effect) if described or not check.describes]
+        yield "effect", effect.name, outcomes(checks, effect)
+    for law in loaded.laws:
+        yield "law", law.name, outcomes(law_contract.checks_of(law), law)
+
+
 def require_contracts(loaded: Loaded) -> None:
     """Refuse effects and laws that break a contract, or do nothing; what is said of them is not looked at here."""
-    for kind, name, outcomes in results(loaded, described=False):
-        for outcome in outcomes:
+    for kind, name, found in results(loaded, described=False):
+        for outcome in found:
             if outcome.verdict != "pass":
                 fails = f"fails a check ({outcome.check})" if outcome.verdict == "FAIL" else "cannot be looked for yet"
                 raise UserError(

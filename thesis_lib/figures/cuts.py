@@ -35,8 +35,7 @@ def draw_cuts(cuts: Cuts) -> Drawn:
                 high = float(cuts.height[drop.start])
                 ax.annotate(str(drop.trial), (float(t[0]), high), fontsize=6, color=INK, ha="right", va="bottom")
         ax.axhline(0.0, color=INK, lw=0.5)
-        ax.set_xlim(start, end)
-        ax.set_ylabel("height (m)")
+        ax.set(xlim=(start, end), ylabel="height (m)")
     axes[-1].set_xlabel("time (s)")
     table = pd.DataFrame(
         [

@@ -1,4 +1,4 @@
-"""Colours, notes and arrows of all figures; directions in the plane."""
+"""Notes and arrows of all figures; directions in the plane."""
 
 from typing import Any
 
@@ -6,9 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from thesis_lib.figures.style import INK
-
-# Okabe and Ito's colours, for colour-blind readers
-BLUE, RED, GREEN, VIOLET, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 
 
 def note(ax: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **look: Any) -> None:

@@ -9,7 +9,7 @@ Figures are made without pyplot, so that they share no state and need no window 
 
 import functools
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +27,9 @@ from thesis_lib.foundation.files import atomic, write_table
 
 SHEET = Path(__file__).with_name("thesis.mplstyle")
 WIDTH = 6.3  # inches: the text width of an A4 or letter page
-PANELS = {"as_published": "as published", "as_defined": "as defined"}
 GREY, INK, SHADE = "0.55", "0.15", "#DCE6F0"
+# Okabe and Ito's colours, for colour-blind readers
+BLUE, RED, GREEN, VIOLET, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", "#9ecae1", "#0072B2"])
 DARK = 0.55  # of `SHADES`; from there on a number is written in white
 Drawn = tuple[Figure, pd.DataFrame]
@@ -94,15 +95,15 @@ def png_of(figure: Figure) -> bytes:
 
 @house_style
 def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path, png: bytes | None = None) -> None:
-    """Write `path`.png, `path`.pdf and the plotted numbers as `path`.csv; equal content gives equal bytes.
+    """Write the picture `path` (.png, which may be left out), the same as .pdf and the plotted numbers as .csv.
 
-    `png` is that of `png_of`, None: made here.
+    `png` is that of `png_of`, None: made here.  Equal content gives equal bytes.
 
     Raises:
         KeyError: foundation/columns.yaml does not explain a column.  A figure of the run may have further columns,
             explained by its record; the rule `provenance` checks them.
     """
-    path = Path(path)
+    path = Path(path).with_suffix("")
     if not path.name.startswith("figure_"):
         explain(path.name, table.columns)
     with atomic(path.with_name(f"{path.name}.png")) as tmp:
@@ -110,6 +111,12 @@ def save_figure(figure: Figure, table: pd.DataFrame, path: str | Path, png: byte
     with atomic(path.with_name(f"{path.name}.pdf")) as tmp, _fonts_without_layout():
         figure.savefig(tmp, metadata={"Creator": None, "Producer": None, "CreationDate": None})
     write_table(table, path.with_name(f"{path.name}.csv"))
+
+
+def save_figures(drawn: Mapping[str, Drawn], beside: str | Path) -> None:
+    """Write figures, by name, into the folder of the file `beside`."""
+    for name, (figure, table) in drawn.items():
+        save_figure(figure, table, Path(beside).with_name(name))
 
 
 def _settle(figure: Figure) -> None:

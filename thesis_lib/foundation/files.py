@@ -8,10 +8,13 @@ inputs give equal bytes.
 import contextlib
 import csv
 import json
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.columns import explain, meanings
@@ -45,13 +48,16 @@ def atomic(path: str | Path) -> Iterator[Path]:
         raise
 
 
-def write_table(table: pd.DataFrame, path: str | Path) -> None:
-    """Write a table as CSV (or Parquet, by suffix), atomically and with reproducible bytes."""
+def write_table(table: pd.DataFrame, path: str | Path, float_format: str | None = FLOAT_FORMAT) -> None:
+    """Write a table as CSV (or Parquet, by suffix), atomically and with reproducible bytes.
+
+    Without `float_format`, numbers are the shortest text that reads back to the same bits.
+    """
     with atomic(path) as tmp:
         if tmp.suffix == ".parquet":
             table.to_parquet(tmp, index=False)
         else:
-            table.to_csv(tmp, index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+            table.to_csv(tmp, index=False, float_format=float_format, lineterminator="\n")
 
 
 def write_result(table: pd.DataFrame, path: str | Path) -> None:
@@ -175,6 +181,24 @@ def write_text(text: str, path: str | Path) -> None:
 def write_json(value: object, path: str | Path) -> None:
     """Write JSON atomically with sorted keys; NaN is refused (it is not JSON)."""
     write_text(json.dumps(value, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False) + "\n", path)
+
+
+def six_digits(value: Any) -> Any:
+    """`value` with every float rounded to six significant digits and NaN or infinity as None.
+
+    Six digits are finer than any measurement here, and coarser than differences between processors.
+    """
+    if isinstance(value, dict):
+        return {str(key): six_digits(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [six_digits(item) for item in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.6g}") + 0.0 if math.isfinite(value) else None
+    return value
 
 
 def read_json(path: str | Path) -> dict:

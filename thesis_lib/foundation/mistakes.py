@@ -133,19 +133,15 @@ def unknown_key(place: Place, schema: Schema) -> str:
 
     `schema`: the JSON schema of the whole file.
     """
-    name, known = str(place[-1]), keys_at(schema, place[:-1])
+    # pydantic names the kind of a section as one part of its place
+    plains = (plain for node in _nodes(schema, place[:-1]) for plain in _plain(schema, node))
+    name, known = str(place[-1]), list(dict.fromkeys(key for plain in plains for key in plain.get("properties", {})))
     if question := suggest(name, known):
         return question
     if homes := [home for home, keys in _sections(schema, schema, ()) if name in keys]:
         names = list(dict.fromkeys(dotted(home) or "the top level" for home in homes))
         return f"it belongs under {' or '.join(names[:MOST_HOMES])}"
     return f"remove it; known keys here: {', '.join(known)}"
-
-
-def keys_at(schema: Schema, place: Place) -> list[str]:
-    """Keys of the section at `place`, where pydantic names the kind of a section as one part of it."""
-    plains = (plain for node in _nodes(schema, place) for plain in _plain(schema, node))
-    return list(dict.fromkeys(key for plain in plains for key in _properties(plain)))
 
 
 def _nodes(schema: Schema, place: Place) -> list[Schema]:
@@ -164,7 +160,7 @@ def _children(schema: Schema, node: Schema, part: str | int) -> list[Schema]:
         if isinstance(part, int):
             children += [*plain.get("prefixItems", ())[part : part + 1], plain.get("items")]
         else:
-            children.append(_properties(plain).get(part, plain.get("additionalProperties")))
+            children.append(plain.get("properties", {}).get(part, plain.get("additionalProperties")))
     return [child for child in children if isinstance(child, Mapping)]
 
 
@@ -176,14 +172,10 @@ def _plain(schema: Schema, node: Schema) -> list[Schema]:
     return [plain for child in alternatives for plain in _plain(schema, child)] or [node]
 
 
-def _properties(node: Schema) -> Schema:
-    return node.get("properties", {})
-
-
 def _sections(schema: Schema, node: Schema, place: Place) -> Iterator[tuple[Place, Schema]]:
     """Each section below a node, by its place, with its keys."""
     for plain in _plain(schema, node):
-        if properties := _properties(plain):
+        if properties := plain.get("properties", {}):
             yield place, properties
         for key, child in properties.items():
             yield from _sections(schema, child, (*place, key))

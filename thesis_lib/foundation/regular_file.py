@@ -12,11 +12,11 @@ from thesis_lib.foundation.errors import UserError
 
 
 class FileProblem(UserError):
-    """A path that is refused: `what` is wrong with it, and the `remedy`."""
+    """A file that is refused: `what` is wrong with it, the `remedy`, and the place in it, "" of the whole."""
 
-    def __init__(self, path: str | Path, what: str, remedy: str):
-        self.what, self.remedy = what, remedy
-        super().__init__(f"{path} {what}; {remedy}.")
+    def __init__(self, path: str | Path, what: str, remedy: str, where: str = ""):
+        self.what, self.remedy, self.where = what, remedy, where
+        super().__init__(f"{path} {what}{' in ' if where else ''}{where}; {remedy}.")
 
 
 class MissingFile(FileProblem):

@@ -10,7 +10,7 @@ import fcntl
 import io
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from operator import itemgetter
@@ -112,13 +112,9 @@ class Rows:
         """The rows as a data frame, empty cells as ""; UserError if there are none."""
         import pandas as pd
 
-        rows = self.parsed(dict)
-        if not rows:
+        if not self.parsed(dict):
             raise UserError(f"{self.path.name} holds no row: {self.command}.")
-        text = io.StringIO()
-        _write(text, self.columns, rows)
-        text.seek(0)
-        return pd.read_csv(text, keep_default_na=False)
+        return pd.read_csv(self.path, keep_default_na=False)
 
     def cells(self, row: Mapping[str, Any]) -> dict[str, str]:
         """A row as it is stored."""
@@ -131,8 +127,11 @@ class Rows:
             old = self.parsed(dict)
             taken = set(map(self._key, new))
             kept = [row for row in old if self._key(row) not in taken]
+            whole = sorted([*kept, *new], key=self.order or by_cells(*self.key))
             text = io.StringIO(newline="")
-            _write(text, self.columns, sorted([*kept, *new], key=self.order or by_cells(*self.key)))
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(self.columns)
+            writer.writerows(map(itemgetter(*self.columns), whole))
             write_text(text.getvalue(), self.path)
 
     def _key(self, row: Mapping[str, str]) -> tuple[str, ...]:
@@ -147,9 +146,3 @@ class Rows:
             yield
         finally:
             os.close(folder)
-
-
-def _write(stream: io.StringIO, columns: Sequence[str], rows: Iterable[Mapping[str, str]]) -> None:
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(map(itemgetter(*columns), rows))

@@ -22,14 +22,6 @@ LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 Key = tuple[str | int, ...]
 
 
-class YamlProblem(UserError):
-    """YAML that is refused: `where` in the file, `what` is wrong, and the `remedy`."""
-
-    def __init__(self, path: str | Path, where: str, what: str, remedy: str):
-        self.where, self.what, self.remedy = where, what, remedy
-        super().__init__(f"{path} {what}{' in ' if where else ''}{where}; {remedy}.")
-
-
 @dataclass
 class Document:
     """The content of a YAML file: mappings, lists and plain values.
@@ -57,23 +49,23 @@ class Document:
 def read_yaml(path: str | Path, within: str | Path | None = None, aliases: bool = True) -> Document:
     """The content of a YAML file; `within` as in `regular_size`, `aliases`: whether they are allowed.
 
-    FileProblem if it cannot be read; YamlProblem if it is not YAML of plain values in UTF-8, or exceeds the bounds.
+    FileProblem if it cannot be read, is not YAML of plain values in UTF-8, or exceeds the bounds.
     """
     try:
         return _parse(path, read_bytes(path, MAX_BYTES, within).decode("utf-8-sig"), aliases)
-    except (FileProblem, YamlProblem):
+    except FileProblem:
         raise
     except UnicodeDecodeError as error:
-        raise YamlProblem(path, "", "is not UTF-8 text", "save it as UTF-8") from error
+        raise FileProblem(path, "is not UTF-8 text", "save it as UTF-8") from error
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         what = f"is not valid YAML ({error.problem})"
-        raise YamlProblem(path, where, what, "check indentation, colons and brackets there") from error
+        raise FileProblem(path, what, "check indentation, colons and brackets there", where) from error
     except Exception as error:  # the library raises errors of many kinds: 2020-99-99, !!int '', !!bool x
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         remedy = "check it for odd characters and values"
-        raise YamlProblem(path, "", f"is not valid YAML ({reason})", remedy) from error
+        raise FileProblem(path, f"is not valid YAML ({reason})", remedy) from error
 
 
 def _parse(path: str | Path, text: str, aliases: bool) -> Document:
@@ -81,7 +73,7 @@ def _parse(path: str | Path, text: str, aliases: bool) -> Document:
     for event in yaml.parse(text, Loader=LOADER):
         if isinstance(event, yaml.AliasEvent) and not aliases:
             where, what = f"line {event.start_mark.line + 1}", "uses a YAML alias (*name)"
-            raise YamlProblem(path, where, what, "write the value out where it is needed")
+            raise FileProblem(path, what, "write the value out where it is needed", where)
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
         if depth > MAX_DEPTH:
             _refuse_nesting(path, event)
@@ -99,7 +91,7 @@ def _parse(path: str | Path, text: str, aliases: bool) -> Document:
 
 def _refuse_nesting(path: str | Path, place: yaml.Event | yaml.Node) -> None:
     what = f"is nested more than {MAX_DEPTH} levels deep"
-    raise YamlProblem(path, f"line {place.start_mark.line + 1}", what, "follow the documented format")
+    raise FileProblem(path, what, "follow the documented format", f"line {place.start_mark.line + 1}")
 
 
 def _locate(path: str | Path, node: yaml.Node, at: Key, document: Document) -> None:
@@ -107,7 +99,7 @@ def _locate(path: str | Path, node: yaml.Node, at: Key, document: Document) -> N
     document.nodes += 1
     if document.nodes > MAX_NODES:
         what = f"holds more than {MAX_NODES:,} keys and values, aliases written out"
-        raise YamlProblem(path, "", what, "follow the documented format")
+        raise FileProblem(path, what, "follow the documented format")
     if len(at) > MAX_DEPTH:  # an alias inside its own value
         _refuse_nesting(path, node)
     if isinstance(node, yaml.MappingNode):

@@ -10,6 +10,7 @@ that of the admissible set is the share of the outcomes of rigid contact that th
 import numpy as np
 
 from thesis_lib.contact.law import Law
+from thesis_lib.contact.space import admissible
 from thesis_lib.mechanics.contact import Contact
 
 POINTS = 81  # a side of the parameter grid; doubling it changes the covered share by less than 0.002
@@ -29,9 +30,7 @@ def region(law: Law, space: Contact, *, points: int = POINTS) -> tuple[np.ndarra
 def covered_share(law: Law, space: Contact) -> np.ndarray:
     """Area (n,) of the law's region over that of the admissible set, without grid cells that reach out of the set."""
     c_t, c_n = region(law, space)
-    v_t, v_n = space.velocity_after(c_t, c_n)
-    before, slack = space.energy(space.v_t, space.v_n), 1e-9
-    inside = (c_n >= 0.0) & (v_n >= slack * space.v_n) & (space.energy(v_t, v_n) <= (1.0 + slack) * before)
+    inside = admissible(space, c_t, c_n)
     inside = inside[1:, 1:] & inside[:-1, 1:] & inside[1:, :-1] & inside[:-1, :-1]
     # area of each cell from its diagonals
     d1_t, d1_n = c_t[1:, 1:] - c_t[:-1, :-1], c_n[1:, 1:] - c_n[:-1, :-1]

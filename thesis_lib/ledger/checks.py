@@ -93,18 +93,23 @@ class Interval(Section):
         return f"within {self.k:g} standard errors{rounding}: {self.reason}"
 
 
-class Threshold(Section):
-    """ours − k · std > threshold (greater), ours + k · std < threshold (less)."""
-
-    kind: Literal["greater", "less"]
-    threshold: Number
+class _Margin(Section):
     k: NonNegative = 0.0
     reason: Text | None = None
 
     @model_validator(mode="after")
     def _has_reason(self) -> Self:
-        _require_reason(self, "k")
+        margins = [name for name in ("k", "tie_tolerance") if getattr(self, name, 0.0)]
+        if margins and self.reason is None:
+            raise ValueError(f"reason is missing: say why this {margins[0]} is the right one")
         return self
+
+
+class Threshold(_Margin):
+    """ours − k · std > threshold (greater), ours + k · std < threshold (less)."""
+
+    kind: Literal["greater", "less"]
+    threshold: Number
 
     def text(self) -> str:
         by = f" by more than {self.k:g} standard errors" if self.k else ""
@@ -112,17 +117,14 @@ class Threshold(Section):
         return f"{self.kind} than {self.threshold:g}{by}{why}"
 
 
-class _Ranked(Section):
+class _Ranked(_Margin):
     key: Text = Field(description="column whose values name the rows")
-    k: NonNegative = 0.0
     tie_tolerance: NonNegative = 0.0
-    reason: Text | None = None
 
     @model_validator(mode="after")
     def _one_margin(self) -> Self:
         if self.k and self.tie_tolerance:
             raise ValueError("k asks for more than a tie and tie_tolerance for less: give one of them")
-        _require_reason(self, "k", "tie_tolerance")
         return self
 
     def text(self) -> str:
@@ -185,12 +187,6 @@ Check = Annotated[
     Annotated[Within | Interval | Threshold | Ordering | Extreme | IsTrue, Field(discriminator="kind")],
     BeforeValidator(_kind_true),
 ]
-
-
-def _require_reason(check: Any, *names: str) -> None:
-    margins = [name for name in names if getattr(check, name)]
-    if margins and check.reason is None:
-        raise ValueError(f"reason is missing: say why this {margins[0]} is the right one")
 
 
 def _require_distinct(name: str, rows: list) -> None:

@@ -1,4 +1,4 @@
-"""The result of a claim: its status, our value beside the published one, and the table claims.csv.
+"""The result of a claim: its status, our value beside the published one; the table claims.csv, the page claims.html.
 
 | status             | when                                                                                        |
 |--------------------|---------------------------------------------------------------------------------------------|
@@ -10,6 +10,8 @@
 
 difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
 or threshold).
+
+The page is readable without network or script, and prints in black and white.
 """
 
 import math
@@ -21,8 +23,10 @@ from pathlib import Path
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
+from thesis_lib.foundation.files import FLOAT_FORMAT, write_text
+from thesis_lib.ledger.checks import Interval, Threshold, Within
 from thesis_lib.ledger.format import Claim
+from thesis_lib.pages import page
 
 
 class ClaimStatus(StrEnum):
@@ -62,6 +66,15 @@ class Result:
         return self.finding
 
 
+TEMPLATE = Path(__file__).with_name("page.html")
+SIGNS = {
+    ClaimStatus.REPRODUCED: "✓",
+    ClaimStatus.DEVIATES: "≠",
+    ClaimStatus.NO_DATA: "○",
+    ClaimStatus.UNDECIDED: "~",
+    ClaimStatus.ERROR: "!",
+}
+CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "undecided", "error")))
 COLUMNS = (  # explained in foundation/columns.yaml
     *("id", "chapter", "location", "statement", "published", "ours", "std", "unit"),
     *("difference", "relative_difference", "status", "reason", "tolerance", "weak"),
@@ -94,11 +107,6 @@ def to_table(results: Sequence[Result]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=list(COLUMNS), dtype=object)
 
 
-def write_results(results: Sequence[Result], path: str | Path) -> None:
-    """Write claims.csv, atomically and with reproducible bytes."""
-    write_table(to_table(results), path)
-
-
 def count_statuses(results: Sequence[Result]) -> dict[ClaimStatus, int]:
     """How many results have each status."""
     return {status: sum(r.status is status for r in results) for status in ClaimStatus}
@@ -120,3 +128,55 @@ def summary_line(results: Sequence[Result]) -> str:
     weak = sum(r.status is ClaimStatus.REPRODUCED and r.claim.weak is not None for r in results)
     say = "says" if weak == 1 else "say"
     return f"{line} Of those reproduced {weak} {say} little: a wrong result could agree as well." if weak else line
+
+
+def render_page(results: Sequence[Result], scale: str = "") -> str:
+    """The ledger as one self-contained HTML page, by chapter and in the ledger's order; `scale` is shown if given."""
+    chapters = []
+    for number in sorted({result.claim.chapter for result in results}):
+        group = [result for result in results if result.claim.chapter == number]
+        look = [result for result in group if result.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR)]
+        rows = [_cells(result) for result in group]
+        chapters.append({"number": number, "summary": summary_line(group), "look": look, "rows": rows})
+    return page(
+        TEMPLATE,
+        "Claims ledger: what the thesis states, and what this program finds",
+        kind="wide",
+        summary=summary_line(results),
+        counts=count_statuses(results),
+        scale=scale,
+        chapters=chapters,
+        signs=SIGNS,
+        classes=CLASSES,
+    )
+
+
+def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> None:
+    """Write `render_page` to a file, atomically."""
+    write_text(render_page(results, scale), path)
+
+
+def _cells(result: Result) -> dict:
+    """The row of a claim: numbers with units, their difference, and the reason."""
+    claim = result.claim
+    unit = "" if claim.unit == "1" else f" {claim.unit}"
+    numeric = result.difference == result.difference  # NaN if the claim is not a number
+    value = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
+    if result.std == result.std:
+        value += f" ± {result.std:.2g}"
+    difference = f"{result.difference:+.3g}{unit}" if numeric else ""
+    if result.relative_difference == result.relative_difference:
+        difference += f" ({100 * result.relative_difference:+.3g}\u00a0%)"
+    published = result.published + unit * isinstance(claim.check, Within | Interval | Threshold)
+    reason = result.reason
+    if numeric and result.status is ClaimStatus.DEVIATES:
+        reason = claim.note or "reason unknown"  # the difference has its own column
+    return {
+        "claim": claim,
+        "status": result.status,
+        "published": published,
+        "ours": value or "–",
+        "difference": difference or "–",
+        "reason": reason,
+        "weak": claim.weak if result.status is ClaimStatus.REPRODUCED else None,
+    }

@@ -34,11 +34,6 @@ def bullets(items: Iterable[str]) -> Markup:
     return element("bullets", shown) if shown else Markup()
 
 
-def heading(title: str) -> Markup:
-    """A heading of the third level."""
-    return element("heading", title)
-
-
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[str]], numeric: Collection[int] = ()) -> Markup:
     """A table in a frame of its own that scrolls; empty without rows.
 

@@ -6,7 +6,9 @@ findings are those of `python -m thesis_lib figures`; measured and simulated dat
 
 import base64
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from markupsafe import Markup
@@ -32,74 +34,46 @@ DATASETS = {  # those that come with the project; any other is headed by its nam
     "drops": "drops: simulated, whose law and parameters are known",
     "common": "",
 }
-READING = (
-    "Results are ordered by chapter, and within a chapter by dataset. "
-    "“As published” is the authors' code, which differs from the law that it is named after in four of six models; "
-    "“as defined” is the law itself. Beside each picture lie its PDF and a CSV of the numbers drawn."
-)
 PNG_SIZE = struct.Struct(">16x2I")  # signature, length and name of the first chunk; then width and height
 LARGEST = 20_000_000  # bytes of a picture
 DENSITY = 180 / 96  # pixels of our pictures (savefig.dpi) to those of a page
 
 
-def run_report(results: Path, findings: Iterable[Path], scale: str, absent: Sequence[str] = ()) -> str:
+def run_report(
+    results: Path, findings: Sequence[Path], scale: str, absent: Sequence[str] = (), chapter: int | None = None
+) -> str:
     """The page as HTML, from the folder of a complete run; figures without a picture in it are left out.
 
     `findings` are files with findings; the table beside such a file is listed, too.  `absent`: datasets that this run
-    did not have.
+    did not have.  With a `chapter` the page has that one alone, and is there before the others have ended.
     """
-    made, tables = _made(results, findings)
-    chapters = [_chapter(results, made, tables, n) for n in sorted({figure.chapter for figure, _ in made})]
-    verdicts = sorted(path for path in findings if path.stem == "verdict")
-    return page(
-        TEMPLATE,
-        TITLE,
-        claims=_finding(results / "claims.txt"),
-        reading=READING,
-        absent=absent,
-        scale=scale,
-        chapters=chapters,
-        critiques=[_critique(results, path) for path in verdicts],
-        proof=_finding(results / "critique/proof/proof.txt"),
-        found_here=FOUND_HERE,
-    )
-
-
-def chapter_report(
-    results: Path, findings: Iterable[Path], scale: str, chapter: int, absent: Sequence[str] = ()
-) -> str:
-    """A page of the same kind with one chapter alone, which is there before the others have ended.
-
-    `findings` are files with findings of that chapter.
-    """
-    one = _chapter(results, *_made(results, findings), chapter)
-    known = {"reading": READING, "absent": absent, "scale": scale, "chapters": [one], "found_here": FOUND_HERE}
-    return page(TEMPLATE, one["title"], claims=None, **known)
-
-
-def _made(results: Path, findings: Iterable[Path]) -> tuple[list[tuple[Figure, str]], list[Path]]:
-    """Figures with their dataset whose picture is there, and findings of tables."""
     made = [(figure, name) for figure in figures() for name, file in figure.files.items() if (results / file).is_file()]
     tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
-    return made, tables
+    numbers = sorted({figure.chapter for figure, _ in made}) if chapter is None else [chapter]
+    content: dict = {"chapters": [_chapter(results, made, tables, n) for n in numbers], "claims": None}
+    if chapter is None:
+        content |= {
+            "claims": _finding(results / "claims.txt"),
+            "critiques": [_critique(results, path) for path in sorted(findings) if path.stem == "verdict"],
+            "proof": _finding(results / "critique/proof/proof.txt"),
+        }
+    title = TITLE if chapter is None else content["chapters"][0]["title"]
+    return page(TEMPLATE, title, absent=absent, scale=scale, found_here=FOUND_HERE, **content)
 
 
 def _chapter(results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence[Path], n: int) -> dict:
     drawn = [(figure, name) for figure, name in made if figure.chapter == n]
     written = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
-    content = {"contents": _contents(drawn), "groups": _groups(results, drawn, written)}
-    return {"number": n, "title": f"Chapter {n}: {CHAPTERS[n]}"} | content
-
-
-def _contents(made: Sequence[tuple[Figure, str]]) -> list[dict]:
-    """Entries of the contents: a figure's number and title, and an anchor for each of its datasets."""
-    entries = {}
-    for figure, dataset in made:
-        new = {"number": figure.label, "title": figure.title, "anchor": _anchor(figure, ""), "datasets": []}
-        entry = entries.setdefault(figure.name, new)
-        if dataset:
-            entry["datasets"].append((dataset, _anchor(figure, dataset)))
-    return list(entries.values())
+    return {
+        "number": n,
+        "title": f"Chapter {n}: {CHAPTERS[n]}",
+        # a figure and the anchors of its pictures, by dataset
+        "contents": [
+            (figure, {dataset: _anchor(figure, dataset) for _, dataset in of_figure})
+            for figure, of_figure in groupby(drawn, key=itemgetter(0))
+        ],
+        "groups": _groups(results, drawn, written),
+    }
 
 
 def _groups(

@@ -11,7 +11,7 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.contact import contact, velocity_change

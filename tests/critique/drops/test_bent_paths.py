@@ -67,7 +67,7 @@ def test_the_state_at_impact_is_found_behind_a_line_through_a_bent_path(name: st
     run = np.repeat(np.arange(N), len(times))
     samples = Samples(run, np.tile(times, N), np.concatenate([seen, later], axis=1).reshape(-1, 3), run)
     edges = np.tile([-np.inf, 1e-6, 1e-6, np.inf], (N, 1))
-    lines = side_lines(samples, np.arange(N), np.zeros(N), edges, np.full((N, 2), 40))
+    lines = side_lines(samples, np.arange(N), np.zeros(N), edges, np.full((N, 2), 40), np.ones(3))
     names = ("value", "slope", "bow", "nodes", "weights")
     of_lines = {key: getattr(lines, key) for key in names}
     o = SimpleNamespace(

@@ -24,7 +24,7 @@ from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.body import Body, Noise
-from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind
@@ -49,7 +48,7 @@ def that_end_at_rest(offset: float = 0.0, higher: float = 0.0, seed: int = 0, sl
     for trial, drop in made.trajectories.groupby("trial"):
         last = drop.iloc[-1]
         up, lean = rng.normal(0.0, SPREAD)
-        pose = [last.x, HALF + higher + up, float(lying_angle(SQUARE.shape, np.array([last.theta]))[0]) + offset + lean]
+        pose = [last.x, HALF + higher + up, float(SQUARE.shape.lying(np.array([last.theta]))[0]) + offset + lean]
         tau = np.arange(40) / RATE
         way = rng.choice([-1.0, 1.0]) * (0.9 * tau - 0.5 * sliding * GRAVITY * tau**2)
         for start, x in ((0.2, pose[0] + way), (1.0, np.full(30, pose[0] + way[-1]))):
@@ -66,14 +65,14 @@ def supports(o: Observations) -> dict:
 
 def test_a_body_lies_on_the_sides_that_its_centre_is_above():
     theta = np.array([0.1, 1.5, -3.0, 7.0])
-    assert lying_angle(SQUARE.shape, theta) == pytest.approx(np.round(theta / (np.pi / 2)) * np.pi / 2)
+    assert SQUARE.shape.lying(theta) == pytest.approx(np.round(theta / (np.pi / 2)) * np.pi / 2)
     flat, tall = Ellipse(semi_axes=(0.03, 0.02)), Ellipse(semi_axes=(0.02, 0.03))
-    assert lying_angle(flat, np.array([0.2, 3.0])) == pytest.approx([0.0, np.pi])
-    assert lying_angle(tall, np.array([1.4])) == pytest.approx([np.pi / 2])
-    assert lying_angle(Disk(radius=0.03), theta) is theta
+    assert flat.lying(np.array([0.2, 3.0])) == pytest.approx([0.0, np.pi])
+    assert tall.lying(np.array([1.4])) == pytest.approx([np.pi / 2])
+    assert Disk(radius=0.03).lying(theta) is theta
     # the origin of a leaning wedge is above its long side only
     wedge = Polygon(vertices=((-0.01, -0.01), (0.05, -0.01), (0.06, 0.02)))
-    for angle in lying_angle(wedge, np.linspace(-3.0, 3.0, 13)):
+    for angle in wedge.lying(np.linspace(-3.0, 3.0, 13)):
         turned = np.array(wedge.vertices) @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         lowest = np.sort(turned[:, 1])[:2]
         assert np.ptp(lowest) < 1e-12 and turned[np.argsort(turned[:, 1])[:2], 0].prod() < 0.0

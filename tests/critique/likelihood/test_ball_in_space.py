@@ -10,7 +10,7 @@ from thesis_lib.critique.likelihood.hits_in_space import beside, observe_in_spac
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.tosses.example import simulate_tosses as example
 

@@ -16,7 +16,7 @@ from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION
 from thesis_lib.effects import EFFECTS
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector

@@ -12,8 +12,8 @@ from thesis_lib.bodies.solids import Box, Sphere, contact_kind
 from thesis_lib.critique.likelihood.hits_in_space import beside, jump, observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector

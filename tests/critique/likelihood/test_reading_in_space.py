@@ -10,7 +10,7 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.effects import EFFECTS
 

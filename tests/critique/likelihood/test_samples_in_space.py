@@ -8,7 +8,7 @@ from tosses import simulate_tosses
 from thesis_lib.critique.likelihood.hits_in_space import beside, observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 
 BOX = {"shape": {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}, "homogeneous": True, "mass": 0.25}
 HEAD = {"schema": 2, "body": BOX, "rate": 240.0, "noise": {"position": 2e-4, "rotation": 3e-3}}

@@ -63,7 +63,7 @@ def corner_hits(
         hits=np.ones(n, int),
         t=np.zeros(n),
         span=np.zeros(n),
-        **{name: getattr(windows, name) for name in ("value", "slope", "bow", "cov", "nodes", "weights")},
+        **vars(windows),
         t_std=np.zeros(n),
         offset=np.zeros((n, 3)),
         arcs=True,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.__main__ import main
-from thesis_lib.report.critique.whole_folder import is_unfinished
+from thesis_lib.report.critique.whole_folder import is_unfinished, whole_folder
 
 FILES = {
     *("diagnosis.json", "report.html", "misfit.csv"),
@@ -85,6 +85,14 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(wh
     monkeypatch.setattr(Path, "replace", killed)
     assert main(["critique", str(wheel), "-o", str(out)]) == 130
     assert is_unfinished(out)
+
+
+def test_files_of_an_earlier_critique_that_this_one_does_not_make_are_removed(tmp_path):
+    for name in ("models.csv", "models.png", "budget.pdf", "model.json", "notes.csv"):
+        (tmp_path / name).touch()
+    with whole_folder(tmp_path) as part:
+        (part / "diagnosis.json").write_text("{}")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["diagnosis.json", "notes.csv"]
 
 
 def test_only_the_effects_that_are_asked_for_are_tried(wheel, tmp_path, capsys):

@@ -17,8 +17,7 @@ from thesis_lib.critique.proposal.results import content_of, sentences, text_of,
 from thesis_lib.critique.proposal.terms import Term, all_terms
 from thesis_lib.critique.selection import discovery
 from thesis_lib.effects import EFFECTS
-from thesis_lib.extensions.check import results
-from thesis_lib.extensions.loading import read_file
+from thesis_lib.extensions.loading import read_file, results
 from thesis_lib.foundation.files import write_json
 
 HIDDEN, SIZE = "restitution_by_obliquity", -0.4

@@ -18,7 +18,7 @@ from thesis_lib.critique.results.titles import rung_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.pictures import NAMES, pictures
 from thesis_lib.report.critique import effects as report_effects
-from thesis_lib.report.critique import text as report_text
+from thesis_lib.report.critique import page as report_text
 from thesis_lib.report.critique.page import report_html
 
 EVIL = "<script>alert('x')</script> & \"quotes\""

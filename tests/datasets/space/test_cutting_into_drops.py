@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.datasets.in_space import BODIES, UP, Take, take
-from thesis_lib.datasets.space.drops import IN_THE_AIR, SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import body_of_markers
+from thesis_lib.datasets.space.drops import IN_THE_AIR, SPATIAL, Cuts, Drop, cut_drops, impact_shares
 from thesis_lib.datasets.space.flights import find_flights, follow
-from thesis_lib.datasets.space.markers import body_of_markers
 from thesis_lib.figures.cuts import draw_cuts
 
 G = 9.81
@@ -18,7 +18,7 @@ def drops_of(recorded: Take, shape: str = "ellipse", lost: float = 0.0) -> tuple
     track = follow(recorded.t[seen], recorded.position[seen], G)
     flat = recorded.position @ recorded.axes[:2].T
     angle = np.nan_to_num(recorded.planar[:, 2])
-    height = lowest(np.c_[flat, angle], BODIES[shape].shape, 0.0)[seen]
+    height = BODIES[shape].shape.gap(flat[:, 1], angle, 0.0)[seen]
     return cut_drops(track, height, find_flights(track, -G * UP["z"]), BODIES[shape].shape.extent), recorded.t[seen]
 
 

@@ -20,7 +20,7 @@ def test_a_plane_is_found_from_the_flights(up, tilt):
     recorded = take(10, up=up, tilt=tilt, axes=plane_axes(up, -63.0, tilt))
     track = follow(recorded.t, recorded.position, 9.81)
     motion = Motion("", "", recorded.t, recorded.position, recorded.quaternion)
-    omega = smoothed_turning(turning(motion), motion.t, track.half)
+    omega = smoothed_turning(turning(motion.quaternion), motion.t, track.half)
     inner = np.concatenate([np.arange(f.start, f.stop) for f in find_flights(track, -9.81 * UP[up])])
     inner = inner[np.isfinite(omega[inner]).all(axis=1) & np.isfinite(track.v[inner]).all(axis=1)]
     plane = find_plane(track.v[inner], omega[inner], K_G, UP[up])

@@ -10,13 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Sphere
-from thesis_lib.bodies.symmetry import Symmetry, standing
+from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import dataset_of, read_dataset
 from thesis_lib.datasets.checks.in_space import one_clock
 from thesis_lib.datasets.checks.tracked_pose import settled
 from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, QUATERNION
 from thesis_lib.datasets.space.tracked_frame import TrackedFrame, find_tracked_frame
 from thesis_lib.foundation.errors import UserError
@@ -211,7 +211,7 @@ def test_init_writes_the_pose_and_the_fall_of_a_camera(tmp_path, capsys):
 )
 def test_symmetries_and_the_ways_to_stand(solid, turns, axes, stands):
     same = Symmetry(solid, solid.moments.inertia_per_mass)
-    assert (len(same.turns), same.axes, len(standing(solid))) == (turns, axes, stands)
+    assert (len(same.turns), same.axes, len(same.stands)) == (turns, axes, stands)
     off = Symmetry(solid, solid.moments.inertia_per_mass + np.diag([0.0, 2e-4, 1e-4]) + 1e-5)
     assert len(off.turns) == 1 and off.axes == []
     R = Rotation.from_rotvec([0.1, 0.2, -0.1]).as_matrix()

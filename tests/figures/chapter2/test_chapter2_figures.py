@@ -9,8 +9,7 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.figures.chapter2.motions import figure_2_2, figure_2_4, figure_2_9, figure_2_14
-from thesis_lib.figures.chapter2.uncertainty import figure_2_5
+from thesis_lib.figures.chapter2.motions import figure_2_2, figure_2_4, figure_2_5, figure_2_9, figure_2_14
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.excitation_table import excitation_cases
 from thesis_lib.identify.base_parameters.projection import project_motion
@@ -196,11 +195,6 @@ def test_figure_2_5_flat_landing_identifies_nothing_tilted_the_ratio(tipping, la
     assert np.abs(measured["y"] - 0.5 * (np.abs(np.cos(theta)) + np.abs(np.sin(theta)))).max() > 1e-3
 
 
-def test_figure_2_5_needs_both_landings(tipping, landings):
-    with pytest.raises(UserError, match="flat and a tilted"):
-        figure_2_5(tipping, project_motion(tipping), {"flat": landings["flat"]})
-
-
 def test_traces_are_the_farthest_of_the_candidates(shown):
     rng = np.random.default_rng(1)
     releases("block", SCENES.candidates, rng)  # drawn first
@@ -235,11 +229,6 @@ def test_figure_2_9_draws_rigid_bodies_on_their_slopes(shown):
     assert -slope[1] / slope[0] == pytest.approx(np.tan(DEFAULT.wheel.slope))
     # nothing is drawn below the ground of the block
     assert outlines["y"].min() > -DRIFT * 10
-
-
-def test_figure_2_9_names_what_is_missing(shown):
-    with pytest.raises(UserError, match="wheel, low friction"):
-        figure_2_9({name: value for name, value in shown.items() if name != "wheel, low friction"})
 
 
 def bouncing_ellipse() -> Dataset:

@@ -13,7 +13,7 @@ def forces():
     rng = np.random.default_rng(2)
     q, v = releases("wheel", 1, rng)
     w = DEFAULT.wheel
-    return identify(wheel_record(q[0], v[0], 280), wheel(), w.mu, w.epsilon, 40.0, rng)
+    return identify(wheel_record(q[0], v[0], 280, DEFAULT), wheel(), w.mu, w.epsilon, 40.0, rng)
 
 
 def test_figure_2_11_holds_forces_and_impulses(forces):
@@ -31,6 +31,6 @@ def test_figure_2_11_holds_forces_and_impulses(forces):
 
 def test_figure_2_10_starts_every_mass_at_the_same_angle():
     settings = WheelStudy(masses=(0.5, 2.0), mass_seconds=0.5)
-    _, table = figure_2_10(motion_by_mass(settings))
+    _, table = figure_2_10(motion_by_mass(settings, DEFAULT))
     start = table[table["t"] == 0.0]
     assert len(start) == 2 and (start["theta"] == 0.0).all() and (start["omega"] == settings.mass_omega).all()

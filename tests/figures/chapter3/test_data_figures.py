@@ -16,7 +16,7 @@ from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import contact_momentum, target_of
-from thesis_lib.impact_study.shown_impacts import spin_reversal_case, zero_friction_case
+from thesis_lib.impact_study.shown import spin_reversal_case, zero_friction_case
 from thesis_lib.records.catalogue import records
 
 ROUNDING = 1e-9  # N s on impulses of order 0.1 N s: double precision

@@ -5,8 +5,17 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.figures.chapter4.belief import figure_4_3, figure_4_4, figure_4_10, figure_calibration
-from thesis_lib.figures.chapter4.dice import MODEL_STYLE, figure_4_7, figure_4_8, figure_4_9, figure_budget
+from thesis_lib.figures.chapter4.dice import (
+    MODEL_STYLE,
+    figure_4_3,
+    figure_4_4,
+    figure_4_7,
+    figure_4_8,
+    figure_4_9,
+    figure_4_10,
+    figure_budget,
+    figure_calibration,
+)
 from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
 
 SQUARE = Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03)))

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import PushPrediction, Scaling, bayes, log_likelihood, mix, push_groups
-from thesis_lib.jenga.learners.network import Network
+from thesis_lib.jenga.learners.networks import Network
 from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, NetworkSettings
 
 FAST = LearnerSettings(network=NetworkSettings(iterations=500))

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from thesis_lib.jenga.learners.bayesian_network import (
+from thesis_lib.jenga.learners.networks import (
     BayesianNetworks,
     descend,
     divergence,
     forward,
     layer_shapes,
     train,
+    train_plain,
 )
-from thesis_lib.jenga.learners.network import train_plain
 from thesis_lib.jenga.learners.settings import NetworkSettings
 
 SETTINGS = NetworkSettings(iterations=800)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from thesis_lib.jenga.learners.abstractions import no_move
 from thesis_lib.jenga.learners.learner import PushPrediction, bayes, log_likelihood
 from thesis_lib.jenga.learners.settings import BeliefSettings
 from thesis_lib.jenga.play.controller import Learned, branch_costs, rollout
-from thesis_lib.jenga.play.no_move import no_move
 from thesis_lib.jenga.play.policies import Push, Retract
 from thesis_lib.jenga.play.settings import ControllerSettings
 from thesis_lib.jenga.robot.samples import STATE

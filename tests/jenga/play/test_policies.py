@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tower_for_tests import FREE_BLOCK, STUCK_BLOCK, Settled
 
-from thesis_lib.jenga.play.oracle import Oracle, would_succeed
+from thesis_lib.jenga.play.players import Oracle, would_succeed
 from thesis_lib.jenga.play.policies import STRAIGHT, AlwaysPush, Exploration, Push, Retract, RulePolicy
 from thesis_lib.jenga.play.settings import OracleSettings, RuleSettings, SupervisorSettings
 from thesis_lib.jenga.robot.samples import F_N, TOWER, YAW, Y

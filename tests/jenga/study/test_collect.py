@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.figures.chapter5.render import figure_5_5a, figure_game
+from thesis_lib.figures.chapter5.showcase import figure_5_5a, figure_game
 from thesis_lib.jenga.robot.movable import comes_out, fractions, hidden_label, is_movable, scan, trial_push
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples, as_table
 from thesis_lib.jenga.study import collect as collecting

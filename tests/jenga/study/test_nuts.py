@@ -8,10 +8,10 @@ import pytest
 from pushes_for_tests import make_samples, sample_push
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, layer_shapes
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import KalmanBank
 from thesis_lib.jenga.learners.learner import Scaling
+from thesis_lib.jenga.learners.networks import BayesianNetworks, layer_shapes
 from thesis_lib.jenga.learners.settings import LearnerSettings, NetworkSettings, NutsSettings
 from thesis_lib.jenga.robot.samples import ADVANCE
 from thesis_lib.jenga.study.showcase_nuts import Sampler, agreement

@@ -12,8 +12,8 @@ from thesis_lib.residual.dice.data import ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel
 from thesis_lib.residual.dice.models import Thrower
 from thesis_lib.residual.dice.readings import LAW, PUBLISHED, _chi2, readings
+from thesis_lib.residual.dice.results import STATES, belief_widths
 from thesis_lib.residual.dice.settings import DiceStudySettings
-from thesis_lib.residual.dice.widths import STATES, belief_widths
 from thesis_lib.residual.throwing.propagation import ScatteredLaw
 from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import simulate_throws

@@ -41,9 +41,9 @@ def test_right_gaussians_are_calibrated_in_three_dimensions():
     root = rng.normal(size=(N, 3, 3))
     cov = root @ np.swapaxes(root, 1, 2)
     outcome = np.einsum("nij,nj->ni", root, rng.normal(size=(N, 3)))
-    table = coverage(pit_of_gaussian(outcome, np.zeros((N, 3)), cov), False)
+    table = coverage(pit_of_gaussian(outcome, cov), False)
     assert table["passes"].all()
-    narrow = coverage(pit_of_gaussian(outcome, np.zeros((N, 3)), 0.5 * cov), False)
+    narrow = coverage(pit_of_gaussian(outcome, 0.5 * cov), False)
     assert not narrow["passes"].any()
 
 

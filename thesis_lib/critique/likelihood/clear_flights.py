@@ -16,8 +16,8 @@ import pandas as pd
 from scipy.stats import chi2
 
 from thesis_lib.critique.likelihood.observations import LONGEST_WAIT
-from thesis_lib.datasets.flights.beside_hits import SpaceWindows, fit_windows, turns_left
-from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.beside_hits import fit_windows, turns_left
+from thesis_lib.datasets.flights.lines import SideLines, lines_through
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.effects.effect import Rig
@@ -46,7 +46,7 @@ class Poses:
 
     def side(
         self, row: np.ndarray, count: np.ndarray, way: int, at: np.ndarray, clear: np.ndarray | bool = True
-    ) -> tuple[SpaceWindows, np.ndarray]:
+    ) -> tuple[SideLines, np.ndarray]:
         """Motions through `count` (n,) samples from those at `row` (n,) on, earlier ones if `way` is −1, as seen from
         the instants `at` (n,) in s; and whether they are those of a free body, or of a supported one where they are not
         `clear` (n,).  Both sides of the windows are the same."""
@@ -68,8 +68,8 @@ class Poses:
         return fitted, off < chi2.isf(IMPROBABLE, np.maximum(dof, 1.0))
 
     def _supported(
-        self, fitted: SpaceWindows, state: State, left: np.ndarray, bend: np.ndarray, rows: np.ndarray
-    ) -> tuple[SpaceWindows, np.ndarray]:
+        self, fitted: SideLines, state: State, left: np.ndarray, bend: np.ndarray, rows: np.ndarray
+    ) -> tuple[SideLines, np.ndarray]:
         """Windows in which the surface acts in some `rows` (n,), and by how much χ² is less (n,).
 
         Args:
@@ -225,7 +225,7 @@ def jumps(poses: Poses, hits: pd.DataFrame, beside: pd.DataFrame) -> np.ndarray:
     return jump_across(poses, pd.concat(sides, axis=1))
 
 
-def state_under_gravity(windows: SpaceWindows, rig: Rig) -> State:
+def state_under_gravity(windows: SideLines, rig: Rig) -> State:
     """The states at the instants of the windows, under believed gravity."""
     n = len(windows.value)
     state = State.of(windows.value[:, 0], windows.slope[:, 0], np.zeros(n), np.zeros(n), None, rig.space)

@@ -29,16 +29,15 @@ from thesis_lib.critique.likelihood.observations import Observations, rig_of, wi
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.checks.in_space import one_clock, reading_of
 from thesis_lib.datasets.checks.tracked_pose import settled
-from thesis_lib.datasets.flights.beside_hits import SpaceWindows, fit_windows, turns_off
-from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.beside_hits import fit_windows, turns_off
+from thesis_lib.datasets.flights.lines import SideLines, lines_through
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.flights.rounding import Kinks, contact_guard, guard_of, rounding_warning, sampling_interval
 from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
 from thesis_lib.datasets.impacts.episodes import MOST_SKIPPED, end_off_line
 from thesis_lib.datasets.impacts.found import found_in_space, ordinals
@@ -378,7 +377,7 @@ def _instants(
 
 
 def _off_free_motion(
-    fitted: SpaceWindows,
+    fitted: SideLines,
     pose: np.ndarray,
     tau: np.ndarray,
     used: np.ndarray,
@@ -425,13 +424,13 @@ def _risen(speeds: np.ndarray, trial: np.ndarray) -> np.ndarray:
     return risen
 
 
-def _turned(fitted: SpaceWindows) -> tuple[np.ndarray, np.ndarray]:
+def _turned(fitted: SideLines) -> tuple[np.ndarray, np.ndarray]:
     """Turns (n, 3) in rad from the attitudes before hits to those after, and changes (n, 3) of the spin in rad/s."""
     turn = SPACE.turn_between(fitted.value[:, 0, 3:].T, fitted.value[:, 1, 3:].T).T
     return turn, fitted.slope[:, 1, 3:] - fitted.slope[:, 0, 3:]
 
 
-def _lag(fitted: SpaceWindows) -> float:
+def _lag(fitted: SideLines) -> float:
     """Time in s by which attitudes change their course later than places do, 0 where that is not clear.
 
     Attitudes that come a time L late miss each other by −L Δω where the places meet.  Samples taken meanwhile belong to

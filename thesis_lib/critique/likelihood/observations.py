@@ -299,8 +299,9 @@ def _from_samples(samples: Samples, found: FoundImpacts, rig: Rig) -> Observatio
     impacts, arcs = found.impacts, found.used_arcs
     # a window that detection cut short at a bent arc stays short
     most = arcs[["n_pre", "n_post"]].to_numpy()
-    lines = side_lines(samples, impacts.trial, impacts.t, found.hits.edges(impacts.trial, impacts.t, found.guard), most)
-    arrays: dict[str, Any] = _single(len(impacts)) | lines.arrays(found.noise.variance(bool(rig.walls)))
+    edges, variance = found.hits.edges(impacts.trial, impacts.t, found.guard), found.noise.variance(bool(rig.walls))
+    lines = side_lines(samples, impacts.trial, impacts.t, edges, most, variance)
+    arrays: dict[str, Any] = _single(len(impacts)) | vars(lines)
     arrays |= {name: getattr(impacts, name) for name in ("trial", "surface", "impact", "t")}
     arrays["t_std"] = arcs["t_std"].to_numpy()
     finite = np.isfinite(arrays["cov"]).all(axis=(1, 2, 3, 4)) & np.isfinite(arrays["value"]).all(axis=(1, 2))
@@ -363,8 +364,8 @@ def _with_episodes(single: Observations, samples: Samples, header: Header, setti
     # a hit that a model makes a little late, because its start is noisy, must not fall behind the state after
     middle = samples.position(trial, end) + (most[:, 1] - 1) // 2
     end = np.minimum(end + LATE, samples.t[middle])
-    lines = side_lines(samples, trial, t, edges, most).with_after(side_lines(samples, trial, end, edges, most))
-    episodes = _single(len(table)) | lines.arrays(found.noise.variance(False))
+    before, after = (side_lines(samples, trial, at, edges, most, found.noise.variance(False)) for at in (t, end))
+    episodes = _single(len(table)) | vars(before.with_after(after))
     episodes |= {"trial": trial, "impact": table["impact"].to_numpy(), "t": t, "span": end - t}
     episodes["hits"] = (table["last"] - table["impact"] + 1).to_numpy()
     return with_episodes(single, episodes, table)
@@ -384,7 +385,7 @@ def _touch(
     samples: Samples, trial: np.ndarray, start: np.ndarray, edges: np.ndarray, most: np.ndarray, rig: Rig
 ) -> np.ndarray:
     """Instants (n,) in s at which the believed body touches the believed surface, as the flight before goes on."""
-    lines = side_lines(samples, trial, start, edges, most)
+    lines = side_lines(samples, trial, start, edges, most, np.ones(3))
     a = np.array([0.0, -rig.gravity, 0.0])
     value, slope = (
         getattr(lines, name)[:, 0] - lines.bow[:, 0, k, None] * a for k, name in enumerate(("value", "slope"))

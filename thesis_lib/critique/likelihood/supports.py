@@ -23,7 +23,7 @@ from typing import Self
 
 import numpy as np
 
-from thesis_lib.bodies.lying import lying_angle
+from thesis_lib.bodies.solids import UP
 from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.likelihood.beside import Beside
@@ -31,8 +31,7 @@ from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.impacts.found import FoundImpacts
-from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides
-from thesis_lib.datasets.impacts.supports_in_space import UP, resting_and_sliding
+from thesis_lib.datasets.impacts.supports import Supported, find_rests, find_slides, resting_and_sliding
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -58,7 +57,7 @@ class OnSurface:
     @classmethod
     def of(cls, found: Supported) -> Self:
         """Those that were found."""
-        return cls(State.of(found.q, found.v, found.trial, found.t), found.variance)
+        return cls(found.state, found.variance)
 
     def of_trials(self, trials: np.ndarray) -> Self:
         """Those of the given trials."""
@@ -75,7 +74,7 @@ class Rests(OnSurface):
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
         """Gap in m and lean in rad (m, 2)."""
         true = dynamics.to_true(self.state)
-        flat = lying_angle(dynamics.rig.shape, true.theta)
+        flat = dynamics.rig.shape.lying(true.theta)
         return np.stack([dynamics.gap(true.moved(theta=flat)), true.theta - flat], axis=1)
 
     def less(self, residuals: np.ndarray) -> Self:
@@ -95,7 +94,7 @@ class Slides(OnSurface):
     @classmethod
     def of(cls, found: Supported) -> Self:
         """Those that were found."""
-        return cls(State.of(found.q, found.v, found.trial, found.t), found.variance, found.measured)
+        return cls(found.state, found.variance, found.measured)
 
     def of_trials(self, trials: np.ndarray) -> Self:
         """Those of the given trials."""

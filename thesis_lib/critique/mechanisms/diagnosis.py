@@ -26,7 +26,7 @@ from thesis_lib.critique.mechanisms.recovery import identify_parameters
 from thesis_lib.critique.mechanisms.world import ForceFit, predict
 from thesis_lib.critique.selection.discovery import Step
 from thesis_lib.critique.selection.settings import SearchSettings, search_ended
-from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.foundation.files import six_digits
 from thesis_lib.statistics.wording import listed, number
 
 STATED = 4  # more parameters of one sensor error are told by their rms over the stated one

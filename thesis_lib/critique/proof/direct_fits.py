@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.questions.floor import floor
@@ -180,7 +179,7 @@ def _errors(fitted: Fit, o: Observations) -> dict[str, float]:
     if isinstance(o.rig.shape, Polygon):
         here = fitted.on(o)
         true = here.dynamics.to_true(here.before)
-        is_flat = is_single & (np.abs(true.theta - lying_angle(o.rig.shape, true.theta)) < FLAT)
+        is_flat = is_single & (np.abs(true.theta - o.rig.shape.lying(true.theta)) < FLAT)
     kinds = {"single": is_single, "episodes": ~is_single, "flat": is_flat}
     means = {kind: float(judged.error[rows].mean()) if rows.any() else np.nan for kind, rows in kinds.items()}
     whole = {"error": float(judged.error.mean()), "median": float(np.median(judged.error))}

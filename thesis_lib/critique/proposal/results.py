@@ -23,8 +23,7 @@ from thesis_lib.critique.proposal.terms import testable_terms
 from thesis_lib.critique.results.effect_sentences import speed
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.datasets.format.folder import holds_data
-from thesis_lib.foundation.files import write_text
-from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.foundation.files import six_digits, write_text
 from thesis_lib.statistics.wording import bounded, listed, number
 
 UNTESTABLE = "terms_in_v_t_omega_and_beta"  # as it stands under `not_testable` of diagnosis.json

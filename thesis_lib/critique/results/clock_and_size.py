@@ -19,8 +19,7 @@ import numpy as np
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.statistics.wording import number, percent
 
 ON_EARTH = (9.78, 9.83)  # m/s², from the equator to the poles at sea level (WGS 84: 9.7803 to 9.8322)

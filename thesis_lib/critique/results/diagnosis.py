@@ -60,8 +60,8 @@ from thesis_lib.critique.results.summary import headline, summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
 from thesis_lib.critique.selection.discovery import Rejected
 from thesis_lib.extensions.registry import contents
+from thesis_lib.foundation.files import six_digits
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 WORST = 5  # impacts that are listed if single ones dominate the mean

@@ -30,7 +30,7 @@ from thesis_lib.datasets.impacts.found import MIN_IMPACTS, MIN_TRIALS
 from thesis_lib.datasets.space.flights import too_slow
 from thesis_lib.effects import effects_in
 from thesis_lib.effects.effect import Rig
-from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.foundation.files import six_digits
 from thesis_lib.statistics.wording import bounded
 
 PLACES = 4  # decimals of a coefficient

@@ -21,7 +21,7 @@ from thesis_lib.critique.likelihood.observations import rig_of
 from thesis_lib.critique.results.saved_model import SavedModel, SavedReference, content_of
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_of_body, tracked_states
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig

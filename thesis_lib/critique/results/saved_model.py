@@ -26,9 +26,8 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.extensions.registry import PACKAGE, VERSION, Origin, additions, origin_of
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import write_json
+from thesis_lib.foundation.files import six_digits, write_json
 from thesis_lib.foundation.regular_file import read_bytes
-from thesis_lib.foundation.rounding import six_digits
 from thesis_lib.foundation.settings import Section
 from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State

@@ -17,13 +17,13 @@ from thesis_lib.datasets.checks.jumps import NO_JUMPS, Jumps, place_jumps, turn_
 from thesis_lib.datasets.checks.known_body import FILE, LARGEST_BODY, LARGEST_SPEED, METRES
 from thesis_lib.datasets.checks.trajectories import DENSEST, LARGEST_GRAVITY
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.datasets.format.validate import UsableRows, ValidationReport
 from thesis_lib.datasets.space.falling_body import reading_that_falls
-from thesis_lib.datasets.space.flights import Track, find_flights, follow
+from thesis_lib.datasets.space.flights import Track, find_flights, follow, inner_samples
 from thesis_lib.datasets.space.motion import Motion, conjugate
-from thesis_lib.datasets.space.torque_free import better_reading, falling, inner_samples
+from thesis_lib.datasets.space.torque_free import better_reading, falling
 from thesis_lib.statistics.spread import robust_mean
 
 FEWEST = 20  # samples that say anything of a motion
@@ -257,31 +257,24 @@ def _check_fall(table: UsableRows, header: SpaceHeader, facts: MotionFacts, step
 
 def _check_jumps(table: UsableRows, facts: MotionFacts) -> None:
     """Report a tag that flips, and another one that takes over."""
-    n = len(table.data)
-    if (count := len((turned := facts.turned).rows)) > 0:
+    turned, moved, n = facts.turned, facts.moved, len(table.data)
+    by, off = f"{np.degrees(turned.size):.0f}°", f"{1e3 * moved.size:.2g} mm"
+    empty, one = "leave the orientation of such samples empty", "use one tag throughout, or remove such samples"
+    for jumps, name, size, why, where, remedy in (
+        (turned, "orientation", by, "a tag flips", "columns qw, qx, qy, qz", empty),
+        (moved, "position", off, "another tag takes over", "columns x, y, z", one),
+    ):
         what = (
-            f"the orientation jumps at {count} of {n} samples, by {np.degrees(turned.size):.0f}° (median), and "
-            f"{turned.share:.1%} of the samples lie between a jump and the jump back: a tag flips, or markers are "
-            "swapped"
+            f"the {name} jumps at {len(jumps.rows)} of {n} samples, by {size} (median), and {jumps.share:.1%} of the "
+            f"samples lie between a jump and the jump back: {why}, or markers are swapped"
         )
-        rows = np.isin(np.arange(n), turned.rows)
-        table.warn("columns qw, qx, qy, qz", what, "leave the orientation of such samples empty", rows)
-    if (count := len((moved := facts.moved).rows)) > 0:
-        what = (
-            f"the position jumps at {count} of {n} samples, by {1e3 * moved.size:.2g} mm (median), and "
-            f"{moved.share:.1%} of the samples lie between a jump and the jump back: another tag takes over, or "
-            "markers are swapped"
-        )
-        rows = np.isin(np.arange(n), moved.rows)
-        table.warn("columns x, y, z", what, "use one tag throughout, or remove such samples", rows)
+        table.warn(where, what, remedy, np.isin(np.arange(n), jumps.rows))
 
 
 def _nothing_falls(table: UsableRows, header: SpaceHeader) -> None:
     turned = np.isfinite(table.data["qw"].to_numpy(float))
-    size, path = (
-        float(np.linalg.norm(header.gravity)),
-        centre_path(table.data[turned if turned.any() else ~turned], header),
-    )
+    path = centre_path(table.data[turned if turned.any() else ~turned], header)
+    size = float(np.linalg.norm(header.gravity))
     if len(path[0]) < FEWEST:
         return None
     found = falling(*path, size)

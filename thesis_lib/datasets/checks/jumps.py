@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.datasets.space.motion import Motion, turning
+from thesis_lib.datasets.space.motion import turning
 
 TURN = 0.3  # rad
 NEIGHBOURS = 3  # samples on either side that say what is usual
@@ -50,7 +50,7 @@ def turn_jumps(trial: np.ndarray, t: np.ndarray, quaternion: np.ndarray) -> Jump
     if len(rows) < 2 * NEIGHBOURS + 2:
         return NO_JUMPS
     q = quaternion[rows][:, [1, 2, 3, 0]]
-    step = np.linalg.norm(turning(Motion("", "", np.arange(len(q), dtype=float), q[:, :3], q)), axis=1)
+    step = np.linalg.norm(turning(q), axis=1)
     step[~_unbroken(trial, t)[rows[:-1]] | (np.diff(rows) > 1)] = 0.0
     around = np.lib.stride_tricks.sliding_window_view(np.pad(step, NEIGHBOURS, mode="edge"), 2 * NEIGHBOURS + 1)
     far = step > TURN + 3.0 * np.median(around, axis=1)
@@ -101,8 +101,7 @@ def _steps(t: np.ndarray, position: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 def _spin_changes(t: np.ndarray, quaternion: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Changes (k,) in rad/s of the mean spin from the samples before each sample `at` to those from it on."""
-    q = quaternion[:, [1, 2, 3, 0]]
-    turns = np.concatenate([np.zeros((1, 3)), np.cumsum(turning(Motion("", "", t, q[:, :3], q)), axis=0)])
+    turns = np.concatenate([np.zeros((1, 3)), np.cumsum(turning(quaternion[:, [1, 2, 3, 0]]), axis=0)])
     ends = np.array([[0, BESIDE - 1], [-BESIDE, -1]])
     before, after = ((turns[at + b] - turns[at + a]) / (t[at + b] - t[at + a])[:, None] for a, b in ends)
     return np.linalg.norm(after - before, axis=1)

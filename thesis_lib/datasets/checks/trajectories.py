@@ -1,18 +1,26 @@
 """Do the units and signs of header and trajectories agree?  Heuristics that must not misfire on real drops.
 
-- y points down if bodies clearly fall towards larger y (`free_fall`), whatever the stated surface.
+- y points down if bodies clearly fall towards larger y, whatever the stated surface.
 - Lengths are judged by their ratio to the body (positions always more than 300 extents from the surface) and by speeds
   (above 100 m/s).
 - Gravity is measured in free flight (windows of samples that are parabolas).  A factor beyond any effect of a rig is an
   error, reported with its likely cause.
 - Angles are judged by lengths (`angles`), and not at all if lengths or the shape are in doubt.  Shape and surface are
   judged only if impacts were found (`known_body.contradictions`).
+
+Which way bodies fall is seen in short windows, without knowing where the impacts are.  A window inside one flight is a
+parabola with ÿ = −g.  A window that spans an impact is not a parabola, and is left out; a body that rests or is held
+has ÿ = 0.  If windows have ÿ near +g, and hardly any near −g, y points down.  The window is as short as the noise
+allows, so that it fits into the flight of a low bounce.
+
+    ÿ = 2 c₂/Δt²,   var ÿ = 4 σ²/Δt⁴ · 180/(n (n² − 1)(n² − 4))        (parabola c₀ + c₁ i + c₂ i² through n samples)
+
+Δt is the sampling interval, σ the noise of a sample of y.
 """
 
 import numpy as np
 
 from thesis_lib.datasets.checks.angles import check_degrees
-from thesis_lib.datasets.checks.free_fall import CLEARLY, flight_windows, free_accelerations, runs_of
 from thesis_lib.datasets.checks.known_body import (
     FILE,
     LARGEST_BODY,
@@ -30,6 +38,13 @@ from thesis_lib.datasets.format.validate import MIN_SAMPLES, UsableRows, Validat
 
 LARGEST_GRAVITY = 100.0  # m/s²; 9810 mm/s² and 981 cm/s² lie beyond, planets do not
 DENSEST = 22_600.0  # kg/m³, osmium
+PRECISION = 0.1  # one sigma of ÿ/g: rest (0) and flight (1) are then ten sigmas apart
+ABOUT_G = (0.5, 2.0)  # |ÿ|/g that passes for a flight: y may be scaled a little wrong, which other checks judge
+SMALLEST_WINDOW = 5  # samples; recognising a parabola takes two degrees of freedom
+LARGEST_WINDOW = 1000
+PARABOLA = 3.0  # reduced chi² of a window that may pass for a parabola
+NOISE_FLOOR = 1e-6  # m; simulated poses have no noise, but finitely many digits
+CLEARLY = 5.0  # upward falls per downward fall; a true flight has none, small hits give a few
 FALL_PRECISION = 0.2  # m/s², one sigma of the acceleration in a window
 FALL_CLEAR = 5.0  # sigmas by which a window must fall to be a flight, and not a body at rest
 GROSS_FALL = 1.5  # measured over stated gravity; drag and guides stay below 1.2, unlike a wrong unit of time
@@ -76,7 +91,7 @@ def check_trajectories(table: UsableRows, body: KnownBody) -> None:
         return
     poses = {"x": x, "y": y, "theta": theta}
     speeds = {name: np.abs(np.diff(values))[usable] / dt[usable] for name, values in poses.items()}
-    samples = Samples(trial, t, np.column_stack([x, y, theta]), runs_of(trial, t))
+    samples = Samples(trial, t, np.column_stack([x, y, theta]), _runs_of(trial, t))
     noise = noise_from_differences(samples)
     if body.gravity == 0.0:
         return _check_on_a_table(table, samples, speeds, noise, body)
@@ -128,7 +143,7 @@ def _check_direction(table: UsableRows, samples: Samples, noise: np.ndarray, bod
     """Report y that points down, or a body below the surface; whether there is such a problem."""
     y = samples.q[:, 1]
     sunk = body.sunk(y)
-    up, down, n = flight_windows(samples, noise[1], body.gravity)
+    up, down, n = _flight_windows(samples, noise[1], body.gravity)
     remedy = UPWARDS + ", or correct surface.height in dataset.yaml"
     what = sunk
     if up >= n and up > CLEARLY * down:  # at least n windows for a fall upwards, hardly any against it
@@ -164,7 +179,7 @@ def _check_lengths(table: UsableRows, x: np.ndarray, y: np.ndarray, speeds: dict
 
 def _check_gravity(table: UsableRows, samples: Samples, noise: np.ndarray, body: KnownBody) -> bool:
     """Report falls faster or slower than stated by a factor beyond any effect of a rig; whether there are any."""
-    accelerations, n = free_accelerations(samples, noise[1], FALL_PRECISION)
+    accelerations, n = _free_accelerations(samples, noise[1], FALL_PRECISION)
     falls = -accelerations[accelerations < -FALL_CLEAR * FALL_PRECISION] / body.gravity
     if len(falls) < 5 * n:
         return False
@@ -186,3 +201,48 @@ def _check_gravity(table: UsableRows, samples: Samples, noise: np.ndarray, body:
         "correct t (and rate), or the scale of x and y, or gravity if the rig is tilted or not on Earth",
     )
     return True
+
+
+def _runs_of(trial: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Integers (N,) that are constant over the rows of a trial without a gap in the times `t` (N,), in s."""
+    step = np.diff(t)
+    usable = (trial[1:] == trial[:-1]) & (step > 0.0)
+    usual = np.median(step[usable]) if usable.any() else np.inf
+    return np.r_[0, np.cumsum(~usable | (np.abs(step / usual - 1.0) > 0.5))]
+
+
+def _free_accelerations(samples: Samples, sigma_y: float, precision: float) -> tuple[np.ndarray, int]:
+    """ÿ (m,) in m/s² of the windows of n samples that are parabolas, and n: as few as `precision` allows.
+
+    `precision` is one sigma of ÿ in m/s², `sigma_y` that of y in m.
+    """
+    inside = samples.run[1:] == samples.run[:-1]
+    none = np.zeros(0), 1
+    if not inside.any():
+        return none
+    step = float(np.median(np.diff(samples.t)[inside]))
+    sigma = max(float(np.nan_to_num(sigma_y)), NOISE_FLOOR)
+    sizes = np.arange(SMALLEST_WINDOW, LARGEST_WINDOW + 1, dtype=float)
+    error = 2.0 * sigma / step**2 * np.sqrt(180.0 / (sizes * (sizes**2 - 1.0) * (sizes**2 - 4.0)))
+    precise = error < precision
+    if not precise.any() or len(samples) < sizes[precise][0]:
+        return none
+    n = int(sizes[precise][0])
+    basis, scale = np.linalg.qr(np.vander(np.arange(n) - (n - 1) / 2.0, 3, increasing=True))
+    y = samples.q[:, 1] - np.median(samples.q[:, 1])
+    c = [np.correlate(y, basis[:, k], "valid") for k in range(3)]
+    rest = np.correlate(y * y, np.ones(n), "valid") - c[0] ** 2 - c[1] ** 2 - c[2] ** 2
+    flight = (samples.run[n - 1 :] == samples.run[: len(y) - n + 1]) & (rest < PARABOLA * sigma**2 * (n - 3))
+    return (2.0 * c[2] / scale[2, 2] / step**2)[flight], n
+
+
+def _flight_windows(samples: Samples, sigma_y: float, gravity: float) -> tuple[int, int, int]:
+    """Windows that accelerate by about `gravity` (m/s²) towards larger y, and towards smaller; their samples n.
+
+    `sigma_y` is the noise of y in m.
+    """
+    accelerations, n = _free_accelerations(samples, sigma_y, PRECISION * gravity)
+    ratio = accelerations / gravity
+    low, high = ABOUT_G
+    up, down = (int(np.sum((low < sign * ratio) & (sign * ratio < high))) for sign in (1.0, -1.0))
+    return up, down, n

@@ -16,11 +16,9 @@ Straight lines through rotation vectors err by 0.8, 1.8 and 7 rad/s at 10, 15 an
 |          | `used`        | 1          | (n, 2, W)       | samples before and after                             |
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from thesis_lib.datasets.flights.lines import bows, lines_through, nodes_of, unit_covariance
+from thesis_lib.datasets.flights.lines import SideLines, bows, lines_through, nodes_of, unit_covariance
 from thesis_lib.mechanics.free_motion import attitudes, columns
 from thesis_lib.mechanics.space import SPACE
 
@@ -28,27 +26,9 @@ ROUNDS = 6  # most steps to the attitude and spin
 SETTLED = 1e-7  # rad and rad/s, of a step that is the last; the noise of a camera is a thousand times larger
 
 
-@dataclass(frozen=True)
-class SpaceWindows:
-    """What is known beside n impacts; the arrays of `Observations` with these names.
-
-    Attributes:
-        value: (n, 2, 7) m and quaternion; slope: (n, 2, 6) m/s and rad/s.
-        bow, nodes, weights: as in `datasets/flights/lines.py`.
-        cov: (n, 2, 12, 12), as in `Observations`; NaN with too few samples.
-    """
-
-    value: np.ndarray
-    slope: np.ndarray
-    bow: np.ndarray
-    cov: np.ndarray
-    nodes: np.ndarray
-    weights: np.ndarray
-
-
 def fit_windows(
     pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray, noise: tuple[float, float]
-) -> SpaceWindows:
+) -> SideLines:
     """Fit both sides of n impacts; arrays as in the module's table.
 
     Args:
@@ -69,7 +49,7 @@ def fit_windows(
         # (δφ, δω) each of three components -> channel, value or slope
         of_turns = noise[1] ** 2 * of_turns.reshape(n, 2, 3, 2, 3)
         cov[:, s, 3:, :, 3:] = of_turns.transpose(0, 2, 1, 4, 3)
-    return SpaceWindows(value, slope, bows(side, tau), cov.reshape(n, 2, 12, 12), *nodes_of(side, tau, lines))
+    return SideLines(value, slope, bows(side, tau), cov.reshape(n, 2, 12, 12), *nodes_of(side, tau, lines))
 
 
 def fit_turning(
@@ -108,7 +88,7 @@ def _start(measured: np.ndarray, tau: np.ndarray, used: np.ndarray) -> tuple[np.
 
 
 def turns_left(
-    fitted: SpaceWindows, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
+    fitted: SideLines, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
 ) -> np.ndarray:
     """Turns (n, W, 3) in rad from torque-free motion to the attitudes of one side, 0 of what is not used; as
     `fit_windows`."""
@@ -118,7 +98,7 @@ def turns_left(
 
 
 def turns_off(
-    fitted: SpaceWindows, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
+    fitted: SideLines, side: int, pose: np.ndarray, tau: np.ndarray, used: np.ndarray, G: np.ndarray
 ) -> np.ndarray:
     """Sum (n,) in rad² of the squares of `turns_left`."""
     return (turns_left(fitted, side, pose, tau, used, G) ** 2).sum(axis=(1, 2))

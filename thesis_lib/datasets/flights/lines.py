@@ -13,7 +13,7 @@ and for any smooth path f(τ) it has value and slope Σ_k w_k f(τ_k) over a few
 |--------------|--------------------|---------------|------------|---------------------------------------------|
 | value, slope | `value`, `slope`   | m, rad; m/s, rad/s | (n, 2, 3) | of the lines before and after at t_c     |
 | b_0, b_1     | `bow`              | s², s         | (n, 2, 2)  | see above                                   |
-| C / σ²       | `unit_cov`         | 1, 1/s, 1/s²  | (n, 2, 2, 2) | covariance of (value, slope) for unit noise |
+| C            | `cov`              | m², m²/s, …   | (n, 2, 3, 2, 2) | covariance of (value, slope), by channel |
 | τ_k, w_k     | `nodes`, `weights` | s; 1, 1/s     | (n, 2, K), (n, 2, 2, K) | first, last node: ends of samples |
 """
 
@@ -65,19 +65,18 @@ def lines_through(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> Lines:
 
 @dataclass(frozen=True)
 class SideLines:
-    """Lines on both sides of n impacts, as in the module's table; `unit_cov` is NaN with too few samples."""
+    """What lines on both sides of n impacts say; the arrays of `Observations` with these names.
+
+    As in the module's table; in space value (n, 2, 7) is a place and a quaternion, slope (n, 2, 6) is in m/s and rad/s.
+    `cov` (n, 2, 3, 2, 2), in space (n, 2, 12, 12), is as in `Observations`; NaN with too few samples.
+    """
 
     value: np.ndarray
     slope: np.ndarray
     bow: np.ndarray
-    unit_cov: np.ndarray
+    cov: np.ndarray
     nodes: np.ndarray
     weights: np.ndarray
-
-    def arrays(self, variance: np.ndarray) -> dict[str, np.ndarray]:
-        """The lines by name, and their covariance `cov` (n, 2, 3, 2, 2) for samples of `variance` (3,)."""
-        arrays = {name: getattr(self, name) for name in ("value", "slope", "bow", "nodes", "weights")}
-        return arrays | {"cov": self.unit_cov[:, :, None] * variance[None, None, :, None, None]}
 
     def with_after(self, others: "SideLines") -> "SideLines":
         """The lines before, with those after of `others`."""
@@ -85,8 +84,13 @@ class SideLines:
         return SideLines(*(np.stack([before[:, 0], after[:, 1]], axis=1) for before, after in pairs))
 
 
-def side_lines(samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.ndarray, most: np.ndarray) -> SideLines:
-    """Lines at instants (trial, t), (n,), through at most `most` (n, 2) samples within `edges` (n, 4) of flights."""
+def side_lines(
+    samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.ndarray, most: np.ndarray, variance: np.ndarray
+) -> SideLines:
+    """Lines at instants (trial, t), (n,), through at most `most` (n, 2) samples within `edges` (n, 4) of flights.
+
+    `variance` (3,) is that of a sample of x, y, θ in m², m², rad².
+    """
     width = int(most.max(initial=1)) + 1
     index, inside = samples.around(samples.position(trial, t), trial, -width, width)
     time = samples.t[index]
@@ -97,7 +101,8 @@ def side_lines(samples: Samples, trial: np.ndarray, t: np.ndarray, edges: np.nda
     side *= rank(side) <= most[:, :, None]
 
     lines = lines_through(side, tau, samples.q[index])
-    return SideLines(lines.value, lines.slope, bows(side, tau), unit_covariance(lines), *nodes_of(side, tau, lines))
+    cov = unit_covariance(lines)[:, :, None] * variance[None, None, :, None, None]
+    return SideLines(lines.value, lines.slope, bows(side, tau), cov, *nodes_of(side, tau, lines))
 
 
 def unit_covariance(lines: Lines) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Measurement noise from trajectories: third differences first, then the residuals of the arcs.
+"""Measurement noise from trajectories: third differences first, then the residuals of the arcs; arcs fitted with it.
 
 Residuals of the arcs fitted to the flights give the final value.  They also show slow errors of a tracker, which third
 differences cannot see.  Slow errors correlate the residuals of neighbouring samples, and make fitted velocities worse
@@ -19,9 +19,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.flights.arcs import ArcFits
+from thesis_lib.datasets.flights.arcs import ArcFits, fit_arcs, is_bent
 from thesis_lib.datasets.flights.colour import long_flights, slope_variance
 from thesis_lib.datasets.flights.lines import norm
+from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.statistics.spread import robust_std
 
@@ -39,6 +40,7 @@ _LONG_FLIGHT = 4  # arcs; errors slower than these are not noise of the arcs
 _MOVING = 0.1  # m/s
 _CLEARLY = 3.0  # standard errors of a median
 _EXCESS = 1.2  # the noise is known to 10 %, its square to 20 %
+_MIN_CUT = 8  # samples: fewer cannot separate free fall from rest
 _OVERSTATED = 1.2  # ratio of stated noise to that of the samples; misfits are then 0.83 of what they should be
 
 
@@ -54,9 +56,8 @@ class NoiseEstimate:
     contact_spread: float = 0.0  # s, see `arcs`
     lag1: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # ρ; near 0 for white noise
     colour: np.ndarray = field(default_factory=lambda: np.ones(3))  # factor by which covariances exceed white noise's
-    stray: np.ndarray = field(
-        default_factory=lambda: np.zeros(3)
-    )  # accelerations beyond gravity, m/s², rad/s² (`arcs`)
+    # accelerations beyond gravity, m/s², rad/s² (`arcs`)
+    stray: np.ndarray = field(default_factory=lambda: np.zeros(3))
     stated: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))  # the header's; NaN if none or not believed
 
     def variance(self, walls: bool) -> np.ndarray:
@@ -225,6 +226,45 @@ def estimate_spread(
         return 0.0
     excess = np.median((fits.miss[good] / dv[good]) ** 2) / (2.0 * np.log(2.0))
     return float(np.sqrt(max(excess - np.median(noise2[good] / dv[good] ** 2) / 2.0, 0.0)))
+
+
+def fit_straightest(
+    samples: Samples, at: np.ndarray, noise: NoiseEstimate, header: Header, settings: ArcSettings
+) -> ArcFits:
+    """Arc fits in which a bent arc is cut to half its samples if that makes it straight.
+
+    A bent far end (a weak hit, the body coming to rest) must not spoil the velocity at the near end.  The noise found
+    in the data judges: a wrong header should not shorten every window.
+    """
+    sigma = np.fmax(noise.sigma, SIGMA_FLOOR)
+
+    def fit(hits: np.ndarray, size: np.ndarray | None = None) -> ArcFits:
+        parts = {"spread": noise.contact_spread, "colour": noise.colour, "stray": noise.stray}
+        return fit_arcs(samples, hits, noise.used, header, settings, size=size, **parts)
+
+    def bends(fits: ArcFits) -> np.ndarray:
+        bent = is_bent(fits, sigma, settings.arc_deviation)
+        # a ball slides after a hit, and rolls later: the samples beside the hit show it
+        return bent | ((fits.chi2_near > settings.meet_sigma**2) & (header.gravity == 0.0))[:, None]
+
+    fits = fit(at)
+    bent = bends(fits)
+    if not bent.any():
+        return fits
+    # hits of a trial bound each other's windows and are fitted together
+    rows = np.flatnonzero(np.isin(samples.trial[at], samples.trial[at[bent.any(1)]]))
+    bent, whole = bent[rows], np.full((len(rows), 2), settings.max_window)
+    size, count = whole, fits.n_side[rows]
+    for _ in range(2):
+        size = np.where(bent & (count > _MIN_CUT), np.maximum(count // 2 + 1, _MIN_CUT), size)
+        shorter = fit(at[rows], size)
+        bent_still = bends(shorter)
+        bent, count = bent & bent_still, shorter.n_side
+    # any short arc is nearly straight: to be a flight it must also fall rather than rest, where there is gravity
+    straight = ~bent_still & (shorter.n_side >= settings.min_window)  # pyright: ignore[reportOperatorIssue, reportPossiblyUnboundVariable]
+    cured = (size < whole) & straight & ((shorter.fall > 0) | (header.gravity == 0.0))  # pyright: ignore[reportPossiblyUnboundVariable]
+    final = fit(at[rows], np.where(cured, size, whole))
+    return fits.put(rows, final)
 
 
 def noise_warnings(

@@ -11,9 +11,8 @@ import pandas as pd
 
 from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE, SPACE, Space
 

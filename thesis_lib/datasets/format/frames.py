@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.frame import Frame, on_body

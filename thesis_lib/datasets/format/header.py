@@ -1,14 +1,17 @@
-"""dataset.yaml as typed, checked data (dataset format, schema 1)."""
+"""dataset.yaml as typed, checked data (dataset format, schema 1 in the plane, 2 in space)."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
 
 from thesis_lib.bodies.body import Body, Noise, Positive, Surface
+from thesis_lib.bodies.shapes import Coordinate
+from thesis_lib.bodies.solid_body import FlatSurface, NamedSurface, NoiseInSpace, SolidBody, Tracked, Vector, direction
 from thesis_lib.bodies.walls import MOST, Wall
 from thesis_lib.foundation.settings import Section
 
+UNKNOWN = "unknown"  # pose of the tracked frame in the body
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -38,13 +41,66 @@ class Header(Section):
 
     @model_validator(mode="after")
     def _surroundings_agree(self) -> "Header":
-        if self.surfaces is None:
-            return self
-        if not self.surfaces:
-            raise ValueError("surfaces holds no wall")
-        if "surface" in self.model_fields_set:
-            raise ValueError("there are surface and surfaces; give one of them")
-        names = [wall.name for wall in self.surfaces]
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")
+        _require_distinct(self, "wall")
         return self
+
+
+class SpaceHeader(Section):
+    """The content of dataset.yaml, schema 2."""
+
+    schema_: Literal[2] = Field(alias="schema", description="version of this format, for bodies in space")
+    description: str = ""
+    body: SolidBody
+    tracked: Tracked | None = Field(
+        Tracked(), description="pose of the tracked frame in that of the shape; default: they are one; or unknown"
+    )
+    surface: FlatSurface = FlatSurface()
+    surfaces: Annotated[tuple[NamedSurface, ...], Field(max_length=MOST)] | None = Field(
+        None, description="flat surfaces in place of the surface"
+    )
+    gravity: tuple[Coordinate, Coordinate, Coordinate] = Field(
+        (0.0, 0.0, -9.81), description="m/s², in the axes of the recording; [0, 0, 0] for none"
+    )
+    rate: Positive | None = Field(None, description="Hz, of trajectories")
+    noise: NoiseInSpace | None = Field(None, description="optional")
+    spin: Positive | None = Field(
+        None, description="rad/s, one sigma of each component of the spin before an impact, where it is not measured"
+    )
+
+    @field_validator("tracked", mode="before")
+    @classmethod
+    def _unknown_is_none(cls, value: object) -> object:
+        if value is None:
+            raise ValueError("is empty; write the pose, or unknown")
+        return None if isinstance(value, str) and value == UNKNOWN else value
+
+    @model_serializer(mode="wrap")
+    def _none_is_unknown(self, written: SerializerFunctionWrapHandler) -> dict:
+        return written(self) | ({"tracked": UNKNOWN} if self.tracked is None else {})
+
+    @model_validator(mode="after")
+    def _surroundings_agree(self) -> "SpaceHeader":
+        _require_distinct(self, "surface")
+        if self.surfaces is None and self.surface.normal is None and not any(self.gravity):
+            raise ValueError("without gravity nothing says how the surface lies; give surface.normal")
+        return self
+
+    @property
+    def planes(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Point (3,) in m and unit normal (3,) of each surface, in the axes of the recording."""
+        against: Vector = (-self.gravity[0], -self.gravity[1], -self.gravity[2])
+        of = self.surfaces or (self.surface,)
+        return [(np.array(one.point), direction(one.normal or against)) for one in of]
+
+
+def _require_distinct(header: Any, one: str) -> None:
+    """ValueError where a header has surfaces, each `one`, beside its surface, none of them, or two of one name."""
+    if header.surfaces is None:
+        return
+    if not header.surfaces:
+        raise ValueError(f"surfaces holds no {one}")
+    if "surface" in header.model_fields_set:
+        raise ValueError("there are surface and surfaces; give one of them")
+    names = [surface.name for surface in header.surfaces]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ValueError(f"surfaces: the name {twice[0]} occurs more than once")

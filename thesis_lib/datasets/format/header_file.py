@@ -8,13 +8,12 @@ from typing import TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.remedies import remedy_of
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.format.validate import ValidationReport
 from thesis_lib.foundation.mistakes import Mistake, dotted, found, mistakes_in
 from thesis_lib.foundation.regular_file import FileProblem
-from thesis_lib.foundation.yaml_file import YamlProblem, read_yaml
+from thesis_lib.foundation.yaml_file import read_yaml
 
 FILE = "dataset.yaml"
 MAX_REPORTED = 1000  # mistakes; for each unknown key the known ones are searched for a similar one
@@ -37,8 +36,8 @@ def mapping_in(folder: Path, file: str, report: ValidationReport) -> tuple[dict 
     """The mapping that a file holds, None if it holds none, and the line of each key; problems go to `report`."""
     try:
         document = read_yaml(folder / file, folder, aliases=False)
-    except (FileProblem, YamlProblem) as error:
-        report.error(file, getattr(error, "where", ""), error.what, error.remedy)
+    except FileProblem as error:
+        report.error(file, error.where, error.what, error.remedy)
         return None, {}
     lines, raw = document.lines, document.content
     for key, line in document.repeated:

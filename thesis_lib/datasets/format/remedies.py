@@ -9,6 +9,7 @@ _SHARED: Remedies = {
     ("schema",): "write 'schema: 1' for a motion in a plane, 'schema: 2' for one in space (the versions of the format "
     "that this program reads)",
     ("description",): "write free text, in quotes if it holds a colon",
+    ("body", "mass"): "give the mass in kg as a number above 0, or leave it out",
     ("body", "homogeneous"): "write true if the body is of one density throughout, or leave it out",
     ("body", "uncertainty"): "give relative standard uncertainties above 0 and below 1 ({mass: 0.001, size: 0.002}), "
     "or leave it out",
@@ -22,7 +23,6 @@ _BY_SCHEMA: dict[int, Remedies] = {
         ("body",): "give the section body with shape and radius_of_gyration",
         ("body", "shape"): "write {kind: ellipse, semi_axes: [a, b]}, {kind: disk, radius: R} or {kind: polygon, "
         "vertices: [[x, y], ...]}, in m from the centre of mass; solids (box, sphere, …) have 'schema: 2'",
-        ("body", "mass"): "give the mass in kg as a number above 0, or leave it out",
         ("body", "radius_of_gyration"): "give it in m as a number above 0: sqrt(I/m) about the centre of mass "
         "(a/sqrt(6) for a uniform square of side a)",
         ("surface",): "write {height: 0.0}, the height of the surface in m, or leave it out",
@@ -41,24 +41,17 @@ _BY_SCHEMA: dict[int, Remedies] = {
         ("body", "shape"): "write {kind: box, half_extents: [a, b, c]}, {kind: sphere, radius: R}, {kind: ellipsoid, "
         "semi_axes: [a, b, c]}, {kind: cylinder, radius: R, half_length: h}, {kind: capsule, radius: R, half_length: "
         "h} or {kind: mesh, file: body.obj, scale: 0.001}, in m; planar shapes have 'schema: 1'",
-        ("body", "mass"): "give the mass in kg as a number above 0, or leave it out",
         ("body", "center_of_mass"): "give [x, y, z] in m in the frame of the shape, or leave it out",
         ("body", "inertia"): "give {xx: …, yy: …, zz: …, xy: 0, xz: 0, yz: 0} in kg m² about the centre of mass, with "
         "xy = -∫ x y dm; no principal moment is above the sum of the others",
-        (
-            "body",
-            "radii_of_gyration",
-        ): "give [k_x, k_y, k_z] in m, sqrt(I/m) about each axis through the centre of mass",
+        ("body", "radii_of_gyration"): "give [k_x, k_y, k_z] in m, sqrt(I/m) about each axis through the centre of "
+        "mass",
         ("tracked",): "write {position: [x, y, z], quaternion: [w, x, y, z]}, the pose of the tracked frame in that of "
         "the shape, or unknown, or leave it out",
-        (
-            "surface",
-        ): "write {point: [0, 0, 0], normal: [0, 0, 1]}: a point in m, and the direction from the surface to "
-        "the body, in the axes of the recording; or leave it out",
-        (
-            "surfaces",
-        ): "write a list of {name: floor, point: [x, y, z], normal: [0, 0, 1]}, each with the corners of its "
-        "extent: [[x, y, z], …] if it ends somewhere, and no surface beside it",
+        ("surface",): "write {point: [0, 0, 0], normal: [0, 0, 1]}: a point in m, and the direction from the surface "
+        "to the body, in the axes of the recording; or leave it out",
+        ("surfaces",): "write a list of {name: floor, point: [x, y, z], normal: [0, 0, 1]}, each with the corners of "
+        "its extent: [[x, y, z], …] if it ends somewhere, and no surface beside it",
         ("gravity",): "give [0, 0, -9.81] in m/s², in the axes of the recording, or leave it out; [0, 0, 0] for none",
         ("noise",): "give one-sigma values above 0 (position in m, one number or [x, y, z]; rotation in rad, velocity "
         "in m/s, angular_velocity in rad/s), or leave noise out",

@@ -2,14 +2,13 @@
 
 from pathlib import Path
 
-import pandas as pd
 import yaml
 
 from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.table_forms import QUATERNION
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import FLOAT_FORMAT, atomic, write_text
+from thesis_lib.foundation.files import FLOAT_FORMAT, atomic, write_table, write_text
 from thesis_lib.foundation.settings import Section
 
 
@@ -35,18 +34,12 @@ def write_dataset(dataset: Dataset, folder: str | Path, float_format: str | None
                 )
     for stem, table in tables.items():
         if table is not None:
-            write_csv(table, folder / f"{stem}.csv", float_format)
+            write_table(table, folder / f"{stem}.csv", float_format)
     if isinstance(mesh := dataset.header.body.shape, Mesh):
         with atomic(folder / mesh.file) as tmp:
             Path(tmp).write_bytes(mesh.content)
     write_text(header_text(dataset.header), folder / "dataset.yaml")
     return folder
-
-
-def write_csv(table: pd.DataFrame, path: Path, float_format: str | None = None) -> None:
-    """Write a table as CSV, atomically; by default every float reads back to the same bits."""
-    with atomic(path) as tmp:
-        table.to_csv(tmp, index=False, float_format=float_format, lineterminator="\n")
 
 
 def header_text(header: Section) -> str:

@@ -21,7 +21,7 @@ def on_floors(fits: ArcFits, header: Header) -> ArcFits:
     if header.surfaces is None or not len(fits):
         return fits
     walls = header.surfaces
-    wall = walls_hit(fits, header)
+    wall = struck_wall(walls, header.body.shape, fits.q, fits.v_post - fits.v_pre)
     R = turns(walls, wall)
 
     def turned(v: np.ndarray) -> np.ndarray:
@@ -33,13 +33,6 @@ def on_floors(fits: ArcFits, header: Header) -> ArcFits:
     cov = blocks @ fits.cov @ np.swapaxes(blocks, 1, 2)
     q = in_wall_frame(walls, wall, fits.q)
     return replace(fits, q=q, v_pre=turned(fits.v_pre), v_post=turned(fits.v_post), cov=cov, surface=wall)
-
-
-def walls_hit(fits: ArcFits, header: Header) -> np.ndarray:
-    """Number (n,) of the wall that each impact hit; 0 on one surface."""
-    if header.surfaces is None:
-        return np.zeros(len(fits), int)
-    return struck_wall(header.surfaces, header.body.shape, fits.q, fits.v_post - fits.v_pre)
 
 
 def off_wall(fits: ArcFits, header: Header, settings: ArcSettings) -> np.ndarray:

@@ -23,6 +23,7 @@ from thesis_lib.datasets.flights.noise import (
     SIGMA_FLOOR,
     NoiseEstimate,
     estimate_spread,
+    fit_straightest,
     noise_from_arcs,
     noise_warnings,
     overstated,
@@ -39,7 +40,6 @@ from thesis_lib.datasets.flights.rounding import (
     sunk_and_speed,
     touch_time,
 )
-from thesis_lib.datasets.flights.straightest import fit_straightest
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples, make_samples, noise_from_differences
@@ -48,7 +48,7 @@ from thesis_lib.datasets.impacts.at_walls import on_floors
 from thesis_lib.datasets.impacts.energy import contact_step, energy_gain, gain_sentence, step_sentence
 from thesis_lib.datasets.impacts.found import ARC_COLUMNS, LEFT_OUT_COLUMNS, FoundImpacts, arc_table, ordinals
 from thesis_lib.datasets.impacts.quality import assess_arcs, contact_measures, flag_physics, has_flag_text
-from thesis_lib.datasets.impacts.spikes import add_weak_hits, detect, find_glitches
+from thesis_lib.datasets.impacts.spikes import detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stays_down import landing_speeds, stays_down
 from thesis_lib.datasets.samples.copies import without_copies
@@ -130,7 +130,7 @@ def find_in_arrays(
     if (noise.colour > 1.0).any():
         # jumps that coloured noise makes are not hits; where nearly all stand out of it, the search stays what it was
         coloured = np.fmax(sigma, noise.used * np.sqrt(noise.colour))
-        if len(_instants(samples, header, coloured, settings)) < _STANDING_OUT * len(at):
+        if len(detect(samples, header, coloured, settings, weak=True)) < _STANDING_OUT * len(at):
             least = coloured
             samples, at, fits, noise, glitch, sigma = search(settings, least)
     falls = header.surfaces is None and header.gravity > 0.0
@@ -243,14 +243,6 @@ def find_in_arrays(
     )
 
 
-def _instants(
-    samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
-) -> np.ndarray:
-    """Samples (n,) before the hits that stand out of noise `sigma` (3,) and of friction that slows down, in m/s²."""
-    at = detect(samples, header, sigma, settings, slowing)
-    return add_weak_hits(samples, at, header, sigma, settings, slowing)
-
-
 def _search(
     everything: Samples, header: Header, stated: np.ndarray, settings: ArcSettings, least: np.ndarray
 ) -> _Found:
@@ -264,14 +256,13 @@ def _search(
         sigma = np.fmax(np.fmax(believed, rough), SIGMA_FLOOR)
         glitch = find_glitches(everything, header.gravity, sigma, settings)
         samples = everything.select(~glitch)
-        at = _instants(samples, header, np.fmax(sigma, least), settings)
+        at = detect(samples, header, np.fmax(sigma, least), settings, weak=True)
         fits = fit_arcs(samples, at, sigma, header, settings)
         noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         if _displaces(noise.stray, fits, samples):
             if header.gravity == 0.0:
-                at = _instants(
-                    samples, header, np.fmax(sigma, least), settings, _SLOWER * float(np.hypot(*noise.stray[:2]))
-                )
+                slowing = _SLOWER * float(np.hypot(*noise.stray[:2]))
+                at = detect(samples, header, np.fmax(sigma, least), settings, slowing, weak=True)
             fits = fit_arcs(samples, at, sigma, header, settings, stray=noise.stray)
             noise = noise_from_arcs(fits, rough, stated, header.gravity == 0.0)
         unchanged = np.array_equal(noise.stated, believed, equal_nan=True)

@@ -12,9 +12,9 @@ from thesis_lib.datasets.flights.low_pass import LowPass
 from thesis_lib.datasets.flights.noise import NoiseEstimate
 from thesis_lib.datasets.flights.parabolas import NO_PARABOLAS, Hits, Parabolas, hits_of
 from thesis_lib.datasets.format.air import Air
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.impacts.stays_down import StaysDown
 from thesis_lib.mechanics.state import State
 

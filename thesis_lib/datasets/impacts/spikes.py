@@ -68,48 +68,35 @@ def find_glitches(samples: Samples, gravity: float, sigma: np.ndarray, settings:
 
 
 def detect(
-    samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
+    samples: Samples, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0, weak: bool = False
 ) -> np.ndarray:
     """Indices (n,), ascending: an impact happens between sample i and i + 1 of the same trial.
 
-    `slowing` in m/s² is what friction with a table may take from the speed, which is not an impact.
+    `slowing` in m/s² is what friction with a table may take from the speed, which is not an impact.  `weak`: also hits
+    between clean flights that are significant only without the allowance for rest.
     """
     n = len(samples)
     q = samples.without_gravity(header.gravity)
     boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]  # a segment ends after sample i
-    spoiled = np.zeros(n, bool)  # the two samples beside a hit may lie within the contact
     is_hit = np.zeros(n, bool)
-    scatter = 0.0 if samples.air is None else samples.air.scatter
-    for w in settings.scales:
+
+    def scores(w: int) -> tuple[np.ndarray, np.ndarray]:
+        spoiled = is_hit.copy()  # the two samples beside a hit may lie within the contact
+        spoiled[1:] |= is_hit[:-1]
         segment = np.r_[0, np.cumsum(boundary | is_hit)[:-1]][:n]
-        score, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing, scatter)
+        return _jump_scores(samples, q, segment, spoiled, w, header, sigma, settings, slowing)
+
+    for w in settings.scales:
+        score, free = scores(w)
         # the allowance for support flattens the peak of a weak hit: it decides whether there is a hit, `free` where
-        peak = _peaks(free, w, settings) & (score > settings.threshold**2)
-        is_hit |= peak
-        spoiled |= peak
-        spoiled[1:] |= peak[:-1]
-    return np.flatnonzero(is_hit)
-
-
-def add_weak_hits(
-    samples: Samples, at: np.ndarray, header: Header, sigma: np.ndarray, settings: ArcSettings, slowing: float = 0.0
-) -> np.ndarray:
-    """The hits `at` (n,), and weak hits between clean flights that are significant only without the allowance for rest.
-
-    Hits are indices of the sample before; `sigma` (3,) is the noise of x, y, θ in m, m, rad, `slowing` as in `detect`.
-    """
-    n = len(samples)
-    q = samples.without_gravity(header.gravity)
-    spoiled = np.zeros(n, bool)
-    spoiled[at], spoiled[at + 1] = True, True
-    boundary = np.r_[samples.trial[1:] != samples.trial[:-1], True][:n]
-    boundary[at] = True
-    segment = np.r_[0, np.cumsum(boundary)[:-1]][:n]
-    w, scatter = max(settings.scales), 0.0 if samples.air is None else samples.air.scatter
-    _, free = _jump_scores(samples.t, q, segment, spoiled, w, header, sigma, settings, slowing, scatter)
-    weak = np.flatnonzero(_peaks(free, w, settings))
-    both = np.union1d(at, weak)
-    both = both[np.isin(samples.trial[both], samples.trial[weak])]  # only trials with such a hit
+        is_hit |= _peaks(free, w, settings) & (score > settings.threshold**2)
+    at = np.flatnonzero(is_hit)
+    if not weak:
+        return at
+    w = max(settings.scales)
+    found = np.flatnonzero(_peaks(scores(w)[1], w, settings))
+    both = np.union1d(at, found)
+    both = both[np.isin(samples.trial[both], samples.trial[found])]  # only trials with such a hit
     fits = fit_arcs(samples, both, sigma, header, settings)
     flying = (fits.n_side >= _WEAK_SAMPLES) & (fits.fall > _FALL) & (fits.reduced < settings.arc_deviation)
     return np.union1d(at, both[flying.all(1) & fits.converged])
@@ -124,7 +111,7 @@ def _peaks(score: np.ndarray, w: int, settings: ArcSettings) -> np.ndarray:
 
 
 def _jump_scores(
-    t: np.ndarray,
+    samples: Samples,
     q: np.ndarray,
     segment: np.ndarray,
     spoiled: np.ndarray,
@@ -133,13 +120,11 @@ def _jump_scores(
     sigma: np.ndarray,
     settings: ArcSettings,
     slowing: float,
-    scatter: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines.
-
-    `scatter` in m/s² is one sigma of accelerations that no jump makes: they turn lines the more the further apart.
-    """
-    n = len(t)
+    """T (N,) of the instant after each sample, with and without allowance for support; 0 without room for lines."""
+    t, n = samples.t, len(samples)
+    # accelerations that no jump makes turn lines the more the further apart
+    scatter = 0.0 if samples.air is None else samples.air.scatter
     before = _running_lines(t, q, segment, spoiled, w)
     # the same from the other end: mirrored in time, the window after an instant is one before it
     after = [a[::-1] for a in _running_lines(-t[::-1], q[::-1], -segment[::-1], spoiled[::-1], w)]

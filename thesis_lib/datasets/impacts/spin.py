@@ -7,9 +7,8 @@ median speed (one sigma).
 
 import numpy as np
 
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.datasets.format.space_header import SpaceHeader
 
 RIM = 0.5
 

@@ -1,70 +1,63 @@
-"""Where a body lies or slides on its surface after it has fallen: rests and slides.
+"""Where a body lies or slides on its surface after it has fallen: rests and slides, in the plane and in space.
 
 A body *rests* where `ROWS` samples in a row stay within the noise of their mean, after a hit, near the believed
-surface and near an angle at which it lies.  It *slides* where height and angle stay so, but x does not.  What a hand
-holds above the surface is neither.
+surface and near an attitude at which it lies.  It *slides* where height and attitude stay so, but its place does not:
+what rolls turns.  What a hand holds above the surface is neither.
 
 A rest of many samples is one measurement: rests on one side of a body differ by more than the noise of their means, by
-dust, by the camera at another place.  That scatter is estimated without any model, as the spread of most rests about
-the median of their side and a line along the surface, as of a camera that is turned; slides scatter about their
-median, taken against the motion.  Neighbouring trials share some of it where the camera was moved between sessions.
-The variance is then that of batch means, times their size: n rests tell their mean as well as n independent ones do.
+dust, by the camera at another place.  That scatter is estimated without any model: in the plane as the spread of most
+rests about the median of their side and a line along the surface, as of a camera that is turned; in space as what a
+turn of the body's axes, a slope of the table and the place leave of it.  Slides scatter about their median, taken
+against the motion.  Neighbouring trials share some of it where the camera was moved between sessions.  The variance is
+then that of batch means, times their size: n rests tell their mean as well as n independent ones do.
 Source: batch means with √n rests a batch: Flegal and Jones 2010, doi:10.1214/09-AOS735.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import theilslopes
 
-from thesis_lib.bodies.lying import lying_angle
+from thesis_lib.bodies.solids import UP
+from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
 from thesis_lib.datasets.samples.rests import ROWS, resting
+from thesis_lib.mechanics.space import SPACE, rotation_matrix
+from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import quantile_std, robust_std
 
 NEAR = 0.1  # of the body's extent: gap of a body that lies, by wrong size or height of the surface
 LEANS = 0.3  # rad from an angle at which it lies; a frame turned further against the body is found by impacts
+HIGHEST = 1.2  # of the extent: the centre of a solid on the surface is lower; what a hand holds may be higher
 MOST = 0.8  # share of rests whose size tells the scatter; the others may lie on something
 FEWEST = 8  # rests or slides that show their scatter
 LONG = 12  # samples of a slide
 WITHIN = 3.0  # sigmas of height and angle about their mean, over a whole slide
-MOVES = 10.0  # sigmas of x from end to end
+STEADY = 4.0  # the same of height and turns in space
+MOVES = 10.0  # sigmas of the place from end to end
 
 
 @dataclass(frozen=True)
 class Supported:
-    """m stretches on the surface: trial, t in s, pose q and velocity v (m, 3), and what is measured (m, c) with its
-    variance (m, c): of rests height in m and angle in rad, of slides acceleration along the surface in m/s²."""
+    """m stretches on the surface: states, the variance (m, c) of what is compared of them, and of slides what is
+    measured: acceleration along the surface in m/s² (m, 1), in space (m, 2) and how long they last in s."""
 
-    trial: np.ndarray
-    t: np.ndarray
-    q: np.ndarray
-    v: np.ndarray
-    measured: np.ndarray
+    state: State
     variance: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.trial)
+    measured: np.ndarray
 
 
 def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
     """A rest a trial at most, the first after its last hit; None of too few.  `sigma` (3,): noise in m, m, rad."""
-    first, last = stretches(samples, resting(samples, sigma, (0, 1, 2)))
-    last_hit = hits.instants(hits.before(samples.trial[last], samples.t[last]) - 1, samples.trial[last], np.inf)
-    after = samples.t[first] > last_hit
-    first, last = first[after], last[after]
-    _, one = np.unique(samples.trial[first], return_index=True)
-    first, last = first[one], last[one]
-    count = last - first + 1
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(samples.q - samples.q[:1], axis=0)])
-    q = samples.q[:1] + (total[last + 1] - total[first]) / count[:, None]
+    first, last = _first_rests(samples, resting(samples, sigma, (0, 1, 2)), hits)
+    q, count = _means(samples, first, last)
     near = _near(header, q)
-    first, last, q, count = first[near], last[near], q[near], count[near]
+    first, q, count = first[near], q[near], count[near]
     if len(q) < FEWEST:
         return None
-    flat = lying_angle(header.body.shape, q[:, 2])
+    flat = header.body.shape.lying(q[:, 2])
     side = np.round(np.remainder(flat + LEANS, 2.0 * np.pi), 6)
     sides, of = np.unique(side, return_inverse=True)
     measured = np.stack([q[:, 1], q[:, 2] - flat], axis=1)
@@ -74,11 +67,94 @@ def find_rests(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) 
 
     slope = [theilslopes(column, by_side(q[:, 0]))[0] for column in by_side(measured).T]
     left = by_side(measured - np.outer(q[:, 0], slope))
-    variance = sigma[1:] ** 2 / count[:, None] + scatter(left, len(sides) + 1)
-    return Supported(samples.trial[first], samples.t[first], q, np.zeros_like(q), measured, variance)
+    variance = sigma[1:] ** 2 / count[:, None] + _scatter(left, len(sides) + 1)
+    return Supported(State.of(q, np.zeros_like(q), samples.trial[first], samples.t[first]), variance, measured)
 
 
-def scatter(left: np.ndarray, parameters: int) -> np.ndarray:
+def find_slides(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
+    """All slides of at least `LONG` samples, by parabolas through x; None of too few."""
+    moving = resting(samples, sigma, (1, 2)) & ~resting(samples, sigma, (0, 1, 2))
+    found = _slides(samples, moving, hits, sigma, 1, WITHIN)
+    if found is None:
+        return None
+    q = np.concatenate([found.place, _means(samples, found.first, found.last)[0][:, 1:]], axis=1)
+    near = _near(header, q)
+    if near.sum() < FEWEST:
+        return None
+    velocity = np.pad(found.velocity, ((0, 0), (0, 2)))
+    state = State.of(q, velocity, samples.trial[found.first], found.t).select(near)
+    return Supported(state, found.variance(near), found.acceleration[near])
+
+
+def resting_and_sliding(
+    states: State, samples: Samples, hits: Hits, symmetry: Symmetry, noise: tuple[float, float]
+) -> tuple[Supported | None, Supported | None]:
+    """The rests and slides of a body in space, None of either if there are too few.
+
+    Args:
+        states: poses (N,) of the believed body as measured, in the axes of the surface, by trial and time.
+        samples: the same samples; their runs count.
+        hits: all that were found, at times as in `states`.
+        symmetry: of the believed body.
+        noise: one sigma of a coordinate in m and of a component of a small turn in rad.
+    """
+    last = np.searchsorted(states.trial, states.trial, side="right") - 1
+    turns = SPACE.turn_between(states.attitude[:, last], states.attitude)
+    samples = replace(samples, q=np.concatenate([states.position, turns]).T)
+    sigma, highest = np.repeat(noise, 3), HIGHEST * symmetry.solid.extent
+    still = resting(samples, sigma, range(6))
+    moving = resting(samples, sigma, (2, 3, 4, 5)) & ~still
+    rests = _rests_in_space(states, samples, *_first_rests(samples, still, hits), symmetry, sigma)
+    found = _slides(samples, moving, hits, sigma, 2, STEADY)
+    if found is None:
+        return rests, None
+    state, _ = _mean_states(states, samples, found.first, found.last)
+    low = np.abs(state.height) < highest
+    if low.sum() < FEWEST:
+        return rests, None
+    position = np.concatenate([found.place.T, state.position[2:]])
+    state = state.changed(position=position, velocity=np.pad(found.velocity, ((0, 0), (0, 1))).T)
+    span = samples.t[found.last] - samples.t[found.first]
+    measured = np.column_stack([found.acceleration, span])
+    return rests, Supported(state.select(low), np.repeat(found.variance(low), 2, axis=1), measured[low])
+
+
+def _rests_in_space(
+    states: State, samples: Samples, first: np.ndarray, last: np.ndarray, symmetry: Symmetry, sigma: np.ndarray
+) -> Supported | None:
+    state, count = _mean_states(states, samples, first, last)
+    low = np.flatnonzero(np.abs(state.height) < HIGHEST * symmetry.solid.extent)
+    if len(low) < FEWEST:
+        return None
+    state, count = state.select(low), count[low]
+    up = SPACE.turned_back(state.attitude, UP).T
+    side = symmetry.nearest_stand(up)[0]
+    turn = state.turned(symmetry.leaning(up).T)
+    standing = state.changed(attitude=SPACE.attitude_after(state.attitude, -turn))
+    of_side = 1.0 * (side[:, None] == np.unique(side))
+    gap = standing.height + symmetry.solid.lowest(standing.attitude)[2]
+    gap = _left(gap[:, None], np.concatenate([of_side, state.position[:2].T], axis=1))
+    # turns by axes of the body differ by side, those by a slope do not
+    axes = np.einsum("mk,cjm->cmkj", of_side, rotation_matrix(state.attitude)[:2]).reshape(2 * len(low), -1)
+    level = np.repeat(np.eye(2), len(low), axis=0)
+    slant = _left(turn[:2].reshape(-1, 1), np.concatenate([axes, level], axis=1)).reshape(2, -1).T
+    sides = of_side.shape[1]
+    spread = np.concatenate([_scatter(gap, sides + 2), _scatter(slant, sides + 1)])
+    variance = sigma[[0, 3, 3]] ** 2 / count[:, None] + spread
+    return Supported(state, variance, np.zeros((len(state), 0)))
+
+
+def _left(values: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """What of values (m, 1) least squares of columns (m, p) leave, twice: the second time without what is far off."""
+    kept = np.ones(len(values), bool)
+    for _ in range(2):
+        x = np.linalg.lstsq(columns[kept], values[kept], rcond=1e-9)[0]
+        left = values - columns @ x
+        kept = (np.abs(left) <= WITHIN * robust_std(left)).all(axis=1)
+    return left
+
+
+def _scatter(left: np.ndarray, parameters: int) -> np.ndarray:
     """Variance (c,) of rests about what `parameters` fitted to each component leave (m, c), in order of the trials.
 
     Neighbouring rests that err together count as fewer.
@@ -90,38 +166,48 @@ def scatter(left: np.ndarray, parameters: int) -> np.ndarray:
     return quantile_std(left, MOST) ** 2 * freedom * shared
 
 
-def find_slides(samples: Samples, hits: Hits, header: Header, sigma: np.ndarray) -> Supported | None:
-    """All slides of at least `LONG` samples, by parabolas through x; None of too few."""
-    moving = resting(samples, sigma, (1, 2)) & ~resting(samples, sigma, (0, 1, 2))
-    rows = []
+@dataclass(frozen=True)
+class _Slides:
+    """k slides: first and last rows, mid-times (k,), place, velocity and acceleration (k, c) in the middle, and the
+    variance (k,) of an acceleration by the noise alone."""
+
+    first: np.ndarray
+    last: np.ndarray
+    t: np.ndarray
+    place: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    noise: np.ndarray
+
+    def variance(self, rows: np.ndarray) -> np.ndarray:
+        """Variance (m, 1) of the accelerations of those in the mask `rows`, with their scatter against the motion."""
+        v, noise = self.velocity[rows], self.noise[rows]
+        against = -np.einsum("mc,mc->m", self.acceleration[rows], v / np.linalg.norm(v, axis=1, keepdims=True))
+        beyond = max(float(robust_std(against - np.median(against)) ** 2 - np.median(noise)), 0.0)
+        return (noise + beyond)[:, None]
+
+
+def _slides(
+    samples: Samples, moving: np.ndarray, hits: Hits, sigma: np.ndarray, c: int, steady: float
+) -> _Slides | None:
+    """Slides in the mask `moving` (N,), in which the first `c` components of q change, and the others stay within
+    `steady` sigmas; None of too few."""
+    found = []
     for a, b in zip(*stretches(samples, moving)):
-        t, q = samples.t[a : b + 1], samples.q[a : b + 1]
-        if len(t) < LONG or (np.abs(q - q.mean(axis=0)) > WITHIN * sigma)[:, 1:].any():
+        t, q, here = samples.t[a : b + 1], samples.q[a : b + 1], samples.trial[a : a + 1]
+        if len(t) < LONG or (np.abs(q - q.mean(axis=0)) > steady * sigma)[:, c:].any():
             continue
-        here = samples.trial[a : a + 1]
         if np.isnan(hits.instants(hits.before(here, t[:1]) - 1, here, np.nan)[0]):
             continue  # not yet fallen
         tau = t - t.mean()
         X = np.stack([np.ones_like(tau), tau, 0.5 * tau**2], axis=1)
         inverse = np.linalg.inv(X.T @ X)
-        x, v, acceleration = inverse @ X.T @ q[:, 0]
-        ends = v + acceleration * tau[[0, -1]]
-        if ends[0] * ends[1] <= 0.0 or abs(q[-1, 0] - q[0, 0]) < MOVES * sigma[0]:
+        place, v, acceleration = inverse @ X.T @ q[:, :c]
+        ends = v + np.outer(tau[[0, -1]], acceleration)
+        if ends[0] @ ends[1] <= 0.0 or np.linalg.norm(q[-1, :c] - q[0, :c]) < MOVES * sigma[0]:
             continue  # it stops, or hardly moves
-        rows.append((samples.trial[a], t.mean(), x, *q[:, 1:].mean(axis=0), v, acceleration, inverse[2, 2]))
-    if len(rows) < FEWEST:
-        return None
-    trial, t, x, y, theta, v, acceleration, variance = np.array(rows).T
-    q = np.stack([x, y, theta], axis=1)
-    near = _near(header, q)
-    if near.sum() < FEWEST:
-        return None
-    against = -acceleration[near] * np.sign(v[near])
-    noise = sigma[0] ** 2 * variance[near]
-    beyond = max(float(robust_std(against - np.median(against)) ** 2 - np.median(noise)), 0.0)
-    velocity = np.stack([v, 0.0 * v, 0.0 * v], axis=1)[near]
-    measured = acceleration[near, None]
-    return Supported(trial[near].astype(int), t[near], q[near], velocity, measured, (noise + beyond)[:, None])
+        found.append((a, b, t.mean(), place, v, acceleration, sigma[0] ** 2 * inverse[2, 2]))
+    return _Slides(*map(np.array, zip(*found))) if len(found) >= FEWEST else None
 
 
 def stretches(samples: Samples, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,9 +221,35 @@ def stretches(samples: Samples, mask: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return first[kept], last[kept]
 
 
+def _first_rests(samples: Samples, still: np.ndarray, hits: Hits) -> tuple[np.ndarray, np.ndarray]:
+    """First and last rows (k,) of the first stretch of each trial that is `still` (N,) after its last hit."""
+    first, last = stretches(samples, still)
+    last_hit = hits.instants(hits.before(samples.trial[last], samples.t[last]) - 1, samples.trial[last], np.inf)
+    after = samples.t[first] > last_hit
+    _, one = np.unique(samples.trial[first[after]], return_index=True)
+    return first[after][one], last[after][one]
+
+
+def _means(samples: Samples, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means (k, c) of q from the `first` to the `last` rows, and their counts (k,)."""
+    count, middle = last - first + 1, samples.q[:1]
+    total = np.concatenate([np.zeros_like(middle), np.cumsum(samples.q - middle, axis=0)])
+    return middle + (total[last + 1] - total[first]) / count[:, None], count
+
+
+def _mean_states(states: State, samples: Samples, first: np.ndarray, last: np.ndarray) -> tuple[State, np.ndarray]:
+    """Mean poses (k,) from the `first` to the `last` rows, at the time since the trial began, and their counts."""
+    q, count = _means(samples, first, last)
+    ends = np.searchsorted(samples.trial, samples.trial[first], side="right") - 1
+    attitude = SPACE.attitude_after(states.attitude[:, ends], q.T[3:])
+    t = samples.t[first] - samples.t[np.searchsorted(samples.trial, samples.trial[first])]
+    pose = np.concatenate([q.T[:3], attitude])
+    return State(pose, np.zeros((6, len(first))), samples.trial[first], t, None, SPACE), count
+
+
 def _near(header: Header, q: np.ndarray) -> np.ndarray:
     """Mask (m,) of poses (m, 3) of a body that lies on the believed surface."""
     shape = header.body.shape
-    flat = lying_angle(shape, q[:, 2])
+    flat = shape.lying(q[:, 2])
     gap = shape.gap(q[:, 1], flat, header.surface.height)
     return (np.abs(gap) < NEAR * shape.extent) & (np.abs(q[:, 2] - flat) < LEANS)

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.datasets.format.validate import Problem
-from thesis_lib.datasets.format.write import header_text, write_csv
+from thesis_lib.datasets.format.write import header_text
 from thesis_lib.datasets.recordings.header import RecordingHeader
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.files import FLOAT_FORMAT, write_text
+from thesis_lib.foundation.files import write_table, write_text
 
 HEADER_FILE, STATES = "recording.yaml", "states"
 
@@ -61,7 +61,7 @@ def write_recording(recording: Recording, folder: str | Path) -> Path:
             f"{stale} is in the way: it would be read as part of the recording. Delete it, or choose another folder."
         )
     (folder / HEADER_FILE).unlink(missing_ok=True)
-    write_csv(recording.states[list(recording.header.columns)], folder / f"{STATES}.csv", FLOAT_FORMAT)
+    write_table(recording.states[list(recording.header.columns)], folder / f"{STATES}.csv")
     write_text(header_text(recording.header), folder / HEADER_FILE)
     return folder
 

@@ -89,17 +89,14 @@ def times_of_pictures(
 def _said(clock: CameraClock, ratio: float) -> str:
     middle, most = 1e3 * np.quantile(clock.late, [0.5, 0.95])
     left_out = int((~clock.sure).sum())
+    times = f"{ratio:.2g} times" if ratio < 100.0 else "over 100 times"
     beside = f"; {left_out} rows beside lost pictures are left out" if left_out else ""
     return (
         f"The time stamps are those of arrival, not of exposure: half of the rows are more than {middle:.2g} ms later "
         f"than the camera's clock of {1.0 / clock.period:.6g} Hz, one in twenty more than {most:.2g} ms. Over the "
-        f"numbers of the pictures the flights have {_times(ratio)} smaller squares, so times are taken from these"
+        f"numbers of the pictures the flights have {times} smaller squares, so times are taken from these"
         f"{beside}. Log the time of exposure, or the picture's number over the rate."
     )
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.2g} times" if ratio < 100.0 else "over 100 times"
 
 
 def _clock_behind(samples: Samples, rate: float | None) -> CameraClock | None:

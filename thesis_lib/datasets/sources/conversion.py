@@ -13,9 +13,8 @@ import pandas as pd
 from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import TRAJECTORY_COLUMNS, Dataset, median_step, unwrap
-from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.header_file import Model
-from thesis_lib.datasets.format.space_header import SpaceHeader
 from thesis_lib.datasets.sources.recorded import Recorded, long_period
 from thesis_lib.datasets.sources.tables.rig_options import RigOptions, needs_no_angle
 from thesis_lib.datasets.space.drops import Cuts

@@ -10,8 +10,8 @@ from thesis_lib.datasets.sources.conversion import Conversion, as_dataset
 from thesis_lib.datasets.sources.recorded import MOST_OUT, Recorded
 from thesis_lib.datasets.sources.tables.rig_options import GRAVITY, RigOptions
 from thesis_lib.datasets.space.convention import Scene, check_reading, fit
-from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, lowest, whole_pieces
-from thesis_lib.datasets.space.flights import find_flights, first_window, follow, last_window, smoothed_turning
+from thesis_lib.datasets.space.drops import SPATIAL, Cuts, Drop, cut_drops, impact_shares, whole_pieces
+from thesis_lib.datasets.space.flights import find_flights, follow, inner_samples, smoothed_turning
 from thesis_lib.datasets.space.motion import turning
 from thesis_lib.datasets.space.plane import Plane, find_plane, in_plane, share_out
 from thesis_lib.foundation.errors import UserError
@@ -33,8 +33,8 @@ def project(recorded: Recorded) -> Conversion:
         raise UserError(recorded.no_flight())
     scene = Scene(track, flights, rig.shape, rig.radius, view.up, given, view.frame[2])
     check_reading(motion, scene)
-    omega = smoothed_turning(turning(motion), motion.t, track.half)
-    inner = np.concatenate([np.arange(first_window(f, track), last_window(f, track) + 1) for f in flights])
+    omega = smoothed_turning(turning(motion.quaternion), motion.t, track.half)
+    inner = inner_samples(flights, track)
     inner = inner[np.isfinite(omega[inner]).all(axis=1) & np.isfinite(track.v[inner]).all(axis=1)]
     plane = find_plane(track.v[inner], omega[inner], rig.radius, view.up) if given is None else given
     q, axis = in_plane(motion, plane)
@@ -59,7 +59,7 @@ def project(recorded: Recorded) -> Conversion:
 
     out, total = np.full(len(motion), np.nan), np.full(len(motion), np.nan)
     out[inner], total[inner] = share_out(track.v[inner], omega[inner], plane, rig.radius)
-    height = lowest(q, rig.shape, rig.surface_height or 0.0)
+    height = rig.shape.gap(q[:, 1], q[:, 2], rig.surface_height or 0.0)
     drops = cut_drops(track, height, flights, rig.shape.extent) if view.cut else whole_pieces(recorded.piece, flights)
     drops, impacts = impact_shares(drops, motion.t, out, total, MOST_OUT)
     used = [drop for drop in drops if not drop.left_out]

@@ -26,8 +26,9 @@ import pandas as pd
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import STATE
-from thesis_lib.datasets.format.write import write_csv, write_dataset
+from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_table
 from thesis_lib.foundation.regular_file import is_file, read_bytes
 
 CHECKSUMS = Path(__file__).with_name("published_sha256.txt")
@@ -160,8 +161,8 @@ def _convert_impact(content: dict[str, bytes], out_dir: Path) -> Path:
         drops[f"flag_{name}"] = flags[:, j]
 
     out_dir.mkdir(parents=True, exist_ok=True)
-    write_csv(pd.DataFrame(predictions), out_dir / "published_predictions.csv")
-    write_csv(drops, out_dir / "all_drops.csv")
+    write_table(pd.DataFrame(predictions), out_dir / "published_predictions.csv", float_format=None)
+    write_table(drops, out_dir / "all_drops.csv", float_format=None)
     return write_dataset(Dataset("planar_impact", _IMPACT_HEADER, impacts=table), out_dir, float_format=None)
 
 

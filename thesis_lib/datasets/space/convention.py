@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thesis_lib.bodies.shapes import Shape
-from thesis_lib.datasets.space.flights import Track, first_window, last_window, smoothed_turning
+from thesis_lib.datasets.space.flights import Track, inner, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, turning
 from thesis_lib.datasets.space.plane import Plane, in_plane, signed
 from thesis_lib.foundation.errors import UserError
@@ -99,11 +99,11 @@ def check_reading(motion: Motion, scene: Scene) -> ReadingFit:
 def fit(motion: Motion, scene: Scene) -> ReadingFit:
     """S and the sign of the turning of a motion; with a plane in `scene`, n is its normal."""
     samples, track, up, plane = 0, scene.track, scene.up, scene.plane
-    omega = smoothed_turning(turning(motion), motion.t, track.half)
+    omega = smoothed_turning(turning(motion.quaternion), motion.t, track.half)
     energy, spin, total = [], [], []
     for flight in scene.flights:
-        inner = slice(first_window(flight, track), last_window(flight, track) + 1)
-        v, w = track.v[inner], scene.k_g * omega[inner]
+        rows = inner(flight, track)
+        v, w = track.v[rows], scene.k_g * omega[rows]
         whole = np.isfinite(v).all(axis=1) & np.isfinite(w).all(axis=1)
         if not whole.any():
             continue
@@ -130,7 +130,7 @@ def _couples(motion: Motion, scene: Scene, omega: np.ndarray, plane: Plane) -> t
     for before, after in zip(scene.flights[:-1], scene.flights[1:]):
         if motion.t[after.start] - motion.t[before.stop - 1] > CONTACT:
             continue
-        i, j = last_window(before, track), first_window(after, track)
+        i, j = inner(before, track).stop - 1, inner(after, track).start
         hit = (motion.t[before.stop - 1] + motion.t[after.start]) / 2.0
         start, end = (track.v[n] + track.a[n] * (hit - motion.t[n]) for n in (i, j))
         spin = omega[[i, j]] @ plane.normal

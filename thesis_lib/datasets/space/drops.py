@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.shapes import Shape
 from thesis_lib.datasets.space.flights import Track
 
 CONTACT = 0.15  # s between flights of one drop: hits in quick succession, rolling over a corner
@@ -105,11 +104,6 @@ def whole_pieces(piece: np.ndarray, flights: Sequence[slice]) -> list[Drop]:
         within = tuple(flight for flight in flights if a <= flight.start and flight.stop <= b)
         drops.append(Drop(int(piece[a]), int(a), int(b), within))
     return drops
-
-
-def lowest(q: np.ndarray, shape: Shape, surface: float) -> np.ndarray:
-    """Height (n,) in m of the body's lowest point above the surface, at poses q (n, 3)."""
-    return shape.gap(q[:, 1], q[:, 2], surface)
 
 
 def impact_shares(

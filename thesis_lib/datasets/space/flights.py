@@ -9,6 +9,7 @@ Symbols: p, v, a, g (d,) in m, m/s, m/s², d 2 or 3; ω in rad/s.  A hand that m
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,7 +141,7 @@ def _whole(flights: list[slice], track: Track, gravity: np.ndarray) -> list[slic
     result: list[slice] = []
     for flight in flights:
         if result and track.t[flight.start] - track.t[result[-1].stop - 1] < SAME_FLIGHT:
-            before, after = last_window(result[-1], track), first_window(flight, track)
+            before, after = inner(result[-1], track).stop - 1, inner(flight, track).start
             kick = track.v[after] - track.v[before] - gravity * (track.t[after] - track.t[before])
             if np.linalg.norm(kick) < NO_KICK:
                 result[-1] = slice(result[-1].start, flight.stop)
@@ -152,14 +153,16 @@ def _whole(flights: list[slice], track: Track, gravity: np.ndarray) -> list[slic
     return [flight for flight in result if flight.stop - flight.start > 2 * track.half]
 
 
-def first_window(flight: slice, track: Track) -> int:
-    """The first sample of a flight around which a window lies within it."""
-    return min(flight.start + track.half, flight.stop - 1)
+def inner(flight: slice, track: Track) -> slice:
+    """The samples of a flight around which a window lies within it."""
+    first, last = min(flight.start + track.half, flight.stop - 1), max(flight.stop - 1 - track.half, flight.start)
+    return slice(first, last + 1)
 
 
-def last_window(flight: slice, track: Track) -> int:
-    """The last sample of a flight around which a window lies within it."""
-    return max(flight.stop - 1 - track.half, flight.start)
+def inner_samples(flights: Sequence[slice], track: Track) -> np.ndarray:
+    """Numbers of the samples around which a window lies within one of the flights."""
+    parts = [np.arange(rows.start, rows.stop) for rows in (inner(flight, track) for flight in flights)]
+    return np.concatenate(parts) if parts else np.zeros(0, int)
 
 
 def smoothed_turning(turns: np.ndarray, t: np.ndarray, half: int) -> np.ndarray:

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thesis_lib.bodies.solid_body import UNIT
 from thesis_lib.foundation.errors import UserError
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-UNIT_LENGTH = 0.02  # how far from 1 the length of a quaternion may be: files have three digits and more
 Readings = Mapping[str, Callable[[], np.ndarray]]
 
 
@@ -77,7 +77,7 @@ def unit(quaternion: np.ndarray, where: str) -> np.ndarray:
     quaternion = np.where(quaternion.any(axis=1, keepdims=True), quaternion, np.nan)
     length = np.linalg.norm(quaternion, axis=1)
     with np.errstate(invalid="ignore"):
-        wrong = np.abs(length - 1.0) > UNIT_LENGTH
+        wrong = np.abs(length - 1.0) > UNIT
     if wrong.any():
         first = int(np.flatnonzero(wrong)[0])
         raise UserError(
@@ -111,11 +111,11 @@ def mirrored(quaternion: np.ndarray, axis: int) -> np.ndarray:
     return quaternion * sign
 
 
-def turning(motion: Motion) -> np.ndarray:
-    """Rotation vectors (n - 1, 3) in rad from each sample to the next, in the axes of the recording."""
+def turning(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation vectors (n - 1, 3) in rad from each orientation (n, 4) to the next, in the axes of the recording."""
     from scipy.spatial.transform import Rotation
 
-    whole = Rotation.from_quat(motion.quaternion)
+    whole = Rotation.from_quat(quaternion)
     return (whole[1:] * whole[:-1].inv()).as_rotvec()
 
 

@@ -17,15 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from thesis_lib.datasets.space.flights import (
-    NEAR_G,
-    Track,
-    find_flights,
-    first_window,
-    follow,
-    last_window,
-    smoothed_turning,
-)
+from thesis_lib.datasets.space.flights import NEAR_G, Track, find_flights, follow, inner, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, turning
 
 SCALES = {"": 1.0, "mm": 1e-3, "cm": 1e-2}  # units that lengths may have been in after all
@@ -53,24 +45,18 @@ def falling(t: np.ndarray, position: np.ndarray, gravity: float) -> tuple[str, n
     return None
 
 
-def inner_samples(flights: Sequence[slice], track: Track) -> np.ndarray:
-    """Numbers of the samples around which a window lies within a flight."""
-    parts = [np.arange(first_window(flight, track), last_window(flight, track) + 1) for flight in flights]
-    return np.concatenate(parts) if parts else np.zeros(0, int)
-
-
 def unsteadiness(motion: Motion, track: Track, flights: Sequence[slice], G: np.ndarray) -> float:
     """u of the motion as it is read, see above; NaN if the body hardly turns, or no sample has an orientation."""
     from scipy.spatial.transform import Rotation
 
-    turns = turning(motion)
+    turns = turning(motion.quaternion)
     R = Rotation.from_quat(motion.quaternion).as_matrix()
     tensor = R @ G @ R.swapaxes(1, 2)
     middle = 0.5 * (tensor[1:] + tensor[:-1])
     L = smoothed_turning(np.einsum("nij,nj->ni", middle, turns), motion.t, track.half)
     shares = []
     for flight in flights:
-        own = L[first_window(flight, track) : last_window(flight, track) + 1]
+        own = L[inner(flight, track)]
         own = own[np.isfinite(own).all(axis=1)]
         if len(own) > 2 and np.mean(np.sum(own**2, axis=1)) > (np.trace(G) / 3.0 * SLOW) ** 2:
             shares.append(float(np.sum((own - own.mean(axis=0)) ** 2) / np.sum(own**2)))

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.marks import BLUE, RED
-from thesis_lib.figures.style import DARK, GREY, INK, SHADES, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, DARK, GREY, INK, RED, SHADES, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95
 
 WITHOUT = {"color": RED, "marker": "^", "linestyle": ""}

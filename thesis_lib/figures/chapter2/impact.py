@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.figures.marks import BLUE, GREEN, RED
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import turned
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
 from thesis_lib.statistics.intervals import Z95
 
@@ -54,10 +54,8 @@ def _approach(ax: Axes, row: pd.Series, samples: pd.DataFrame, settings: ImpactF
     approach = samples[(samples["trial"] == row["trial"]) & (samples["t"] <= row["t"])].tail(APPROACH)
     outline, out = Ellipse(semi_axes=settings.semi_axes).outline(), []
     for i, sample in enumerate(approach.itertuples()):
-        cos, sin = np.cos(sample.theta), np.sin(sample.theta)
-        x, y = sample.x + outline @ [cos, -sin], sample.y + outline @ [sin, cos]
-        last = i == len(approach) - 1
-        ax.plot(1e3 * np.append(x, x[0]), 1e3 * np.append(y, y[0]), color=INK if last else GREY, linewidth=0.8)
+        x, y = (turned(outline, sample.theta) + [sample.x, sample.y]).T
+        ax.plot(1e3 * x, 1e3 * y, color=INK if i == len(approach) - 1 else GREY, linewidth=0.8)
         out.append(pd.DataFrame({"t": sample.t - row["t"], "x": x, "y": y}))
     ax.axhline(0.0, color=INK, linewidth=1.2)
     ax.set_aspect("equal", adjustable="datalim")

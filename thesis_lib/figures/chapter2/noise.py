@@ -3,8 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from thesis_lib.figures.marks import BLUE, GREEN, RED, VIOLET
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, VIOLET, Drawn, house_style, new_figure
 
 METHODS = {  # color, marker, label
     "plain": (GREY, "s", "plain program, eq. 2.23"),

@@ -13,10 +13,9 @@ l is the distance of P from the centre of mass in m.  Configurations q (nv,) are
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Ellipse, Polygon
-from thesis_lib.figures.marks import BLUE, GREEN, RED, turned, unit, white_box
+from thesis_lib.figures.marks import turned, unit, white_box
 from thesis_lib.figures.planar_drawing import Sketch, outline_at
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
@@ -86,13 +85,11 @@ def figure_2_1(arm: ArmDisk, q: np.ndarray) -> Drawn:
 def figure_2_3(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     """Distances φ_n and φ_t between the origin O and the point P of a falling body that is closest to the surface.
 
-    q: (3,) pose in m, rad, above the surface and to the right of the origin.
+    q: (3,) pose in m, rad, above the surface and to the right of the origin; the body is a polygon.
 
     Raises:
-        UserError: the body has no corner, or the pose lies elsewhere.
+        UserError: the pose lies elsewhere.
     """
-    if body.corners is None:
-        raise UserError("Figure 2-3 marks β at a corner; draw a body with corners, not an ellipse or a disk.")
     sketch, P, gap = _falling_body(3.9, body, q, origin=True)
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
     sketch.line("above O", np.array([[0.0, 0.0], [0.0, 1.1 * P[1]]]), **DASHED)
@@ -110,10 +107,8 @@ def figure_2_6(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     q: (3,) pose in m, rad, above the surface.
 
     Raises:
-        UserError: the body is not a polygon, or reaches into the surface.
+        UserError: the body reaches into the surface.
     """
-    if not isinstance(body.shape, Polygon):
-        raise UserError("Figure 2-6 shows a block: give it a free body whose shape is a polygon.")
     sketch, P, gap = _falling_body(3.6, body, q)
     centre, size = np.asarray(q[:2], dtype=float), body.shape.extent
     _corner_angle(sketch, body, q, P)
@@ -136,10 +131,8 @@ def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
     q: (3,) pose in m, rad, above the surface.
 
     Raises:
-        UserError: the body is not an ellipse, or reaches into the surface.
+        UserError: the body reaches into the surface.
     """
-    if not isinstance(body.shape, Ellipse):
-        raise UserError("Figure 2-7 shows an ellipse: give it a free body whose shape is one.")
     sketch, P, gap = _falling_body(4.0, body, q)
     centre, theta = np.asarray(q[:2], dtype=float), float(q[2])
     major = unit(theta)
@@ -163,16 +156,11 @@ def figure_2_7(body: PlanarFreeBody, q: np.ndarray) -> Drawn:
 def figure_2_8(wheel: RimlessWheel, q: np.ndarray) -> Drawn:
     """Rimless wheel on its slope: length l of the spokes, angle between them, forces at the tips in contact.
 
-    q: (3,) pose of the hub in m, rad in the axes of the slope.
-
-    Raises:
-        UserError: no spoke touches the slope.
+    q: (3,) pose of the hub in m, rad in the axes of the slope, on which one or two spokes stand.
     """
     q = np.asarray(q, dtype=float)
     contacts = wheel.contacts_of(q[None])
     touching = np.flatnonzero(np.abs(contacts.phi[0]) < 1e-6 * wheel.length)
-    if not len(touching):
-        raise UserError("No spoke of the wheel touches the slope in figure 2-8; give a pose in which one stands.")
     l, hub = wheel.length, q[:2]
     figure = new_figure(4.2, 3.1)
     sketch = Sketch(figure.add_subplot(), tilt=-wheel.slope)

@@ -17,12 +17,12 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import contact_space, energy_ellipse, line_of_maximum_compression, line_of_sticking
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.law_style import style_of
-from thesis_lib.figures.marks import BLUE, GREEN, RED, turned, unit
+from thesis_lib.figures.marks import turned, unit
 from thesis_lib.figures.planar_drawing import Sketch
-from thesis_lib.figures.style import GREY, INK, PANELS, SHADE, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.predictive_range import admissible_outline, region
-from thesis_lib.impact_study.shown_impacts import spin_reversal_case, zero_friction_case
+from thesis_lib.impact_study.shown import spin_reversal_case, zero_friction_case
 from thesis_lib.impact_study.tables import VARIANTS
 from thesis_lib.mechanics.contact import Contact
 
@@ -138,7 +138,7 @@ def figure_3_3(body: Body, coverage: pd.DataFrame) -> Drawn:
                 series = pd.DataFrame(outline, columns=["c_t", "c_n"]).assign(series=law.name)
                 parts.append(series.assign(variant=variant, panel=letter))
             ax.label_outer()
-            ax.set_title(f"({letter}) {PANELS[variant]}")
+            ax.set_title(f"({letter}) {variant.replace('_', ' ')}")
             ax.legend(loc="upper left", bbox_to_anchor=(-0.1, -0.05 if variant == "as_published" else -0.19))
         axis.label(row[0], x=False)
     axis.label(axes[-1, 1], y=False)

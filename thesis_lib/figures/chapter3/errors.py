@@ -17,7 +17,7 @@ from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.densities import error_curves, local_mean
 from thesis_lib.figures.law_style import style_of
-from thesis_lib.figures.style import PANELS, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.figures.style import Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.impact_study.cost import contact_momentum
 from thesis_lib.impact_study.tables import VARIANTS
@@ -53,7 +53,7 @@ def figure_3_8(errors: pd.DataFrame) -> Drawn:
             if not np.isfinite(error).any():
                 raise UserError(f"{name} has no finite held-out error; look at errors.csv and its status.")
             parts.append(draw_error_curves(row, error, grid, style_of(name).line).assign(variant=variant, model=name))
-        row[0].set_title(f"({'ab'[list(VARIANTS).index(variant)]}) {PANELS[variant]}")
+        row[0].set_title(f"({'ab'[list(VARIANTS).index(variant)]}) {variant.replace('_', ' ')}")
     table = pd.concat(parts, ignore_index=True)
     label_error_curves(axes)
     _limits(axes, table)

@@ -12,8 +12,7 @@ from matplotlib.cm import ScalarMappable
 from thesis_lib.contact import LAWS
 from thesis_lib.figures.densities import reflected_density
 from thesis_lib.figures.law_style import style_of
-from thesis_lib.figures.marks import GREEN, RED
-from thesis_lib.figures.style import GREY, INK, Drawn, ImpulseAxis, house_style, new_figure
+from thesis_lib.figures.style import GREEN, GREY, INK, RED, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 
 SETTLED = 100  # number of impacts at which the thesis finds the parameters converged

@@ -1,6 +1,6 @@
 """Figures 3-5 and 3-6: configurations and energies of one trial against time, with its impacts.
 
-The choice of the trial, its velocities and its energies: `thesis_lib.impact_study.shown_trial`.
+The choice of the trial, its velocities and its energies: `thesis_lib.impact_study.shown`.
 """
 
 import numpy as np
@@ -8,9 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.figures.marks import BLUE, GREEN, RED
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
-from thesis_lib.impact_study.shown_trial import LEADING, energies, pick_trial, sample_velocities
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
+from thesis_lib.impact_study.shown import LEADING, energies, pick_trial, sample_velocities
 
 SERIES = {"x": (BLUE, "$x$"), "y": (RED, "$y$"), "k_theta": (GREEN, r"$k\,\theta$")}
 ENERGIES = {

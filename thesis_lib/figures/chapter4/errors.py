@@ -14,8 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from thesis_lib.figures.chapter3.errors import draw_error_curves, label_error_curves
 from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE, LineStyle
-from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 
 GRID = 120

@@ -14,8 +14,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW, note
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import note
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 from thesis_lib.jenga.tower.tower_model import LAYERS, PER_LAYER
 
 MU, MU_RANGE = 0.42, (0.35, 0.5)
@@ -80,8 +80,7 @@ def figure_5_7(cone: pd.DataFrame, height: pd.DataFrame) -> Drawn:
         right.plot(mean.index, mean["f_n_pred"], color=color, linestyle=dash, label=name)
         right.plot(mean.index, mean["f_n"], "o", color=color, markersize=3.5, markerfacecolor="white")
     right.set(ylim=(min(0.0, float(height["f_n"].min())), None), ylabel="normal force $f_n$ (N)")
-    right.set_xlabel("height of the block above the base (mm)")
-    right.set_title("B  resistance (rings: measured)")
+    right.set(xlabel="height of the block above the base (mm)", title="B  resistance (rings: measured)")
     # of a name in both panels the left one, with the share inside the cone
     entries = [entry for ax in (right, left) for entry in zip(*ax.get_legend_handles_labels())]
     shown = {label.split(" (")[0]: (handle, label) for handle, label in entries}

@@ -19,9 +19,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
-from thesis_lib.figures.marks import BLUE, RED, unit
+from thesis_lib.figures.marks import unit
 from thesis_lib.figures.planar_drawing import Sketch
-from thesis_lib.figures.style import GREY, INK, WIDTH, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREY, INK, RED, WIDTH, Drawn, house_style, new_figure
 
 RADIUS = 0.34  # of a node
 MARGIN = 0.45  # around the drawing: at least a node's radius

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.marks import BLUE, GREEN, RED, SKY, VIOLET, YELLOW, note
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import note
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45
 PUBLISHED_MOVABLE, TOLERANCE = 0.47, 0.04  # thesis; our choice of what counts as reproduced

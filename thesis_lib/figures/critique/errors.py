@@ -16,8 +16,8 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.results.numbers import BASE_NAMES, compensated, ladder_table, law_errors, parameter_table
 from thesis_lib.critique.results.titles import GREEK, effect_title, handy_unit, law_title, rung_title
 from thesis_lib.figures.law_style import LAW_STYLE
-from thesis_lib.figures.marks import BLUE, RED, SKY, YELLOW, note, white_box
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.marks import note, white_box
+from thesis_lib.figures.style import BLUE, GREY, INK, RED, SKY, YELLOW, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 from thesis_lib.statistics.wording import listed, number
 
@@ -28,12 +28,14 @@ SAME_BOUND = 0.02  # relative difference up to which two bounds are one line
 ALIKE = 0.1  # relative difference of errors up to which the choice of law does not matter
 FAR = 8.0  # misfit in units of noise above which its axis is logarithmic
 CHANNELS = {"flight": ("o", "flight"), "meet": ("^", "poses"), "touch": ("s", "gap")}
-BUDGET_LOOK = {  # color and hatch by term: grey value falls from left to right, so that the bar reads without colour
-    "noise": ("#dddddd", ""),
-    "parameters": (SKY, "...."),
-    "choice_of_law": (YELLOW, "////"),
-    "rigid_point_contact": (BLUE, "\\\\\\\\"),
-    "rest": ("#333333", ""),
+# by term: color and hatch, of which the grey value falls from left to right, so that the bar reads without colour; and
+# words that complete "so much of the error ..."
+BUDGET_LOOK = {
+    "noise": ("#dddddd", "", "is noise of the measurement"),
+    "parameters": (SKY, "....", "comes from the uncertainty of the parameters"),
+    "choice_of_law": (YELLOW, "////", "would go with another law, impact by impact"),
+    "rigid_point_contact": (BLUE, "\\\\\\\\", "is beyond any rigid impulse at the believed contact point"),
+    "rest": ("#333333", "", "is neither noise nor the choice of law: an effect that is missing, or scatter"),
 }
 
 
@@ -46,15 +48,6 @@ def set_title(figure: Figure, text: str) -> None:
 def step_label(critique: DropsCritique, i: int) -> str:
     """Label of the i-th rung of the ladder."""
     return textwrap.fill(rung_title(critique, i), LABEL_WIDTH)
-
-
-BUDGET_WORDS = {  # completing "so much of the error ..."
-    "noise": "is noise of the measurement",
-    "parameters": "comes from the uncertainty of the parameters",
-    "choice_of_law": "would go with another law, impact by impact",
-    "rigid_point_contact": "is beyond any rigid impulse at the believed contact point",
-    "rest": "is neither noise nor the choice of law: an effect that is missing, or scatter",
-}
 
 
 @house_style
@@ -175,7 +168,7 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
     left = 0.0
     for row in table.itertuples():
         label = row.part.replace("_", " ")
-        color, hatch = BUDGET_LOOK.get(row.part, ("#999999", ""))
+        color, hatch, _ = BUDGET_LOOK[row.part]
         share = 100.0 * row.mean_square / total
         ax.barh(0, share, left=left, color=color, hatch=hatch, edgecolor="white", linewidth=0.6)
         # the part is 0 if the noise is unknown: that does not mean data without noise
@@ -192,7 +185,7 @@ def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     largest = table.loc[table["mean_square"].idxmax()]
     share = f"{100 * largest['mean_square'] / total:.0f} %"
-    set_title(figure, f"{share} of the base law's mean square error {BUDGET_WORDS[largest['part']]}")
+    set_title(figure, f"{share} of the base law's mean square error {BUDGET_LOOK[largest['part']][2]}")
     return figure, table
 
 

@@ -1,31 +1,189 @@
-"""All pictures of one critique, by name; with that of laws and engines side by side."""
+"""All pictures of one critique, by name; with those of the user's data, and of laws and engines side by side.
+
+The user's data: some trials with arcs and detected impacts, the states before impact, and what was left out.  Arcs are
+the flights that the critique fitted on either side of each impact, with the dataset's gravity.
+"""
 
 from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
+from thesis_lib.bodies.walls import as_filmed
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.engines.compare import WITH, WITHOUT, model_sentences, model_title
-from thesis_lib.figures.critique.data import draw_data
-from thesis_lib.figures.critique.errors import (
-    AFTER,
-    BEFORE,
-    draw_budget,
-    draw_ladder,
-    draw_laws,
-    draw_parameters,
-    readable_log,
-    set_title,
-)
+from thesis_lib.critique.results.tables import left_out_impacts
+from thesis_lib.figures.critique import errors
 from thesis_lib.figures.critique.residuals import BINS, draw_flights, draw_residuals
-from thesis_lib.figures.critique.where import draw_where
-from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure
+from thesis_lib.figures.critique.where import axis_label, draw_where
+from thesis_lib.figures.marks import note, turned
+from thesis_lib.figures.style import BLUE, GREY, INK, RED, Drawn, house_style, new_figure
+from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.intervals import Z95
 
-LOOKS = {WITHOUT: (BEFORE, "white", 0.14), WITH: (AFTER, AFTER, -0.14)}  # edge, face, place in the row
+PANEL = 1.3  # width of a trial's panel over its height
+TRIALS = 3  # trials drawn
+USED, LEFT_OUT = BLUE, RED
+STATES = ("v_t", "v_n", "omega", "theta", "omega_t", "omega_n")
+LOOKS = {  # edge, face, place in the row
+    WITHOUT: (errors.BEFORE, "white", 0.14),
+    WITH: (errors.AFTER, errors.AFTER, -0.14),
+}
 LABELS = {WITHOUT: "without the named effects", WITH: "with them"}
+
+
+@house_style
+def draw_data(critique: DropsCritique) -> Drawn:
+    """Trials (in the plane), histograms of the states before impact, and reasons for leaving impacts out."""
+    o = critique.observations
+    shown = trials_to_show(critique) if o.space.is_plane else []
+    left_out = left_out_impacts(o)["reason"].map(reason_text).value_counts().sort_index().sort_values(kind="stable")
+    has_paths = len(shown) > 0
+    heights = [2.0] * has_paths + [1.45] + [0.35 + 0.17 * (len(left_out) + 1)] * bool(len(left_out))
+    figure = new_figure(height=sum(heights) + 0.9)
+    parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    rows = []
+    if has_paths:
+        axes = np.atleast_1d(parts[0].subplots(1, len(shown)))
+        for ax, trial in zip(axes, shown):
+            rows += _path(ax, critique, int(trial))
+        axes[0].set_ylabel("position $y$ (m)" if critique.source.header.surfaces else "height $y$ (m)")
+        handles = [
+            Line2D([], [], color="0.6", marker=".", linestyle="", markersize=3, label="samples"),
+            Line2D([], [], color=INK, linewidth=1.1, label="fitted flight"),
+            Line2D([], [], color=USED, marker="o", linewidth=0.8, label="impact used"),
+            Line2D([], [], color=LEFT_OUT, marker="x", linestyle=(0, (2, 1.5)), linewidth=0.8, label="impact left out"),
+        ]
+        parts[0].legend(handles=handles, loc="outside upper left", ncols=4)
+    table = features(critique.ladder[0][1], o)
+    held_out = np.isin(o.trial, np.unique(critique.held_out.trial))
+    below = parts[int(has_paths)]
+    states = [name for name in STATES if name in table]
+    for i, (ax, name) in enumerate(zip(below.subplots(1, len(states)), states)):
+        rows += _histogram(ax, name, table[name].to_numpy(), held_out)
+        if i == 0:
+            ax.set_ylabel("impacts")
+    kinds = [Patch(color="0.8", label="training"), Patch(color=USED, label="held out")]
+    below.legend(handles=kinds, loc="outside upper left", ncols=2, handlelength=1.2)
+    if len(left_out):
+        rows += _left_out(parts[-1].add_subplot(), left_out, len(o))
+    errors.set_title(figure, data_sentence(critique))
+    return figure, pd.DataFrame(rows, columns=["panel", "series", "x", "y", "count", "trial"])
+
+
+def _left_out(ax: Axes, left_out: pd.Series, used: int) -> list[tuple]:
+    """Bars: impacts left out, by reason, and impacts used."""
+    names = [*left_out.index, "used"]
+    counts = np.array([*left_out.to_numpy(), used])
+    ax.barh(range(len(names)), counts, color=[LEFT_OUT] * len(left_out) + [USED], height=0.7)
+    for i, count in enumerate(counts):
+        note(ax, f"{count}", (count, i), (3, 0), va="center", fontsize=7)
+    ax.set_yticks(range(len(names)), names)
+    ax.set(xlabel="impacts detected", xlim=(0, 1.1 * counts.max()))
+    return [("impacts", name, np.nan, np.nan, float(n), np.nan) for name, n in zip(names, counts)]
+
+
+def data_sentence(critique: DropsCritique) -> str:
+    """Numbers of impacts and trials, and how many are used."""
+    o = critique.observations
+    out = len(left_out_impacts(o))
+    text = f"{len(o)} impacts of {len(np.unique(o.trial))} trials are used"
+    return f"{text}; {out} ({100 * out / (out + len(o)):.0f} %) were left out" if out else f"{text}, none left out"
+
+
+def trials_to_show(critique: DropsCritique) -> np.ndarray:
+    """Numbers of up to `TRIALS` trials of typical impact counts, from the start, middle and end of the dataset."""
+    source = critique.source
+    if source is None or source.trajectories is None or not critique.observations.arcs:
+        return np.zeros(0, int)
+    trials, counts = np.unique(critique.observations.trial, return_counts=True)
+    typical = trials[np.abs(counts - np.median(counts)) <= 1]
+    typical = typical if len(typical) >= TRIALS else trials
+    return typical[np.unique(np.linspace(0, len(typical) - 1, TRIALS).astype(int))]
+
+
+def _path(ax: Axes, critique: DropsCritique, trial: int) -> list[tuple]:
+    """One trial in the plane: samples, fitted arcs, outline of the body at each impact, surface."""
+    source, o = critique.source, critique.observations
+    searched = o.found.samples
+    assert source is not None and searched is not None
+    rows_of_trial = searched.trial == trial
+    walls = source.header.surfaces or ()
+    hits = o.found.arcs[o.found.arcs["trial"] == trial].sort_values("t")
+    t, (x, y, theta) = searched.t[rows_of_trial], searched.q[rows_of_trial].T
+    last = hits["t"].max() + 0.12 if len(hits) else t.max()
+    shown = t <= last  # after the last hit the body mostly rests
+    ax.plot(x[shown], y[shown], ".", color="0.6", markersize=1.6, zorder=1)
+    rows = [("path", "sample", a, b, np.nan, trial) for a, b in zip(x[shown], y[shown])]
+    outline = o.rig.shape.outline(60)
+    played = {(i, k) for i, first, n in zip(o.trial, o.impact, o.hits) for k in range(first, first + n)}
+    hits = hits.assign(used=[pair in played for pair in zip(hits["trial"], hits["impact"])])
+    for hit in hits.itertuples():
+        angle, at_x, at_y = (np.interp(hit.t, t, values) for values in (theta, x, y))
+        color, dash = (USED, "-") if hit.used else (LEFT_OUT, (0, (2, 1.5)))
+        edge = turned(outline, angle) + [at_x, at_y]
+        ax.plot(*edge.T, color=color, linewidth=0.8, linestyle=dash, zorder=2)
+        ax.plot(at_x, at_y, "o" if hit.used else "x", color=color, markersize=3.5, zorder=4)
+        rows.append(("path", "impact" if hit.used else "impact left out", at_x, at_y, np.nan, trial))
+    for i in np.flatnonzero(o.trial == trial):
+        for side in (0, 1):
+            # the nodes reach from one end of the samples used to the other
+            reach = o.nodes[i, side]
+            tau = np.linspace(0.0, reach.min() if side == 0 else reach.max(), 15)
+            q = o.value[i, side] + tau[:, None] * o.slope[i, side]
+            # the fit stores a line; gravity's parabola relative to it is added
+            bow = 0.5 * tau**2 - o.bow[i, side, 0] - o.bow[i, side, 1] * tau
+            wall = np.full(len(tau), o.surface[i])
+            q += o.rig.fall(State.of(q, np.zeros_like(q), tau, tau, wall)).T * bow[:, None]
+            q = as_filmed(walls, wall, q) if walls else q
+            height = q[:, 1]
+            ax.plot(q[:, 0], height, color=INK, linewidth=1.1, zorder=3)
+            rows += [("path", "arc", a, b, np.nan, trial) for a, b in zip(q[:, 0], height)]
+    margin = o.rig.shape.extent
+    if walls:
+        for wall in walls:
+            other = np.add(wall.point, [wall.n[1], -wall.n[0]])
+            ax.axline(wall.point, (float(other[0]), float(other[1])), color=GREY, linewidth=0.8)
+        # a wall has no ends: what is seen is the path, and the point by which each wall is named
+        seen = np.concatenate([np.column_stack([x[shown], y[shown]]), [wall.point for wall in walls]])
+        (left, low), (right, high) = seen.min(axis=0) - margin, seen.max(axis=0) + margin
+        ax.set(xlim=(left, right), ylim=(low, high))
+    else:
+        low, high = o.rig.height - 0.4 * margin, y[shown].max() + margin
+        left, right = x[shown].min() - margin, x[shown].max() + margin
+        # both axes have one scale in a panel of proportions `PANEL`
+        wide = max(right - left, PANEL * (high - low))
+        ax.axhspan(low, o.rig.height, color="0.9", zorder=0)
+        ax.axhline(o.rig.height, color=GREY, linewidth=0.8, zorder=0)
+        ax.set(xlim=(0.5 * (left + right - wide), 0.5 * (left + right + wide)), ylim=(low, low + wide / PANEL))
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_xlabel("position $x$ (m)")
+    ax.set_title(f"trial {trial}", fontsize=7.5)
+    ax.locator_params(nbins=4 if walls else 5)
+    return rows
+
+
+def _histogram(ax: Axes, name: str, values: np.ndarray, held: np.ndarray) -> list[tuple]:
+    low, high = np.quantile(values, [0.002, 0.998])
+    edges = np.linspace(low, high, 21) if high > low else np.linspace(low - 0.5, high + 0.5, 3)
+    values = np.clip(values, edges[0], edges[-1])
+    kinds = (("training", ~held, "0.8"), ("held out", held, USED))
+    counts = [np.histogram(values[rows], edges)[0] for _, rows, _ in kinds]
+    look = {"color": [color for *_, color in kinds], "edgecolor": "white", "linewidth": 0.3}
+    ax.hist([edges[:-1]] * 2, edges, weights=counts, stacked=True, **look)
+    ax.set_xlabel(axis_label(name).replace(" $", "\n$", 1))
+    ax.locator_params(nbins=4)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return [
+        (f"state {name}", kind, float(x), np.nan, float(n), np.nan)
+        for (kind, *_), numbers in zip(kinds, counts)
+        for x, n in zip(middle, numbers)
+    ]
 
 
 @house_style
@@ -49,7 +207,7 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     if np.isfinite(floor):
         left.axvline(floor, color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
     shown = [*table["error"], *([floor] if np.isfinite(floor) else [])]
-    readable_log(left, shown, shown)
+    errors.readable_log(left, shown, shown)
     left.set_yticks(range(len(names)), [model_title(name) for name in names])
     left.set(ylim=(len(names) - 0.5, -0.5), xlabel="held-out error (m/s)")
     low, high = table[table["kind"] != "default"]["mu"].quantile([0.1, 0.9])
@@ -64,7 +222,7 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     if np.isfinite(floor):
         handles.append(Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="noise floor"))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    set_title(figure, model_sentences(table)[0].rstrip("."))
+    errors.set_title(figure, model_sentences(table)[0].rstrip("."))
     return figure, table
 
 
@@ -82,13 +240,13 @@ def pictures(
     its table.
     """
     tables = tables or {}
-    drawn: dict[str, Drawn | None] = {"data": draw_data(critique), "laws": draw_laws(critique)}
+    drawn: dict[str, Drawn | None] = {"data": draw_data(critique), "laws": errors.draw_laws(critique)}
     if "budget" in tables:
-        drawn["budget"] = draw_budget(tables)
+        drawn["budget"] = errors.draw_budget(tables)
     drawn |= {"where": draw_where(critique, where), "residuals": draw_residuals(critique)}
     if len(critique.observations.flights) > BINS:
         drawn["flights"] = draw_flights(critique)
-    drawn |= {"ladder": draw_ladder(critique, tables), "parameters": draw_parameters(critique)}
+    drawn |= {"ladder": errors.draw_ladder(critique, tables), "parameters": errors.draw_parameters(critique)}
     if "models" in tables:
         drawn["models"] = draw_models(tables["models"])
     return {name: one for name, one in drawn.items() if one is not None}

@@ -74,7 +74,7 @@ def draw_residuals(critique: DropsCritique) -> Drawn:
     components = {name: f"{name} {symbol}\n(m/s)" for name, symbol in symbols.items()}
     shown = Residuals(components, {name: axis_label(name) for name in table}, table, values)
     figure, rows = _panels(shown)
-    set_title(figure, residuals_sentence(shown))
+    set_title(figure, _strongest(shown) or "The residuals of the base law depend on no single feature of the state")
     return figure, rows
 
 
@@ -147,11 +147,6 @@ def features_to_show(shares: pd.DataFrame) -> list[str]:
     return list(dict.fromkeys([*first, *rest]))[:SHOWN_FEATURES]
 
 
-def residuals_sentence(shown: Residuals) -> str:
-    """The strongest dependence, before and after."""
-    return _strongest(shown) or "The residuals of the base law depend on no single feature of the state"
-
-
 def flights_sentence(critique: DropsCritique, shown: Residuals) -> str:
     """How far flights miss the prediction, and the feature on which that depends most."""
     first, last = (float(np.sqrt(critique.ladder[i][2].sigmas["flight"])) for i in (0, -1))
@@ -165,7 +160,7 @@ def flights_sentence(critique: DropsCritique, shown: Residuals) -> str:
 
 
 def _strongest(shown: Residuals) -> str:
-    """The component and feature of the strongest dependence; '' if all are weak."""
+    """The component and feature of the strongest dependence, before and after; '' if all are weak."""
     shares = shown.shares
     component, name = shares.stack().idxmax()
     share = float(shares.loc[component, name])

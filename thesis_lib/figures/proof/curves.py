@@ -28,8 +28,7 @@ from thesis_lib.critique.proof.summary import TARGETS, WIDEST
 from thesis_lib.critique.results.titles import symbol
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, log_axis, set_title
-from thesis_lib.figures.marks import BLUE, GREEN, RED, YELLOW
-from thesis_lib.figures.style import GREY, INK, Drawn, house_style, new_figure
+from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, YELLOW, Drawn, house_style, new_figure
 
 SOURCE_TITLE = {"law": "laws injected", "mechanism": "mechanisms", "drake": "mechanisms in Drake"}
 SOURCE_LOOK = {"law": (BLUE, "o"), "mechanism": (RED, "s"), "drake": (GREEN, "^")}

@@ -11,29 +11,20 @@ Their starting values are drawn from a prior (`ArmPrior`).  The likelihood is ma
 5. gate: χ²/n of the residuals over their white part must be below `gate`; otherwise new draws are tried, and in the end
    the fit counts as failed.
 
-The covariance of (x_0, ξ, ψ) is the inverse of J'J of the whitened residuals (the Cramér-Rao bound at the estimate),
+The covariance of (x_0, ξ) is the inverse of J'J of the whitened residuals (the Cramér-Rao bound at the estimate),
 where J holds differences over a standard error.  The standard errors of the forces use the same perturbations.
 
 Sources: see `shooting`; J. von Neumann, Ann. Math. Statist. 12 (1941), doi 10.1214/aoms/1177731677 (ratio of
 the mean square successive difference to the variance).
 """
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thesis_lib.identify.arm.parameters import NAMES, free_coordinates, from_free, from_free_jacobian
+from thesis_lib.identify.arm.parameters import free_coordinates, from_free, from_free_jacobian
 from thesis_lib.identify.arm.settings import ArmFitSettings
-from thesis_lib.identify.arm.shooting import (
-    ArmData,
-    Candidates,
-    Extra,
-    Shooting,
-    Stage,
-    equal_segments,
-    noise_of_residuals,
-)
+from thesis_lib.identify.arm.shooting import ArmData, Candidates, Shooting, Stage, equal_segments, noise_of_residuals
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 
 AXES_REPETITIONS = 3  # of the axes' search; most settle in two
@@ -50,57 +41,34 @@ DEFAULT_FIT = ArmFitSettings()
 class ArmFit:
     """Result of a fit."""
 
-    names: tuple[str, ...]  # (6+k,) of Θ and ψ
     theta: np.ndarray  # (6,) Θ in the order of `parameters.NAMES`, kg, kg m, kg m²
-    psi: np.ndarray  # (k,) parameters ψ of an extra force
-    covariance: np.ndarray  # (6+k, 6+k) of (Θ, ψ); NaN where the data do not determine them
+    covariance: np.ndarray  # (6, 6) of Θ; NaN where the data do not determine them
     q: np.ndarray  # q, v: (m+1, 5) estimated motion
     v: np.ndarray
     c_n: np.ndarray  # c_n, c_t: (m, 2) contact forces in N, pairs ("arm", "ground")
     c_t: np.ndarray
     c_n_std: np.ndarray  # c_n_std, c_t_std: (m, 2) standard errors of the forces in N
     c_t_std: np.ndarray
-    mode: np.ndarray  # (m, 2) contact modes of the estimated motion, codes of `stepping`
-    sigma: np.ndarray  # (2, 5) noise of q and v, from the residuals
-    chi2: float  # χ²/n against that noise
+    chi2: float  # χ²/n against the noise of q and v in the residuals
     accepted: bool  # whether χ²/n passes the gate
-    attempts: int  # how many sets of draws were used
-    cpu_s: float  # CPU seconds
 
     @property
     def std(self) -> np.ndarray:
-        """(6+k,) standard errors of (Θ, ψ)."""
+        """(6,) standard errors of Θ."""
         return np.sqrt(np.diag(self.covariance))
 
 
-def fit(
-    arm: ArmDisk,
-    data: ArmData,
-    rng: np.random.Generator,
-    settings: ArmFitSettings = DEFAULT_FIT,
-    extra: Extra | None = None,
-    start: np.ndarray | None = None,
-) -> ArmFit:
+def fit(arm: ArmDisk, data: ArmData, rng: np.random.Generator, settings: ArmFitSettings = DEFAULT_FIT) -> ArmFit:
     """Maximum-likelihood parameters and forces of one motion; `accepted` says whether the fit passes the gate.
 
-    Args:
-        arm: only its lengths, base, radius and gravity are used.
-        data, rng: from `shooting.measured`; draws starts and kicks.
-        extra: force with parameters ψ that start at 0; `extra.scale` sets the size of their first steps.
-        start: (r, 6) base parameters to start from instead of prior draws, for example from a fit without `extra`.
-
-    Raises:
-        UserError: a start has no positive definite mass matrix.
+    Only the lengths, base, radius and gravity of `arm` are used.  `data` are from `shooting.measured`; `rng` draws
+    starts and kicks.
     """
-    begin = time.process_time()
     best: tuple[Shooting, Candidates, float] | None = None
-    attempt = 0
-    while attempt < settings.attempts:
-        attempt += 1
-        shooting = Shooting(arm, data, extra)
-        theta = settings.prior.draw(settings.draws, arm, rng) if start is None else np.atleast_2d(start)
-        point = _screened(shooting, theta, settings)
-        growth = settings.growth if attempt == 1 else int(rng.integers(settings.growth // 3, 2 * settings.growth))
+    for attempt in range(settings.attempts):
+        shooting = Shooting(arm, data)
+        point = _screened(shooting, settings.prior.draw(settings.draws, arm, rng), settings)
+        growth = settings.growth if attempt == 0 else int(rng.integers(settings.growth // 3, 2 * settings.growth))
         point = _grown(shooting, point, settings, growth)
         if np.isfinite(point.cost).any():
             shooting, point = _kicked(shooting, point, rng, settings)
@@ -109,10 +77,7 @@ def fit(
                 best = shooting, point, chi2
         if best is not None and best[2] < settings.gate:
             break
-    if best is None:
-        return _nothing(data, extra, attempt, time.process_time() - begin)
-    answer = _answer(*best, settings.gate, attempt)
-    return replace(answer, cpu_s=time.process_time() - begin)
+    return _nothing(data) if best is None else _answer(*best, settings.gate)
 
 
 def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, v0: np.ndarray) -> np.ndarray:
@@ -128,15 +93,14 @@ def error_bound(arm: ArmDisk, data: ArmData, theta: np.ndarray, q0: np.ndarray, 
 
 
 def _whole(data: ArmData, stop: int | None = None) -> Stage:
-    return Stage(((0, data.steps if stop is None else stop),))
+    return ((0, data.steps if stop is None else stop),)
 
 
 def _screened(shooting: Shooting, theta: np.ndarray, settings: ArmFitSettings) -> Candidates:
     """The candidates that best predict short segments from the measured states."""
     stage = equal_segments(shooting.data.steps, settings.segments[0])
-    p = np.zeros((len(theta), shooting.n_parameters))
-    p[:, :6] = free_coordinates(theta, shooting.arm.link_lengths[0])
-    x = np.tile(shooting.z[[start for start, _ in stage.segments]], (len(p), 1, 1))
+    p = free_coordinates(theta, shooting.arm.link_lengths[0])
+    x = np.tile(shooting.z[[start for start, _ in stage]], (len(p), 1, 1))
     r = shooting.residuals(stage, p, x)
     chi2 = np.nan_to_num(np.einsum("nsr,nsr->ns", r, r), nan=np.inf) / r.shape[2]
     # the logarithm: a start slightly on the wrong side of a contact spoils its segment for every candidate
@@ -154,7 +118,7 @@ def _grown(shooting: Shooting, point: Candidates, settings: ArmFitSettings, grow
     old = stages[0]
     for stage in stages:
         point = shooting.minimise(stage, shooting.moved(point, old, stage), settings.iterations)
-        if len(stage.segments) == 1:
+        if len(stage) == 1:
             point = _distinct(point)
         old = stage
     return point
@@ -228,7 +192,7 @@ def _weighed(shooting: Shooting, best: Candidates, settings: ArmFitSettings) -> 
     stage = _whole(shooting.data)
     r = shooting.residuals(stage, best.p, best.x)[0, 0].reshape(-1, 10)
     sigma = (noise_of_residuals(r) * shooting.sigma).reshape(2, 5)
-    again = Shooting(shooting.arm, replace(shooting.data, sigma=sigma), shooting.extra)
+    again = Shooting(shooting.arm, replace(shooting.data, sigma=sigma))
     return again, again.minimise(stage, best, settings.iterations)
 
 
@@ -261,25 +225,21 @@ def _inverse_root(H: np.ndarray) -> np.ndarray:
 
 
 def _chi2(shooting: Shooting, best: Candidates) -> float:
-    """χ²/n against the white part of the residuals; n is reduced by the number of unknowns."""
+    """χ²/n against the white part of the residuals; n is reduced by the 16 unknowns."""
     r = shooting.residuals(_whole(shooting.data), best.p, best.x)[0, 0].reshape(-1, 10)
     ratio = np.mean(np.mean(r**2, axis=0) / noise_of_residuals(r) ** 2)
-    return float(ratio * r.size / (r.size - 10 - shooting.n_parameters))
+    return float(ratio * r.size / (r.size - 16))
 
 
-def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float, attempts: int) -> ArmFit:
-    data, extra = shooting.data, shooting.extra
-    xi, l1 = best.p[0, :6], shooting.arm.link_lengths[0]
+def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float) -> ArmFit:
+    data, xi, l1 = shooting.data, best.p[0], shooting.arm.link_lengths[0]
     out = shooting.copies(best.p, best.x[:, 0], data.f_ext)
     A = _axes(shooting, best)
     C = A @ A.T
-    D = np.eye(shooting.n_parameters)
-    D[:6, :6] = from_free_jacobian(xi, l1)
+    D = from_free_jacobian(xi, l1)
     std_n, std_t = _force_std(shooting, best, A)
     return ArmFit(
-        names=NAMES + (() if extra is None else extra.names),
         theta=from_free(xi, l1),
-        psi=best.p[0, 6:].copy(),
         covariance=D @ C[10:, 10:] @ D.T,
         q=out.q[0],
         v=out.v[0],
@@ -287,12 +247,8 @@ def _answer(shooting: Shooting, best: Candidates, chi2: float, gate: float, atte
         c_t=out.c_t[0],
         c_n_std=std_n,
         c_t_std=std_t,
-        mode=out.mode[0],
-        sigma=data.sigma,
         chi2=chi2,
         accepted=bool(chi2 < gate),
-        attempts=attempts,
-        cpu_s=0.0,
     )
 
 
@@ -301,30 +257,22 @@ def _force_std(shooting: Shooting, best: Candidates, A: np.ndarray) -> tuple[np.
     both = np.concatenate([A.T, -A.T])
     out = shooting.copies(best.p + both[:, 10:], best.x[:, 0] + both[:, :10], shooting.data.f_ext)
     centre = shooting.copies(best.p, best.x[:, 0], shooting.data.f_ext)
-    pair = []
-    for moved, c in ((out.c_n, centre.c_n), (out.c_t, centre.c_t)):
-        pair.append(np.sqrt(0.5 * np.nansum((moved - c) ** 2, axis=0)))
-    return pair[0], pair[1]
+    pairs = (out.c_n, centre.c_n), (out.c_t, centre.c_t)
+    std_n, std_t = (np.sqrt(0.5 * np.nansum((moved - c) ** 2, axis=0)) for moved, c in pairs)
+    return std_n, std_t
 
 
-def _nothing(data: ArmData, extra: Extra | None, attempts: int, cpu_s: float) -> ArmFit:
-    k = 0 if extra is None else len(extra.names)
+def _nothing(data: ArmData) -> ArmFit:
     states, forces = np.full((data.steps + 1, 5), np.nan), np.full((data.steps, 2), np.nan)
     return ArmFit(
-        names=NAMES + (() if extra is None else extra.names),
         theta=np.full(6, np.nan),
-        psi=np.full(k, np.nan),
-        covariance=np.full((6 + k, 6 + k), np.nan),
+        covariance=np.full((6, 6), np.nan),
         q=states,
         v=states,
         c_n=forces,
         c_t=forces,
         c_n_std=forces,
         c_t_std=forces,
-        mode=np.zeros(forces.shape, dtype=np.int8),
-        sigma=data.sigma,
         chi2=np.inf,
         accepted=False,
-        attempts=attempts,
-        cpu_s=cpu_s,
     )

@@ -1,9 +1,9 @@
 """Maximum likelihood of arm and disk by shooting through the contact simulator (thesis 2.4, beyond eqs. 2.12 to 2.14).
 
-For known torques, a start x_0 = (q_0, v_0), base parameters Θ(ξ) and further parameters ψ (of an `Extra` force),
-the motion is simulated with the step of `stepping`, contact modes included.  Minimised is
+For known torques, a start x_0 = (q_0, v_0) and base parameters Θ(ξ), the motion is simulated with the step of
+`stepping`, contact modes included.  Minimised is
 
-    χ²(x_0, ξ, ψ) = Σ_k |W (z_k - z(k; x_0, ξ, ψ))|²,     W = 1/σ per channel,  z = (q, v).
+    χ²(x_0, ξ) = Σ_k |W (z_k - z(k; x_0, ξ))|²,     W = 1/σ per channel,  z = (q, v).
 
 χ² is rough over the whole motion, where an impact that comes a step late costs thousands, and has hardly a false
 minimum over short segments with free starts.  These are lengthened stage by stage.  Their starts are eliminated from
@@ -15,7 +15,6 @@ Sources: H. G. Bock, Recent advances in parameter identification techniques for 
 doi 10.1007/978-1-4684-7324-7_7 (multiple shooting); D. W. Marquardt, SIAM J. 11 (1963), doi 10.1137/0111030.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,10 +25,11 @@ from thesis_lib.identify.arm.stepping import Copies, simulate_copies
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.statistics.spread import robust_std
 
-STEP = 1e-6  # of a parameter's or a state's scale: forward differences, whose rounding is then 1e-8
+STEP = 1e-6  # of a parameter or a state: forward differences, whose rounding is then 1e-8
 DAMPING = np.array([0.02, 0.3, 4.0, 60.0])  # factors on the damping that an iteration tries side by side
 SETTLED = 1e-3  # relative fall of χ² in an iteration
 LARGEST_STEP = 1.5  # of a logarithm: no parameter changes by more than a factor of 4.5 in an iteration
+Stage = tuple[tuple[int, int], ...]  # segments (start, stop) in steps, each predicted from a free start
 CLIP, CLIPPED = 3.0, 0.9733  # and the variance of a normal distribution cut off there
 
 
@@ -52,25 +52,8 @@ class ArmData:
 
 
 @dataclass(frozen=True)
-class Extra:
-    """A force with parameters ψ that are fitted together with the base parameters."""
-
-    names: tuple[str, ...]  # (k,) of ψ
-    scale: np.ndarray  # (k,) typical size of each; its null is 0
-    # (q (n, 5), v (n, 5), c_n (n, 2) of the step before, ψ (n, k)) -> generalised force (n, 5) in N, N m
-    force: Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-
-
-@dataclass(frozen=True)
-class Stage:
-    """Segments (start, stop) in steps, each predicted from a free start."""
-
-    segments: tuple[tuple[int, int], ...]
-
-
-@dataclass(frozen=True)
 class Candidates:
-    """P candidates: p = (ξ, ψ) (P, 6+k), starts x (P, S, 10) of the segments, χ² (P,)."""
+    """P candidates: p = ξ (P, 6), starts x (P, S, 10) of the segments, χ² (P,)."""
 
     p: np.ndarray
     x: np.ndarray
@@ -136,7 +119,7 @@ def measured(q: np.ndarray, v: np.ndarray, f_ext: np.ndarray, h: float, mu: floa
 def equal_segments(steps: int, length: int) -> Stage:
     """The whole motion in segments of about `length` steps."""
     edges = np.linspace(0, steps, max(round(steps / length), 1) + 1).round().astype(int)
-    return Stage(tuple(zip(edges[:-1].tolist(), edges[1:].tolist())))
+    return tuple(zip(edges[:-1].tolist(), edges[1:].tolist()))
 
 
 class Shooting:
@@ -145,36 +128,26 @@ class Shooting:
     Only the lengths, base, radius and gravity of `arm` are used.
     """
 
-    def __init__(self, arm: ArmDisk, data: ArmData, extra: Extra | None = None) -> None:
-        self.arm, self.data, self.extra = arm, data, extra
+    def __init__(self, arm: ArmDisk, data: ArmData) -> None:
+        self.arm, self.data = arm, data
         self.z = np.concatenate([data.q, data.v], axis=1)
         self.sigma = data.sigma.ravel()
-        self.scale = np.ones(6) if extra is None else np.concatenate([np.ones(6), extra.scale])
-
-    @property
-    def n_parameters(self) -> int:
-        """Number of shared parameters 6+k."""
-        return len(self.scale)
 
     def copies(self, p: np.ndarray, x: np.ndarray, f_ext: np.ndarray) -> Copies:
-        """Motions of n copies with parameters p (n, 6+k) from x (n, 10) under f_ext (m, 5) or (n, m, 5)."""
-        force = None
-        if self.extra is not None:
-            psi, of = p[:, 6:], self.extra.force
-            force = lambda q, v, c_n: of(q, v, c_n, psi)  # noqa: E731
-        theta = from_free(p[:, :6], self.arm.link_lengths[0])
+        """Motions of n copies with parameters p (n, 6) from x (n, 10) under f_ext (m, 5) or (n, m, 5)."""
+        theta = from_free(p, self.arm.link_lengths[0])
         d = self.data
-        return simulate_copies(self.arm, theta, x[:, :5], x[:, 5:], f_ext, d.h, d.mu, d.epsilon, force)
+        return simulate_copies(self.arm, theta, x[:, :5], x[:, 5:], f_ext, d.h, d.mu, d.epsilon)
 
     def residuals(self, stage: Stage, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Whitened residuals (n, S, (L+1) 10) for p (n, 6+k), x (n, S, 10): zero beyond a segment's end, NaN without a
+        """Whitened residuals (n, S, (L+1) 10) for p (n, 6), x (n, S, 10): zero beyond a segment's end, NaN without a
         solution."""
         n, S = x.shape[:2]
-        lengths = np.array([stop - start for start, stop in stage.segments])
+        lengths = np.array([stop - start for start, stop in stage])
         L = int(lengths.max())
         f_ext, z = np.zeros((S, L, 5)), np.zeros((S, L + 1, 10))
         inside = np.arange(L + 1) <= lengths[:, None]
-        for s, (start, stop) in enumerate(stage.segments):
+        for s, (start, stop) in enumerate(stage):
             f_ext[s, : stop - start] = self.data.f_ext[start:stop]
             z[s, : stop - start + 1] = self.z[start : stop + 1]
         forces = f_ext if S == 1 else np.tile(f_ext, (n, 1, 1))
@@ -186,7 +159,7 @@ class Shooting:
         return r.reshape(n, S, -1)
 
     def cost(self, stage: Stage, p: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """χ² (n,) for p (n, 6+k), x (n, S, 10); infinite where a motion has no solution."""
+        """χ² (n,) for p (n, 6), x (n, S, 10); infinite where a motion has no solution."""
         with np.errstate(over="ignore", invalid="ignore"):
             r = self.residuals(stage, p, x)
             total = np.einsum("nsr,nsr->n", r, r)
@@ -195,22 +168,21 @@ class Shooting:
     def differences(
         self, stage: Stage, p: np.ndarray, x: np.ndarray, steps: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (P, S, R) and their derivatives (P, S, 10 + 6+k, R) by the segment's start and by p.
+        """Residuals (P, S, R) and their derivatives (P, S, 16, R) by the segment's start and by p.
 
-        `steps` (10 + 6+k,) are the forward difference steps; the default approximates derivatives.
+        `steps` (16,) are the forward difference steps; the default approximates derivatives.
         """
         P, S = x.shape[:2]
-        n_p = self.n_parameters
-        width = 11 + n_p
+        width = 17
         if steps is None:
-            steps = STEP * np.concatenate([np.ones(10), self.scale])
+            steps = np.full(16, STEP)
         pp = np.repeat(p[:, None], width, axis=1)
         xx = np.repeat(x[:, None], width, axis=1)
         for j in range(10):
             xx[:, 1 + j, :, j] += steps[j]
-        for j in range(n_p):
+        for j in range(6):
             pp[:, 11 + j, j] += steps[10 + j]
-        r = self.residuals(stage, pp.reshape(P * width, n_p), xx.reshape(P * width, S, 10))
+        r = self.residuals(stage, pp.reshape(P * width, 6), xx.reshape(P * width, S, 10))
         r = r.reshape(P, width, S, -1)
         base = r[:, 0]
         jacobian = (r[:, 1:] - base[:, None]) / steps[:, None, None]
@@ -225,7 +197,7 @@ class Shooting:
         p, x = point.p.copy(), point.x.copy()
         cost = self.cost(stage, p, x)
         P, S = x.shape[:2]
-        n_p, n_d = self.n_parameters, len(DAMPING)
+        n_d = len(DAMPING)
         damping, idle = np.full(P, 1e-2), np.zeros(P, dtype=int)
         for _ in range(iterations):
             run = np.flatnonzero((idle < 2) & np.isfinite(cost))
@@ -234,15 +206,15 @@ class Shooting:
             r, J = self.differences(stage, p[run], x[run], steps)
             H = np.matmul(J, J.transpose(0, 1, 3, 2))
             g = np.matmul(J, r[..., None])[..., 0]
-            dp = np.empty((len(run), n_d, n_p))
+            dp = np.empty((len(run), n_d, 6))
             dx = np.empty((len(run), n_d, S, 10))
             for i, a in enumerate(run):
                 for d, factor in enumerate(DAMPING):
                     dp[i, d], dx[i, d] = _arrow_step(H[i], g[i], damping[a] * factor)
-            shrink = LARGEST_STEP / np.maximum(np.abs(dp / self.scale).max(axis=2), LARGEST_STEP)
+            shrink = LARGEST_STEP / np.maximum(np.abs(dp).max(axis=2), LARGEST_STEP)
             dp, dx = dp * shrink[..., None], dx * shrink[..., None, None]
             new_p, new_x = p[run][:, None] + dp, x[run][:, None] + dx
-            trial = self.cost(stage, new_p.reshape(-1, n_p), new_x.reshape(-1, S, 10)).reshape(len(run), n_d)
+            trial = self.cost(stage, new_p.reshape(-1, 6), new_x.reshape(-1, S, 10)).reshape(len(run), n_d)
             best = trial.argmin(axis=1)
             for i, a in enumerate(run):
                 b = best[i]
@@ -258,9 +230,9 @@ class Shooting:
 
     def moved(self, point: Candidates, old: Stage, new: Stage) -> Candidates:
         """The candidates with starts for the segments of stage `new`, simulated from those of `old`."""
-        x = np.empty((len(point.p), len(new.segments), 10))
-        begins = [start for start, _ in old.segments]
-        for j, (start, _) in enumerate(new.segments):
+        x = np.empty((len(point.p), len(new), 10))
+        begins = [start for start, _ in old]
+        for j, (start, _) in enumerate(new):
             i = max(k for k, begin in enumerate(begins) if begin <= start)
             x[:, j] = point.x[:, i]
             if begins[i] < start:
@@ -268,7 +240,7 @@ class Shooting:
                 x[:, j] = np.concatenate([out.q[:, -1], out.v[:, -1]], axis=1)
         # where that simulation has no solution, the measured states
         lost = ~np.isfinite(x).all(axis=2)
-        x[lost] = np.broadcast_to(self.z[[start for start, _ in new.segments]], x.shape)[lost]
+        x[lost] = np.broadcast_to(self.z[[start for start, _ in new]], x.shape)[lost]
         return Candidates(point.p, x, np.full(len(x), np.inf))
 
 

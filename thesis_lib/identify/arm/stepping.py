@@ -14,7 +14,6 @@ stand here, and numbers of other files come in as arguments, since numba does no
 copied number by number: where shapes could differ numba compiles a message for it, too, which takes as long again.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 
@@ -24,9 +23,6 @@ from numba import njit
 from thesis_lib.simulate.stepping.arm_disk import MIN_DISTANCE, ArmDisk
 from thesis_lib.simulate.stepping.contact_modes import TOUCH
 from thesis_lib.simulate.stepping.stepping import V_REBOUND, V_RECOVER
-
-# extra(q (n, 5), v (n, 5), c_n (n, 2) of the step before) -> generalised force (n, 5) beside gravity and f_ext
-ExtraForce = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 OFF, STICK, SLIP_UP, SLIP_DOWN = range(4)  # v_t⁺ > 0 and v_t⁺ < 0 in the last two
 _SIGN = np.array([0.0, 0.0, 1.0, -1.0])
@@ -58,13 +54,11 @@ def simulate_copies(
     h: float,
     mu: float,
     epsilon: float,
-    extra: ExtraForce | None = None,
 ) -> Copies:
     """Simulate n copies over the m steps of `f_ext`.
 
     Only the lengths, base, radius and gravity of `arm` are used.  `theta` (n, 6) has a positive definite mass matrix;
     `q0`, `v0` (n, 5); `f_ext` (m, 5) or (n, m, 5) in N and N m; `h` in s; `mu`, `epsilon` are those of both pairs.
-    `extra` is evaluated at the start of each step.
     """
     f_ext = np.asarray(f_ext, dtype=float)
     f_ext = np.array(np.broadcast_to(f_ext, (len(theta), *f_ext.shape[-2:])), order="C")  # as numba compiled for
@@ -80,29 +74,20 @@ def simulate_copies(
     numbers = (*arm.link_lengths, *arm.base, arm.disk_radius, arm.g, h, mu, epsilon)
     constants = tuple(map(float, (*numbers, TOUCH, V_REBOUND, V_RECOVER, MIN_DISTANCE)))
     theta = np.ascontiguousarray(theta, dtype=float)
-    if extra is None:
-        _steps(theta, out.q, out.v, out.c_n, out.c_t, out.mode, f_ext, constants, 0, m)
-        return out
-    c_n = np.zeros((n, 2))
-    force = np.zeros((n, m, 5))
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        for k in range(m):
-            force[:, k] = f_ext[:, k] + extra(out.q[:, k], out.v[:, k], c_n)
-            _steps(theta, out.q, out.v, out.c_n, out.c_t, out.mode, force, constants, k, k + 1)
-            c_n = out.c_n[:, k]
+    _steps(theta, out.q, out.v, out.c_n, out.c_t, out.mode, f_ext, constants)
     return out
 
 
 @compiled
-def _steps(theta, q, v, c_n, c_t, mode, f_ext, constants, start, stop):
-    """Steps `start` to `stop` of every copy, into q, v (n, m+1, 5), c_n, c_t and mode (n, m, 2)."""
+def _steps(theta, q, v, c_n, c_t, mode, f_ext, constants):
+    """All steps of every copy, into q, v (n, m+1, 5), c_n, c_t and mode (n, m, 2)."""
     h, mu, epsilon, touch, v_rebound, v_recover = constants[6:12]
     J, MJ, K, A = np.zeros((4, 5)), np.zeros((5, 4)), np.zeros((4, 4)), np.zeros((4, 4))
     v_free, phi, phi_free, q_free = np.zeros(5), np.zeros(2), np.zeros(2), np.zeros(5)
     v_c, b, c = np.zeros(4), np.zeros(2), np.zeros(4)
     active, guess = np.zeros(2, dtype=np.bool_), np.zeros(2, dtype=np.int8)
     for i in range(len(q)):
-        for k in range(start, stop):
+        for k in range(f_ext.shape[1]):
             v_before = v[i, k]
             _free_step(theta[i], q[i, k], v_before, f_ext[i, k], constants, v_free, J, MJ, phi)
             for a in range(5):

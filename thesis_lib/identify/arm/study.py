@@ -63,7 +63,6 @@ class ArmForceTables:
     parameters: pd.DataFrame  # a row per trajectory, method and base parameter
     trajectories: tuple[ArmForces, ...]
     left_out: dict[str, int]  # number of simulated trajectories left out, by reason
-    cpu_s: np.ndarray  # (n,) CPU seconds of the fits; not in the tables, since they differ from run to run
 
 
 def arm_window(
@@ -175,7 +174,7 @@ def arm_force_study(
         done += (arm_forces(arm, record, bodies.arm.mu, stream, settings),)
         say(f"trajectory {i}: χ²/n {done[-1].fit.chi2:.3f}")
     forces, parameters = tables_of(done, base_of(arm))
-    return ArmForceTables(forces, parameters, done, made.left_out, np.array([fitted.fit.cpu_s for fitted in done]))
+    return ArmForceTables(forces, parameters, done, made.left_out)
 
 
 def tables_of(done: tuple[ArmForces, ...], truth: np.ndarray) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -40,20 +40,13 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.array([a * np.sin(w * t * 2.0 * np.pi + phase) for a, w, phase in PUSH])
 
 
-def _balanced(
-    body: PlanarFreeBody, mu: float, v: tuple[float, float, float], force: Callable | None
-) -> SimulatedMotion:
-    """A disk on the surface: its one contact stays closed under any force."""
-    q = np.array([0.0, 0.0, 0.0])
+def _on_surface(
+    body: PlanarFreeBody, angle: float, v: tuple, force: Callable | None, steps: int, mu: float
+) -> tuple[SimulatedMotion, float]:
+    """The motion of a body that touches the surface at an angle (rad) and is let go with a velocity, and its μ."""
+    q = np.array([0.0, 0.0, angle])
     q[1] = -body.contacts_of(q[None]).phi[0].min()
-    return simulate(body, q, np.array(v), force, DEFAULT.h, STEPS, mu, 0.0)
-
-
-def _pivoting(body: PlanarFreeBody, force: Callable | None) -> SimulatedMotion:
-    """A square that is released on a corner and falls about it, without slip, until just before the next one lands."""
-    q = np.array([0.0, 0.0, TILTED])
-    q[1] = -body.contacts_of(q[None]).phi[0].min()
-    return simulate(body, q, np.zeros(3), force, DEFAULT.h, PIVOT_STEPS, HIGH_FRICTION, 0.0)
+    return simulate(body, q, np.array(v), force, DEFAULT.h, steps, mu, 0.0), mu
 
 
 def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[SimulatedMotion, ContactWindow]]:
@@ -67,12 +60,14 @@ def excitation_cases(settings: Chapter2Bodies = DEFAULT) -> dict[str, tuple[Simu
         return simulate(square, np.array(q), np.array(v), force, *arguments), settings.mu
 
     motions = {
-        "disk slides, no force": (_balanced(rolling, LOW_FRICTION, fast, None), LOW_FRICTION),
-        "disk slides, force": (_balanced(rolling, LOW_FRICTION, fast, push), LOW_FRICTION),
-        "disk rolls, no force": (_balanced(rolling, HIGH_FRICTION, still, None), HIGH_FRICTION),
-        "disk rolls, force": (_balanced(rolling, HIGH_FRICTION, still, push), HIGH_FRICTION),
-        "square pivots, no force": (_pivoting(square, None), HIGH_FRICTION),
-        "square pivots, force": (_pivoting(square, push), HIGH_FRICTION),
+        # a disk's one contact stays closed under any force
+        "disk slides, no force": _on_surface(rolling, 0.0, fast, None, STEPS, LOW_FRICTION),
+        "disk slides, force": _on_surface(rolling, 0.0, fast, push, STEPS, LOW_FRICTION),
+        "disk rolls, no force": _on_surface(rolling, 0.0, still, None, STEPS, HIGH_FRICTION),
+        "disk rolls, force": _on_surface(rolling, 0.0, still, push, STEPS, HIGH_FRICTION),
+        # released on a corner, it falls about it, without slip, until just before the next one lands
+        "square pivots, no force": _on_surface(square, TILTED, still, None, PIVOT_STEPS, HIGH_FRICTION),
+        "square pivots, force": _on_surface(square, TILTED, still, push, PIVOT_STEPS, HIGH_FRICTION),
         "flight, no force": released(high, (1.0, 0.0, 2.0), None),
         "flight, force": released(high, (1.0, 0.0, 2.0), push),
         "square lands tilted, no force": released(tilted, still, None),

@@ -42,7 +42,6 @@ class Identifiability:
     singular_values: np.ndarray  # (n_Θ,) of Ỹ with columns scaled by those of Y, 1
     rank: int  # number of independent combinations of Θ that the window determines
     null_space: np.ndarray  # (n_Θ, n_Θ − rank) changes of Θ that it does not see, largest entry 1
-    alpha: float  # smallest eigenvalue of the mean of Ỹ'Ỹ, so scaled, 1
     # a sentence for each reason why something cannot be identified; empty where everything can
     warnings: tuple[str, ...]
 
@@ -74,7 +73,7 @@ def projected(window: ContactWindow) -> tuple[np.ndarray, np.ndarray]:
 
 
 def identifiability(window: ContactWindow) -> Identifiability:
-    """Rank, null space and excitation of a window, with the reasons for any deficiency."""
+    """Rank and null space of a window, with the reasons for any deficiency."""
     Y, _ = projected(window)
     n = Y.shape[2]
     size = np.linalg.norm(window.Y.reshape(-1, n), axis=0)
@@ -93,9 +92,8 @@ def identifiability(window: ContactWindow) -> Identifiability:
         null_space = null_space / np.abs(null_space).max(axis=0)
         # sign: the largest entry is +1
         null_space *= np.sign(null_space[np.abs(null_space).argmax(axis=0), np.arange(null_space.shape[1])])
-    alpha = float(values[-1] ** 2 / len(window))
     return Identifiability(
-        window.names, values, rank, null_space, alpha, tuple(_warnings(window, null_space)) if rank < n else ()
+        window.names, values, rank, null_space, tuple(_warnings(window, null_space)) if rank < n else ()
     )
 
 

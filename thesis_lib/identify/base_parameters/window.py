@@ -139,9 +139,7 @@ class ContactWindow:
             raise UserError("every parameter is given, none remains to be identified")
         f = self.f - sum(self.Y[:, :, self.names.index(name)] * value for name, value in known.items())
         names = tuple(self.names[j] for j in free)
-        return ContactWindow(
-            self.h, self.Y[:, :, free], f, self.gap, self.J_n, self.J_t, self.v_t, self.mu, names, self.theta_min[free]
-        )
+        return replace(self, Y=self.Y[:, :, free], f=f, names=names, theta_min=self.theta_min[free])
 
 
 def expected_gap(

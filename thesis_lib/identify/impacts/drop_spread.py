@@ -14,6 +14,7 @@ one impact only, as in the published set of the ellipse, drops are put together 
 """
 
 import numpy as np
+import pandas as pd
 
 from thesis_lib.statistics.spread import robust_std
 
@@ -45,11 +46,9 @@ def _drops(moments: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> 
     if (n == 1).all():
         groups = rng.permutation(len(drop))[: len(drop) // IMPACTS * IMPACTS].reshape(-1, IMPACTS)
         return moments[groups].sum(axis=1)
-    order = np.argsort(drop, kind="stable")
-    place = np.empty(len(drop), dtype=int)  # of an impact within its drop
-    place[order] = np.arange(len(drop)) - np.repeat(np.cumsum(n) - n, n)
+    first = (pd.Series(drop).groupby(drop).cumcount() < IMPACTS).to_numpy()
     sums = np.zeros((len(n), 2))
-    np.add.at(sums, drop[place < IMPACTS], moments[place < IMPACTS])
+    np.add.at(sums, drop[first], moments[first])
     return sums
 
 

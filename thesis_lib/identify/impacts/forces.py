@@ -167,9 +167,7 @@ def drop_ellipses(settings: ImpactForces, rng: np.random.Generator) -> DropsWith
     )
 
 
-def study_impact_forces(
-    drops: DropsWithTruth, settings: ImpactForces | None = None
-) -> tuple[pd.DataFrame, dict[str, int]]:
+def study_impact_forces(drops: DropsWithTruth, settings: ImpactForces) -> tuple[pd.DataFrame, dict[str, int]]:
     """A row per impact and method with estimates and truth, and the numbers of impacts left out by reason.
 
     Columns: trial, impact, method, t, c_t, c_n, c_t_std, c_n_std, true_c_t, true_c_n, sensor_c_n, peak, peak_true,
@@ -178,7 +176,6 @@ def study_impact_forces(
     Raises:
         UserError: no impact can be measured, or a body does not leave the plate.
     """
-    settings = settings or ImpactForces()
     header = drops.header.model_copy(update={"noise": None})
     dataset = Dataset("ellipse_drops", header, drops.trajectories)
     detected = find_impacts(dataset, ArcSettings(stray_acceleration=False))

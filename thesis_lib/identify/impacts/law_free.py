@@ -15,7 +15,6 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.lying import lying_angle
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE
@@ -49,7 +48,7 @@ def at_rest(dataset: Dataset) -> pd.DataFrame:
     still = ((by_trial.max() - by_trial.min()) < STILL).all(axis=1)
     pose = by_trial.mean()[still]
     theta = pose["theta"].to_numpy()
-    flat = lying_angle(dataset.shape, theta)
+    flat = dataset.shape.lying(theta)
     face = np.round(np.degrees(flat)).astype(int) % 360
     return pd.DataFrame({"face": face, "angle": theta - flat, "x": pose["x"], "y": pose["y"] - dataset.height})
 
@@ -64,7 +63,7 @@ def inertia(dataset: Dataset, camera: float) -> pd.DataFrame:
     impacts = impacts.select(~has_flag(impacts, BENT))
     rig = Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height)
     theta = impacts.q[:, 2] - camera
-    angle = np.degrees(np.abs(theta - lying_angle(rig.shape, theta)))
+    angle = np.degrees(np.abs(theta - rig.shape.lying(theta)))
     rows = []
     for low, high in [*pairwise(RANGES), (0.0, RANGES[-1])]:
         inside = impacts.select((angle >= low) & (angle <= high))

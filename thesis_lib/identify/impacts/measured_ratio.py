@@ -245,7 +245,7 @@ def regressions(lever: np.ndarray, spin: np.ndarray, weight: np.ndarray) -> tupl
 
 
 def measured_ratio(
-    dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio | None = None, left_out: int = 0
+    dataset: Dataset, rng: np.random.Generator, settings: MeasuredRatio, left_out: int = 0
 ) -> pd.DataFrame:
     """m/I of a measured body, a row with `COLUMNS` per hypothesis about the measurement.
 
@@ -255,7 +255,6 @@ def measured_ratio(
     Raises:
         UserError: too few impacts can be measured.
     """
-    settings = settings or MeasuredRatio()
     detected = find_impacts(dataset)
     bent = has_flag(detected.impacts, BENT)
     impacts = detected.impacts.select(~bent)

@@ -52,7 +52,6 @@ def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | Non
     s = model.s
     u = s.u.copy() if u is None else u.copy()
     eta = model.start() if eta is None else eta.copy()
-    variance = model.variance
     P = np.linalg.inv(s.N)
     # what has converged stays, and takes no more steps
     going, part = np.arange(model.B), model
@@ -67,15 +66,11 @@ def fit_arcs(model: ArcModel, u: np.ndarray | None = None, eta: np.ndarray | Non
         part = part.take(goes_on)
     converged = np.ones(model.B, dtype=bool)
     converged[going] = False
-    motion = model.motion(u)
-    travel = model.travel(motion)
-    g = model.rows(u, motion, eta, travel)
-    G, G_eta = model.derivatives(motion, eta, travel)
-    S, _ = _spread_of_rows(P, G, variance)
+    travel, g, _, G_eta, S, _ = _linearised(model, P, u, eta)
     information = _information(G_eta, np.linalg.solve(S, G_eta))
     known = np.einsum("bee->be", information) > 2.0 * _SOFT_PRIOR
     std = np.where(known, np.sqrt(np.abs(np.einsum("bee->be", np.linalg.inv(information)))), np.inf)
-    soft = variance > 0
+    soft = model.variance > 0
     misfit = _chi2(s, u - s.u) + (g[:, soft] ** 2).sum(axis=1)
     dof = g.shape[1] - known.sum(axis=1)
     return ArcFit(u, eta, misfit + s.chi2_free + 2.0 * np.log(travel).sum(axis=1), misfit, dof, std, converged)
@@ -89,11 +84,7 @@ def _newton_step(
     `P` (B, 3, 2+J, 2+J) is N⁻¹.
     """
     s = model.s
-    motion = model.motion(u)
-    travel = model.travel(motion)
-    g = model.rows(u, motion, eta, travel)
-    G, G_eta = model.derivatives(motion, eta, travel)
-    S, PG = _spread_of_rows(P, G, model.variance)
+    travel, g, G, G_eta, S, PG = _linearised(model, P, u, eta)
     # least (du - e)'N(du - e) on the linearised rows: λ = S⁻¹ (g + G e + G_η dη), du = e - P G' λ
     e = s.u - u
     w = g + np.einsum("bgci,bci->bg", G, e)
@@ -108,13 +99,17 @@ def _newton_step(
     return u + fraction[:, None, None] * du, eta + fraction[:, None] * d_eta, size
 
 
-def _spread_of_rows(P: np.ndarray, G: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """S (B, n_g, n_g) and N⁻¹ G' (B, 3, 2+J, n_g)."""
+def _linearised(model: ArcModel, P: np.ndarray, u: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Travel, g, G, G_η, S (B, n_g, n_g) and N⁻¹ G' (B, 3, 2+J, n_g) at arcs u and η."""
+    motion = model.motion(u)
+    travel = model.travel(motion)
+    g = model.rows(u, motion, eta, travel)
+    G, G_eta = model.derivatives(motion, eta, travel)
     PG = np.einsum("bcij,bgcj->bcig", P, G)
     S = np.einsum("bgci,bcih->bgh", G, PG)
     n = np.arange(S.shape[1])
-    S[:, n, n] += variance + 1e-13 * S[:, n, n]
-    return S, PG
+    S[:, n, n] += model.variance + 1e-13 * S[:, n, n]
+    return travel, g, G, G_eta, S, PG
 
 
 def _information(G_eta: np.ndarray, solved: np.ndarray) -> np.ndarray:

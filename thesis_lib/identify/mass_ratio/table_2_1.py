@@ -6,7 +6,7 @@ drops with fewer than `min_after` samples after the last one.  Each ratio adds f
 
 - plain: eq. 2.23 on the samples, noise level and μ known (`plain_program.plain_ratio`)
 - softened, complementary, projected: the three treatments of noise of section 2.3.2, noise level and μ known
-  (`treatments.treated_ratio`)
+  (`plain_program.treated_ratio`)
 - least_squares: Δω against lever at the true impact steps (`plain_program.impact_least_squares`)
 - arcs: maximum likelihood over arcs and impulses, noise estimated (`estimate.DropEstimates`), impulses free, no gap
 - arcs_gap: the same, with the gap at the impacts
@@ -28,8 +28,7 @@ import pandas as pd
 
 from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound, true_impacts
 from thesis_lib.identify.mass_ratio.estimate import DropEstimates, EstimateStatus
-from thesis_lib.identify.mass_ratio.plain_program import impact_least_squares, plain_ratio
-from thesis_lib.identify.mass_ratio.treatments import Treatment, treated_ratio
+from thesis_lib.identify.mass_ratio.plain_program import Treatment, impact_least_squares, plain_ratio, treated_ratio
 from thesis_lib.identify.settings import Table21
 from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, Chapter2Bodies, releases
 from thesis_lib.simulate.chapter2.noise_snr import add_noise

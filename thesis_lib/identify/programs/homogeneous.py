@@ -15,12 +15,11 @@ other have a scale each.  The sign is that with which contacts push.
 | `theta`           | Θ, one of it 1      | per `unit` | (n_Θ,) |
 
 With noise the least singular value is not 0, and which Θ has the least misfit depends on S; a parameter that only noise
-excites comes out too small, as with known mass (`mass_ratio.treatments`).
+excites comes out too small, as with known mass (`mass_ratio.plain_program`).
 """
 
 import re
-import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -36,27 +35,12 @@ from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, block,
 PROGRAM = "2.12 homogeneous"
 
 
-@dataclass(frozen=True)
-class Ratios:
-    """Parameters and forces over one parameter."""
-
-    unit: str  # name of the parameter that is 1
-    result: ProgramResult  # Θ and c over it, and whether dynamics and complementarity hold
-    singular_values: np.ndarray  # (n_Θ,), falling
-
-    @property
-    def theta(self) -> np.ndarray:
-        """(n_Θ,) parameters over the unit."""
-        return self.result.theta
-
-
-def solve_homogeneous(window: ContactWindow, unit: str = "m") -> Ratios:
-    """Ratios to the parameter `unit` from a window without known force.
+def solve_homogeneous(window: ContactWindow, unit: str = "m") -> tuple[ProgramResult, np.ndarray]:
+    """Θ and c over the parameter `unit`, which is 1, from a window without known force; and the singular values (n_Θ,).
 
     Raises:
         UserError: a force or a parameter is known, there is no such parameter, or more than the scale is undetermined.
     """
-    begin = time.process_time()
     if np.abs(window.f).max(initial=0.0) > FLOOR:
         raise UserError("the window has a known force or parameter, which sets the scale: use solve_mode_qp")
     if unit not in window.names:
@@ -76,11 +60,10 @@ def solve_homogeneous(window: ContactWindow, unit: str = "m") -> Ratios:
     theta, amplitude = theta / size, amplitude / size
     c_n, c_t = forces_of(window, edges, amplitude)
     cost = float(np.sum(window.residual(theta, c_n, c_t) ** 2))
-    answer = (PROGRAM, "singular value", admissible(window, theta, amplitude), theta, c_n, c_t, cost)
-    result = judged(window, *answer, time.process_time() - begin)
+    pushes = admissible(window, theta, amplitude)
+    result = judged(window, PROGRAM, "singular value", pushes, theta, c_n, c_t, cost)
     one = theta[window.names.index(unit)] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
-    result = replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one)
-    return Ratios(unit, result, values)
+    return replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one), values
 
 
 def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
@@ -97,7 +80,7 @@ def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
         body = bodies[re.split("[ ,]", name)[0]]
         row: dict[str, object] = {"case": name, "truth": body.mass / body.inertia, "found": 0}
         try:
-            found = solve_homogeneous(window).result
+            found, _ = solve_homogeneous(window)
         except UserError:
             rows.append(row)
             continue

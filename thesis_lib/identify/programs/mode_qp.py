@@ -22,7 +22,6 @@ the solution.
 Sources: thesis section 2.3.2; P. Goulart, Y. Chen, Clarabel, arXiv 2405.12762.
 """
 
-import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -84,7 +83,6 @@ def solve_mode_qp(
     window: ContactWindow, program: Program = "2.12", *, dynamics_tolerance: float = RESIDUAL_TOLERANCE
 ) -> ProgramResult:
     """Global minimum of a program on a window; `dynamics_tolerance` as in `result.judged`."""
-    begin = time.process_time()
     edges = edges_of(window, program)
     free = edges[edges.price == 0.0]
     theta, amplitude, misfit = least_squares(window, free)
@@ -101,8 +99,7 @@ def solve_mode_qp(
     cost = float(edges.price @ amplitude / F)
     if program != "2.14":
         cost += float(np.sum((window.residual(theta, c_n, c_t) / F) ** 2))
-    answer = (program, solver, claimed, theta, c_n, c_t, cost, time.process_time() - begin)
-    return judged(window, *answer, dynamics_tolerance=dynamics_tolerance)
+    return judged(window, program, solver, claimed, theta, c_n, c_t, cost, dynamics_tolerance=dynamics_tolerance)
 
 
 def forces_of(window: ContactWindow, edges: Edges, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -173,7 +170,7 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
     theta = prog.NewContinuousVariables(n_theta, "theta")
     amplitude = prog.NewContinuousVariables(len(edges), "a")
     residual = np.zeros(0) if hard else prog.NewContinuousVariables(window.f.size, "r")
-    A, b = dynamics_rows(window, edges, F, T)
+    A, b = dynamics_rows(window, edges.step, edges.direction, F, T)
     if not hard:
         from scipy.sparse import eye, hstack
 
@@ -196,14 +193,19 @@ def _clarabel(window: ContactWindow, edges: Edges, program: Program) -> tuple[bo
     return result.is_success(), T * result.GetSolution(theta), solution
 
 
-def dynamics_rows(window: ContactWindow, edges: Edges, F: float, T: np.ndarray) -> tuple["csc_matrix", np.ndarray]:
-    """Y Θ − B a = f as sparse rows A (m nv, n_Θ + E) and b (m nv,), in units F of force and T (n_Θ,) of Θ."""
+def dynamics_rows(
+    window: ContactWindow, step: np.ndarray, direction: np.ndarray, F: float, T: np.ndarray
+) -> tuple["csc_matrix", np.ndarray]:
+    """Y Θ − B a = f as sparse rows A (m nv, n_Θ + E) and b (m nv,), in units F of force and T (n_Θ,) of Θ.
+
+    `step` (E,) and `direction` (E, nv) of the forces a.
+    """
     from scipy.sparse import csc_matrix, hstack
 
     m, nv, _ = window.Y.shape
-    rows = (edges.step[:, None] * nv + np.arange(nv)).ravel()
-    columns = np.repeat(np.arange(len(edges)), nv)
-    B = csc_matrix((edges.direction.ravel(), (rows, columns)), shape=(m * nv, len(edges)))
+    rows = (step[:, None] * nv + np.arange(nv)).ravel()
+    columns = np.repeat(np.arange(len(step)), nv)
+    B = csc_matrix((direction.ravel(), (rows, columns)), shape=(m * nv, len(step)))
     Y = csc_matrix(window.Y.reshape(m * nv, -1) * (T / F))
     return hstack([Y, -B], format="csc"), window.f.ravel() / F
 

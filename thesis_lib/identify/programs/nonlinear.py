@@ -22,13 +22,12 @@ M. Saunders, SIAM Review 47 (2005), doi 10.1137/S0036144504446096 (SNOPT); A. WÃ
 (2006), doi 10.1007/s10107-004-0559-y (IPOPT).
 """
 
-import time
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from thesis_lib.identify.base_parameters.window import ContactWindow
-from thesis_lib.identify.programs.mode_qp import REACH, Program, parameter_scale
+from thesis_lib.identify.programs.mode_qp import REACH, Program, dynamics_rows, parameter_scale
 from thesis_lib.identify.programs.result import ProgramResult, judged
 
 if TYPE_CHECKING:
@@ -80,24 +79,18 @@ class ContactProgram:
         c_t[self.step, self.pair] = self.F * (plus - minus)
         return self.T * theta, c_n, c_t
 
-    def solve(self, point: np.ndarray, solver: str) -> tuple[bool, float, np.ndarray]:
-        """Solve from a point: whether the solver claims success, the cost, and the solution."""
+    def answer(self, point: np.ndarray, solver: str) -> ProgramResult:
+        """The program solved from a point by "snopt" or "ipopt", with a judged status."""
         constrained = self.program in ("2.12", "2.13")
         bounds = RELAXATION if constrained and self.products == "relaxed" else (0.0,)
         for bound in bounds:
             claimed, cost, point = self._solve_once(point, solver, bound)
             if not np.isfinite(point).all():
                 break
-        return claimed, cost, point
-
-    def answer(self, point: np.ndarray, solver: str) -> ProgramResult:
-        """The program solved from a point by "snopt" or "ipopt", with a judged status."""
-        begin = time.process_time()
-        claimed, cost, point = self.solve(point, solver)
-        cpu_s = time.process_time() - begin
-        return judged(self.window, self.program, solver, claimed, *self.unscaled(point), cost, cpu_s)
+        return judged(self.window, self.program, solver, claimed, *self.unscaled(point), cost)
 
     def _solve_once(self, point: np.ndarray, solver: str, bound: float) -> tuple[bool, float, np.ndarray]:
+        """Whether the solver claims success, the cost, and the solution."""
         from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver
 
         prog = MathematicalProgram()
@@ -134,17 +127,11 @@ class ContactProgram:
         triangle = np.linalg.qr(np.column_stack([Y[idle].reshape(-1, len(self.T)), f[idle].ravel()]), mode="r")
         triangle = triangle[np.abs(triangle).max(axis=1, initial=0.0) > VANISHING]
         if hard:
-            from scipy.sparse import csc_matrix, hstack
-
-            busy, position = np.unique(self.step, return_inverse=True)
-            nv = f.shape[1]
-            rows = (position[:, None] * nv + np.arange(nv)).ravel()
-            columns = np.repeat(np.arange(len(self.step)), nv)
-            shape = (len(busy) * nv, len(self.step))
-            parts = [csc_matrix((blocks[:, :, i].ravel(), (rows, columns)), shape=shape) for i in range(3)]
-            A = hstack([csc_matrix(Y[busy].reshape(-1, len(self.T))), *parts], format="csc")
-            if len(busy):
-                prog.AddLinearEqualityConstraint(A, f[busy].ravel(), np.concatenate([theta, c_n, c_plus, c_minus]))
+            directions = np.concatenate([J_n, J_t, -J_t])
+            A, b = dynamics_rows(window, np.tile(self.step, 3), directions, self.F, self.T)
+            busy = np.repeat(~idle, f.shape[1])
+            if busy.any():
+                prog.AddLinearEqualityConstraint(A[busy], b[busy], np.concatenate([theta, c_n, c_plus, c_minus]))
             if len(triangle):
                 prog.AddLinearEqualityConstraint(triangle[:, :-1], triangle[:, -1], theta)
             return

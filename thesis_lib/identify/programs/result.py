@@ -45,7 +45,6 @@ class ProgramResult:
     dynamics: float  # residual, 1; so is `complementarity`
     complementarity: float
     cost: float  # value of the program's cost, dimensionless
-    cpu_s: float  # CPU seconds
     names: tuple[str, ...] = ()  # (n_Θ,) of the parameters
 
     @property
@@ -84,7 +83,6 @@ def judged(
     c_n: np.ndarray,
     c_t: np.ndarray,
     cost: float,
-    cpu_s: float,
     *,
     dynamics_tolerance: float = RESIDUAL_TOLERANCE,
 ) -> ProgramResult:
@@ -107,5 +105,5 @@ def judged(
         else:
             status = SolveStatus.SOLVED
     return ProgramResult(
-        program, solver, status, claimed, theta, c_n, c_t, dynamics, complementarity, cost, cpu_s, names=window.names
+        program, solver, status, claimed, theta, c_n, c_t, dynamics, complementarity, cost, names=window.names
     )

@@ -11,6 +11,7 @@ have known mass, and I (hence m/I) is unknown; arm and disk are driven by known 
 unknown.
 """
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import get_args
@@ -172,10 +173,13 @@ def study(
     """A row of the table: successes, errors and CPU seconds of a program over windows and starts."""
     runs = []
     for case in windows:
+        begin = time.process_time()
         for result in _answers(what, case.window, starts, rng):
+            cpu_s = time.process_time() - begin
             errors = np.nan_to_num(case.errors(result), nan=np.inf)  # no answer: infinitely wrong
             success = result.solved and bool((errors <= SUCCESS).all())
-            runs.append((result.solved, success, result.claimed, result.claimed and not success, *errors, result.cpu_s))
+            runs.append((result.solved, success, result.claimed, result.claimed and not success, *errors, cpu_s))
+            begin = time.process_time()
     *counts, theta, force, cpu = np.array(runs, dtype=float).T
     names = ("n_solved", "n_success", "n_claims", "n_false_claims")
     measures = {"theta_error": theta, "force_error": force, "cpu_s": cpu}

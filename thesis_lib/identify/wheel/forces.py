@@ -85,11 +85,6 @@ class WheelFit:
         """(m, p) standard errors of the normal forces in N."""
         return _std(self.deviations[:, 0])
 
-    @property
-    def std_t(self) -> np.ndarray:
-        """(m, p) standard errors of the tangential forces in N."""
-        return _std(self.deviations[:, 1])
-
     def impulse_std(self, steps: slice, pair: int) -> tuple[float, float]:
         """Standard errors in N s of the normal and tangential impulse of a pair summed over some steps."""
         n, t = _std(self.record.h * self.deviations[:, :, steps, pair].sum(axis=2))

@@ -22,7 +22,7 @@ import pandas as pd
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.settings import WheelStudy
 from thesis_lib.identify.wheel.forces import WheelFit, fit_wheel, plain_forces
-from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies, releases, wheel
+from thesis_lib.simulate.chapter2.motions import Chapter2Bodies, releases, wheel
 from thesis_lib.simulate.chapter2.noise_snr import add_noise
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
@@ -109,27 +109,21 @@ def force_errors(forces: WheelForces, method: str, pair: int) -> dict[str, float
     return out
 
 
-def wheel_record(q: np.ndarray, v: np.ndarray, steps: int, bodies: Chapter2Bodies = DEFAULT) -> SimulatedMotion:
+def wheel_record(q: np.ndarray, v: np.ndarray, steps: int, bodies: Chapter2Bodies) -> SimulatedMotion:
     """The chapter's wheel from one start (3,), (3,)."""
     w = bodies.wheel
     return simulate(wheel(bodies), q, v, None, bodies.h, steps, w.mu, w.epsilon)
 
 
-def example_forces(
-    rng: np.random.Generator, settings: WheelStudy | None = None, bodies: Chapter2Bodies = DEFAULT
-) -> WheelForces:
+def example_forces(rng: np.random.Generator, settings: WheelStudy, bodies: Chapter2Bodies) -> WheelForces:
     """The record of figure 2-11: one start of the chapter's wheel, identified by every method."""
-    settings = settings or WheelStudy()
     q, v = releases("wheel", 1, rng, bodies)
     truth = wheel_record(q[0], v[0], settings.steps, bodies)
     return identify(truth, wheel(bodies), bodies.wheel.mu, bodies.wheel.epsilon, settings.snr, rng)
 
 
-def wheel_force_study(
-    n: int, rng: np.random.Generator, settings: WheelStudy | None = None, bodies: Chapter2Bodies = DEFAULT
-) -> pd.DataFrame:
+def wheel_force_study(n: int, rng: np.random.Generator, settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
     """n starts of the wheel, a row per record, spoke and method; columns as in `columns.yaml`."""
-    settings = settings or WheelStudy()
     made, w = wheel(bodies), bodies.wheel
     rows = []
     for i, (q, v) in enumerate(zip(*releases("wheel", n, rng, bodies))):
@@ -175,7 +169,7 @@ def wheel_force_table(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def motion_by_mass(settings: WheelStudy | None = None, bodies: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
+def motion_by_mass(settings: WheelStudy, bodies: Chapter2Bodies) -> pd.DataFrame:
     """Angle and angular velocity of the wheel for several masses at the same inertia (figure 2-10).
 
     Only m l² / I changes the motion.
@@ -186,7 +180,6 @@ def motion_by_mass(settings: WheelStudy | None = None, bodies: Chapter2Bodies = 
     Raises:
         UserError: a motion could not be simulated.
     """
-    settings = settings or WheelStudy()
     w = bodies.wheel
     parts = []
     for mass in settings.masses:

@@ -23,6 +23,14 @@ counts: an effect touches only some blocks).
 A new abstraction gets a normal component for the windows of the failing pushes, and a network that starts as their
 nearest one, with the shared prior of all.  Earlier abstractions stay unchanged.
 
+The probability of no move (`no_move`) is, of a learner with abstractions (HMA, MOR), the belief in those that count as
+stuck.  A single network has none; it says what it predicts of the next straight push, by the same rule on the same
+features,
+
+    p = 1 − (1 − P(m < m₀) P(f ≥ f₀)) (1 − P(d > d₀)),   m, f, d: advance of the block, force, advance of the tower
+
+with independent normal m, f and d.  Both are 0 to 1, and the controller charges their growth alike.
+
 All of these are own choices: the thesis judges abstractions by eye (figure 5-8).
 """
 
@@ -32,13 +40,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 import torch
+from scipy.special import ndtr
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, along_pushes, push_groups, windows
 from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
-from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples
+from thesis_lib.jenga.learners.networks import BayesianNetworks, train
+from thesis_lib.jenga.robot.samples import F_N, FREE, STATE, STUCK, TOWER, UNKNOWN, PushSamples, X
 
 PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
 LEVEL = 0.05  # of the predictive check, for a push and for all together
@@ -51,6 +60,20 @@ def stuck_group(learner: Hma) -> np.ndarray:
     look = learner.look
     still = (look["move"] < NO_MOVE) & (look["force"] >= NO_FORCE)
     return still | (look["drag"] > DRAG)
+
+
+def no_move(
+    learner: Learner, belief: np.ndarray, state: np.ndarray, context: np.ndarray, contact: float = 0.0
+) -> float:
+    """Probability of no move; belief (K,), state (7,) in mm and N, context (2,), contact in mm off the centre."""
+    if hasattr(learner, "look"):
+        return float(belief[stuck_group(learner)].sum())
+    mean, var = learner.predict(state[None], np.array([[contact, 0.0]]), context[None], belief[None]).moments()
+    std = np.sqrt(var[0])
+    still = ndtr((NO_MOVE - mean[0, X] + state[X]) / std[X])
+    forced = ndtr((mean[0, F_N] - NO_FORCE) / std[F_N])
+    drags = ndtr((mean[0, TOWER] - state[TOWER] - DRAG) / std[TOWER])
+    return float(1.0 - (1.0 - still * forced) * (1.0 - drags))
 
 
 def infer_first_steps(learner: Learner, samples: PushSamples, steps: int = 5) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """Hierarchical model abstractions: first the abstractions of pushes, then the physics of each.
 
     1. top-down:   c | windows                    (`mixture`: Dirichlet process, merged)
-    2. bottom-up:  s_{t+1} | s_t, a_t, c = k      (`bayesian_network`, weighted with p(c_i = k | push))
+    2. bottom-up:  s_{t+1} | s_t, a_t, c = k      (`networks`, weighted with p(c_i = k | push))
     3. noise:      z_t | s_t ~ Normal(s_t, Σ_z)   (from the residuals of 2)
     4. belief:     b_{t+1} as in `learner`, where p(z_{t+1} | s_t, a_t, k) is the network's prediction times the window
                    mixture of one step: in full at the first step of a push, when no state yet tells blocks apart, and
@@ -24,7 +24,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thesis_lib.jenga.learners.bayesian_network import BayesianNetworks, train
 from thesis_lib.jenga.learners.learner import (
     LEVELS,
     MIN_SAMPLES,
@@ -38,6 +37,7 @@ from thesis_lib.jenga.learners.learner import (
     windows,
 )
 from thesis_lib.jenga.learners.mixture import WindowMixture, describe, fit_mixture, names_of, push_posterior
+from thesis_lib.jenga.learners.networks import BayesianNetworks, train
 from thesis_lib.jenga.robot.samples import ADVANCE, PushSamples
 
 FIRST_STEP = 0.5  # mm of advance, below which the state does not yet tell blocks apart

@@ -33,6 +33,7 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from scipy.special import softmax
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.settings import BeliefSettings, LearnerSettings, PushWindowSettings
@@ -227,9 +228,7 @@ def log_likelihood(
 
 def bayes(belief: np.ndarray, log_like: np.ndarray) -> np.ndarray:
     """Posterior (n, K) of prior `belief` and log likelihood (n, K)."""
-    log_post = np.log(np.maximum(belief, 1e-300)) + log_like
-    post = np.exp(log_post - log_post.max(axis=1, keepdims=True))
-    return post / post.sum(axis=1, keepdims=True)
+    return softmax(np.log(np.maximum(belief, 1e-300)) + log_like, axis=1)
 
 
 def mix(belief: np.ndarray, stay: float, weights: np.ndarray) -> np.ndarray:

@@ -33,7 +33,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln
+from scipy.special import gammaln, softmax
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.learner import FEATURES
@@ -174,9 +174,7 @@ def push_posterior(log_like: np.ndarray, push: np.ndarray, shares: np.ndarray) -
     _, number = np.unique(push, return_inverse=True)
     total = np.zeros((number.max() + 1, log_like.shape[1]))
     np.add.at(total, number, log_like)
-    total += np.log(shares)
-    resp = np.exp(total - total.max(axis=1, keepdims=True))
-    return (resp / resp.sum(axis=1, keepdims=True))[number]
+    return softmax(total + np.log(shares), axis=1)[number]
 
 
 def describe(features: np.ndarray, resp: np.ndarray, force_scale: float) -> dict[str, np.ndarray]:

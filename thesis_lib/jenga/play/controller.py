@@ -11,8 +11,8 @@ one branch per abstraction k, which starts with certainty in k and then follows 
 The first action of the cheapest sequence is executed.  If it costs more than giving up, J* > J_g, the robot retracts,
 but not before `probe` pushes: before contact nothing is known of the block.  All learners share costs and weights.
 
-The term g of p(no move) can be switched off: the comparison of learners would otherwise measure it.  `no_move` says
-what each learner's p is.  It is the same for all pushes, so it only weighs pushing against giving up.  Predicted
+The term g of p(no move) can be switched off: the comparison of learners would otherwise measure it.  `abstractions`
+says what each learner's p is.  It is the same for all pushes, so it only weighs pushing against giving up.  Predicted
 variances count in it alone: C is nearly linear where it matters, and the branches carry the spread that decides.
 
 Sequences: all pairs of a few contact locations and headings held for H steps, the straight push and the present contact
@@ -23,8 +23,8 @@ Source: thesis, section 5.5.4, figure 5-9, which names the costs without equatio
 
 import numpy as np
 
+from thesis_lib.jenga.learners.abstractions import no_move
 from thesis_lib.jenga.learners.learner import Learner
-from thesis_lib.jenga.play.no_move import no_move
 from thesis_lib.jenga.play.policies import Action, Policy, Push, Retract
 from thesis_lib.jenga.play.settings import ControllerSettings
 from thesis_lib.jenga.robot.samples import STATE, TOWER, YAW, X, Y

@@ -4,18 +4,24 @@ Learners are hma, mor and network.  The controller charges the growth of p(no mo
 mor_with_cost and network_with_cost are the same learners, fitted with the same random numbers, without and with it.
 hma_one_shot learns abstractions and transitions jointly.  Without training are rule, always_push, exploration and
 oracle.
+
+The oracle simulates each push on the tower before making it: an upper bound for the other policies.  For each block a
+straight push to the goal and the extraction are simulated, and the tower is restored.  The push is made only if no
+damage was done.  The oracle judges each block alone, whatever the tower is worth afterwards, so it bounds policies that
+push straight and decide block by block.  Simulated and real push agree to the last bit.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.play.oracle import Oracle
-from thesis_lib.jenga.play.policies import AlwaysPush, Exploration, Policy, RulePolicy
-from thesis_lib.jenga.play.settings import Chapter5
-from thesis_lib.jenga.robot.samples import PushSamples
+from thesis_lib.jenga.play.policies import Action, AlwaysPush, Exploration, Policy, Push, Retract, RulePolicy
+from thesis_lib.jenga.play.settings import Chapter5, OracleSettings
+from thesis_lib.jenga.robot.movable import comes_out
+from thesis_lib.jenga.robot.samples import MM, PushSamples
+from thesis_lib.jenga.tower.tower import Tower, TowerError
 
 if TYPE_CHECKING:  # learners need torch, which takes longer to import than a rule takes to play a block
     from thesis_lib.jenga.learners.hma import Hma
@@ -27,11 +33,43 @@ LEARNS_AS = {"hma_without_cost": "hma", "mor_with_cost": "mor", "network_with_co
 WITHOUT_COST = ("hma_without_cost", "mor", "network")
 
 
+class Oracle(Policy):
+    """A `Policy` with access to the tower."""
+
+    name = "oracle"
+    SEES_TOWER: ClassVar[bool] = True
+    tower: Tower
+
+    def __init__(self, settings: OracleSettings | None = None):
+        self.settings = settings or OracleSettings()
+
+    def start(self, block: int, context: np.ndarray) -> None:
+        pushes = map(Push, self.settings.offsets)
+        good = (push for push in pushes if would_succeed(self.tower, block, push, self.settings.damage))
+        self.plan: Action = next(good, Retract("would do damage"))
+
+    def act(self, state: np.ndarray, context: np.ndarray) -> Action:
+        return self.plan
+
+
+def would_succeed(tower: Tower, block: int, push: Push, damage: float) -> bool:
+    """Whether `push`, repeated, and the gripper extract the block with others moved by at most `damage` (mm)."""
+    poses = tower.poses()
+
+    def harmless() -> bool:
+        return MM * tower.perturbation(block, poses)[0] <= damage
+
+    try:
+        return comes_out(tower, block, harmless, push.offset / MM, push.heading)
+    except TowerError:  # a collapse too violent to simulate is still a collapse
+        return False
+
+
 def learner_of(name: str, settings: Chapter5) -> "Learner":
     """An unfitted learner, by the name of a policy; UserError for an unknown name."""
     from thesis_lib.jenga.learners.hma import Hma
     from thesis_lib.jenga.learners.mor import Mor
-    from thesis_lib.jenga.learners.network import Network
+    from thesis_lib.jenga.learners.networks import Network
 
     learners = {"hma": Hma, "hma_one_shot": Hma, "mor": Mor, "network": Network}
     learns = LEARNS_AS.get(name, name)

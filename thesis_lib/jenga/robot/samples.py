@@ -23,6 +23,7 @@ STATE = ("x", "y", "yaw", "f_n", "f_t", "advance", "tower")
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(len(STATE))
 ACTION = ("offset", "heading")
 CONTEXT = ("layer", "side")
+GROUPS = {"state": STATE, "action": ACTION, "next_state": STATE, "context": CONTEXT}  # of numbers in a sample
 FREE, STUCK, UNKNOWN = 0, 1, -1
 
 # Beyond what a push can give: the block has left the tower, or the tower has fallen.
@@ -67,11 +68,10 @@ class PushSamples:
 
     def __post_init__(self) -> None:
         n = len(self.push)
-        widths = {"state": len(STATE), "next_state": len(STATE), "action": len(ACTION), "context": len(CONTEXT)}
         for item in fields(self):
             value = np.asarray(getattr(self, item.name))
-            value = value.astype(float if item.name in widths else int)
-            shape = (n, widths[item.name]) if item.name in widths else (n,)
+            value = value.astype(float if item.name in GROUPS else int)
+            shape = (n, len(GROUPS[item.name])) if item.name in GROUPS else (n,)
             if value.shape != shape:
                 raise UserError(f"samples: {item.name} has shape {value.shape}, expected {shape}.")
             object.__setattr__(self, item.name, value)
@@ -82,7 +82,7 @@ class PushSamples:
         return len(self.push)
 
     def _check_rows(self) -> None:
-        for part, names in (("state", STATE), ("next_state", STATE), ("action", ACTION), ("context", CONTEXT)):
+        for part, names in GROUPS.items():
             values = getattr(self, part)
             low, high = np.array([RANGE[name] for name in names]).T
             bad = ~((values >= low) & (values <= high))  # also true for NaN
@@ -130,18 +130,13 @@ def join(parts: list[PushSamples]) -> PushSamples:
 
 
 _INTEGERS = ("push", "step", "tower", "block", "truth")
-_GROUPS = {
-    "state": [f"s_{name}" for name in STATE],
-    "action": [f"a_{name}" for name in ACTION],
-    "next_state": [f"n_{name}" for name in STATE],
-    "context": [f"c_{name}" for name in CONTEXT],
-}
+_COLUMNS = {group: [f"{group[0]}_{name}" for name in names] for group, names in GROUPS.items()}
 
 
 def as_table(samples: PushSamples) -> pd.DataFrame:
     """A row per sample: push, step, tower, block, s_*, a_*, n_*, c_*, truth."""
     table = {name: getattr(samples, name) for name in _INTEGERS[:-1]}
-    for group, names in _GROUPS.items():
+    for group, names in _COLUMNS.items():
         table |= dict(zip(names, getattr(samples, group).T))
     return pd.DataFrame(table | {"truth": samples.truth})
 
@@ -154,9 +149,9 @@ def write_samples(samples: PushSamples, path: str | Path) -> None:
 
 def read_samples(path: str | Path) -> PushSamples:
     """Read what `write_samples` wrote.  Errors as in `read_table`, `PushSamples` and `PushSamples.check_resistance`."""
-    columns = [*_INTEGERS, *(name for names in _GROUPS.values() for name in names)]
+    columns = [*_INTEGERS, *(name for names in _COLUMNS.values() for name in names)]
     table = read_table(path, columns)
-    groups = {group: table[names].to_numpy() for group, names in _GROUPS.items()}
+    groups = {group: table[names].to_numpy() for group, names in _COLUMNS.items()}
     samples = PushSamples(**{name: table[name].to_numpy() for name in _INTEGERS}, **groups)
     samples.check_resistance()
     return samples

@@ -36,12 +36,7 @@ class _Run:
         self.attempts: list[tuple] = []
         self.tower = settled_tower(seed, setup)
 
-    def explore(self, limit: int, blocks: Sequence[int]) -> None:
-        for block in self.rng.permutation(blocks):
-            if len(self.rows) >= limit or not self._try(int(block), limit):
-                return
-
-    def _try(self, block: int, limit: int) -> bool:
+    def try_block(self, block: int, limit: int) -> bool:
         """Try one block; whether the run continues."""
         reduced = self.setup.collect.reduced
         tower = reduce(self.tower, block) if reduced else self.tower
@@ -136,7 +131,9 @@ def explore_tower(
     """
     rng = np.random.default_rng(np.random.SeedSequence(base_seed, spawn_key=(5, seed)))
     run = _Run(seed, rng, setup or Setup(), label)
-    run.explore(limit, blocks)
+    for block in rng.permutation(blocks):
+        if len(run.rows) >= limit or not run.try_block(int(block), limit):
+            break
     return run.samples() if run.rows else None, pd.DataFrame(run.attempts, columns=list(ATTEMPT))
 
 

@@ -26,10 +26,10 @@ from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from scipy.optimize import minimize
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.learners.bayesian_network import LOG_VAR, N_OUT
 from thesis_lib.jenga.learners.hma import Hma
 from thesis_lib.jenga.learners.kalman import KalmanBank, process_variance
 from thesis_lib.jenga.learners.learner import SEEN
+from thesis_lib.jenga.learners.networks import LOG_VAR, N_OUT
 from thesis_lib.jenga.learners.settings import NutsSettings
 from thesis_lib.jenga.robot.samples import ADVANCE
 

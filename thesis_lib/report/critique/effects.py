@@ -13,18 +13,8 @@ from thesis_lib.critique.drops.words import NAMED, alternatives_listed, feature_
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.proposal.effect_file import capital
 from thesis_lib.critique.proposal.results import UNTESTABLE, sized
+from thesis_lib.critique.results import effect_sentences as told
 from thesis_lib.critique.results.clock_and_size import said
-from thesis_lib.critique.results.effect_sentences import (
-    at_its_end,
-    effects_found,
-    is_at_end,
-    is_fault,
-    rejected,
-    stands_in,
-    unseen,
-    why_not,
-)
-from thesis_lib.critique.results.effect_sentences import faults as measurement_faults
 from thesis_lib.critique.results.numbers import MATERIAL, MOVED, compensated
 from thesis_lib.critique.results.summary import above_noise, restitution_differs, worst
 from thesis_lib.critique.results.titles import effect_title, law_title, new_law, symbol
@@ -36,13 +26,13 @@ from thesis_lib.statistics.wording import listed, number
 
 
 def faults(d: Mapping) -> Markup:
-    measured = filter(is_fault, effects_found(d))
+    measured = filter(told.is_fault, told.effects_found(d))
     sentences = [f"{_effect_sentence(effect)} {_doubt(effect)}".strip() for effect in measured]
-    return paragraph(*sentences) + Markup().join(map(paragraph, measurement_faults(d)))
+    return paragraph(*sentences) + Markup().join(map(paragraph, told.faults(d)))
 
 
 def effects(d: Mapping) -> Markup:
-    more = paragraph(*map(rejected, d["rejected"]), *search_ended(d["search"], "critique.settings"))
+    more = paragraph(*map(told.rejected, d["rejected"]), *search_ended(d["search"], "critique.settings"))
     if not d["effects"]:
         return more + paragraph(
             "No candidate passes all tests: a gain of log score beyond what the best of all candidates gains by "
@@ -54,13 +44,13 @@ def effects(d: Mapping) -> Markup:
 def _effect(effect: Mapping) -> Markup:
     title = capital(effect_title(effect["name"]))
     if not effect["clears"]:
-        by_hand = f"{title} was switched on by you; {why_not(effect)}."
+        by_hand = f"{title} was switched on by you; {told.why_not(effect)}."
         return paragraph(by_hand, _effect_sentence(effect))
-    if is_fault(effect):
+    if told.is_fault(effect):
         return paragraph(f"{title} is a fault of the measurement; see above.")
     if effect.get("stand_in"):
-        return paragraph(stands_in(effect), _effect_sentence(effect), _shown_by(effect))
-    end = at_its_end(effect) if is_at_end(effect) else ""
+        return paragraph(told.stands_in(effect), _effect_sentence(effect), _shown_by(effect))
+    end = told.at_its_end(effect) if told.is_at_end(effect) else ""
     return paragraph(_effect_sentence(effect), _doubt(effect), *said([effect]), _shown_by(effect), end)
 
 
@@ -85,7 +75,7 @@ def _effect_sentence(effect: Mapping) -> str:
         f"held-out log score is {change} nats an impact (p = {number(gain['p_value'], 2)} against the best of all "
         "candidates by chance)."
     )
-    return f"{sentence} {unseen(effect)}".rstrip()
+    return f"{sentence} {told.unseen(effect)}".rstrip()
 
 
 def _doubt(effect: Mapping) -> str:

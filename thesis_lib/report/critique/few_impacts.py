@@ -19,25 +19,16 @@ MOST = 60  # impacts in the table of the page
 
 def few_contents(few: FewImpacts, findings: Findings) -> Contents:
     """The page of impacts that are too few for a verdict; there are no pictures."""
-    return Contents(few_page(few, findings.diagnosis, findings.tables))
-
-
-def few_page(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> str:
-    """report.html."""
-    of, contents = d["restitution"], _of_impacts(few, d, made) if few.laws else {}
+    d = findings.diagnosis
+    of, contents = d["restitution"], _of_impacts(few, d, findings.tables) if few.laws else {}
     contents["What a verdict needs"] = ("next", paragraph(d["next_experiment"]["why"]), left_out_table(d))
     value = "unknown" if of["value"] is None else number(of["value"])
-    return critique_page(
-        d,
-        contents,
-        "effect",
-        word="No verdict: too few impacts",
-        kind="none",
-        key_numbers=[
-            ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials"),
-            ("restitution", value if of["std"] is None else with_error(of["value"], of["std"]), "one standard error"),
-        ],
-    )
+    numbers = [
+        ("impacts used", f"{d['n_impacts']}", f"{d['n_trials']} trials"),
+        ("restitution", value if of["std"] is None else with_error(of["value"], of["std"]), "one standard error"),
+    ]
+    word = "No verdict: too few impacts"
+    return Contents(critique_page(d, contents, "effect", word=word, kind="none", key_numbers=numbers))
 
 
 def _of_impacts(few: FewImpacts, d: Mapping, made: Mapping[str, pd.DataFrame]) -> dict[str, Sequence]:

@@ -43,10 +43,6 @@ EDGE = 0.005  # quantile at which the map ends; what lies beyond is drawn on its
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM, MARGIN = 420, 380, 66, 34, 46, 12  # of the map
 SMALL, LARGE = 2.0, 7.0  # radius of a point without error, and of one at the end of the scale
 COLORS = matplotlib.colormaps["cividis_r"]
-KEYS = (
-    "Point at an impact, or reach the map with the tab key and move with the arrow keys (Home: largest error, End: "
-    "smallest), to see its energy ellipse."
-)
 
 
 @of_the_plane(Markup)
@@ -71,7 +67,6 @@ def explorer(critique: DropsCritique, where: Mapping) -> Markup:
     ]
     return render(
         TEMPLATE,
-        keys=KEYS,
         map=_map(x, y, errors["base"][shown], labels),
         axes=[plain(axis_label(name)) for name in over],
         finding=finding,

@@ -277,8 +277,10 @@ CAPTION = (
 )
 
 
-def models(found: pd.DataFrame) -> Markup:
-    """What the table says, and the table; `found` is that of `compare_models`."""
+def models(found: pd.DataFrame | None) -> Markup:
+    """What the table says, and the table; `found` is that of `compare_models`, where it was asked for."""
+    if found is None:
+        return Markup()
     rows = []
     for row in found.to_dict("records"):
         lacks = listed([effect_title(name) for name in str(row["lacks"]).split(" + ")]) if row["lacks"] else ""

@@ -6,6 +6,16 @@
 The bootstrap draws held-out throws, and takes the models as trained.  Other training throws would change little if
 std_splits is not larger than √parts times `std`.  The budget is a mean over parts.  Figures of single throws and of one
 belief use part 0.
+
+Figure 4-4 shows how the belief over a throw widens from contact to contact, and how much of it contacts do.  Held-out
+throws are thrown from states drawn from the covariance of their start, once with uncertain contacts and once with the
+same contacts without uncertainty.  A throw's width is the standard deviation of x over its particles, in sides:
+
+    std, certain    median over throws of the width with uncertain contacts, and without
+    ratio           median over throws of one over the other
+
+Start noise grows on the way by itself, as a thrown die is chaotic.  So a wider belief does not show that contacts are
+uncertain, but the ratio does: it is 1 where they add nothing, and √2 where they add half of the variance.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,10 +32,10 @@ from thesis_lib.residual.dice.models import Thrower, perturbed, throw_starts
 from thesis_lib.residual.dice.readings import readings
 from thesis_lib.residual.dice.settings import DiceStudySettings
 from thesis_lib.residual.dice.study import DiceStudy
-from thesis_lib.residual.dice.tables import difficulty, easy_and_hard, summary
-from thesis_lib.residual.dice.widths import belief_widths
+from thesis_lib.residual.dice.tables import difficulty, easy_and_hard, spread, summary
 from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
 from thesis_lib.residual.throwing.flight import fly
+from thesis_lib.residual.throwing.propagation import Sampled
 from thesis_lib.residual.throwing.settings import ThrowSettings
 
 BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
@@ -34,6 +44,8 @@ COMPLIANT = "compliant"
 SAMPLES = 200  # of a drawn belief
 ASKEW = 0.75  # 24 degrees from a side: the neighbour touches much later, if at all
 FAST = 0.5  # m/s; slower contacts give poor estimates of restitution
+STATES = ("start", "first contact", "second contact", "rest")
+FEWEST = 5  # particles that have a contact, for a width after it
 
 
 @dataclass(frozen=True)
@@ -63,7 +75,8 @@ def dice_tables(
     ]
     coverage = pd.concat(coverages, ignore_index=True)
     whole["calibration"] = coverage[["model", "kind", *coverage.columns.drop(["model", "kind"])]]
-    whole["budget"] = _budget(whole["budget"])
+    budgets = whole["budget"].drop(columns="split").groupby(["model", "contact"], sort=False)
+    whole["budget"] = budgets.mean().reset_index()
 
     def summarised(summarise: Callable, *names: str) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
         """The summary of tables of all throws, with the spread over the summaries of parts; and these."""
@@ -93,9 +106,35 @@ def tables_of_part(
     }
 
 
-def _budget(table: pd.DataFrame) -> pd.DataFrame:
-    """Means over parts of a table of the budget, the order of models kept."""
-    return table.drop(columns="split").groupby(["model", "contact"], sort=False).mean().reset_index()
+def belief_widths(
+    thrower: Thrower, held: ThrowReleases, side: float, settings: DiceStudySettings, rng: np.random.Generator
+) -> pd.DataFrame:
+    """A row per state: throws, std, certain and ratio, each with its standard error (bootstrap over throws).
+
+    `side` in m.  A throw counts where at least `FEWEST` of its particles have the contact, thrown either way.
+    """
+    start_rng, contact_rng, bootstrap_rng = rng.spawn(3)
+    q, v = perturbed(held, settings.particles, start_rng)
+
+    def widths(contact: Sampled) -> np.ndarray:
+        """Widths (states, throws), NaN where too few particles have the contact."""
+        out = throw_starts(thrower.model, contact, q, v, settings.throw, contact_rng)
+        x = np.stack([q[:, 0], out.snapshot_q[0, :, 0], out.snapshot_q[1, :, 0], out.q[:, 0]])
+        x = x.reshape(len(STATES), len(held), -1) / side
+        enough = np.isfinite(x).sum(axis=2) >= FEWEST
+        found = np.full(enough.shape, np.nan)
+        found[enough] = np.nanstd(x[enough], axis=1)
+        return found
+
+    wide, narrow, rows = widths(thrower.contact), widths(thrower.certain), []
+    for i, state in enumerate(STATES):
+        known = np.isfinite(wide[i]) & np.isfinite(narrow[i])
+        row: dict[str, object] = {"state": state, "throws": int(known.sum())}
+        for name, values in (("std", wide[i]), ("certain", narrow[i]), ("ratio", wide[i] / narrow[i])):
+            error = spread(values[known], np.median, settings.bootstrap, bootstrap_rng)[0]
+            row |= {name: float(np.median(values[known])), f"{name}_error": error}
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def stacked(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -111,8 +150,8 @@ def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFra
     columns = list(whole.columns[: whole.columns.get_loc("high") + 1])
     *keys, value = columns[: columns.index("std")]
     groups = pd.concat(parts, ignore_index=True).groupby(keys, sort=False)[value]
-    spread = pd.DataFrame({"std_splits": groups.std(ddof=1), "splits": groups.count()}).reset_index()
-    return whole[columns].merge(spread, on=keys, how="left", validate="one_to_one")
+    of_parts = pd.DataFrame({"std_splits": groups.std(ddof=1), "splits": groups.count()}).reset_index()
+    return whole[columns].merge(of_parts, on=keys, how="left", validate="one_to_one")
 
 
 def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:

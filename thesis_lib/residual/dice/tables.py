@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import rankdata
+from scipy.stats import spearmanr
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
@@ -59,7 +59,7 @@ def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStu
         # the scatter was measured as a share of c_n at the centre, in this metric
         share = np.sqrt(np.diag(thrower.contact.relative)) / metric
         cov = ((share * np.maximum(c_n, settings.slowest)[:, None]) ** 2)[:, :, None] * np.eye(3)
-        pit = pit_of_gaussian(away, np.zeros_like(away), cov + FINEST * np.eye(3))
+        pit = pit_of_gaussian(away, cov + FINEST * np.eye(3))
     return pd.DataFrame(
         {"trial": contacts.trial[rows], "model": thrower.name, "pit": pit, "misfit": np.linalg.norm(away, axis=1)}
     )
@@ -78,7 +78,7 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
     away = np.einsum("nij,nj->ni", A, (impacts.v_post - out.v_post) * metric)
     known = np.isfinite(away).all(1)
     pit = np.full(len(impacts), np.nan)
-    pit[known] = pit_of_gaussian(away[known], np.zeros_like(away[known]), out.covariance[known])
+    pit[known] = pit_of_gaussian(away[known], out.covariance[known])
     misfit = velocity_error(impacts.v_post - out.v_post, impacts.k_g)
     return pd.DataFrame({"trial": impacts.trial, "model": thrower.name, "pit": pit, "misfit": misfit})
 
@@ -158,8 +158,7 @@ def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -
     """Rank correlation of |error| with the belief's spread after the first contact and at rest, with intervals."""
 
     def spearman(pair: np.ndarray) -> float:
-        a, b = rankdata(pair[:, 0]), rankdata(pair[:, 1])
-        return float(np.corrcoef(a, b)[0, 1])
+        return float(spearmanr(*pair.T)[0])
 
     rows, stream = [], streams(rng)
     for model, part in throws.groupby("model", sort=False):

@@ -26,9 +26,15 @@ from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import MU_MAX, fit_individual
 from thesis_lib.residual.learners import feasible as feasibility
 from thesis_lib.residual.learners.bases import Base, LawBase
-from thesis_lib.residual.learners.features import FeatureSet, features, impulse_of, velocity_after, velocity_map
+from thesis_lib.residual.learners.features import (
+    FeatureSet,
+    TrainingRange,
+    features,
+    impulse_of,
+    velocity_after,
+    velocity_map,
+)
 from thesis_lib.residual.learners.gaussian_process import GaussianProcess, GaussianProcessSettings, fit_gaussian_process
-from thesis_lib.residual.learners.in_range import TrainingRange
 
 RANGE = 0.02  # m/s in the kinetic metric: largest misfit of the best (μ, ε) at which the law explains an outcome
 FEWEST = 5
@@ -99,17 +105,17 @@ class ImpulseLearner(ImpactLearner):
         return self._trained(seen, x[known], y[known], rng, start, centred=not self.residual, base=base)
 
     def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
-        wrench, seen = self.wrench, self.base.seen(impacts)
+        seen = self.base.seen(impacts)
         x = features(seen, self.feature_set)
         impulse, variance = self.process.predict(x, noise=noise, variance=covariance)
         if self.residual:
             prior = _seen_prediction(self.base, impacts)
             # keep the part of the law's v⁺ that no impulse through the contact point gives
             v_seen = prior + velocity_after(impulse, seen) - seen.v_pre
-            impulse = impulse + impulse_of(prior - seen.v_pre, seen, wrench=wrench)
+            impulse = impulse + impulse_of(prior - seen.v_pre, seen, wrench=self.wrench)
         else:
             v_seen = velocity_after(impulse, seen)
-        return _prediction(self.base, impacts, seen, v_seen, impulse, _diagonal(variance), self.range, wrench=wrench)
+        return _prediction(self.base, impacts, seen, v_seen, impulse, _diagonal(variance), self.range)
 
 
 @dataclass(frozen=True)
@@ -144,7 +150,7 @@ class ParameterLearner(ImpactLearner):
                 columns.append(0.5 * (self._law(impacts, mean + shift)[0] - self._law(impacts, mean - shift)[0]))
             J = np.stack(columns, axis=2)
             S = J @ np.swapaxes(J, 1, 2)
-        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range, wrench=False)
+        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range)
 
     def _law(self, impacts: Impacts, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         mu, epsilon = np.clip(parameters, 0.0, [MU_MAX, 1.0]).T
@@ -171,14 +177,13 @@ class FeasibleLearner(ImpactLearner):
         x = features(impacts, self.feature_set)
         s, variance = self.process.predict(x, noise=noise, variance=covariance)
         v_post = feasibility.from_latent(impacts.v_pre, s, impacts.r, impacts.k_g)
-        wrench = self.wrench
-        impulse = impulse_of(v_post - impacts.v_pre, impacts, wrench=wrench)
+        impulse = impulse_of(v_post - impacts.v_pre, impacts, wrench=self.wrench)
         S = _diagonal(variance)
         if covariance:
             slopes = feasibility.latent_slopes(impacts.v_pre, s, impacts.r, impacts.k_g)
-            J = np.stack([impulse_of(slopes[:, :, i], impacts, wrench=wrench) for i in range(s.shape[1])], 2)
+            J = np.stack([impulse_of(slopes[:, :, i], impacts, wrench=self.wrench) for i in range(s.shape[1])], 2)
             S = J @ S @ np.swapaxes(J, 1, 2)
-        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range, wrench=wrench)
+        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range)
 
 
 @dataclass(frozen=True)
@@ -198,7 +203,7 @@ class LawLearner(ImpactLearner):
         v_seen = _seen_prediction(self.base, impacts)
         impulse = impulse_of(v_seen - seen.v_pre, seen, wrench=True)
         S = np.zeros((len(impacts), 3, 3))
-        return _prediction(self.base, impacts, seen, v_seen, impulse, S, self.range, wrench=True)
+        return _prediction(self.base, impacts, seen, v_seen, impulse, S, self.range)
 
 
 def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
@@ -218,10 +223,9 @@ def _prediction(
     impulse: np.ndarray,
     covariance: np.ndarray,
     trained: TrainingRange,
-    *,
-    wrench: bool,
 ) -> ImpactPrediction:
-    A = velocity_map(seen, wrench=impulse.shape[1] == 3)
+    wrench = impulse.shape[1] == 3
+    A = velocity_map(seen, wrench=wrench)
     v_post = base.measured(impacts, v_seen)
     # `measured` is affine in the velocity, so unit impulses give its slope
     jacobian = np.stack([base.measured(impacts, v_seen + A[:, :, i]) - v_post for i in range(A.shape[2])], axis=2)

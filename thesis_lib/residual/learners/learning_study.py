@@ -200,17 +200,13 @@ def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.D
         "law_over_wrench_omega": (base_law, "wrench_x1_omega"),
     }
     rows = []
-    for size, chosen in ((density_size, pairs), (FEW, OF_FEW), (curves["n"].min(), OF_FEWEST)):
-        n = _nearest_size(curves, size)
+    for wanted, chosen in ((density_size, pairs), (FEW, OF_FEW), (curves["n"].min(), OF_FEWEST)):
+        n = min(curves["n"].unique(), key=lambda size, wanted=wanted: abs(size - wanted))
         wide = curves[curves["n"] == n].pivot(index="split", columns="model", values="mean")
         for statement, (above, below) in chosen.items():
             ratio = wide[above] / wide[below]
             rows.append((statement, n, ratio.mean(), ratio.std(ddof=1) / np.sqrt(len(ratio))))
     return pd.DataFrame(rows, columns=["statement", "n", "value", "std"])
-
-
-def _nearest_size(curves: pd.DataFrame, wanted: int) -> int:
-    return min(curves["n"].unique(), key=lambda size: abs(size - wanted))
 
 
 def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) -> int:

@@ -36,11 +36,10 @@ def pit_of_samples(outcome: np.ndarray, samples: np.ndarray, rng: np.random.Gene
     return (below + rng.uniform(size=len(outcome)) * (equal + 1)) / (samples.shape[1] + 1)
 
 
-def pit_of_gaussian(outcome: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> np.ndarray:
-    """χ² probability u (n,) of outcomes (n, d) under N(mean, cov): the smallest region that contains the outcome."""
-    away = outcome - mean
+def pit_of_gaussian(away: np.ndarray, cov: np.ndarray) -> np.ndarray:
+    """χ² probability u (n,) of outcome − mean (n, d) under N(0, cov): the smallest region that contains the outcome."""
     z2 = np.einsum("ni,ni->n", away, np.linalg.solve(cov, away[..., None])[..., 0])
-    return chi2.cdf(z2, outcome.shape[1])
+    return chi2.cdf(z2, away.shape[1])
 
 
 def pit_of_student(away: np.ndarray, freedom: float) -> np.ndarray:

@@ -13,8 +13,9 @@ from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.impacts import POSE, V_POST, V_PRE
-from thesis_lib.datasets.format.write import write_csv, write_dataset
+from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_table
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.compliant.drops import Engine, simulate_compliant_drops
 from thesis_lib.simulate.rig.camera import reported
@@ -113,7 +114,7 @@ def _camera(q: np.ndarray, v: np.ndarray, t: np.ndarray, m: HiddenCauses) -> tup
 def write_example(example: Example, folder: str | Path) -> Path:
     """Write dataset.yaml, trajectories.csv and `NEW_IMPACTS`; UserError if `folder` holds other tables of a dataset."""
     folder = write_dataset(example.dataset, folder, float_format=FLOAT_FORMAT)
-    write_csv(example.new_impacts, folder / NEW_IMPACTS, FLOAT_FORMAT)
+    write_table(example.new_impacts, folder / NEW_IMPACTS, FLOAT_FORMAT)
     return folder
 
 

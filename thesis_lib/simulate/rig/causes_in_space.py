@@ -20,7 +20,7 @@ import numpy as np
 from thesis_lib.bodies.mesh import Mesh
 from thesis_lib.bodies.solids import Edged
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.inertia import principal_axes
 from thesis_lib.mechanics.space import (

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import surface_frames
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.foundation.settings import Section
 from thesis_lib.mechanics.frame import on_body

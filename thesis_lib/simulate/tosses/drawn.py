@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.mechanics.space import of_rotation_vector, rotated
 from thesis_lib.simulate.tosses.camera import CameraInSpace, film

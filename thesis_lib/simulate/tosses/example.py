@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Solid, Sphere
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.rig.causes_in_space import sizes_of

@@ -17,8 +17,7 @@ import pandas as pd
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
-from thesis_lib.datasets.format.header import Header
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import Header, SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector, rotated

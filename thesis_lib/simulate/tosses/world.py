@@ -12,7 +12,7 @@ import numpy as np
 
 from thesis_lib.bodies.solid_body import FlatSurface
 from thesis_lib.bodies.solids import Box, Capsule, Hull, Sphere
-from thesis_lib.datasets.format.space_header import SpaceHeader
+from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State

@@ -4,7 +4,6 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.figures.chapter2.forces import figure_2_12
 from thesis_lib.figures.style import save_figure
@@ -22,4 +21,4 @@ print(f"trajectories left out: {found.left_out}")
 write_result(found.forces, out.forces)
 write_result(found.parameters, out.parameters)
 write_result(arm_force_summary(found.forces, found.parameters), out.summary)
-save_figure(*figure_2_12(found.trajectories[0]), Path(out[0]).with_suffix(""))
+save_figure(*figure_2_12(found.trajectories[0]), out[0])

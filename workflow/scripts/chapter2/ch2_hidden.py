@@ -22,7 +22,7 @@ bodies = Chapter2Bodies.model_validate(params.bodies)
 tables, shown = hidden_effect_study(settings, generator(params.seed, "ch2_hidden"), bodies, say=print)
 for path in out.tables:
     write_result(tables[Path(path).stem.removeprefix("hidden_")], path)
-save_figure(*figure_hidden(tables["effects"], tables["forces"]), Path(out[0]).with_suffix(""))
+save_figure(*figure_hidden(tables["effects"], tables["forces"]), out[0])
 for name, found in shown.items():
     name = name.replace("/", "_")
     rng = generator(params.seed, "mechanism critique", name)

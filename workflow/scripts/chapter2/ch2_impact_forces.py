@@ -4,7 +4,6 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.figures.chapter2.impact import figure_2_15
 from thesis_lib.figures.style import save_figure
@@ -21,4 +20,4 @@ write_result(rows, snakemake.output.impacts)
 write_result(study.force_summary(rows), snakemake.output.summary)
 shown, history = study.shown_impact(rows, drops, settings)
 samples = drops.trajectories
-save_figure(*figure_2_15(shown, history, samples, rows, settings), Path(snakemake.output[0]).with_suffix(""))
+save_figure(*figure_2_15(shown, history, samples, rows, settings), snakemake.output[0])

@@ -4,10 +4,9 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.figures.chapter2 import schematics as figures
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.chapter2.scenes import schematic_poses
 
@@ -19,5 +18,4 @@ drawn = {
     "figure_2_7": figures.figure_2_7(*poses["ellipse"]),
     "figure_2_8": figures.figure_2_8(*poses["wheel"]),
 }
-for name, (figure, table) in drawn.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures(drawn, snakemake.output[0])

@@ -4,7 +4,6 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.figures.chapter2.noise import figure_table_2_1
 from thesis_lib.figures.style import save_figure
@@ -12,4 +11,4 @@ from thesis_lib.foundation.files import read_tables, write_result
 
 table = read_tables(snakemake.input, ["shape", "method", "snr", "mean_error", "error_over_bound", "thesis"])
 write_result(table, snakemake.output.table)
-save_figure(*figure_table_2_1(table), Path(snakemake.output[0]).with_suffix(""))
+save_figure(*figure_table_2_1(table), snakemake.output[0])

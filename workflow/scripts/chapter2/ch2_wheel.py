@@ -4,10 +4,10 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
+from functools import partial
 
 from thesis_lib.figures.chapter2.forces import figure_2_10, figure_2_11
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.identify.settings import WheelStudy
@@ -16,11 +16,7 @@ from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 
 settings = WheelStudy.model_validate(snakemake.params.settings)
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
-
-
-def stream(step):
-    return generator(snakemake.params.seed, "ch2_wheel", step)
-
+stream = partial(generator, snakemake.params.seed, "ch2_wheel")
 
 rows = study.wheel_force_study(settings.n, stream("study"), settings, bodies)
 write_result(rows, snakemake.output.rows)
@@ -29,5 +25,4 @@ drawn = {
     "figure_2_10": figure_2_10(study.motion_by_mass(settings, bodies)),
     "figure_2_11": figure_2_11(study.example_forces(stream("figure"), settings, bodies)),
 }
-for name, (figure, table) in drawn.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures(drawn, snakemake.output[0])

@@ -10,10 +10,9 @@ from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.chapter3.contact_space import figure_3_11
 from thesis_lib.figures.chapter3.errors import figure_3_8, figure_3_9
 from thesis_lib.figures.chapter3.identification import figure_3_7, figure_3_10
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
-from thesis_lib.impact_study.individual_statements import STUDIED
-from thesis_lib.impact_study.statements import MAPPED
+from thesis_lib.impact_study.statements import MAPPED, STUDIED
 from thesis_lib.impact_study.study import pick
 
 source = snakemake.input
@@ -34,5 +33,4 @@ drawn = {
     "figure_3_10": figure_3_10(individual, ensemble, STUDIED, **known),
     "figure_3_11": figure_3_11(pick(impacts, split), individual, ensemble, STUDIED, **known),
 }
-for name, (figure, table) in drawn.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures(drawn, snakemake.output[0])

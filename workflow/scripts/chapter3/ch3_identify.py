@@ -4,6 +4,7 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
@@ -14,11 +15,7 @@ from thesis_lib.impact_study.settings import Chapter3
 
 settings = Chapter3.model_validate(snakemake.params.settings)
 dataset, out = snakemake.wildcards.dataset, snakemake.output
-
-
-def stream(step):
-    return generator(snakemake.params.seed, "ch3_identify", dataset, step)
-
+stream = partial(generator, snakemake.params.seed, "ch3_identify", dataset)
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
 impacts = study.select_impacts(impacts, settings.filter, settings.max_impacts, stream("select"))

@@ -4,11 +4,10 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.figures.chapter3 import contact_space as figures
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
 
 body = Body.model_validate(snakemake.params.body)
@@ -18,5 +17,4 @@ drawn = {
     "figure_3_2": figures.figure_3_2(body),
     "figure_3_3": figures.figure_3_3(body, coverage),
 }
-for name, (figure, table) in drawn.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures(drawn, snakemake.output[0])

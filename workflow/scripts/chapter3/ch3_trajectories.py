@@ -4,15 +4,13 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.figures.chapter3 import trajectories as figures
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
 
 dataset = read_dataset(snakemake.params.folder)
 impacts, arcs = read_table(snakemake.input.impacts), read_table(snakemake.input.arcs)
 drawn = {"figure_3_5": figures.figure_3_5(dataset, impacts, arcs), "figure_3_6": figures.figure_3_6(dataset, arcs)}
-for name, (figure, table) in drawn.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures(drawn, snakemake.output[0])

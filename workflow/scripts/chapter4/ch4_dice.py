@@ -4,12 +4,13 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 from pathlib import Path
 
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures.chapter4 import belief, dice
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.chapter4 import dice
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
@@ -20,11 +21,7 @@ from thesis_lib.residual.dice.study import dice_study, side_of
 
 params, source, name = snakemake.params, snakemake.input, snakemake.wildcards.dataset
 settings = DiceStudySettings.model_validate(params.settings)
-
-
-def stream(step):
-    return generator(params.seed, "ch4_dice", name, step)
-
+stream = partial(generator, params.seed, "ch4_dice", name)
 
 dataset = read_dataset(params.folder)
 impacts = read_dataset(Path(source.header).parent).stated_impacts()
@@ -45,15 +42,14 @@ for stem, table in (*tables.items(), *of_first.items()):
 calibrated = tables["dice_throws"], tables["dice_calibration"]
 shown = results.examples(studies[0], side, settings, stream("examples"))
 drawn = {
-    "figure_4_3": belief.figure_4_3(poses, shown.samples, shape),
-    "figure_4_4": belief.figure_4_4(shown.samples, shown.rest, side),
+    "figure_4_3": dice.figure_4_3(poses, shown.samples, shape),
+    "figure_4_4": dice.figure_4_4(shown.samples, shown.rest, side),
     "figure_4_7": dice.figure_4_7(poses, shape, shown.hard),
     "figure_4_8": dice.figure_4_8(tables["dice_throws"]),
     "figure_4_9": dice.figure_4_9(poses, hits, shape, shown.easy, shown.hard),
-    "figure_4_10": belief.figure_4_10(shown.beliefs, shown.marks),
+    "figure_4_10": dice.figure_4_10(shown.beliefs, shown.marks),
     "figure_restitution": dice.figure_restitution(results.held_out_restitution(studies[0], settings)),
     "figure_budget": dice.figure_budget(tables["dice_budget"]),
-    "figure_calibration": belief.figure_calibration(*results.calibration(*calibrated)),
+    "figure_calibration": dice.figure_calibration(*results.calibration(*calibrated)),
 }
-for stem, figure in drawn.items():
-    save_figure(*figure, Path(snakemake.output.dice).with_name(stem))
+save_figures(drawn, snakemake.output.dice)

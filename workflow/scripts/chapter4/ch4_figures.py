@@ -4,15 +4,13 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.figures.chapter4.errors import figure_4_5, figure_4_6
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
 
 law = snakemake.params.law
 errors = read_table(snakemake.input.errors, ["model", "error", "n"])
 summary = read_table(snakemake.input.summary, ["model", "n", "mean", "low", "high"])
 drawn = {"figure_4_5": figure_4_5(errors, law), "figure_4_6": figure_4_6(summary, law)}
-for name, (figure, table) in drawn.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures(drawn, snakemake.output[0])

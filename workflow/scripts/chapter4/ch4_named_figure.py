@@ -4,7 +4,6 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.chapter4.errors import figure_named_physics
@@ -16,4 +15,4 @@ rungs, summary = (read_table(snakemake.input[name], columns) for name in ("rungs
 found = read_json(snakemake.input.diagnosis)
 titles = [EFFECTS[effect["name"]].title for effect in found["effects"]]
 drawn = figure_named_physics(rungs, summary, titles, found["error"]["noise_floor_single"])
-save_figure(*drawn, Path(snakemake.output[0]).with_suffix(""))
+save_figure(*drawn, snakemake.output[0])

@@ -4,6 +4,7 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 from pathlib import Path
 
 from thesis_lib.critique.results.load_model import load_model
@@ -17,11 +18,7 @@ from thesis_lib.residual.learners.settings import LearningStudySettings
 params, out, dataset = snakemake.params, snakemake.output, snakemake.wildcards.dataset
 settings = LearningStudySettings.model_validate(params.settings)
 critique = Path(params.critique)
-
-
-def stream(step):
-    return generator(params.seed, "ch4_named_physics", dataset, step)
-
+stream = partial(generator, params.seed, "ch4_named_physics", dataset)
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
 impacts = select_impacts(impacts, params.filter, settings.max_impacts, stream("select"))

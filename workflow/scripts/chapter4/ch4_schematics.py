@@ -4,12 +4,10 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from pathlib import Path
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.figures.chapter4.ellipsoid import figure_4_1, figure_4_2
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 
 body = Body.model_validate(snakemake.params.body)
-for name, (figure, table) in {"figure_4_1": figure_4_1(body), "figure_4_2": figure_4_2(body)}.items():
-    save_figure(figure, table, Path(snakemake.output[0]).with_name(name))
+save_figures({"figure_4_1": figure_4_1(body), "figure_4_2": figure_4_2(body)}, snakemake.output[0])

@@ -4,10 +4,10 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
+from functools import partial
 from pathlib import Path
 
 from thesis_lib.figures.chapter5 import showcase as figures
-from thesis_lib.figures.chapter5.render import figure_game
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
@@ -20,11 +20,7 @@ from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, s
 
 params, out = snakemake.params, snakemake.output
 settings, shown = Chapter5.model_validate(params.settings), params.settings["showcase"]
-
-
-def stream(step):
-    return generator(params.seed, "ch5_showcase", step)
-
+stream = partial(generator, params.seed, "ch5_showcase")
 
 samples = read_samples(snakemake.input.samples).first(shown["samples"])
 policy = policy_of("hma", samples, len(samples), settings, stream("fit"))
@@ -39,4 +35,4 @@ steps, ends = steering_pushes(policy.learner, showcase.SHOWN, settings.setup, ch
 write_result(ends, out.ends)
 write_result(steering_summary(steps, ends), out.summary)
 save_figure(*figures.figure_5_9(strayed_most(steps, ends)), folder / "figure_5_9")
-save_figure(*figure_game(*showcase.frames(game)), folder / "figure_game")
+save_figure(*figures.figure_game(*showcase.frames(game)), folder / "figure_game")

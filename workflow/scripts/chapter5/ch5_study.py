@@ -7,7 +7,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.figures.chapter5 import study as figures
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 from thesis_lib.jenga.play.game import read_game
 from thesis_lib.jenga.study import study
@@ -17,6 +17,9 @@ folder = Path(snakemake.output[0]).parent
 tables = study.study_tables(games, snakemake.params.shown)
 for name, table in tables.items():
     write_result(table, folder / f"study_{name}.csv")
-save_figure(*figures.figure_5_5b(tables["curve"]), folder / "figure_5_5b")
-save_figure(*figures.figure_5_6(tables["success"]), folder / "figure_5_6")
-save_figure(*figures.figure_paired(tables["paired"].query("policy == 'hma'")), folder / "figure_paired")
+drawn = {
+    "figure_5_5b": figures.figure_5_5b(tables["curve"]),
+    "figure_5_6": figures.figure_5_6(tables["success"]),
+    "figure_paired": figures.figure_paired(tables["paired"].query("policy == 'hma'")),
+}
+save_figures(drawn, snakemake.output[0])

@@ -6,7 +6,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter5.render import figure_5_5a
+from thesis_lib.figures.chapter5.showcase import figure_5_5a
 from thesis_lib.figures.chapter5.study import figure_movable
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result

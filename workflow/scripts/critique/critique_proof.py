@@ -10,11 +10,10 @@ from thesis_lib.critique.proof.check import rerun
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.summary import report
 from thesis_lib.figures.proof.pictures import pictures
-from thesis_lib.figures.style import save_figure
+from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 
 store, written = Path(snakemake.params.store), Path(snakemake.output.summary)
 print(report(store, written.parent))
-for name, (figure, table) in pictures(outcomes(store), recovered(store)).items():
-    save_figure(figure, table, written.with_name(name))
+save_figures(pictures(outcomes(store), recovered(store)), written)
 write_result(rerun(snakemake.params.cases, store), snakemake.output.rerun)

@@ -6,11 +6,11 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
+from thesis_lib.foundation.files import write_table
 from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import read_ledger
-from thesis_lib.ledger.page import write_page
 from thesis_lib.ledger.reading import read_present
-from thesis_lib.ledger.result import refuse_errors, summary_line, write_results
+from thesis_lib.ledger.result import refuse_errors, summary_line, to_table, write_page
 
 results = evaluate(
     read_ledger(Path(snakemake.input.ledger[0]).parent),
@@ -19,6 +19,6 @@ results = evaluate(
     snakemake.params.scale,
 )
 refuse_errors(results)
-write_results(results, snakemake.output.table)
+write_table(to_table(results), snakemake.output.table)
 write_page(results, snakemake.output.page, snakemake.params.scale)
 print(summary_line(results))

@@ -28,7 +28,7 @@ from thesis_lib.critique.drops.questions.flight_residuals import (
     relative_residuals,
 )
 from thesis_lib.critique.likelihood.fit import Fit
-from thesis_lib.foundation.rounding import six_digits
+from thesis_lib.foundation.files import six_digits
 
 PERMUTATIONS = 499
 LEVEL = 0.05  # largest corrected p-value of a reported rule

@@ -4,7 +4,7 @@ Markers are named body:marker, or marker alone; those of a body become its motio
 has a group ROTATION (4 × 4 matrices: axes and origin of a body), these are the bodies.  Unit and rate are the file's.
 Markers that are lost are NaN, or zeros throughout.  z is up, unless --up says otherwise.
 
-The package ezc3d does the reading, in a process of its own (`c3d_process`).
+The package ezc3d does the reading, in a process of its own (`own_process`).
 """
 
 import struct
@@ -77,10 +77,10 @@ def _rotated(path: Path, name: str, matrices: np.ndarray, scale: float, rate: fl
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a file, as `c3d_process` writes them; UserError if that fails."""
+    """The arrays of a file, as `own_process` reads them; UserError if that fails."""
     try:
         _check(path, read_bytes(path, MAX_C3D))
-        return arrays_of("c3d_process", str(path.resolve()))
+        return arrays_of("c3d", [path])
     except MissingFile as error:
         raise UserError(f"{path} does not exist; give a C3D file.") from error
     except ValueError as error:

@@ -117,14 +117,28 @@ def motion_in_markers(
     return motion_of_markers(path, chosen, names, scale * markers, t, notes)
 
 
-def rotations(
-    path: Path, cells: Mapping[str, np.ndarray], sequence: str, degrees: bool, body: str
-) -> tuple[np.ndarray, dict]:
-    """Quaternions (n, 4) from the cells of axes x, y, z and, of a quaternion, w; and the same read otherwise."""
-    if "w" in cells:
-        raw = np.stack([cells[axis] for axis in "xyzw"], axis=1)
-        return unit(raw, f"{path}, body {body}"), {}
-    angles = np.stack([cells[axis] for axis in "xyz"], axis=1)
+def motion_of_body(
+    path: Path,
+    data: Sequence[Row],
+    t: np.ndarray,
+    place: Mapping[str, int],
+    turn: Mapping[str, int],
+    body: str,
+    scale: float,
+    sequence: str,
+    notes: list[str],
+    degrees: bool = True,
+) -> Motion:
+    """The motion of a body by the columns of its place along x, y, z, and of its turn: angles, or with w a quaternion.
+
+    Angles are those of a `sequence`; in others they are readings of the motion.  `scale` is the factor to m.
+    """
+    axes = [axis for axis in "xyzw" if axis in turn]
+    cells = columns_of(path, data, [*(place[axis] for axis in "xyz"), *(turn[axis] for axis in axes)])
+    lost_zeros(cells, notes)
+    position, angles = scale * cells[:, :3], cells[:, 3:]
+    if "w" in turn:
+        return Motion(body, str(path), t, position, unit(angles, f"{path}, body {body}"))
 
     def read(letters: str) -> np.ndarray:
         # three columns stand for the axes x, y, z; a sequence takes them in its own order
@@ -133,4 +147,4 @@ def rotations(
 
     others = [name for name in (sequence.swapcase(), "XYZ", "ZYX", "helical") if name != sequence and name in SEQUENCES]
     readings = {f"--rotation {name}": lambda name=name: read(name) for name in dict.fromkeys(others)}
-    return read(sequence), readings
+    return Motion(body, str(path), t, position, read(sequence), None, readings)

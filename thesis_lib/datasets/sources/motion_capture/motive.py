@@ -18,16 +18,14 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from thesis_lib.datasets.sources.motion_capture.export_cells import (
     Row,
     columns_of,
     length_unit,
     motion_in_markers,
+    motion_of_body,
     rate_in_hertz,
     read_rows,
-    rotations,
 )
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
@@ -74,7 +72,14 @@ def read_motive(path: Path, body: str | None, rotation: str | None, notes: list[
     scale = length_unit(path, facts.get("length units", "meters"), "row 1, Length Units")
     if groups["body"]:
         chosen = choose_body(path, list(groups["body"]), body)
-        return _rigid_body(path, data, t, groups["body"][chosen], chosen, scale, rotation or _sequence(path, facts))
+        place, turn = (
+            {axis: column for (of, axis), column in groups["body"][chosen].items() if of == quantity}
+            for quantity in ("position", "rotation")
+        )
+        if set(place) != set("xyz") or not set("xyz") <= set(turn):
+            raise UserError(f"{path}: body {chosen} lacks columns of its Rotation or Position; export both.")
+        sequence = rotation or _sequence(path, facts)
+        return motion_of_body(path, data, t, place, turn, chosen, scale, sequence, notes)
     places = {name: {axis: column for (_, axis), column in of.items()} for name, of in groups["marker"].items()}
     return motion_in_markers(path, data, t, places, body, scale, notes)
 
@@ -99,16 +104,3 @@ def _sequence(path: Path, facts: Mapping[str, str]) -> str:
 
 def _line(rows: list[Row], name: str) -> list[str] | None:
     return next((cells for _, cells in rows[:HEADER_ROWS] if len(cells) > 1 and cells[1].lower() == name), None)
-
-
-def _rigid_body(
-    path: Path, data: list[Row], t: np.ndarray, columns: dict, name: str, scale: float, sequence: str
-) -> Motion:
-    turn = {axis: column for (what, axis), column in columns.items() if what == "rotation"}
-    place = {axis: column for (what, axis), column in columns.items() if what == "position"}
-    if set(place) != set("xyz") or not set("xyz") <= set(turn):
-        raise UserError(f"{path}: body {name} lacks columns of its Rotation or Position; export both.")
-    cells = columns_of(path, data, [*turn.values(), *(place[axis] for axis in "xyz")])
-    rotated = {axis: cells[:, i] for i, axis in enumerate(turn)}
-    quaternion, readings = rotations(path, rotated, sequence, True, name)
-    return Motion(name, str(path), t, scale * cells[:, len(turn) :], quaternion, None, readings)

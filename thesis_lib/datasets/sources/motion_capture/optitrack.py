@@ -38,7 +38,11 @@ def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: li
     """
     rows = [row for row in read_rows(path) if row[1] and row[1][0].lower() in KINDS]
     kinds = [cells[0].lower() for _, cells in rows]
-    frames = [(number, [_known(cell) for cell in cells]) for (number, cells), k in zip(rows, kinds) if k == "frame"]
+    frames = [
+        (number, ["" if "#" in cell else cell for cell in cells])
+        for (number, cells), k in zip(rows, kinds)
+        if k == "frame"
+    ]
     bodies = {
         cells[1]: cells[2]
         for (_, cells), kind in zip(rows, kinds)
@@ -59,11 +63,6 @@ def read_optitrack(path: Path, body: str | None, rotation: str | None, notes: li
         notes.append("the export is left-handed: its z axis is reversed")
         position, quaternion = position * [1.0, 1.0, -1.0], mirrored(quaternion, 2)
     return Motion(chosen, str(path), t, position, quaternion)
-
-
-def _known(cell: str) -> str:
-    """A cell, empty where it says 1.#QNAN or the like."""
-    return "" if "#" in cell else cell
 
 
 def _cells_of(cells: list[str], body: str) -> list[str]:

@@ -10,14 +10,12 @@ Pose = tuple[float, float, float, float, float, float, float]  # x, y, z in m an
 Told = tuple[str, str, int, Pose]  # name of the body, frame of the recording, stamp in ns or 0, pose
 
 
+def _seven(p, q) -> Pose:
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
 def _pose(pose) -> Pose:
-    p, q = pose.position, pose.orientation
-    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
-
-
-def _transform(transform) -> Pose:
-    p, q = transform.translation, transform.rotation
-    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+    return _seven(pose.position, pose.orientation)
 
 
 def _point(p) -> Pose:
@@ -37,7 +35,8 @@ def _many(message, named: Iterable[tuple[object, Pose]]) -> list[Told]:
 
 
 def _transforms(messages) -> list[Told]:
-    return [(one.child_frame_id, one.header.frame_id, _ns(one.header), _transform(one.transform)) for one in messages]
+    told = ((one.child_frame_id, one.header, one.transform) for one in messages)
+    return [(name, head.frame_id, _ns(head), _seven(of.translation, of.rotation)) for name, head, of in told]
 
 
 KINDS: dict[str, Callable[..., list[Told]]] = {

@@ -22,9 +22,9 @@ from thesis_lib.datasets.sources.motion_capture.export_cells import (
     columns_of,
     lost_zeros,
     motion_in_markers,
+    motion_of_body,
     rate_in_hertz,
     read_rows,
-    rotations,
 )
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
@@ -75,14 +75,12 @@ def read_qualisys(path: Path, body: str | None, rotation: str | None, notes: lis
     turn = [name for name in MATRIX if name in at] or ["roll", "pitch", "yaw"]
     if len(turn) not in (3, 9) or not set(turn) <= set(at):
         raise UserError(f"{path}: body {chosen} lacks columns Rot[0] to Rot[8]; export them.")
+    if len(turn) == 3:
+        angles = dict(zip("xyz", (at[name] for name in turn)))
+        return motion_of_body(path, data, t, at, angles, chosen, MM, rotation or "XYZ", notes)
     cells = columns_of(path, data, [at[name] for name in ("x", "y", "z", *turn)])
     lost_zeros(cells, notes)
-    position = MM * cells[:, :3]
-    if len(turn) == 9:
-        return Motion(chosen, str(path), t, position, _from_columns(path, chosen, cells[:, 3:]))
-    angles = {axis: cells[:, 3 + i] for i, axis in enumerate("xyz")}
-    quaternion, readings = rotations(path, angles, rotation or "XYZ", True, chosen)
-    return Motion(chosen, str(path), t, position, quaternion, None, readings)
+    return Motion(chosen, str(path), t, MM * cells[:, :3], _from_columns(path, chosen, cells[:, 3:]))
 
 
 def _is_data(cells: list[str]) -> bool:

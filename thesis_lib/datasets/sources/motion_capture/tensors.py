@@ -2,7 +2,7 @@
 
 A tensor is (T, c), or (n, T, c) for n tosses; its columns have numbers, 1 to c, and --columns says which is which
 (`x=1,y=2,z=3,q1=4,…`).  Lengths that count something else than metres take --scale, as pixels do.  The package torch
-does the reading, in a process of its own (`tensors_process`).
+does the reading, in a process of its own (`own_process`).
 """
 
 import re
@@ -69,7 +69,7 @@ def read_tensors(paths: Sequence[Path], options: Reading, notes: list[str]) -> l
     try:
         if (size := sum(regular_size(file, MAX_FILE) for file in files)) > MAX_ALL:
             raise UserError(f"{paths[0]}: the files have {size:,} bytes; the limit is {MAX_ALL:,}. Convert parts.")
-        found = arrays_of("tensors_process", names=[str(file.resolve()) for file in files])
+        found = arrays_of("tensors", files)
     except MissingFile as error:
         raise UserError(f"{error} Name a file of tensors, or a folder of them.") from error
     except ValueError as error:

@@ -30,11 +30,10 @@ from thesis_lib.datasets.sources.motion_capture.export_cells import (
     Row,
     columns_of,
     length_unit,
-    lost_zeros,
     motion_in_markers,
+    motion_of_body,
     rate_in_hertz,
     read_rows,
-    rotations,
 )
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
@@ -89,23 +88,12 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
     if not bodies:
         raise UserError(f"{path}: its block '{found.name}' lacks columns RX, RY, RZ, TX, TY, TZ; export them.")
     chosen = choose_body(path, list(bodies), body)
-    return _segment(path, found, t, bodies[chosen], chosen, rotation or "XYZ", notes)
-
-
-def _segment(
-    path: Path, block: _Block, t: np.ndarray, columns: dict, name: str, sequence: str, notes: list[str]
-) -> Motion:
-    turn = [(axis, columns["r", axis]) for axis in "xyzw" if ("r", axis) in columns]
-    place = [columns["t", axis] for axis in "xyz"]
-    cells = columns_of(path, block.rows, [*(column for _, column in turn), *place])
-    lost_zeros(cells, notes)
-    rotated = {axis: cells[:, i] for i, (axis, _) in enumerate(turn)}
-    unit = block.units[turn[0][1]].lower()
-    if "w" not in rotated and unit not in ANGLES:
+    place, turn = ({axis: n for (of, axis), n in bodies[chosen].items() if of == kind} for kind in "tr")
+    unit = found.units[turn["x"]].lower()
+    if "w" not in turn and unit not in ANGLES:
         raise UserError(f"{path}, line of units: '{unit[:40]}' is no unit of RX; expected deg or rad.")
-    quaternion, readings = rotations(path, rotated, sequence, ANGLES.get(unit, False), name)
-    scale = length_unit(path, block.units[place[0]], "line of units")
-    return Motion(name, str(path), t, scale * cells[:, len(turn) :], quaternion, None, readings)
+    scale, degrees = length_unit(path, found.units[place["x"]], "line of units"), ANGLES.get(unit, False)
+    return motion_of_body(path, found.rows, t, place, turn, chosen, scale, rotation or "XYZ", notes, degrees)
 
 
 def _blocks(path: Path, rows: Sequence[Row]) -> list[_Block]:
