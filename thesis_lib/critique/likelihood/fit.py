@@ -211,7 +211,7 @@ def _fitting(
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
     unseen = model.unseen(observations.rig)  # stays 0
-    wider = WIDER if jumps(model) else ()
+    wider = WIDER if jumps(model) and len(observations.single) < ENOUGH_SINGLE else ()
     for k in range(rounds):
         values |= dict(zip(free, x.tolist()))
         given = noise if k == 0 else None
