@@ -18,6 +18,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from thesis_lib.bodies.moments import Moments, moments_within
 from thesis_lib.bodies.shapes import Length
 from thesis_lib.bodies.solids import Hull
+from thesis_lib.foundation.errors import first_line
 from thesis_lib.foundation.regular_file import FileProblem, read_bytes
 from thesis_lib.foundation.settings import Section
 
@@ -126,5 +127,4 @@ def _surface_in(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray, bo
         closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
         return np.asarray(mesh.vertices, float), np.asarray(mesh.faces), closed
     except Exception as error:  # the library raises many kinds of errors for a broken file
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        raise ValueError(f"the file cannot be read as a mesh ({reason})") from error
+        raise ValueError(f"the file cannot be read as a mesh ({first_line(error)})") from error

@@ -1,27 +1,44 @@
-"""Sketches of planar mechanisms to scale.
+"""Sketches of planar mechanisms to scale; notes and arrows of all figures; directions in the plane.
 
 A `Sketch` draws on one panel and keeps the points drawn: the figure's table holds the geometry of the picture.
 """
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.marks import arrow, turned, unit
 from thesis_lib.figures.style import GREY, INK, SHADE
-from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
-from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 FONT = 9
 
 
-def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
-    """Outline (n, 2) in m of a body at pose q (3,) in the axes of the surface; of a wheel, hub and tips in turn."""
-    if isinstance(body, RimlessWheel):
-        points = np.stack([np.zeros_like(body.corners), body.corners], axis=1).reshape(-1, 2)
-    else:
-        points = body.shape.outline()
-    return q[:2] + turned(points, q[2])
+def note(ax: Axes, text: str, at: tuple[float, float], offset: tuple[float, float], **look: Any) -> None:
+    """Text beside a point of the panel, `offset` in points."""
+    ax.annotate(text, at, xytext=offset, textcoords="offset points", **look)
+
+
+def white_box(pad: float, alpha: float | None = None) -> dict:
+    """Box behind a text, so that it can be read over what is drawn."""
+    return {"facecolor": "white", "edgecolor": "none", "pad": pad, "alpha": alpha}
+
+
+def turned(points: np.ndarray, theta: float) -> np.ndarray:
+    """Points (n, 2) turned counter-clockwise by theta (rad) about the origin."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]])
+
+
+def unit(angle: float) -> np.ndarray:
+    """Unit vector (2,) at an angle (rad) from the x axis."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def arrow(ax: Axes, start: np.ndarray, end: np.ndarray, color: str = INK, style: str = "-|>", **look: float) -> None:
+    """Arrow from `start` to `end`, both (2,)."""
+    props = {"arrowstyle": style, "color": color, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", end, start, arrowprops=props | look)
 
 
 class Sketch:

@@ -21,3 +21,8 @@ def suggest(word: str, known: Iterable[str], most: int = 1) -> str:
     """The known words that a mistyped one resembles, as a question, did you mean 'x' or 'y'?; empty without any."""
     alike = difflib.get_close_matches(word, list(known), n=most)
     return f"did you mean {' or '.join(map(repr, alike))}?" if alike else ""
+
+
+def first_line(error: Exception) -> str:
+    """The first line of what an error of a library says, at most 200 characters; its kind if it says nothing."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:200]

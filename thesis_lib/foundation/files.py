@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.columns import explain, meanings
-from thesis_lib.foundation.errors import CorruptFileError, UserError
+from thesis_lib.foundation.errors import CorruptFileError, UserError, first_line
 from thesis_lib.foundation.regular_file import FileProblem, MissingFile, read_bytes, regular_size
 
 # finer than any measurement here, coarser than the last bits, which differ between BLAS builds
@@ -148,9 +148,8 @@ def _named(path: Path) -> Iterator[None]:
         raise CorruptFileError(f"{path} {error.what}; delete it and run again.") from error
     # parsers raise errors of many kinds, RecursionError and MemoryError among them
     except Exception as error:
-        reason = str(error).strip().splitlines()[:1] or [type(error).__name__]
         kind = "valid JSON" if path.suffix == ".json" else f"a {path.suffix.lstrip('.').upper()} table"
-        raise CorruptFileError(f"{path} is not {kind} ({reason[0][:200]}); delete it and run again.") from error
+        raise CorruptFileError(f"{path} is not {kind} ({first_line(error)}); delete it and run again.") from error
 
 
 def read_tables(paths: Iterable[str | Path], columns: Sequence[str] = ()) -> pd.DataFrame:

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import FileProblem, read_bytes
 
 MAX_BYTES = 1_000_000  # the largest of this project, config/claims/chapter3.yaml, has 80 kB
@@ -63,9 +63,8 @@ def read_yaml(path: str | Path, within: str | Path | None = None, aliases: bool 
         what = f"is not valid YAML ({error.problem})"
         raise FileProblem(path, what, "check indentation, colons and brackets there", where) from error
     except Exception as error:  # the library raises errors of many kinds: 2020-99-99, !!int '', !!bool x
-        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         remedy = "check it for odd characters and values"
-        raise FileProblem(path, f"is not valid YAML ({reason})", remedy) from error
+        raise FileProblem(path, f"is not valid YAML ({first_line(error)})", remedy) from error
 
 
 def _parse(path: str | Path, text: str, aliases: bool) -> Document:

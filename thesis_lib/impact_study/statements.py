@@ -49,13 +49,12 @@ from thesis_lib.contact.space import beyond_sticking, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.study import convexity_violations, pick
-from thesis_lib.impact_study.tables import VARIANTS
+from thesis_lib.impact_study.tables import MU_ZERO, VARIANTS
 from thesis_lib.mechanics.contact import Contact
 from thesis_lib.statistics.intervals import mean_of, ratio_of_means, share_of
 
 MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
 MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
-MU_ZERO = 1e-3  # far below the thesis's smallest ensemble value, 0.062
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
 FOLLOWED = (STUDIED, "mirtich", "wang_mason", "anitescu_potra_poisson")
 

@@ -17,6 +17,7 @@ from thesis_lib.impact_study.settings import SIX_AS_PUBLISHED
 from thesis_lib.statistics.intervals import wilson_std
 
 VARIANTS = {"as_published": SIX_AS_PUBLISHED, "as_defined": SIX_LAWS}
+MU_ZERO = 1e-3  # an individual μ below it counts as zero: far below the thesis's smallest ensemble value, 0.062
 
 
 def best_and_worst(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,9 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.datasets.in_space import UP, plane_axes, take
+from thesis_lib.datasets.sources.tables.options import parse_direction
 from thesis_lib.datasets.space.flights import find_flights, follow, smoothed_turning
 from thesis_lib.datasets.space.motion import Motion, from_angles, turning, unit
-from thesis_lib.datasets.space.plane import Plane, find_plane, in_plane, parse_direction, share_out
+from thesis_lib.datasets.space.plane import Plane, find_plane, in_plane, share_out
 from thesis_lib.foundation.errors import UserError
 
 K_G = 0.019235  # m, of the ellipse

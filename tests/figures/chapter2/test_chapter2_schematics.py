@@ -12,8 +12,8 @@ from thesis_lib.figures.chapter2.schematics import (
     figure_2_6,
     figure_2_7,
     figure_2_8,
+    outline_at,
 )
-from thesis_lib.figures.planar_drawing import outline_at
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.chapter2.motions import block, disk, ellipse, rod, wheel
 from thesis_lib.simulate.chapter2.scenes import falling_polygon, reaching_arm

@@ -16,7 +16,7 @@ import pandas as pd
 
 from thesis_lib.datasets.format.table_forms import TableForm
 from thesis_lib.datasets.format.validate import SHOWN, UsableRows, ValidationReport, row_text
-from thesis_lib.foundation.errors import suggest
+from thesis_lib.foundation.errors import first_line, suggest
 from thesis_lib.foundation.regular_file import FileProblem, regular_size
 
 MAX_BYTES = 2_000_000_000  # 25 million samples; as arrays they take half of a 4 GB machine
@@ -97,8 +97,7 @@ def _read_csv(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, np.nd
                 nrows=rows,
             )
     except (ValueError, csv.Error, pd.errors.ParserError, pd.errors.EmptyDataError, OverflowError) as error:
-        reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-        raise _NoTable("", f"cannot be read as CSV ({reason})", again) from error
+        raise _NoTable("", f"cannot be read as CSV ({first_line(error)})", again) from error
     ragged = np.zeros(len(frame), dtype=bool)
     ragged[bad_rows[bad_rows < len(frame)]] = True
     return frame, ragged
@@ -163,8 +162,7 @@ def _read_parquet(path: Path, report: ValidationReport) -> tuple[pd.DataFrame, n
     except _NoTable:
         raise
     except Exception as error:  # the library raises many kinds of errors for a broken file
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        raise _NoTable("", f"cannot be read as Parquet ({reason})", "write it again, or use CSV") from error
+        raise _NoTable("", f"cannot be read as Parquet ({first_line(error)})", "write it again, or use CSV") from error
     frame.columns = [str(name) for name in frame.columns]
     if len(set(frame.columns)) < len(frame.columns):
         raise _NoTable("", "column names occur more than once", "keep one of each")

@@ -15,7 +15,6 @@ import numpy as np
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 
-AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 UNDECIDED = 0.05  # m/s: a plane is found if motion in it is by so much faster (rms) than in the next best
 STEEPEST = np.radians(30.0)  # between a plane that is found and the vertical; a flatter one has to be given
 ALONG = 0.7  # share of a body axis that must lie in the plane to give the angle
@@ -41,18 +40,6 @@ class Plane:
             )
         y = y / np.linalg.norm(y)
         return cls(np.cross(y, normal), y, normal, float(np.arcsin(np.clip(up @ normal, -1.0, 1.0))))
-
-
-def parse_direction(text: str, option: str) -> np.ndarray:
-    """'z', '-y' or '0.1,0,1' -> a unit vector (3,); UserError for anything else."""
-    sign, name = (-1.0, text[1:]) if text.startswith("-") and text[1:] in AXES else (1.0, text)
-    try:
-        vector = sign * np.array(AXES[name] if name in AXES else [float(part) for part in text.split(",")])
-    except ValueError:
-        vector = np.zeros(0)
-    if vector.shape != (3,) or not np.isfinite(vector).all() or not 1e-9 < np.linalg.norm(vector) < 1e9:
-        raise UserError(f"{option}: '{text}' is no direction; give an axis such as z or -y, or three numbers X,Y,Z.")
-    return vector / np.linalg.norm(vector)
 
 
 def find_plane(v: np.ndarray, omega: np.ndarray, k_g: float, up: np.ndarray) -> Plane:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.marks import note
+from thesis_lib.figures.planar_drawing import note
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, YELLOW, Drawn, house_style, new_figure
 from thesis_lib.identify.arm.study import ArmForces
 from thesis_lib.identify.wheel.study import WheelForces, rolling_steps, touchdown, touched_pairs

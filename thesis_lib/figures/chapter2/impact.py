@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Ellipse
-from thesis_lib.figures.marks import turned
+from thesis_lib.figures.planar_drawing import turned
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.identify.impacts.forces import ForceHistory, ImpactForces, peak_force
 from thesis_lib.statistics.intervals import Z95

@@ -22,7 +22,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from thesis_lib.datasets.format.dataset import Dataset
-from thesis_lib.figures.planar_drawing import Sketch, outline_at
+from thesis_lib.figures.chapter2.schematics import outline_at
+from thesis_lib.figures.planar_drawing import Sketch
 from thesis_lib.figures.style import BLUE, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.base_parameters.identifiability import identifiability

@@ -13,8 +13,7 @@ l is the distance of P from the centre of mass in m.  Configurations q (nv,) are
 
 import numpy as np
 
-from thesis_lib.figures.marks import turned, unit, white_box
-from thesis_lib.figures.planar_drawing import Sketch, outline_at
+from thesis_lib.figures.planar_drawing import Sketch, turned, unit, white_box
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
@@ -22,6 +21,15 @@ from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 
 DASHED = {"color": GREY, "linewidth": 0.8, "linestyle": (0, (5, 3))}
+
+
+def outline_at(body: PlanarFreeBody, q: np.ndarray) -> np.ndarray:
+    """Outline (n, 2) in m of a body at pose q (3,) in the axes of the surface; of a wheel, hub and tips in turn."""
+    if isinstance(body, RimlessWheel):
+        points = np.stack([np.zeros_like(body.corners), body.corners], axis=1).reshape(-1, 2)
+    else:
+        points = body.shape.outline()
+    return q[:2] + turned(points, q[2])
 
 
 def closest_point(body: PlanarFreeBody, q: np.ndarray) -> tuple[np.ndarray, float]:

@@ -17,8 +17,7 @@ from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import contact_space, energy_ellipse, line_of_maximum_compression, line_of_sticking
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.law_style import style_of
-from thesis_lib.figures.marks import turned, unit
-from thesis_lib.figures.planar_drawing import Sketch
+from thesis_lib.figures.planar_drawing import Sketch, turned, unit
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.predictive_range import admissible_outline, region

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.figures.densities import reflected_density
-from thesis_lib.figures.marks import turned
+from thesis_lib.figures.planar_drawing import turned
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 
 MODEL_STYLE = {

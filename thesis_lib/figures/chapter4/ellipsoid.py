@@ -16,7 +16,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from thesis_lib.bodies.body import Body
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.figures.chapter3.contact_space import EXAMPLE, body_on_surface, draw_ellipse
-from thesis_lib.figures.marks import turned
+from thesis_lib.figures.planar_drawing import turned
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SHADE, Drawn, ImpulseAxis, house_style, new_figure
 from thesis_lib.residual.learners.features import impulse_of
 

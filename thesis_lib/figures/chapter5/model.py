@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from thesis_lib.figures.marks import note
+from thesis_lib.figures.planar_drawing import note
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 from thesis_lib.jenga.tower.tower_model import LAYERS, PER_LAYER
 

@@ -19,8 +19,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
 
-from thesis_lib.figures.marks import unit
-from thesis_lib.figures.planar_drawing import Sketch
+from thesis_lib.figures.planar_drawing import Sketch, unit
 from thesis_lib.figures.style import BLUE, GREY, INK, RED, WIDTH, Drawn, house_style, new_figure
 
 RADIUS = 0.34  # of a node

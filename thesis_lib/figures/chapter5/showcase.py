@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from thesis_lib.figures.chapter5.model import abstraction_style
-from thesis_lib.figures.marks import arrow, turned, unit
+from thesis_lib.figures.planar_drawing import arrow, turned, unit
 from thesis_lib.figures.style import BLUE, GREY, INK, RED, WIDTH, Drawn, house_style, new_figure
 from thesis_lib.jenga.robot.samples import RADIUS_OF_GYRATION
 from thesis_lib.jenga.tower.tower_model import BLOCKS

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from thesis_lib.figures.marks import note
+from thesis_lib.figures.planar_drawing import note
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
 
 GOAL = 21  # extractions expected on an unperturbed tower (thesis): 47 % of 45

@@ -16,7 +16,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.results.numbers import BASE_NAMES, compensated, ladder_table, law_errors, parameter_table
 from thesis_lib.critique.results.titles import GREEK, effect_title, handy_unit, law_title, rung_title
 from thesis_lib.figures.law_style import LAW_STYLE
-from thesis_lib.figures.marks import note, white_box
+from thesis_lib.figures.planar_drawing import note, white_box
 from thesis_lib.figures.style import BLUE, GREY, INK, RED, SKY, YELLOW, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95, clustered_mean
 from thesis_lib.statistics.wording import listed, number

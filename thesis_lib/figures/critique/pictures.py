@@ -21,7 +21,7 @@ from thesis_lib.critique.results.tables import left_out_impacts
 from thesis_lib.figures.critique import errors
 from thesis_lib.figures.critique.residuals import BINS, draw_flights, draw_residuals
 from thesis_lib.figures.critique.where import axis_label, draw_where
-from thesis_lib.figures.marks import note, turned
+from thesis_lib.figures.planar_drawing import note, turned
 from thesis_lib.figures.style import BLUE, GREY, INK, RED, Drawn, house_style, new_figure
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.intervals import Z95

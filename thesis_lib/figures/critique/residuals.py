@@ -20,7 +20,7 @@ from thesis_lib.critique.results.numbers import bin_of, contact_residuals, depen
 from thesis_lib.critique.results.titles import FEATURE_LABEL, plain
 from thesis_lib.figures.critique.errors import AFTER, BEFORE, set_title
 from thesis_lib.figures.critique.where import axis_label
-from thesis_lib.figures.marks import white_box
+from thesis_lib.figures.planar_drawing import white_box
 from thesis_lib.figures.style import GREY, Drawn, house_style, new_figure
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.spread import MAD_TO_STD

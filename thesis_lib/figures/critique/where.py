@@ -21,7 +21,7 @@ from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.numbers import energy_disc, impact_errors
 from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
 from thesis_lib.figures.critique.errors import set_title
-from thesis_lib.figures.marks import note, white_box
+from thesis_lib.figures.planar_drawing import note, white_box
 from thesis_lib.figures.style import BLUE, INK, Drawn, house_style, new_figure
 from thesis_lib.statistics.wording import number
 

@@ -22,7 +22,7 @@ import numpy as np
 from thesis_lib.datasets.sources.motion_capture.pose_messages import DEFINITIONS, KINDS, TRANSFORMS, Pose
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, unit
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import MissingFile, regular_size
 
 UP = "z"
@@ -104,10 +104,9 @@ def _named(path: Path) -> Iterator[None]:
         raise
     # readers of damaged files raise errors of many kinds, MemoryError among them
     except Exception as error:
-        reason = (str(error).strip().splitlines() or [""])[0][:200] or type(error).__name__
         raise UserError(
-            f"{path} cannot be read as a bag ({reason}). Is it whole? Bags that ROS 2 compressed as files or by "
-            "message are unpacked with 'ros2 bag convert', bags without an index mended with 'rosbag reindex'."
+            f"{path} cannot be read as a bag ({first_line(error)}). Is it whole? Bags that ROS 2 compressed as files "
+            "or by message are unpacked with 'ros2 bag convert', bags without an index mended with 'rosbag reindex'."
         ) from error
 
 

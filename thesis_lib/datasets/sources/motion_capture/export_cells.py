@@ -10,7 +10,7 @@ import numpy as np
 from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_markers, motion_of_markers
 from thesis_lib.datasets.sources.tables.log_table import MAX_COLUMNS, MAX_LOG
 from thesis_lib.datasets.space.motion import Motion, from_angles, unit
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
 LENGTHS = {"m": 1.0, "meters": 1.0, "cm": 1e-2, "centimeters": 1e-2, "mm": 1e-3, "millimeters": 1e-3}
@@ -40,8 +40,7 @@ def read_rows(path: Path) -> list[Row]:
     except MissingFile as error:
         raise UserError(f"{path} does not exist; give the export as a file.") from error
     except (ValueError, csv.Error) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise UserError(f"{path} cannot be read as a table ({reason}); export it again as CSV.") from error
+        raise UserError(f"{path} cannot be read as a table ({first_line(error)}); export it again as CSV.") from error
     if not content.endswith((b"\n", b"\r")):
         rows = rows[:-1]
     if any(len(cells) > 10 * MAX_COLUMNS for _, cells in rows[:10]):

@@ -17,7 +17,7 @@ from thesis_lib.datasets.format.validate import row_text
 from thesis_lib.datasets.sources.tables.layout import COMMENT, HEAD, LONGEST, NAMES, NO_NUMBER, find_layout, split
 from thesis_lib.datasets.sources.tables.options import Reading, unit_in, unit_of
 from thesis_lib.datasets.sources.tables.tracked_points import LIKELY, points_of, sureness
-from thesis_lib.foundation.errors import UserError, suggest
+from thesis_lib.foundation.errors import UserError, first_line, suggest
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes
 
 MAX_COLUMNS = 1000
@@ -137,8 +137,7 @@ def read_log(path: Path, options: Reading, wanted: Collection[str], doubts: list
     except MissingFile as error:
         raise UserError(f"{path} does not exist; give the log as a CSV file with a header line.") from error
     except (ValueError, OverflowError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise UserError(f"{path} cannot be read as a table ({reason}). Is --delimiter right?") from error
+        raise UserError(f"{path} cannot be read as a table ({first_line(error)}). Is --delimiter right?") from error
     if not text.strip():
         raise UserError(f"{path} is empty; give the log as a CSV file with a header line.")
     if layout.header is None:

@@ -27,6 +27,7 @@ OTHER_NAMES = {  # of units, as programs write them above their columns
 }
 SPACES = r"\s+"  # the delimiter of columns that are set apart by blanks
 BRACKETED = re.compile(r"[(\[]([^()\[\]]*)[)\]]\s*$")  # theta (°), timestamp [ns]
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 WORDS = {"length": "a length", "angle": "an angle", "time": "a time"}
 
 
@@ -164,6 +165,16 @@ def parse_numbers(text: str, many: int, mistake: str) -> list[float]:
     if len(values) != many or not np.isfinite(values).all():
         raise UserError(mistake)
     return values
+
+
+def parse_direction(text: str, option: str) -> np.ndarray:
+    """'z', '-y' or '0.1,0,1' -> a unit vector (3,); UserError for anything else."""
+    mistake = f"{option}: '{text}' is no direction; give an axis such as z or -y, or three numbers X,Y,Z."
+    sign, name = (-1.0, text[1:]) if text.startswith("-") and text[1:] in AXES else (1.0, text)
+    vector = sign * np.array(AXES.get(name) or parse_numbers(text, 3, mistake))
+    if not 1e-9 < (length := np.linalg.norm(vector)) < 1e9:
+        raise UserError(mistake)
+    return vector / length
 
 
 def parse_delimiter(text: str | None) -> str | None:
