@@ -34,6 +34,30 @@ def test_tosses_stay_in_space(tmp_path, capsys):
     assert "the tracked frame is taken to be that of the shape" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("form", ["rows", "blocks", "before", "behind"])
+def test_of_several_bodies_in_a_table_one_is_named(tmp_path, capsys, form):
+    frame, options = flights(trials=12), ["--quaternion", "wxyz", *SHAPE, "--force"]
+    still = frame.assign(x=0.5, y=0.2, z=0.1, qw=1.0, qx=0.0, qy=0.0, qz=0.0)
+    pose = ["x", "y", "z", *Q]
+    if form in ("rows", "blocks"):
+        log = pd.concat([frame.assign(name="brick"), still.assign(name="table")])
+        log = log.sort_values(["trial", "t"], kind="stable") if form == "rows" else log
+    else:
+        parts = [(frame, "brick"), (still, "table")]
+        names = [[f"{name}_{c}" if form == "before" else f"{c}.{name}" for c in pose] for _, name in parts]
+        log = pd.concat(
+            [frame[["trial", "t"]], *(p[pose].set_axis(n, axis=1) for (p, _), n in zip(parts, names))], axis=1
+        )
+    assert init(tmp_path, log, *options)[0] == 2
+    said = capsys.readouterr().err
+    assert "brick, table" in said and "say which with --body NAME" in said.replace("Say", "say")
+    assert ("--columns trial=name" in said) == (form == "blocks")
+    assert init(tmp_path, log, *options, "--body", "cup")[0] == 2 and "It has: brick, table" in capsys.readouterr().err
+    code, made = init(tmp_path, log, *options, "--body", "brick")
+    assert code == 0
+    np.testing.assert_allclose(made.trajectories[["t", "x", "y", "z"]], frame[["t", "x", "y", "z"]], atol=1e-12)
+
+
 def test_units_and_the_axis_that_is_up_are_found_or_given(tmp_path, capsys):
     frame = flights(trials=12)
     log = frame.assign(x=1e3 * frame["y"], y=1e3 * frame["z"], z=1e3 * frame["x"])

@@ -171,7 +171,7 @@ WRONG = [
     ("table", ["--columns", "q1=q0"], "q1 belongs to a motion in space; say how it turns with --quaternion"),
     ("table", ["--columns", "t=time,x=X,y=Y,z=Z"], "no angle of the body is read from it"),
     ("table", ["--up", "y"], "--up is for motions in space"),
-    ("table", ["--quaternion", "xyzw", "--body", "plate", *TABLE], "--body is for files that hold several bodies"),
+    ("table", ["--quaternion", "xyzw", "--body", "plate", *TABLE], "is a table of one body: leave --body out"),
     ("table", ["--quaternion", "xyzw", "--frame", "4,2", *TABLE], "is not X,Y,ANGLE"),
     ("table", ["--quaternion", "xyzw", "--frame", "40,2,0", *TABLE], "is not X,Y,ANGLE"),
     ("table", ["--quaternion", "xyzw", "--plane", "z", *TABLE], "--plane: the plane is level"),

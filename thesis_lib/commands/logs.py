@@ -15,7 +15,8 @@ Convert a rig's logs into a dataset folder, then check it. Which form a file has
                              may lack. Delimiter, decimal commas, encoding, lines above the header and a row of units
                              below it are found and named in a note (Excel, Tracker, LabVIEW, TUM, rostopic echo -p)
   tables of a video tracker  the points of DeepLabCut and its like (POINT.x, POINT.y, likelihood) become the pose
-  tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz
+  tables with quaternions    the same with z and four columns of a quaternion: --quaternion xyzw or wxyz; of several
+                             bodies, by a column of names or by those of the columns (box_x, hand_x), --body names one
   tables of points           x, y, z and no angle: a ball, whose spin stays unknown
   OptiTrack Motive           CSV export of rigid bodies, or of the markers of one; also the older form (version 1.1)
   Vicon Nexus, Tracker       CSV export of segments, or of trajectories of the markers of one body
@@ -99,7 +100,10 @@ def add_init(commands: argparse._SubParsersAction) -> None:
     init.add_argument("--up", metavar="AXIS", help="of a motion in space: z, -y, …; default: y of OptiTrack, else z")
     normal = "normal of the plane of a motion in space: x, -y, … or X,Y,Z; default: found from the free flights"
     init.add_argument("--plane", metavar="AXIS", help=normal)
-    body = "which body or marker of an export, topic of a bag, or topic:name within it; of a video tracker the points "
+    body = (
+        "which body of an export or a table, marker, topic of a bag, or topic:name within it; of a video tracker the "
+        "points "
+    )
     init.add_argument("--body", metavar="NAME", help=f"{body}of the body, as P,Q,…; default: all")
     frame = "in the tracked frame, seen in the plane: centre of mass in m, and by how many degrees the shape is turned"
     init.add_argument("--frame", metavar="X,Y,ANGLE", help=f"{frame}; default: 0,0,0")

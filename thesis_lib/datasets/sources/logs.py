@@ -151,8 +151,6 @@ def _check_options(path: Path, form: str, in_space: bool, rig: RigOptions, readi
         raise UserError(f"--quaternion: '{reading.quaternion}' is unknown; give {' or '.join(ORDERS)}.")
     if reading.rotation is not None and reading.rotation not in SEQUENCES:
         raise UserError(f"--rotation: '{reading.rotation}' is unknown; give one of {', '.join(SEQUENCES)}.")
-    if reading.body and form in (TABLE, TENSORS) and in_space:
-        raise UserError("--body is for files that hold several bodies; of a table, name the columns with --columns.")
 
 
 def _check_solid(path: Path, in_space: bool, rig: RigOptions, reading: Reading) -> None:

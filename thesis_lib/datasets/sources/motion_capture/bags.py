@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.pose_messages import DEFINITIONS, KINDS, TRANSFORMS, Pose
-from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
+from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, unit
 from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import MissingFile, regular_size

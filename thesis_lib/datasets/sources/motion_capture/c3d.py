@@ -15,7 +15,8 @@ import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import length_unit
 from thesis_lib.datasets.sources.motion_capture.own_process import arrays_of
-from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body, choose_markers, motion_of_markers
+from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_markers, motion_of_markers
+from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import MissingFile, read_bytes

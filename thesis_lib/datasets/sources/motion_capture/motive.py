@@ -27,7 +27,7 @@ from thesis_lib.datasets.sources.motion_capture.export_cells import (
     rate_in_hertz,
     read_rows,
 )
-from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
+from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion
 from thesis_lib.foundation.errors import UserError
 

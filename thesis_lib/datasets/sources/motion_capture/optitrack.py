@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from thesis_lib.datasets.sources.motion_capture.export_cells import columns_of, read_rows
-from thesis_lib.datasets.sources.motion_capture.tracked_bodies import choose_body
+from thesis_lib.datasets.sources.tables.several_bodies import choose_body
 from thesis_lib.datasets.space.motion import Motion, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 

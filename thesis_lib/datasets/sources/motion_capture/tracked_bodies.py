@@ -1,4 +1,4 @@
-"""Which body of a recording is meant, and its motion where only its markers were recorded.
+"""The motion of a body of which only its markers were recorded.
 
 The rotation and shift of a body from its markers carry their places over, frame by frame:
 
@@ -8,41 +8,18 @@ x_i (3,) are the markers seen in a frame, m_i their places in the first frame th
 axes are those of the recording, and its origin is the mean m̄ of the markers.
 """
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from thesis_lib.datasets.sources.tables.several_bodies import SHOWN, choose_body
 from thesis_lib.datasets.space.motion import Motion, quaternions
 from thesis_lib.foundation.errors import UserError
 
-SHOWN = 20  # names in an error
 FEWEST = 3  # markers seen
 FLAT = 0.05  # second singular value over the first: markers on a line give no rotation
 RIGID = 0.003  # m, rms distance of markers from the rigid body; more is a marker taken for another
-
-
-def choose_body(path: Path, bodies: Sequence[str], body: str | None) -> str:
-    """The body that is meant: the only one, or that named `body`, of which an end will do (of topic:frame the frame).
-
-    UserError if there is none, or there are several.
-    """
-    shown = ", ".join(name or "(no name)" for name in bodies[:SHOWN])
-    shown += f" and {len(bodies) - SHOWN} more" if len(bodies) > SHOWN else ""
-    if body is None and len(bodies) == 1:
-        return bodies[0]
-    ways = (
-        lambda name: name == body,
-        lambda name: re.split("[:/]", name)[-1] == body,
-        lambda name: name.endswith(body),
-    )
-    found = next(filter(None, ([name for name in bodies if way(name)] for way in ways)), []) if body else []
-    if len(found) == 1:
-        return found[0]
-    if body is None:
-        raise UserError(f"{path} has {len(bodies)} bodies: {shown}. Say which with --body NAME.")
-    raise UserError(f"{path} has no body '{body}' (or several whose names end so). It has: {shown}.")
 
 
 def choose_markers(path: Path, names: Sequence[str], body: str | None) -> tuple[str, list[str]]:

@@ -14,6 +14,7 @@ import pandas as pd
 from thesis_lib.datasets.sources.tables.log_table import Log, read_log, say_of_logs
 from thesis_lib.datasets.sources.tables.options import Reading
 from thesis_lib.datasets.sources.tables.pose import times
+from thesis_lib.datasets.sources.tables.several_bodies import one_body
 from thesis_lib.datasets.space.motion import Motion, Readings, mirrored, unit
 from thesis_lib.foundation.errors import UserError
 
@@ -47,6 +48,7 @@ def source_of(options: Reading) -> dict[str, tuple[str, float]]:
 def motion_of_table(log: Log, source: Mapping[str, tuple[str, float]], options: Reading, notes: list[str]) -> Motion:
     """The motion in one table, that of a point without a quaternion; errors as of `read_quaternion_tables`."""
     path, order = log.path, options.quaternion
+    log, source = one_body(log, source, options.body)
     four = [name for name in source if name.startswith("q")]
     log.require([source[name][0] for name in (*AXES, *four, *(set(options.columns) & {"t", "trial"}))])
 

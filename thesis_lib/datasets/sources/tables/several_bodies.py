@@ -1,0 +1,91 @@
+"""Which body of a recording is meant, and where a table of motions in space has it.
+
+| form of the table              | a body is                                                                       |
+|--------------------------------|---------------------------------------------------------------------------------|
+| one row for each body          | what a column says beside the time: `t,name,x,y,z,qx,…`                         |
+| all bodies in a row            | columns whose names begin or end alike: `box_x,box_y,…,hand_x,…`, `x.box,y.box,…` |
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.datasets.sources.tables.log_table import Log
+from thesis_lib.foundation.errors import UserError
+
+SHOWN = 20  # names in an error
+MOST = 50  # bodies in a table; a column with more values says something else
+
+
+def choose_body(path: Path, bodies: Sequence[str], body: str | None) -> str:
+    """The body that is meant: the only one, or that named `body`, of which an end will do (of topic:frame the frame).
+
+    UserError if there is none, or there are several.
+    """
+    shown = ", ".join(name or "(no name)" for name in bodies[:SHOWN])
+    shown += f" and {len(bodies) - SHOWN} more" if len(bodies) > SHOWN else ""
+    if body is None and len(bodies) == 1:
+        return bodies[0]
+    ways = (
+        lambda name: name == body,
+        lambda name: re.split("[:/]", name)[-1] == body,
+        lambda name: name.endswith(body),
+    )
+    found = next(filter(None, ([name for name in bodies if way(name)] for way in ways)), []) if body else []
+    if len(found) == 1:
+        return found[0]
+    if body is None:
+        raise UserError(f"{path} has {len(bodies)} bodies: {shown}. Say which with --body NAME.")
+    raise UserError(f"{path} has no body '{body}' (or several whose names end so). It has: {shown}.")
+
+
+def one_body(
+    log: Log, source: Mapping[str, tuple[str, float]], body: str | None
+) -> tuple[Log, Mapping[str, tuple[str, float]]]:
+    """The rows of one body, and its columns and signs by our names; as they are if the table has no other.
+
+    UserError if there are several bodies, and `body` names none of them.
+    """
+    named = {ours: name for ours, (name, _) in source.items() if ours not in ("trial", "t")}
+    if not any(log.has(name) for name in named.values()) and (groups := _groups(log, list(named.values()))):
+        chosen = groups[choose_body(log.path, list(groups), body)]
+        return log, {**source, **{ours: (chosen[name], source[ours][1]) for ours, name in named.items()}}
+    beside = [log.find(name) for name, _ in source.values()]
+    for column in log.cells.columns.difference(beside, sort=False):
+        if _names_bodies(log, column, [name for name in (source["trial"][0], source["t"][0]) if log.has(name)]):
+            label = log.text(column).str.strip()
+            if body is None and (label != label.shift()).sum() == label.nunique():
+                raise UserError(
+                    f"{log.path}: the same times are there for each {column} ({', '.join(label.unique()[:SHOWN])}). If "
+                    f"these are bodies, say which with --body NAME; if they are tosses, --columns trial={column}."
+                )
+            chosen = choose_body(log.path, list(label.unique()), body)
+            return replace(log, cells=log.cells[(label == chosen).to_numpy()]), source
+    if body is not None:
+        raise UserError(f"{log.path} is a table of one body: leave --body out, or name the columns with --columns.")
+    return log, source
+
+
+def _groups(log: Log, names: Sequence[str]) -> dict[str, dict[str, str]]:
+    """For each body the columns that stand for `names`, with its own name before or behind them."""
+    found: dict[str, dict[str, str]] = {}
+    for pattern in ("(.+?)[._ :/-]?{}", "{}[._ :/-]?(.+)"):
+        for name in names:
+            for column in map(str, log.cells.columns):
+                if match := re.fullmatch(pattern.format(re.escape(name)), column):
+                    found.setdefault(match[1], {})[name] = column
+        if whole := {body: columns for body, columns in found.items() if len(columns) == len(names)}:
+            return whole
+    return {}
+
+
+def _names_bodies(log: Log, column: str, when: Sequence[str]) -> bool:
+    """Whether times are there again for each value of a column, and once for each."""
+    label = log.text(column).str.strip()
+    if not when or not 1 < label.nunique() <= MOST or not label.str.contains("[^0-9.]").any():
+        return False
+    times = pd.DataFrame({str(i): log.text(name).to_numpy() for i, name in enumerate(when)})
+    return bool(times.duplicated().any()) and not times.assign(body=label.to_numpy()).duplicated().any()
