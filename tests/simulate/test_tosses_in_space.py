@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.commands.datasets import main
-from thesis_lib.critique.likelihood.hits_in_space import beside, jump, observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import beside, jump, observe_in_space
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.checks.in_space import motion_facts
 from thesis_lib.datasets.format.frames import body_states, tracked_states

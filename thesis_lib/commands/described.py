@@ -35,7 +35,7 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
     """
     import numpy as np
 
-    from thesis_lib.critique.likelihood.hits_in_space import hard_hits, observe_in_space
+    from thesis_lib.critique.likelihood.in_space.hits import hard_hits, observe_in_space
     from thesis_lib.datasets.checks.tracked_pose import settled, tracked_frame_told
     from thesis_lib.foundation.errors import UserError
 

@@ -19,7 +19,7 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
 from thesis_lib.critique.likelihood.comparison import Comparison
-from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of

@@ -14,7 +14,7 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
-from thesis_lib.critique.likelihood.hits_in_space import HARD, hard_hits, observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import HARD, hard_hits, observe_in_space
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig

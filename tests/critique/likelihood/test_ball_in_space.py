@@ -6,7 +6,7 @@ import pytest
 from tosses import simulate_tosses
 
 from thesis_lib.critique import criticise
-from thesis_lib.critique.likelihood.hits_in_space import beside, observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import beside, observe_in_space
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames

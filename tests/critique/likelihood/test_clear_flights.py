@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.bodies.solids import Box
-from thesis_lib.critique.likelihood.clear_flights import BetweenHits, Poses
+from thesis_lib.critique.likelihood.in_space.clear_flights import BetweenHits, Poses
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.effects.effect import Rig

@@ -14,8 +14,8 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique import criticise
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.comparison import Comparison
-from thesis_lib.critique.likelihood.given_in_space import given_in_space
-from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.critique.likelihood.in_space.given import given_in_space
+from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.datasets import dataset_of

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tosses import simulate_tosses
 
 from thesis_lib.bodies.solids import Box, Sphere, contact_kind
-from thesis_lib.critique.likelihood.hits_in_space import beside, jump, observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import beside, jump, observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import SpaceHeader

@@ -7,7 +7,7 @@ from tosses import simulate_tosses
 
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.drops.world import Drops
-from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.datasets import dataset_of
 from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import SpaceHeader

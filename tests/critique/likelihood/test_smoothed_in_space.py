@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from thesis_lib.critique.likelihood.hits_in_space import beside, observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import beside, observe_in_space
 from thesis_lib.simulate.tosses.drawn import NOTHING, SpaceCase, make
 from thesis_lib.simulate.tosses.example import simulate_tosses
 from thesis_lib.simulate.tosses.own import OwnTosses

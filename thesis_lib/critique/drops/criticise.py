@@ -26,7 +26,7 @@ from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops, DropsDiscovery, testable_effects
 from thesis_lib.critique.likelihood.channels import FLIGHT
 from thesis_lib.critique.likelihood.fit import Fit, seeing
-from thesis_lib.critique.likelihood.hits_in_space import observe_in_space
+from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
 from thesis_lib.critique.selection.search import search, split

@@ -53,7 +53,7 @@ from thesis_lib.critique.drops.questions.next_experiment import next_experiment
 from thesis_lib.critique.drops.words import OFF_WALL
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.critique.likelihood.fit import Fit
-from thesis_lib.critique.likelihood.hits_in_space import hard_hits
+from thesis_lib.critique.likelihood.in_space.hits import hard_hits
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.clock_and_size import could_be
 from thesis_lib.critique.results.summary import headline, summary

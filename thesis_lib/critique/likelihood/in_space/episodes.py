@@ -11,7 +11,7 @@ import pandas as pd
 
 from thesis_lib.bodies.minkowski import MinkowskiSum
 from thesis_lib.critique.contacts.pressing import contact_points
-from thesis_lib.critique.likelihood.clear_flights import Poses, jump_across, state_under_gravity
+from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jump_across, state_under_gravity
 from thesis_lib.critique.likelihood.observations import LATE, LONGEST_WAIT, Observations, with_episodes
 from thesis_lib.datasets.impacts.episodes import groups_of_hits
 from thesis_lib.effects.effect import Rig

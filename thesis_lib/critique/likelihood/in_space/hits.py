@@ -1,0 +1,231 @@
+"""Observations of a body in space, from the samples of its trajectories.
+
+Everything is seen in the frame (t_1, t_2, n) of the surface.  The instant of a hit is where the arcs of the centre of
+mass come closest (`instants`); pose and motion beside it are those of `beside_hits`: lines for the place, torque-free
+motion for the attitude.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.solids import Sphere
+from thesis_lib.critique.likelihood.in_space.clear_flights import Poses, jumps, seen_beside
+from thesis_lib.critique.likelihood.in_space.episodes import HARD, OFF_SURFACE, add_episodes
+from thesis_lib.critique.likelihood.in_space.flights import flights_in_space, noise_of_flights
+from thesis_lib.critique.likelihood.in_space.given import given_in_space
+from thesis_lib.critique.likelihood.in_space.instants import (
+    between_samples,
+    find_hits,
+    first_sample,
+    noise_of_samples,
+    readable,
+)
+from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, lag_of_attitudes, lag_warning, rolls
+from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
+from thesis_lib.critique.likelihood.supports import supports_in_space
+from thesis_lib.datasets.checks.in_space import one_clock
+from thesis_lib.datasets.checks.tracked_pose import settled
+from thesis_lib.datasets.flights.beside_hits import fit_windows
+from thesis_lib.datasets.flights.parabolas import Hits
+from thesis_lib.datasets.flights.rounding import Kinks, contact_guard, guard_of, rounding_warning, sampling_interval
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
+from thesis_lib.datasets.format.header import Header
+from thesis_lib.datasets.format.samples import ArcSettings, make_samples
+from thesis_lib.datasets.impacts.found import found_in_space, ordinals
+from thesis_lib.datasets.impacts.spin import unseen_spin
+from thesis_lib.datasets.space.flights import too_slow
+from thesis_lib.effects.effect import Rig
+from thesis_lib.effects.whole_tosses import WholeTosses
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.contact import contact_at
+from thesis_lib.mechanics.inertia import mobility
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.spread import robust_std
+
+FEWEST = 3  # samples on either side of a hit
+SPREAD = 3.0  # robust standard deviations of the gap at hits
+UPWARDS = 5  # of values and slopes of all channels: the slope of n
+SURE = 3.0  # standard errors by which a surface pushes a body away
+CLEARLY = 1.1  # of the guard, by which contacts last longer
+TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
+
+
+def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:
+    """Observations of the hits of a dataset in space, as impacts.csv states them, else as trajectories show them.
+
+    What cannot be used has a reason in `found`.
+
+    `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
+
+    Raises:
+        UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body that is no
+            ball has no orientation.
+    """
+    if dataset.impacts is not None and len(dataset.impacts):
+        return given_in_space(dataset)
+    if dataset.trajectories is None:
+        raise UserError(f"{dataset.name} has neither trajectories.csv nor impacts.csv; give at least one of them.")
+    if len(dataset.in_space.planes) > 1:
+        raise UserError(
+            f"{dataset.name}: hits in space are found on one surface, and there are several. Give the one that is hit "
+            "as `surface`; tosses onto another one are a dataset of their own."
+        )
+    dataset, settings = settled(dataset), settings or ArcSettings(min_window=FEWEST)
+    header = dataset.in_space
+    whole, written, told = readable(dataset)
+    (frame,) = surface_frames(header)
+    states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
+    clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
+        {"schema": 1, "body": {"shape": {"kind": "disk", "radius": 2.0}, "radius_of_gyration": 1.0}}
+        | {"gravity": dataset.gravity, "rate": dataset.rate}
+    )
+    samples = make_samples(states.trial, states.t, states.position[TO_PLANE].T, clock, settings)
+    noise, smoothed = noise_of_samples(samples, states, header)
+    times = one_clock(whole)[1]
+    at, windows, t, t_std, side, dv = find_hits(samples, clock, noise[0], settings)
+    strong = (dv**2).sum(axis=1) >= np.median((dv**2).sum(axis=1)) if len(at) else np.zeros(0, bool)
+    kinks = Kinks(at, t + windows.t_0, dv, strong)
+    guard = guard_of(kinks, samples, np.full(3, noise[0]), settings, both=True)
+    if guard > max(settings.guard, 1.5 * sampling_interval(samples)):  # of one interval is that of one side
+        told += rounding_warning(guard, settings.guard, 0.0, sampling_interval(samples), None)
+        settings = settings.model_copy(update={"guard": guard})
+    if smoothed:
+        hits = Hits(samples.trial[at], kinks.t, np.ones(len(at), bool))
+        noise = noise_of_flights(states, times, hits, rig, noise, settings.guard)
+    if smoothed or guard == settings.guard:
+        at, windows, t, t_std, side, _ = find_hits(samples, clock, noise[0], settings)
+    trial, reason = samples.trial[at], np.full(len(at), "", object)
+    near = np.r_[False, windows.same_trial] | np.r_[windows.same_trial, False] if len(at) else np.zeros(0, bool)
+    short = side.sum(2).min(1) < settings.min_window
+    reason[short] = np.where(near[short], "second_hit", "window_too_short")
+    rows = np.flatnonzero(reason == "")
+    index = np.clip(at[rows, None] + np.arange(-settings.max_window, settings.max_window + 2), 0, len(samples) - 1)
+    pose, tau = np.moveaxis(states.pose[:, index], 0, -1), windows.t[rows] - t[rows, None]
+    used, G = side[rows] > 0.0, header.body.inertia_per_mass
+    fitted = fit_windows(pose, tau, used, G, noise)
+    lag = lag_of_attitudes(fitted)
+    if abs(lag) > settings.guard:
+        return observe_in_space(dataset, settings.model_copy(update={"guard": CLEARLY * abs(lag)}), episodes)
+    told += lag_warning(lag)
+    second_hit, grown = has_another_hit(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
+    reason[rows[second_hit]] = "second_hit"
+    lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
+    first = _under_gravity(lines, fitted.bow[:, 0], rig)
+    off_by = rig.gap(first)
+    # geometry that is believed wrongly moves all of them alike
+    elsewhere = (
+        np.abs(off_by - np.median(off_by)) > OFF_SURFACE * rig.shape.extent if len(off_by) else np.zeros(0, bool)
+    )
+    leaves = contact_velocity(first, rig)[2] >= 0.0
+    push = (
+        fitted.slope[:, 1, 2] - fitted.slope[:, 0, 2] - rig.fall(lines)[2] * (fitted.bow[:, 1, 1] - fitted.bow[:, 0, 1])
+    )
+    of_push = np.sqrt(grown[0] * fitted.cov[:, :, UPWARDS, UPWARDS].sum(axis=1))
+    unpushed = push < SURE * of_push
+    for which, why in ((elsewhere, "off_surface"), (leaves, "no_approach"), (unpushed, "no_push")):
+        reason[rows[which & (reason[rows] == "")]] = why
+    if isinstance(header.body.solid, Sphere):
+        bounces = np.flatnonzero(reason[rows] == "")
+        second = State.of(fitted.value[:, 1], fitted.slope[:, 1], trial[rows], t[rows], space=SPACE)
+        rebound = _under_gravity(second, fitted.bow[:, 1], rig).velocity[2]
+        speeds = np.stack([-first.velocity[2], rebound], axis=1)[bounces]
+        reason[rolls(speeds, rows[bounces], trial) & np.isin(reason, ("", "second_hit"))] = "no_bounce"
+    kept = reason[rows] == ""
+    lasts = contact_guard(-off_by[kept], approach_speed(first.select(np.flatnonzero(kept)), rig))
+    if lasts > CLEARLY * settings.guard:
+        return observe_in_space(dataset, settings.model_copy(update={"guard": lasts}), episodes)
+    inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
+    edges = {
+        "start": np.where(used[kept, 0], inner, -np.inf).max(axis=1, initial=-np.inf),
+        "end": np.where(used[kept, 1], inner, np.inf).min(axis=1, initial=np.inf),
+    }
+    counts = dict(zip(("n_pre", "n_post"), used[kept].sum(axis=2).T))
+    detected = between_samples(states, samples, at, t + windows.t_0)
+    rows, sigma = rows[kept], np.repeat(np.sqrt(grown), 6)
+    since = t + windows.t_0 - first_sample(samples)[at]
+    rig = replace(rig, recorded=WholeTosses.of(states, trial, since))
+    hits = Hits(trial, t + windows.t_0, reason == "")
+    seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
+    all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "reason": reason})
+    poses = Poses(samples, states, rig, seen)
+    nearby = seen_beside(poses, all_hits, touching[1] if kept.any() else 0.0, settings)
+    single = Observations(
+        rig=rig,
+        trial=trial[rows],
+        surface=np.zeros(len(rows), int),
+        impact=ordinals(trial)[rows],
+        hits=np.ones(len(rows), int),
+        t=since[rows],
+        span=np.zeros(len(rows)),
+        **{name: getattr(fitted, name)[kept] for name in ("value", "slope", "bow", "nodes", "weights")},
+        cov=fitted.cov[kept] * np.outer(sigma, sigma),
+        t_std=t_std[rows],
+        offset=np.zeros((len(rows), 3)),
+        arcs=True,
+        flights=flights_in_space(states, times, hits, rig, noise, _touching(off_by[kept])[1], settings.guard),
+        supports=supports_in_space(states, samples, hits, rig, noise) if dataset.has_angle else (),
+        noise_known=True,
+        found=replace(
+            found_in_space(header, detected, ordinals(trial), reason, jumps(poses, all_hits, nearby), seen),
+            warnings=tuple(filter(None, (*told, too_slow(dataset.rate)))),
+        ),
+        written=written,
+    )
+    if not dataset.has_angle:
+        return without_angle(single, unseen_spin(np.linalg.norm(beside(single, 0).velocity, axis=0), header))
+    if not episodes:
+        return single
+    return add_episodes(single, poses, all_hits, pd.DataFrame(edges | counts), nearby, touching)
+
+
+def _touching(gap: np.ndarray) -> tuple[float, float]:
+    """Lowest and highest gap in m at which the body touches, of gaps (n,) at hits by the geometry that is believed."""
+    if not len(gap):
+        return -np.inf, -np.inf
+    middle, spread = float(np.median(gap)), SPREAD * float(robust_std(gap - np.median(gap)))
+    return middle - spread, middle + spread
+
+
+def beside(o: Observations, side: int) -> State:
+    """Poses and motions at the hits, before (0) or after (1), under the believed acceleration."""
+    return _under_gravity(o.lines(side), o.bow[:, side], o.rig)
+
+
+def _under_gravity(lines: State, bow: np.ndarray, rig: Rig) -> State:
+    """Poses and motions of lines (`lines`) with a bow (n, 2), under the believed acceleration."""
+    a, (b_0, b_1) = rig.fall(lines)[:3], bow.T
+    return lines.changed(position=lines.position - a * b_0, velocity=lines.velocity - a * b_1)
+
+
+def contact_velocity(state: State, rig: Rig) -> np.ndarray:
+    """Velocity (3, n) in m/s of the lowest point of the believed body."""
+    return SPACE.velocity_at(state.velocity, state.spin, rig.lowest(state))
+
+
+def approach_speed(state: State, rig: Rig) -> np.ndarray:
+    """|v_n|/√K_nn (n,) in m/s of the contact points of believed bodies."""
+    of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
+    at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
+    return np.abs(at.v_n) / np.sqrt(at.K_nn)
+
+
+def hard_hits(o: Observations) -> pd.DataFrame:
+    """The hits at corners, edges and faces of the believed hull that change the motion by more than `HARD`, or by
+    nobody knows how much: trial, impact, kind, and the row of the observation that holds them, −1 if none does."""
+    assert o.found.contacts is not None
+    first = np.repeat(np.arange(len(o)), o.hits)
+    number = np.arange(len(first)) - np.repeat(np.cumsum(o.hits) - o.hits, o.hits)
+    held = pd.DataFrame({"trial": o.trial[first], "impact": o.impact[first] + number, "row": first})
+    table = o.found.contacts.merge(held, how="left", on=["trial", "impact"]).fillna({"row": -1}).astype({"row": int})
+    alone = np.flatnonzero((table["row"] >= 0) & (o.span[table["row"]] == 0.0)) if len(o) else []
+    table.loc[alone, "jump"] = jump(o)[table["row"].to_numpy()[alone]]
+    return table[(table["kind"] != "") & ~(table["jump"] <= HARD)].drop(columns="jump")
+
+
+def jump(o: Observations) -> np.ndarray:
+    """√(|Δv|² + Δωᵀ G Δω) (n,) in m/s of each hit, G the believed inertia per mass."""
+    return o.norm(beside(o, 1).v - beside(o, 0).v)

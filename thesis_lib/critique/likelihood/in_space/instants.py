@@ -1,0 +1,175 @@
+"""Hits among the samples of a recording in space: the noise that they show, and when the hits were.
+
+The centre of mass of a free body moves on a parabola, whatever the body turns, so that hits are found as in the plane,
+in its three coordinates (`datasets.impacts.spikes`).  The instant of a hit is where the arcs before and after come
+closest,
+
+    t_c = −m·Δv / |Δv|²,    m = p⁺ − p⁻ at the time from which t_c counts
+
+| on paper | in code | unit   | shape  |                                                                  |
+|----------|---------|--------|--------|------------------------------------------------------------------|
+| p        |         | m      | (N, 3) | believed centre of mass, in the order t_1, n, t_2 for detection   |
+|          | `noise` | m, rad |        | one sigma of a coordinate of p, and of each component of a turn   |
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.bodies.solids import Sphere
+from thesis_lib.datasets.checks.in_space import reading_of
+from thesis_lib.datasets.flights.lines import lines_through
+from thesis_lib.datasets.flights.windows import Windows, sides_of, windows_around
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.format.header import Header, SpaceHeader
+from thesis_lib.datasets.format.samples import ArcSettings, Samples, noise_from_differences
+from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
+from thesis_lib.datasets.impacts.episodes import MOST_SKIPPED, end_off_line
+from thesis_lib.datasets.impacts.spikes import detect
+from thesis_lib.datasets.samples.copies import originals
+from thesis_lib.datasets.samples.stamps import times_of_pictures
+from thesis_lib.effects.as_written import RELABELLINGS, AsWritten
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
+from thesis_lib.statistics.spread import MAD_TO_STD
+
+MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that of samples shows a filter
+ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
+
+
+def readable(dataset: Dataset) -> tuple[pd.DataFrame, tuple[AsWritten, ...], tuple[str, ...]]:
+    """Rows of a dataset with all that hits are found from, in order; how quaternions must be read, if not as they are
+    written; and sentences on what was changed or left out.
+
+    UserError if a body that is no ball has no orientation.
+    """
+    table = dataset.trajectories
+    assert table is not None
+    turned, told = np.isfinite(table["qw"].to_numpy(float)), []
+    if dataset.has_angle and not turned.all():
+        told.append(
+            f"{np.sum(~turned)} of {len(turned)} rows have no orientation, and no hit or flight is found from them"
+        )
+        table = table[turned]
+    _require_turns(dataset)
+    table, changed = _as_taken(table.iloc[np.lexsort((table["t"], table["trial"]))], dataset.in_space)
+    told += changed
+    if dataset.has_angle and dataset.gravity and (name := reading_of(table, RELABELLINGS, dataset.gravity)):
+        q, P = table[list(QUATERNION)].to_numpy(float), RELABELLINGS[name]
+        told.append(f"as they are written, quaternions let no body fall freely; hits and flights are found with {name}")
+        return table.assign(**dict(zip(QUATERNION, (q @ P).T))), (AsWritten(P),), tuple(told)
+    return table, (), tuple(told)
+
+
+def _as_taken(table: pd.DataFrame, header: SpaceHeader) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Rows without copies of pictures, at the times at which these were taken, and sentences on what was changed."""
+    trial, pose = table["trial"].to_numpy(), table[[*POSITION, *QUATERNION]].to_numpy(float)
+    pose = pose[:, np.isfinite(pose).all(axis=0)]
+    samples = Samples(trial, table["t"].to_numpy(float), pose, np.unique(trial, return_inverse=True)[1])
+    keep, copied = originals(samples)
+    samples, table = replace(samples.select(keep), q=samples.q[keep, :3]), table[keep]
+    # pictures that were taken at a lower rate than stated may have been shown late
+    if found := times_of_pictures(samples, None if copied else header.rate, lengths=3):
+        sure, t, stamped = found
+        return table[sure].assign(t=t), tuple(filter(None, (copied, stamped)))
+    return table, (copied,) * bool(copied)
+
+
+def _require_turns(dataset: Dataset) -> None:
+    """UserError for a body whose orientation must be seen, and is not."""
+    header = dataset.in_space
+    if dataset.has_angle:
+        return
+    assert header.tracked is not None
+    at = np.array(header.tracked.position)
+    if not isinstance(header.body.solid, Sphere) or np.abs(header.body.centre).max() > 0.0:
+        raise UserError(
+            f"{dataset.name}: without orientation only hits of a ball can be found, whose centre of mass is its middle."
+        )
+    if np.abs(at - header.body.centre).max() > 0.0:
+        raise UserError(
+            f"{dataset.name}: without orientation nobody knows where the centre of mass is, as it is not the tracked "
+            "point. Leave `tracked` out if that is the middle of the ball."
+        )
+
+
+def noise_of_samples(samples: Samples, states: State, header: SpaceHeader) -> tuple[tuple[float, float], bool]:
+    """One sigma of the centre of mass in m and of a turn in rad, and whether it is a guess for smoothed samples.
+
+    As stated, and at least what the samples show.  Noise that a filter has smoothed is that of white noise with the
+    same effect on lines.
+    """
+    same = (samples.run[2:] == samples.run[:-2])[:, None]
+    turns = SPACE.turn_between(states.attitude[:, :-1], states.attitude[:, 1:]).T
+    seen = np.abs(np.diff(turns, axis=0))[same[:, 0]]
+    rotation = float(np.median(seen[seen > 0.0])) * MAD_TO_STD / np.sqrt(6.0) if (seen > 0.0).any() else 0.0
+    position, smoothed = _noise_of_means(samples, 1), _noise_of_means(samples, MEANS)
+    if is_smoothed := smoothed > SMOOTHED * position:
+        position, rotation = smoothed, rotation * smoothed / position
+    if (stated := header.noise) is not None:
+        rotation = stated.rotation or rotation
+        if stated.position is not None and header.tracked is not None:
+            arm = np.linalg.norm(header.body.centre - np.array(header.tracked.position))  # across which a turn is one
+            stated_position = np.sqrt(np.mean(np.square(stated.position)) + 2.0 / 3.0 * (arm * rotation) ** 2)
+            position = max(position, float(stated_position))
+    return (max(position, 1e-7), max(rotation, 1e-7)), is_smoothed and stated is None
+
+
+def _noise_of_means(samples: Samples, size: int) -> float:
+    """Noise of a coordinate in m by the means of `size` neighbours, times √size: the same for white noise."""
+    first = np.flatnonzero(np.diff(samples.run, prepend=-1))
+    within = np.arange(len(samples)) - np.repeat(first, np.diff(np.r_[first, len(samples)]))
+    starts = np.flatnonzero((within % size == 0)[: len(samples) - size + 1])
+    rows = starts[samples.run[starts] == samples.run[starts + size - 1], None] + np.arange(size)
+    means = replace(samples.select(rows[:, 0]), t=samples.t[rows].mean(axis=1), q=samples.q[rows].mean(axis=1))
+    return float(np.sqrt(size * np.nanmean(noise_from_differences(means) ** 2)))
+
+
+def find_hits(
+    samples: Samples, clock: Header, sigma: float, settings: ArcSettings
+) -> tuple[np.ndarray, Windows, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The samples before hits, their windows, and what `_instants` returns of these."""
+    at = detect(samples, clock, np.full(3, sigma), settings)
+    # the instant of a hit with another one near runs away, and would leave the flight beside it a sample behind the hit
+    windows = windows_around(samples, at, settings.max_window, beyond=0)
+    return at, windows, *_instants(windows, clock.gravity, sigma, settings)
+
+
+def _instants(
+    windows: Windows, gravity: float, sigma: float, settings: ArcSettings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Instants (n,) in s from `t_0`, their standard deviation, the samples used (n, 2, W), 0 or 1, and the changes of
+    velocity (n, 3) in m/s."""
+    t, n = np.zeros(len(windows.t_0)), len(windows.t_0)
+    side, lines, dv = np.zeros((n, 2, windows.t.shape[1])), None, np.zeros((n, 3))
+    for _ in range(ROUNDS):
+        side = sides_of(windows, t, settings, None)
+        tau = windows.t - t[:, None]
+        falls = windows.q + 0.5 * gravity * (tau**2)[..., None] * [0.0, 1.0, 0.0]
+        for way, used in ((1, side[:, 0]), (-1, side[:, 1])):
+            for _ in range(MOST_SKIPPED):  # the next hit may have come earlier than it was detected
+                used *= 1.0 - end_off_line(used, tau, falls, np.full(3, sigma), way)
+        lines = lines_through(side, tau, falls)
+        dv, miss = lines.slope[:, 1] - lines.slope[:, 0], lines.value[:, 1] - lines.value[:, 0]
+        t = np.clip(t - (miss * dv).sum(1) / np.maximum((dv * dv).sum(1), 1e-9), windows.low, windows.high)
+    if lines is None:
+        return t, t, side, dv
+    unit = 1.0 / np.maximum(lines.count, 1.0) + lines.mean**2 / np.where(lines.spread > 0.0, lines.spread, np.inf)
+    t_std = sigma * np.sqrt(unit.sum(1)) / np.maximum(np.linalg.norm(dv, axis=1), 1e-9)
+    return t, t_std, side, dv
+
+
+def between_samples(states: State, samples: Samples, at: np.ndarray, t: np.ndarray) -> State:
+    """States (n,) at the instants `t` (n,) in s between the samples `at` (n,) and the next ones, attitudes turned."""
+    first, last = states.attitude[:, at], states.attitude[:, at + 1]
+    share = np.clip((t - samples.t[at]) / (samples.t[at + 1] - samples.t[at]), 0.0, 1.0)
+    attitude = SPACE.attitude_after(first, share * SPACE.turn_between(first, last))
+    return State(states.pose[:, at], states.motion[:, at], samples.trial[at], t, None, SPACE).changed(attitude=attitude)
+
+
+def first_sample(samples: Samples) -> np.ndarray:
+    """Time (N,) in s of the first sample of each sample's trial."""
+    first = np.flatnonzero(np.r_[True, samples.trial[1:] != samples.trial[:-1]])
+    return np.repeat(samples.t[first], np.diff(np.r_[first, len(samples)]))

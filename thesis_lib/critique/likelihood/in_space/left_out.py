@@ -1,0 +1,134 @@
+"""What shows that a hit is not one alone between two free flights.
+
+Another hit in the window, attitudes that come later than places, and balls that only seem to bounce.
+"""
+
+import numpy as np
+from scipy.stats import chi2
+
+from thesis_lib.datasets.flights.beside_hits import turns_off
+from thesis_lib.datasets.flights.lines import SideLines, lines_through
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.statistics.spread import MEDIAN, robust_std
+
+FEWEST = 3  # hits that show a lag
+SURE = 3.0  # standard errors by which it is there
+IMPROBABLE = 1e-6  # of χ² without another hit in the window
+CLEAN = 0.25  # share of the hits that have no other one in their window, at least
+LATE = 1e-3  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
+RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
+
+
+def _off_free_motion(
+    fitted: SideLines,
+    pose: np.ndarray,
+    tau: np.ndarray,
+    used: np.ndarray,
+    G: np.ndarray,
+    gravity: float,
+    noise: tuple[float, float],
+    lag: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """χ² (n, 2) by which places and turns miss free motion on both sides and its meeting, and degrees of freedom (n,).
+
+    The places may not meet along Δv, which the instant takes up, and turns that come `lag` in s behind them meet later.
+    """
+    off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 of the places meet
+    if not len(tau):
+        return off, off
+    fall = 0.5 * gravity * np.array([0.0, 0.0, 1.0])
+    places = lines_through(used * 1.0, tau, pose[:, :, :3] + fall * (tau**2)[..., None])
+    off[:, 0] = (used[..., None] * places.residual**2).sum((1, 2, 3)) / noise[0] ** 2
+    for side in (0, 1):
+        off[:, 1] += turns_off(fitted, side, pose, tau, used, G) / noise[1] ** 2
+    miss, dv = (part[:, 1] - part[:, 0] for part in (places.value, places.slope))
+    aside = miss - (miss * dv).sum(1, keepdims=True) / np.maximum((dv * dv).sum(1, keepdims=True), 1e-9) * dv
+    place = fitted.cov[:, :, [0, 2, 4], [0, 2, 4]].sum(axis=1).mean(axis=1)
+    off[:, 0] += (aside**2).sum(axis=1) / place
+    turn, spun = _turned(fitted)
+    turn += lag * spun
+    of_turn = fitted.cov[:, :, 6::2, 6::2].sum(axis=1)
+    off[:, 1] += np.einsum("ni,nij,nj->n", turn, np.linalg.inv(of_turn), turn)
+    return off, np.stack([dof, dof + 1.0], axis=1)
+
+
+def has_another_hit(
+    fitted: SideLines,
+    pose: np.ndarray,
+    tau: np.ndarray,
+    used: np.ndarray,
+    G: np.ndarray,
+    gravity: float,
+    noise: tuple[float, float],
+    lag: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the samples beside hits (n,) are not those of two free flights, and by how much more than noise (2,) all
+    squares of places and turns have grown."""
+    off, dof = _off_free_motion(fitted, pose, tau, used, G, gravity, noise, lag)
+    if not len(off):
+        return np.zeros(0, bool), np.ones(2)
+    # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
+    grown = np.maximum(np.quantile(off / dof, CLEAN, axis=0), 1.0)
+    # a filter leaves as much noise in a line, but in fewer degrees of freedom
+    free = np.quantile(off / chi2.ppf(CLEAN, dof), CLEAN, axis=0)
+    off, dof = off / grown, dof * np.minimum(free, 1.0)
+    return (off > chi2.isf(IMPROBABLE, dof)).any(axis=1), grown
+
+
+def rolls(speeds: np.ndarray, at: np.ndarray, trial: np.ndarray) -> np.ndarray:
+    """Which of the hits (N,) of a ball come from its first rise on in their trial.
+
+    `speeds` (n, 2) are those of the hits `at` (n,) across the surface, before and after.
+    """
+    rises = np.zeros(len(trial), int)
+    rises[at] = _risen(speeds, trial[at])
+    count = np.r_[0, rises.cumsum()]
+    return count[1:] > count[np.searchsorted(trial, trial)]
+
+
+def _risen(speeds: np.ndarray, trial: np.ndarray) -> np.ndarray:
+    """At which hits (n,) of a ball its speed across the surface (n, 2), before and after a hit, has risen.
+
+    A ball bounces lower and lower, and then it rolls.  Where it is not tracked in its middle and its turns are misread,
+    a ball that rolls seems to rise and to fall.
+    """
+    up = np.zeros(len(speeds), bool)
+    for one in np.unique(trial):
+        here = np.flatnonzero(trial == one)
+        series = speeds[here].ravel()
+        rises = series[1:] - np.minimum.accumulate(series)[:-1] > RISE
+        up[here] = np.r_[False, rises].reshape(-1, 2).any(axis=1)
+    return up
+
+
+def _turned(fitted: SideLines) -> tuple[np.ndarray, np.ndarray]:
+    """Turns (n, 3) in rad from the attitudes before hits to those after, and changes (n, 3) of the spin in rad/s."""
+    turn = SPACE.turn_between(fitted.value[:, 0, 3:].T, fitted.value[:, 1, 3:].T).T
+    return turn, fitted.slope[:, 1, 3:] - fitted.slope[:, 0, 3:]
+
+
+def lag_of_attitudes(fitted: SideLines) -> float:
+    """Time in s by which attitudes change their course later than places do, 0 where that is not clear.
+
+    Attitudes that come a time L late miss each other by −L Δω where the places meet.  Samples taken meanwhile belong to
+    neither flight.
+    """
+    turn, spun = _turned(fitted)
+    square = (spun**2).sum(axis=1)
+    strong = square >= np.median(square) if len(square) else np.zeros(0, bool)
+    if strong.sum() < FEWEST:
+        return 0.0
+    late = -(turn * spun).sum(axis=1)[strong] / np.maximum(square[strong], 1e-9)
+    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(strong.sum())
+    return middle if abs(middle) > max(SURE * error, LATE) else 0.0
+
+
+def lag_warning(lag: float) -> tuple[str, ...]:
+    """A sentence for the user on attitudes that come `lag` in s behind the places, if they do."""
+    if not lag:
+        return ()
+    where = "behind" if lag > 0.0 else "ahead of"
+    return (
+        f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a clock or a filter of "
+        "their own. Samples within that time of a hit belong to no flight and are not used.",
+    )
