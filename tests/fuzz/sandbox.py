@@ -22,7 +22,7 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from thesis_lib.datasets.sources.motion_capture import c3d
+from thesis_lib.datasets.sources.motion_capture import own_process
 from thesis_lib.foundation.errors import UserError
 
 MEMORY = 1 << 30  # bytes above the imports
@@ -37,8 +37,7 @@ FORBIDDEN = {
     *("os.system", "os.exec", "os.posix_spawn", "os.fork", "subprocess.Popen", "pty.spawn"),
     *("socket.connect", "socket.bind", "urllib.Request", "pickle.find_class", "ctypes.dlopen"),
 }
-PROGRAMS = [str(Path(c3d.__file__).with_name(f"{name}_process.py")) for name in ("c3d", "tensors")]
-STARTED = [[sys.executable, "-P", program] for program in PROGRAMS]
+STARTED = [sys.executable, "-P", own_process.__file__]
 WRITES = {
     *("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod", "os.chown"),
     *("os.utime", "shutil.rmtree", "shutil.move", "shutil.copyfile", "shutil.copytree", "tempfile.mkstemp"),
@@ -77,7 +76,7 @@ class _Watch:
     def _event(self, event: str, arguments: tuple) -> None:
         if not self.on:
             return
-        if event == "subprocess.Popen" and list(arguments[1])[:3] in STARTED:
+        if event == "subprocess.Popen" and list(arguments[1])[:3] == STARTED:
             return
         if event in FORBIDDEN:
             self.seen.append(f"{event}{arguments!r}"[:200])
