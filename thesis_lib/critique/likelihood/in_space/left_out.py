@@ -72,7 +72,7 @@ def has_another_hit(
     # a filter leaves as much noise in a line, but in fewer degrees of freedom
     free = np.quantile(off / chi2.ppf(CLEAN, dof), CLEAN, axis=0)
     off, dof = off / grown, dof * np.minimum(free, 1.0)
-    return (off > chi2.isf(IMPROBABLE, dof)).any(axis=1), grown
+    return np.any(off > chi2.isf(IMPROBABLE, dof), axis=1), grown
 
 
 def rolls(speeds: np.ndarray, at: np.ndarray, trial: np.ndarray) -> np.ndarray:
