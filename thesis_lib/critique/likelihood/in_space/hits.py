@@ -22,7 +22,13 @@ from thesis_lib.critique.likelihood.in_space.instants import (
     noise_of_samples,
     readable,
 )
-from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, lag_of_attitudes, lag_warning, rolls
+from thesis_lib.critique.likelihood.in_space.left_out import (
+    has_another_hit,
+    lag_of_attitudes,
+    lag_warning,
+    off_free_motion,
+    rolls,
+)
 from thesis_lib.critique.likelihood.observations import Observations, rig_of, without_angle
 from thesis_lib.critique.likelihood.supports import supports_in_space
 from thesis_lib.datasets.checks.in_space import one_clock
@@ -62,8 +68,8 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
 
     Raises:
-        UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body that is no
-            ball has no orientation.
+        UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body other
+            than a ball has no orientation.
     """
     if dataset.impacts is not None and len(dataset.impacts):
         return given_in_space(dataset)
@@ -111,7 +117,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     if abs(lag) > settings.guard:
         return observe_in_space(dataset, settings.model_copy(update={"guard": CLEARLY * abs(lag)}), episodes)
     told += lag_warning(lag)
-    second_hit, grown = has_another_hit(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
+    second_hit, grown = has_another_hit(*off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag))
     reason[rows[second_hit]] = "second_hit"
     lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
     first = _under_gravity(lines, fitted.bow[:, 0], rig)

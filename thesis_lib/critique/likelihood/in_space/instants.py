@@ -43,7 +43,7 @@ def readable(dataset: Dataset) -> tuple[pd.DataFrame, tuple[AsWritten, ...], tup
     """Rows of a dataset with all that hits are found from, in order; how quaternions must be read, if not as they are
     written; and sentences on what was changed or left out.
 
-    UserError if a body that is no ball has no orientation.
+    UserError if a body other than a ball has no orientation.
     """
     table = dataset.trajectories
     assert table is not None

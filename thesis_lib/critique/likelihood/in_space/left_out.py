@@ -19,7 +19,7 @@ LATE = 1e-3  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
 RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
 
 
-def _off_free_motion(
+def off_free_motion(
     fitted: SideLines,
     pose: np.ndarray,
     tau: np.ndarray,
@@ -52,19 +52,9 @@ def _off_free_motion(
     return off, np.stack([dof, dof + 1.0], axis=1)
 
 
-def has_another_hit(
-    fitted: SideLines,
-    pose: np.ndarray,
-    tau: np.ndarray,
-    used: np.ndarray,
-    G: np.ndarray,
-    gravity: float,
-    noise: tuple[float, float],
-    lag: float,
-) -> tuple[np.ndarray, np.ndarray]:
+def has_another_hit(off: np.ndarray, dof: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Whether the samples beside hits (n,) are not those of two free flights, and by how much more than noise (2,) all
-    squares of places and turns have grown."""
-    off, dof = _off_free_motion(fitted, pose, tau, used, G, gravity, noise, lag)
+    squares of places and turns have grown; from what `off_free_motion` returns."""
     if not len(off):
         return np.zeros(0, bool), np.ones(2)
     # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
