@@ -7,11 +7,14 @@ momentum L, which the body keeps without torque,
 
 Friction has two components.  It ends the slip within the step, if |c_t| ≤ μ c_n; else it is μ c_n against the slip in
 the middle of the step, (½ A + λ) c_t = −s, with A the compliance along the surface, or, where the slip turns round
-within the step, first against the slip before and then against the one after.  A convex contact has the force
+within the step, first against the slip before and then against the one after.  With torsional friction, a couple τ
+about the normal shares its limit, |(c_t / μ, τ / m_t)| ≤ c_n.  A convex contact has the force
 that minimises its program in the circular cone |f_t| ≤ μ f_n.  On a pyramid it is the sum of pushes g ≥ 0 along four
-edges, n ± μ t_1 and n ± μ t_2, each with its share of R.  Torsional friction of a convex contact is a couple τ about
-the normal in the same cone, |(f_t / μ, τ / m_t)| ≤ f_n, or on two more edges, with R as of a slip of ω_n m_t / μ.
-μ is that of fast slip times Stribeck's factor 1 + s exp(−(|s_t| / v_s)²) at the slip s_t before the step.
+edges, n ± μ t_1 and n ± μ t_2, each with its share of R.  Its torsional friction is in the same cone, or on two more
+edges, with R as of a slip of ω_n m_t / μ.
+μ is that of fast slip times Stribeck's factor 1 + s exp(−(|s_t| / v_s)²) at the slip s_t in the middle of the step, of
+a convex contact before it.  A point that touches within a step presses from there on, but for a convex contact, whose
+engine does not see it either.
 
 A contact point is one of a body that is a Minkowski sum (`bodies/minkowski.py`): a point that turns with the body, plus
 the lowest point of an ellipsoid that turns with it, less a radius along the normal.
@@ -96,6 +99,22 @@ def in_ball(a, b, c, d, e, f, x, y, z, radius):
         i, j, k = _inverted(a + added, b, c, d + added, e, f + added, p, q, r)
         added += (size / radius - 1.0) * size * size / (p * i + q * j + r * k)
     return p, q, r
+
+
+@compiled
+def _twisted(A, x, y, turning, s_1, s_2, omega_n, mu, lever, push, sharing):
+    """As `_friction`, with a couple about the normal that takes the spin from `turning` to `omega_n` without it.
+
+    A (4, 4) is that of `_compliance`; |(f / μ, τ / lever)| is at most `push`.
+    """
+    m, t = max(mu, LEAST), lever
+    a, b, c = sharing * m * m * A[0, 0], sharing * m * m * A[0, 1], sharing * m * t * A[0, 3]
+    d, e, f = sharing * m * m * A[1, 1], sharing * m * t * A[1, 3], sharing * t * t * A[3, 3]
+    p, q, r = _inverted(a, b, c, d, e, f, -m * s_1, -m * s_2, -t * omega_n)
+    if p * p + q * q + r * r > push * push:
+        x, y, z = 0.5 * m * (x + s_1), 0.5 * m * (y + s_2), 0.5 * t * (turning + omega_n)
+        p, q, r = in_ball(0.5 * a, 0.5 * b, 0.5 * c, 0.5 * d, 0.5 * e, 0.5 * f, x, y, z, push)
+    return m * p, m * q, t * r
 
 
 @compiled
@@ -396,6 +415,12 @@ def _rolled(T, squares, axes, radius, at):
 
 
 @compiled
+def _stribeck(mu, x, y, s, v_s):
+    """The coefficient of friction of the slip (x, y) in m/s."""
+    return mu * (1.0 + s * np.exp(-(x * x + y * y) / v_s**2))
+
+
+@compiled
 def _roll(share, couples, L):
     """Add a share of couples (p, 2) about level axes to the angular momentum L (3,)."""
     for k in range(len(couples)):
@@ -412,7 +437,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
             pyramid along the surface; share (n,) of the depth by which the force acts above the point.
         r_0: points (3, p, n) in m from the centre of mass, at the touch.
         points: gap in m, μ, D and L in m of each point, (4, p, n).
-        friction: s and v_s in m/s of Stribeck's factor, m_t of a convex contact and m_r in m, (4, n).
+        friction: s and v_s in m/s of Stribeck's factor, m_t and m_r in m, (4, n).
         body: W_0 (3, 3, n) in 1/m² and L (3, n) in m²/s at the touch; acceleration in m/s² and couple in m²/s² of the
             flight, (3, n).
         outline: squares (3,) in m² of the semi-axes of an ellipsoid that rolls, axes of the body (3, 3, n) as columns
@@ -438,6 +463,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
     beside, under, own = np.zeros(3), np.zeros(3), np.eye(3)
     r, slid, forces = np.zeros((p, 3)), np.zeros((p, 2)), np.zeros((p, 4))
     push, depths, deepest, carried = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
+    parts, d_1, d_2 = np.ones(p), 0.0, 0.0
     mu, levers, Bs, Ks, rolled = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
     for i in range(n):
         h, t = step[i], 0.0
@@ -445,6 +471,8 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
         x[:], v[:], L[:], omega[:] = 0.0, velocity[:, i], momenta[:, i], spin[:, i]
         W_0[:], own[:], mu[:] = W_0s[:, :, i], axes[:, :, i], mus[:, i]
         deepest[:], carried[:], forces[:], levers[:], rolled[:] = 0.0, 0.0, 0.0, friction[2, i], 0.0
+        for k in range(p):
+            depths[k] = -gaps[k, i]
         _matrix(q, T)
         _rolled(T, squares, own, radius, beside)
         for _ in range(most[i]):
@@ -457,24 +485,33 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
             for k in range(p):
                 c_1, c_2, c_3 = (r_0[0, k, i] - beside[0], r_0[1, k, i] - beside[1], r_0[2, k, i] - beside[2])
                 r[k, 2] = under[2] + T[2, 0] * c_1 + T[2, 1] * c_2 + T[2, 2] * c_3
-                depths[k] = -(gaps[k, i] + x[2] + r[k, 2] - r_0[2, k, i])
-                push[k] = 0.0
-                if depths[k] < 0.0:  # no contact pushes above the surface
+                depth, sunk = depths[k], -(gaps[k, i] + x[2] + r[k, 2] - r_0[2, k, i])
+                depths[k], push[k], parts[k] = sunk, 0.0, 1.0
+                touches = not is_convex and deepest[k] == 0.0 and sunk + 0.5 * (sunk - depth) > 0.0
+                if sunk < 0.0 and not touches:  # no contact pushes above the surface
                     forces[k] = 0.0
                     continue
-                near = True
                 r[k, 0] = under[0] + T[0, 0] * c_1 + T[0, 1] * c_2 + T[0, 2] * c_3
                 r[k, 1] = under[1] + T[1, 0] * c_1 + T[1, 1] * c_2 + T[1, 2] * c_3
+                if touches:  # it presses from where it touches within the step
+                    path = -h * (v[2] + omega[0] * r[k, 1] - omega[1] * r[k, 0])
+                    parts[k] = min(0.5 + sunk / path, 1.0) if path > 0.0 else 0.0
+                    if parts[k] <= 0.0:
+                        parts[k] = 1.0
+                        if sunk < 0.0:
+                            continue
+                    elif parts[k] < 1.0:
+                        depths[k] = 0.5 * parts[k] * path
+                near = True
                 r[k, 2] += shares[i] * depths[k]
                 deepest[k] = max(deepest[k], depths[k])
                 if friction[0, i] != 0.0:
                     s_1 = v[0] + omega[1] * r[k, 2] - omega[2] * r[k, 1]
                     s_2 = v[1] + omega[2] * r[k, 0] - omega[0] * r[k, 2]
-                    slow = np.exp(-(s_1 * s_1 + s_2 * s_2) / friction[1, i] ** 2)
-                    mu[k] = mus[k, i] * (1.0 + friction[0, i] * slow)
+                    mu[k] = _stribeck(mus[k, i], s_1, s_2, friction[0, i], friction[1, i])
             _turned_inertia(T, W_0, W)
             _times(W, L, omega)
-            pressing = 0
+            turning, pressing = omega[2], 0
             if near and is_convex:
                 for k in range(p):
                     B, share = losses[k, i] * SPEED / lengths[k, i], 0.5 * mu[k] * mu[k] if kind == PYRAMID else 1.0
@@ -498,7 +535,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                     # what the force changes at its point until the middle of the step, with friction as before
                     mobility = A[2, 2] + carried[k, 0] * A[2, 0] + carried[k, 1] * A[2, 1]
                     kick = h * SPEED**2 / length
-                    push[k] = kick * f / (1.0 + 0.5 * kick * slope * mobility)
+                    push[k] = parts[k] * kick * f / (1.0 + 0.5 * kick * slope * mobility)
                     pressing += push[k] > 0.0
             for j in range(3):
                 v[j] += h * accelerations[j, i]
@@ -521,10 +558,23 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                     continue
                 else:
                     _compliance(W, r[k], A)
-                    limit = mu[k] * push[k]
                     s_1 = v[0] + omega[1] * r[k, 2] - omega[2] * r[k, 1]
                     s_2 = v[1] + omega[2] * r[k, 0] - omega[0] * r[k, 2]
-                    d_1, d_2 = _friction(A[0, 0], A[0, 1], A[1, 1], slid[k, 0], slid[k, 1], s_1, s_2, limit, pressing)
+                    x_1, x_2, twist, lever = slid[k, 0], slid[k, 1], 0.0, friction[2, i]
+                    for corrected in range(2 if friction[0, i] != 0.0 else 1):
+                        if corrected:  # μ of the slip in the middle of the step
+                            mid_1 = 0.5 * (x_1 + s_1 + A[0, 0] * d_1 + A[0, 1] * d_2 + A[0, 3] * twist)
+                            mid_2 = 0.5 * (x_2 + s_2 + A[0, 1] * d_1 + A[1, 1] * d_2 + A[1, 3] * twist)
+                            mu[k] = _stribeck(mus[k, i], mid_1, mid_2, friction[0, i], friction[1, i])
+                        if lever > 0.0:
+                            d_1, d_2, twist = _twisted(
+                                A, x_1, x_2, turning, s_1, s_2, omega[2], mu[k], lever, push[k], pressing
+                            )
+                        else:
+                            d_1, d_2 = _friction(
+                                A[0, 0], A[0, 1], A[1, 1], x_1, x_2, s_1, s_2, mu[k] * push[k], pressing
+                            )
+                    L[2] += twist
                     carried[k, 0], carried[k, 1] = d_1 / push[k], d_2 / push[k]
                 along_1, along_2 = along_1 + d_1, along_2 + d_2
                 L[0] -= r[k, 2] * d_2

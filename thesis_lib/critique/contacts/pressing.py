@@ -11,10 +11,10 @@ too.  Per unit mass, with x the depth over L,
 Both forces of a convex contact follow from its program.
 The lowest point of a smooth body moves over it as the body turns.  Effects act on the frame, on the contact points and
 on (μ, ε) as in a single contact; shifts of a contact point turn with the body.  What they add to the impulse of
-the law is added to the impulse of each corner, at the velocity with which it touched.  Four are integrated with the
+the law is added to the impulse of each corner, at the velocity with which it touched.  Five are integrated with the
 rest: `tangential_compliance` is a spring along the surface; under `soft_body` the force acts in the chord that the
 surface cuts off, the higher the deeper the body sinks in; and in space the μ of `velocity_dependent_friction` follows
-the slip, and the couple of `torsional_friction` is in the program of a convex contact.
+the slip, and the couples of `torsional_friction` and `contact_torque` act while the contact lasts.
 """
 
 from collections.abc import Mapping
@@ -95,8 +95,7 @@ def all_points(rig: Rig, bodies: int) -> Rig:
 def integrates(law: Law, effect: Effect, space: Space) -> bool:
     """Whether the effect is part of the integrated motion; others have friction and place of their own."""
     if not space.is_plane:
-        in_cone = isinstance(effect, TorsionalFriction) and isinstance(law.force, ConvexDamper)
-        return in_cone or isinstance(effect, VelocityDependentFriction | ContactTorque)
+        return isinstance(effect, VelocityDependentFriction | TorsionalFriction | ContactTorque)
     return isinstance(effect, TangentialCompliance | SoftBody) and not isinstance(
         law.force, ConvexDamper | PressureField
     )

@@ -18,7 +18,7 @@ STRAIGHT = (1.0, 0.0, 0.0, 0.0)
 class OwnTosses:
     """Our own integrator; `steps` in the time of a central contact."""
 
-    steps: int = 200
+    steps: int = 400
 
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
         own, n = self._world(world), len(release)
