@@ -20,6 +20,7 @@ from thesis_lib.mechanics.space import PLANE, SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.mujoco.contact import restitution_and_time, spring_and_damper
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
+from thesis_lib.simulate.tosses.own import OwnTosses
 from thesis_lib.simulate.tosses.world import TossedWorld
 
 FORCES = ["compliant_contact", "hertz_contact", "damped_contact", "hunt_crossley_contact", "convex_contact"]
@@ -46,7 +47,9 @@ SECTIONS = {
 }
 SHORT = 2e-6  # s; nothing moves meanwhile
 SAME = 1e-9  # m/s and k rad/s: rounding
-SWEPT = 5e-4  # the same of a convex contact, whose corners are found in turn, in another order here
+# the same where corners are found in turn, in another order here, and of later corners, which in the plane press from
+# the next step on: with eight times the usual steps
+LATER = {"convex_contact": 5e-4, "damped_contact": 1e-3}
 TURN = 0.8  # rad
 
 
@@ -74,7 +77,8 @@ def energy(states, G):
 
 @pytest.mark.parametrize("section", SECTIONS)
 @pytest.mark.parametrize("name", FORCES)
-def test_a_motion_in_a_plane_of_space_is_that_of_the_plane(name, section):
+def test_a_motion_in_a_plane_of_space_is_that_of_the_plane(name, section, monkeypatch):
+    monkeypatch.setattr(pressing, "STEPS", 8 * pressing.STEPS)
     shape, solid = SECTIONS[section]
     rng, n = np.random.default_rng(4), 40
     theta = rng.uniform(-np.pi, np.pi, n)
@@ -94,10 +98,11 @@ def test_a_motion_in_a_plane_of_space_is_that_of_the_plane(name, section):
     states = State(pose, motion, flat.trial, flat.t, None, SPACE)
     expected, time = press(plane, flat)
     found, elapsed = press(in_space(solid, name, MOMENTS, impedance=same), states)
-    off = np.stack(
+    off = np.abs(
         [found.motion[0] - expected.vx, found.motion[2] - expected.vy, K_G * (found.motion[4] + expected.omega)]
     )
-    assert np.abs(off).max() < (SWEPT if name == "convex_contact" else SAME)
+    assert off.max() < LATER.get(name, 1e-5)
+    assert np.median(off.max(axis=0)) < (LATER[name] if name == "convex_contact" else SAME)
     np.testing.assert_allclose(found.motion[[1, 3, 5]], 0.0, atol=1e-9)
     np.testing.assert_allclose(elapsed, time, atol=2e-5)
     np.testing.assert_allclose(found.height, expected.y, atol=2e-6)
@@ -217,6 +222,33 @@ def test_convex_contacts_are_those_of_mujoco(cone, impratio, d, lever):
         off[of] = float(np.median(np.linalg.norm(apart, axis=0)))
     other = "elliptic" if cone == "pyramidal" else "pyramidal"
     assert off[cone] < 0.01 and off[other] > 0.1, off
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [{}, {"velocity_dependent_friction.s": 1.4, "velocity_dependent_friction.v_s": 0.5}]
+    + [{"torsional_friction.m_t": 6e-3}, {"contact_torque.m_r": 1.5e-3}],
+    ids=lambda hidden: next(iter(hidden), "nothing"),
+)
+def test_damped_contacts_are_those_of_our_own_tosses(hidden):
+    lasts, epsilon, close = 2.5e-3, 0.6, 1e-5
+    header = SpaceHeader.model_validate({"schema": 2, "body": {"shape": BOX, "mass": 0.2, "homogeneous": True}})
+    tau = lasts / BASES["damped_contact"].force.lasting(epsilon)
+    model = in_space(BOX, "damped_contact", header.body.inertia_per_mass, mu=0.3, epsilon=epsilon, tau=tau, **hidden)
+    states = tossed(BOX, 60, seed=2)
+    after, elapsed = press(model, states)
+    # their velocity is that between two poses
+    middle = elapsed[:, None] + 5.0 * close
+    world = TossedWorld(header, 0.3, epsilon, lasts, hidden)
+    moved = OwnTosses(steps=1600).moves(world, states, middle + [-close, close])
+    pose = moved.pose.reshape(7, -1, 2)
+    expected = 0.5 * SPACE.difference(pose[:, :, 1], pose[:, :, 0]) / close
+    fallen = after.velocity - 5.0 * close * np.array([[0.0], [0.0], [9.81]])
+    apart = np.linalg.norm(np.concatenate([fallen - expected[:3], K_G * (after.spin - expected[3:])]), axis=0)
+    over = elapsed < 3.5 * lasts
+    assert over.mean() > 0.9
+    # as differences of paths, added to the impulse: 5e-3 and 3e-2 m/s with friction by speed or torsion
+    assert np.median(apart[over]) < 1.5e-3 and np.quantile(apart[over], 0.9) < 6e-3
 
 
 def test_a_body_that_slides_on_a_pyramid_loses_its_faster_component_first_as_in_mujoco():
