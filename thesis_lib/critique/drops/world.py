@@ -64,6 +64,8 @@ class Drops(World[Effect, Fit, Judgement]):
         self.settings = settings or CritiqueSettings()
         self.timed = self.settings.contact_time and observations.arcs
         self.observations, self.rivals = observations, self.settings.rivals
+        # in space hits are so precise that most rigid laws fail by the time that contacts take
+        self.asks_reserve_first = not observations.space.is_plane
         self.always = (*of_motion(observations), *observations.written)
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
         of_space = CANDIDATE_LAWS if self.space.is_plane else LAWS_IN_SPACE

@@ -91,7 +91,7 @@ class Path(Generic[E, F, J]):
     shortlist: Shortlist[F] | None = None
     simpler: "Path[E, F, J] | None" = None
 
-    def remember(self, step: Step[E, F, J] | None, shortlist: Shortlist[F]) -> None:
+    def remember(self, step: Step[E, F, J] | None, shortlist: Shortlist[F] | None) -> None:
         """Keep a copy, with a step that would have entered, or with what it would choose from, unless there is one."""
         if self.simpler is None:
             known = [one for one in self.steps if step is None or one.effect.name != step.effect.name]

@@ -10,9 +10,10 @@
    without the effect.  Bases that take the place of another one raise none, either.
 4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
-   the next effect would.  Where quick fits say that it gains far more than any effect, no effect is judged before it.
-   Where a step leaves an error, the next best effects are tried with these bases, too.  If an error is left in the
-   end, the search goes on without the reserve from where it was taken, and the better of the two ends counts.
+   the next effect would.  In space one that leaves no error is taken before any effect is tried.  Where quick fits say
+   that it gains far more than any effect, no effect is judged before it.  Where a step leaves an error, the next best
+   effects are tried with these bases, too.  If an error is left in the end, the search goes on without the reserve from
+   where it was taken, and the better of the two ends counts.
 6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
 """
 
@@ -105,7 +106,13 @@ class Search(Generic[E, F, J]):
     def extend(self, path: Path[E, F, J], with_reserve: bool = True) -> Path[E, F, J]:
         """Add effects to a path as long as one enters; the path."""
         world, bases, forced = self.world, self.bases, self.fixed is not None
-        while not path.ended and len(path.steps) < self.most and (shortlist := path.shortlist or self.shortlist(path)):
+        while not path.ended and len(path.steps) < self.most:
+            first = self.reserve_first(path) if with_reserve and not forced and not path.shortlist else None
+            if first:
+                path.remember(None, None)
+                self.on_other_base(path, first)
+            if not (shortlist := path.shortlist or self.shortlist(path)):
+                break
             path.shortlist = None
             fitted, judged, number = path.fitted, path.judged, len(path.steps) + 1
             quick, contenders = shortlist.quick, shortlist.contenders
@@ -145,6 +152,20 @@ class Search(Generic[E, F, J]):
                 path.steps = self.without(path.steps, name)
             path.fitted, path.judged = path.steps[-1].fitted, path.steps[-1].judged
         return path
+
+    def reserve_first(self, path: Path[E, F, J]) -> tuple[F, J] | None:
+        """A base of the reserve that leaves no error where that of the path does, in a world where it is asked first.
+
+        An effect may stand in for it, and all of them would be fitted in vain.
+        """
+        world, bases = self.world, self.bases
+        if not world.asks_reserve_first or not world.leaves_an_error(path.judged):
+            return None
+        reserve = bases.reserve(path.fitted)
+        if not reserve or bases.leaves_an_error(max(reserve, key=lambda fit: fit.score)):
+            return None
+        other = bases.other(reserve, path.fitted, path.judged)
+        return None if other is None or world.leaves_an_error(other[1]) else other
 
     def shortlist(self, path: Path[E, F, J]) -> Shortlist[F] | None:
         """What the next step chooses from; None if there is nothing."""
