@@ -301,9 +301,11 @@ class _Search:
         tries = self._best_shapes(start) if is_new and self.sizes else []
         tries = tries or [start]
         for key, p in self.sizes.items():
+            if key in tries[0]:  # known already, a discrete one from all its options
+                continue
             if p.discrete is not None:
                 tries = [{**t, key: option} for t in tries for option in p.options]
-            elif key not in tries[0]:
+            else:
                 # off the null, where many effects have no slope
                 either_side = (p.null + p.scale, p.null - p.scale)
                 options = p.starts[:2] * self.kind.reaches(p) or either_side[: 2 if p.low < p.null < p.high else 1]
