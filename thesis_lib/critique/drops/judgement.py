@@ -145,12 +145,15 @@ def channel_is_material(better: Judgement, worse: Judgement, channel: str, setti
 def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
     """Channels in which one model errs more than another one by an amount that matters.
 
-    A misfit below noise does not count.  Poses and gaps at impact are compared only if both contacts are integrated, or
-    neither.
+    A misfit below noise does not count, which a better model may expect to be larger: of episodes, say, whose outcome
+    hangs on the start.  Poses and gaps at impact are compared only if both contacts are integrated, or neither.
     """
     noise = replace(than, sigmas={name: max(square, 1.0) for name, square in than.sigmas.items()})
+    error, floor = judged.misfit(IMPACT.name)
 
     def counts(channel: Channel) -> bool:
+        if channel is IMPACT and error <= floor:
+            return False
         return judged.integrated == than.integrated or not channel.of_contact
 
     return tuple(
