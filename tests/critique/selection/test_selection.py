@@ -195,6 +195,19 @@ def test_a_base_of_the_reserve_is_taken_where_it_beats_the_next_effect(monkeypat
     }
 
 
+def test_a_base_of_the_reserve_that_leaves_no_error_is_taken_before_any_effect_is_tried():
+    class Asking(WithReserve):
+        asks_reserve_first = True
+
+        def leaves_an_error(self, judged):
+            return judged.z @ judged.z > 1.3 * len(judged.z)
+
+    for bend, first in ((3.0, "another base, bend"), (0.0, "step 1: trying 4 effects")):
+        world, said = with_reserve(0, bend=bend), []
+        discovery = found(Asking(world.trial, world.x, world.y), say=said.append)
+        assert said[0] == first and discovery.steps == ()
+
+
 def test_an_effect_that_stood_in_for_a_base_leaves_when_the_base_is_taken():
     class Late(WithReserve):
         def reserve_fits(self, fitted, refine=False):
