@@ -45,8 +45,10 @@ def test_each_channel_counts(channel):
     # where an integrated contact ends is another statistic than that an impulse moves nothing
     where_it_ends = channel in ("meet", "touch")
     assert errs_more(None, replace(worse, integrated=True), before, settings) != where_it_ends
-    if channel != "impact":  # misfits below noise measure nothing
-        assert not errs_more(None, before, judged(**{channel: 0.2}), settings)
+    # misfits below noise measure nothing, and a better model may expect more of it
+    assert not errs_more(None, before, judged(**{channel: 0.2}), settings)
+    open_end = replace(judged(impact=2.0), floor=2.1)
+    assert not errs_more(None, open_end, judged(impact=1.3), settings)
     if channel != "impact":  # a channel that was not measured
         unknown = replace(before, sigmas=before.sigmas | {channel: np.nan})
         assert not errs_more(None, worse, unknown, settings) and not errs_more(None, unknown, worse, settings)
