@@ -170,6 +170,11 @@ class Drops(World[Effect, Fit, Judgement]):
         # the log score forgives a minority that is far off, as hits of two corners may be, and one channel for another
         return bool(spoilt_channels(judged, than, settings))
 
+    def is_vetoed(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
+        # what slides may have a friction of its own, and a wrong base that of the hits by chance
+        alone = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
+        return not alone.issuperset(spoilt_channels(judged, than, settings))
+
     def acting_on(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> list[Effect]:
         spoilt = {*spoilt_channels(judged, than, settings)} - {IMPACT.name}  # velocities are what bases are for
         return [e for e in self.candidates.values() if e.channels and spoilt.issuperset(e.channels)]
@@ -177,11 +182,12 @@ class Drops(World[Effect, Fit, Judgement]):
     def leaves_little(self, fitted: Fit, judged: Judgement, candidate: Effect) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
             return False  # hardly a slope along the time of an integrated contact
+        if not self.space.is_plane and any(len(p.starts) > 1 for p in self.model(fitted.base).parameters_of(candidate)):
+            return False  # of several minima, the one here may be flat: a friction by speed where all hits stick
         squares = [judged.sigmas.get(channel, np.nan) for channel in concerned(candidate)]
         near = self.settings.near_noise
         is_noise = judged.excess <= near and all(square <= near for square in squares if np.isfinite(square))
-        # on a contact that takes time slopes are cheaper; in space they missed a friction by speed of 4,700 nats
-        return is_noise or (self.space.is_plane and super().leaves_little(fitted, judged, candidate))
+        return is_noise or super().leaves_little(fitted, judged, candidate)
 
     def is_material(self, better: Judgement, worse: Judgement, candidate: Effect, settings: SearchSettings) -> bool:
         channels = set(concerned(candidate))

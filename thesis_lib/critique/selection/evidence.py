@@ -50,7 +50,7 @@ class Evidence(Generic[E, F, J]):
 
     def failure(self, better: J, worse: J, effect: E) -> Failure | None:
         """Why an effect that predicts better does not enter by its errors; None if it does."""
-        if self.world.errs_more(better, worse, self.settings):
+        if self.world.is_vetoed(better, worse, self.settings):
             return "spoils"
         return None if self.world.is_material(better, worse, effect, self.settings) else "immaterial"
 

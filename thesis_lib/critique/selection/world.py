@@ -160,6 +160,10 @@ class World(ABC, Generic[E, F, J]):
         """Whether any error of a model is larger than another one's by an amount that matters, whatever they score."""
         return False
 
+    def is_vetoed(self, judged: J, than: J, settings: SearchSettings) -> bool:
+        """Whether the model with an effect errs more than that without it where no other effect could mend it."""
+        return self.errs_more(judged, than, settings)
+
     def acting_on(self, judged: J, than: J, settings: SearchSettings) -> list[E]:
         """Candidates that change nothing but errors that are larger than another model's by an amount that matters."""
         return []
