@@ -138,7 +138,9 @@ class Drops(World[Effect, Fit, Judgement]):
         return joined([judge(fit, inside) for fit, inside in zip(fits, unseen)])
 
     def leaves_an_error(self, judged: Judgement) -> bool:
-        return judged.excess > self.settings.reserve_excess
+        # beside a contact that takes time there is only what is worse, unless it is far from noise
+        is_last = judged.integrated and not self.space.is_plane
+        return judged.excess > (self.settings.near_noise if is_last else self.settings.reserve_excess)
 
     def reserve_fits(self, fitted: Fit, refine: bool = False) -> list[Fit]:
         if refine and fitted.values["tau"] <= BRIEF:
