@@ -311,6 +311,37 @@ def test_on_a_base_of_the_reserve_slopes_name_a_finalist_that_quick_fits_misjudg
     assert discovery.base == "bend" and [step.effect.name for step in discovery.steps] == ["wave"]
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_on_a_base_of_the_reserve_what_slopes_and_quick_fits_misjudge_is_a_finalist(monkeypatch, known):
+    class Flat(WithReserve):
+        """On the bend the wave has no slope, and quick fits of it gain nothing."""
+
+        def fit(self, base, effects, start=None, effort="full"):
+            fit = super().fit(base, effects, start, effort)
+            blind = base == "bend" and effort == "quick" and any(e.name == "wave" for e in effects)
+            return replace(fit, score=super().fit(base, ()).score) if blind else fit
+
+        def slopes(self, fitted, candidates):
+            found = super().slopes(fitted, candidates)
+            flat = {name: 0.0 * columns if name == "wave" else columns for name, columns in found.candidates.items()}
+            return replace(found, candidates=flat)
+
+        def misjudged(self, candidate):
+            return known and candidate.name == "wave"
+
+        def leaves_little(self, fitted, judged, candidate):
+            return not self.misjudged(candidate)
+
+    for twin in ("twin_of_wave", "step"):
+        monkeypatch.delitem(SHAPES, twin)
+    world = with_reserve(0, bend=3.0, wave=3.0 * SIZE)
+    said = []
+    discovery = found(Flat(world.trial, world.x, world.y), SearchSettings(finalists=1), say=said.append)
+    assert discovery.fitted.base == "bend" and [step.effect.name for step in discovery.steps] == ["wave"]
+    # else it is only found on the line
+    assert any(line.startswith("step 1: wave") for line in said) == known
+
+
 def test_a_base_of_the_reserve_is_left_where_an_effect_says_the_same():
     discovery = found(with_reserve(0, bend=0.0, square=3.0 * SIZE))
     assert discovery.base == "line" and [step.effect.name for step in discovery.steps] == ["square"]

@@ -184,8 +184,8 @@ class Drops(World[Effect, Fit, Judgement]):
     def leaves_little(self, fitted: Fit, judged: Judgement, candidate: Effect) -> bool:
         if fitted.base in self.reserve and fitted.values["tau"] <= BRIEF:
             return False  # hardly a slope along the time of an integrated contact
-        if not self.space.is_plane and any(len(p.starts) > 1 for p in self.model(fitted.base).parameters_of(candidate)):
-            return False  # of several minima, the one here may be flat: a friction by speed where all hits stick
+        if self.misjudged(candidate):
+            return False
         squares = [judged.sigmas.get(channel, np.nan) for channel in concerned(candidate)]
         near = self.settings.near_noise
         is_noise = judged.excess <= near and all(square <= near for square in squares if np.isfinite(square))
@@ -203,6 +203,11 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def includes(self, candidate: str, other: str) -> bool:
         return other in self.candidates[candidate].includes
+
+    def misjudged(self, candidate: Effect) -> bool:
+        # of several minima the one here may be flat, as that of a friction by speed is where all hits stick
+        parameters = self.model(self.bases[0]).parameters_of(candidate)
+        return not self.space.is_plane and any(len(p.starts) > 1 for p in parameters)
 
     def turns_bases(self, candidate: Effect) -> bool:
         return any(p.discrete is not None for p in candidate.parameters)

@@ -253,7 +253,8 @@ class Search(Generic[E, F, J]):
         if shortlist.base and quick:
             # quick fits are of its limit, which may be far away; slopes are its own
             best_slope = max(quick, key=lambda name: tests.gain[name])
-            names += [best_slope] * (best_slope not in names)
+            others = [name for name, fit in quick.items() if world.misjudged(fit.effects[-1])]
+            names += [name for name in dict.fromkeys([best_slope, *others]) if name not in names]
         near = {
             name: world.fit(shortlist.base or fit.base, fit.effects, fit.values, "near")
             for name, fit in ((name, quick[name]) for name in names)

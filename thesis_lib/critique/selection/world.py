@@ -176,6 +176,10 @@ class World(ABC, Generic[E, F, J]):
     def is_material(self, better: J, worse: J, candidate: E, settings: SearchSettings) -> bool:
         """Whether the candidate lowers an error of its channels by an amount that matters."""
 
+    def misjudged(self, candidate: E) -> bool:
+        """Whether slopes and quick fits may miss what a candidate gains on a base of the reserve."""
+        return False
+
     def turns_bases(self, candidate: E) -> bool:
         """Whether a base that is among the worst without the candidate may be the best with it."""
         return False
