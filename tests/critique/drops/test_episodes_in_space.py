@@ -62,8 +62,8 @@ def test_episodes_in_a_plane_of_space_are_those_of_the_plane(law):
     off = np.stack(
         [after[0] - expected.after.vx, after[2] - expected.after.vy, K_G * (after[4] + expected.after.omega)]
     )
-    # a corner may touch, or be caught in another's contact, by a hair; one that touches within a step of another's presses
-    # from the next step on in the plane, and from there on in space
+    # a corner may touch, or be caught in another's contact, by a hair; where it touches within a step of another one it
+    # presses from the next step on in the plane, and from there on in space
     off = np.abs(off).max(axis=0)
     assert (off < SAME).mean() > 0.8 and np.quantile(off, 0.95) < 0.01
     np.testing.assert_allclose(after[[1, 3, 5]], 0.0, atol=1e-9)
