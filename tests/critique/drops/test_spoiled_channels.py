@@ -61,6 +61,15 @@ def test_what_acts_on_the_channels_that_a_base_spoils_alone_may_be_what_it_lacks
         assert [effect.name for effect in acting] == missing
 
 
+def test_friction_while_sliding_vetoes_no_effect_where_it_may_be_another_one():
+    settings, before = CritiqueSettings(), judged()
+    for names, slide in ((["sliding_friction", "wear"], False), (["wear"], True)):
+        drops = SimpleNamespace(candidates={name: EFFECTS[name] for name in names})
+        assert Drops.is_vetoed(drops, judged(slide=2.0), before, settings) == slide
+        assert Drops.is_vetoed(drops, judged(slide=2.0, flight=2.0), before, settings)
+        assert not Drops.is_vetoed(drops, before, before, settings)
+
+
 @pytest.mark.parametrize("integrated", [True, False])
 def test_an_effect_of_the_touch_may_show_where_an_integrated_contact_ends(integrated):
     of_touch, settings = EFFECTS["surface_height"], CritiqueSettings()
