@@ -7,7 +7,8 @@ On or off, no size.  The contact point follows from the true angle.  It looks li
 
 | on paper | in code    | unit | shape |                                                                      |
 |----------|------------|------|-------|----------------------------------------------------------------------|
-|          | `mirrored` | 1    |       | 0 off, 1 on; in space 1, 2, 3: x, y or z is mirrored                 |
+|          | `mirrored` | 1    |       | 0 off, 1 on                                                          |
+|          | `mirrored_axis` | 1 |     | in space: 0 off; 1, 2, 3: x, y or z is mirrored                      |
 """
 
 from dataclasses import replace
@@ -28,8 +29,10 @@ class MirroredRotation(Effect):
     title = "mirrored rotation"
     equation = "θ_measured = −θ, ω_measured = −ω"
     parameters = (_ON,)
-    own_in_space = (replace(_ON, high=3.0, choices=(2.0, 3.0)),)
-    embedded = (("mirrored", "mirrored", 1.0),)
+    own_in_space = (
+        replace(_ON, name="mirrored_axis", high=3.0, choices=(2.0, 3.0), words=("x axis", "y axis", "z axis")),
+    )
+    embedded = (("mirrored_axis", "mirrored", 1.0),)
     channels = ("impact", "touch")
     needs_angle = True
     rank = 80
@@ -37,11 +40,10 @@ class MirroredRotation(Effect):
     reference = "handedness of axes"
 
     def to_true(self, state, p, rig):
-        if not p["mirrored"] > 0.5:
-            return state
         if state.space.is_plane:
-            return state.moved(theta=-state.theta, omega=-state.omega)
-        return relabelled(state, SIGNS[round(p["mirrored"])], rig)
+            return state.moved(theta=-state.theta, omega=-state.omega) if p["mirrored"] > 0.5 else state
+        axis = round(p["mirrored_axis"])
+        return relabelled(state, SIGNS[axis], rig) if axis else state
 
     to_measured = to_true  # its own inverse
 

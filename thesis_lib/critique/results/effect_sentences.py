@@ -121,7 +121,8 @@ def why_not(effect: Mapping, it: str = "it") -> str:
 def named(effect: Mapping) -> str:
     """Its title, with what else it may be."""
     of = EFFECTS[effect["name"]]
-    chosen = [p.said(effect["parameters"][p.name]["value"]) for p in (*of.parameters, *of.own_in_space) if p.words]
+    found, declared = effect["parameters"], (*of.parameters, *of.own_in_space)
+    chosen = [p.said(found[p.name]["value"]) for p in declared if p.words and p.name in found]
     title = f"{of.title}: {listed(chosen)}" if chosen else of.title
     if (effect.get("stand_in") or {}).get("instead"):
         likely = [EFFECTS[name].title for name in effect["stand_in"]["instead"]]

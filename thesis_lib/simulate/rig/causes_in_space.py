@@ -70,7 +70,9 @@ CAUSES_IN_SPACE: Mapping[str, CauseInSpace] = {
     "camera_pose": CauseInSpace(
         {"b_x": 0.0, "b_y": 0.02}, "rad", "measured axes turned by exp(b) about the table's point"
     ),
-    "mirrored_rotation": CauseInSpace({"mirrored": 1.0}, "1", "R as M R M; 1, 2, 3: M mirrors the x, y, z axis of W"),
+    "mirrored_rotation": CauseInSpace(
+        {"mirrored_axis": 1.0}, "1", "R as M R M; 1, 2, 3: M mirrors the x, y, z axis of W"
+    ),
     "misread_rotation": CauseInSpace({"reading": 1.0}, "1", f"1 to {len(READINGS)}: {listed(READINGS)}"),
 }
 
@@ -167,7 +169,7 @@ def filmed(true: State, header: SpaceHeader, hidden: Hidden) -> State:
     place = about + (1.0 + get("length_scale.s_L")) * (place - about)
     if s_R := get("rotation_scale.s_R"):
         q = _rates_scaled(q, true.trial, 1.0 + s_R)
-    if axis := round(get("mirrored_rotation.mirrored")):
+    if axis := round(get("mirrored_rotation.mirrored_axis")):
         M = np.diag(np.where(np.arange(3) == axis - 1, -1.0, 1.0))
         R = np.einsum("ij,jkn,kl->iln", M, rotation_matrix(q), M)
         q = np.stack([of_rotation_matrix(one) for one in np.moveaxis(R, -1, 0)], axis=1)

@@ -68,7 +68,7 @@ RANGES: Mapping[str, Range] = {
     "quadratic_drag": Range(("c_q",), 0.1, 0.3, signed=False),
     "magnus": Range(("k_m",), 0.02, 0.08),
     "marker_offset": Range(_vector("d_"), 2e-3, 6e-3),
-    "mirrored_rotation": Range(("mirrored",), choices=(1.0, 2.0, 3.0)),
+    "mirrored_rotation": Range(("mirrored_axis",), choices=(1.0, 2.0, 3.0)),
     "misread_rotation": Range(("reading",), choices=(1.0, 2.0, 3.0, 4.0, 5.0)),
     "velocity_dependent_restitution": Range(("c",), 0.1, 0.25),
     "position_dependent_restitution": Range(("g_eps_x", "g_eps_y"), 1.5, 4.0),
