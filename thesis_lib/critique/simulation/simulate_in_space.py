@@ -4,7 +4,7 @@ They begin in given states, as those of a dataset (`first_flight`), or as those 
 (`thesis_lib/simulate/tosses/world.py`).  Scatter beyond noise is not drawn.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas as pd
@@ -35,10 +35,11 @@ def simulate_in_space(
     states: pd.DataFrame | None = None,
     like: Dataset | None = None,
     duration: float | None = None,
+    noise: Mapping[str, float] | None = NOISE,
     rng: np.random.Generator,
     say: Callable[[str], None] = lambda text: None,
 ) -> Dataset:
-    """Trajectories of tosses, numbered from 0, by default with noise.
+    """Trajectories of tosses, numbered from 0.
 
     Args:
         n: number of tosses; None: 60, or all that `like` shows.
@@ -46,11 +47,12 @@ def simulate_in_space(
             noise.
         like: dataset whose first flights, noise, rate and duration are taken.
         duration: s.
+        noise: position in m, rotation in rad; of own releases.
 
     Raises:
         UserError: columns are missing or no numbers, or `like` shows no first flight.
     """
-    dynamics, trials, rate, noise = model.dynamics, None, RATE, NOISE
+    dynamics, trials, rate = model.dynamics, None, RATE
     if states is not None:
         columns = given(states)
         true, noise = dynamics.to_true(model.measured(columns)), None
@@ -81,7 +83,7 @@ def simulate_in_space(
         table["trial"] = trials[table["trial"]]
     effects = ", ".join(model.effects) or "no effects"
     text = f"simulated, not measured: {len(true)} tosses by {model.law} with {effects}"
-    header = header_of(model, {"description": text, "rate": rate} | ({"noise": noise} if noise else {}))
+    header = header_of(model, {"description": text, "rate": rate} | ({"noise": dict(noise)} if noise else {}))
     return Dataset("simulated", header, table.sort_values(["trial", "t"], ignore_index=True))
 
 
