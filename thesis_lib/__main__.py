@@ -14,6 +14,7 @@ COMMANDS = {  # name -> module, function, what it does; in groups
         "critique": ("commands.critique", "critique", "what the models miss in one dataset or in many"),
         "predict": ("commands.model", "predict", "velocities after impact, by a criticised model"),
         "simulate": ("commands.model", "simulate", "drops as such a model makes them"),
+        "rollout": ("commands.rollout", "rollout", "predicted tosses in space against measured ones"),
         "export": ("commands.model", "export", "such a model as a file of MuJoCo or Drake, or in your own"),
         "effects": ("commands.effects", "effects", "the physical effects that are looked for; add your own"),
     },

@@ -5,6 +5,7 @@ Further drops according to it, and the model as a file of MuJoCo, Drake or anoth
 
 import json
 import sys
+from argparse import Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,9 @@ from thesis_lib.foundation.progress import Progress
 
 if TYPE_CHECKING:
     from thesis_lib.critique.results.saved_model import SavedModel
+    from thesis_lib.datasets.format.dataset import Dataset
 
+LONGEST = 60.0  # s of a toss
 PREDICT = """\
 Predict the velocity after impact with the law and the effects in a model.json.
 
@@ -43,11 +46,17 @@ simulator or in Drake. What comes out is a dataset (dataset.yaml, trajectories.c
 
 Releases are those of the proof (both ways, 0.8 to 3.3 m/s, 0.3 mm and 3 mrad of noise at 250 Hz), or with --like those
 of a dataset, with its noise, rate and duration. Scatter that the model could not explain is not simulated.
+
+In space the tosses are those of our own simulator, whole until they rest. Releases are random, those of --like its
+first flights, or the rows of STATES.csv (without noise; the tracked frame, at the first sample):
+
+  trial,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz
 """
 SIMULATE_EXAMPLES = """\
 examples:
   python -m thesis_lib simulate out/model.json -o data/simulated
   python -m thesis_lib simulate out/model.json -o data/again --like data/my_drops --engine drake      the same throws
+  python -m thesis_lib simulate out/model.json states.csv -o data/tosses                 in space, from given states
   python -m thesis_lib critique data/simulated                                           does it find the model again?
 """
 FORMATS = ("mjcf", "sdf", "urdf")
@@ -85,7 +94,7 @@ def predict(argv: Sequence[str] | None = None) -> int:
     from thesis_lib.foundation.files import FLOAT_FORMAT, write_table
 
     load_additions(args.files)
-    model = _model(args.model)
+    model = load_named(args.model)
     table = model.predict(read_states(args.states), args.states)
     if args.out:
         write_table(table, args.out)
@@ -108,8 +117,10 @@ def predict(argv: Sequence[str] | None = None) -> int:
 def simulate(argv: Sequence[str] | None = None) -> int:
     parser = Parser(prog="python -m thesis_lib simulate", description=SIMULATE, epilog=SIMULATE_EXAMPLES)
     parser.add_argument("model", metavar="MODEL.json")
+    parser.add_argument("states", metavar="STATES.csv", nargs="?", help="in space: where tosses begin")
     parser.add_argument("-o", "--out", metavar="DIR", required=True, help="folder of the new dataset")
-    parser.add_argument("--drops", type=int, metavar="N", help="default: 50, or all releases of --like")
+    parser.add_argument("--drops", type=int, metavar="N", help="default: 50, in space 60, or all releases of --like")
+    parser.add_argument("--duration", type=float, metavar="S", help="in space: of a toss; default: 1.2, or as --like")
     parser.add_argument("--seed", type=int, default=0, help="of releases and noise; default: %(default)s")
     parser.add_argument("--engine", choices=("own", "drake"), default="own", help="default: %(default)s")
     add_option(parser)
@@ -123,23 +134,47 @@ def simulate(argv: Sequence[str] | None = None) -> int:
     if taken:
         raise UserError(f"{folder} already holds {taken[0]}, which may be measured: choose another folder for -o.")
     load_additions(args.files, [args.like] if args.like else [])
+    if args.drops is not None and args.drops < 1:
+        raise UserError(f"The number of drops must be 1 or more, got {args.drops}.")
     with Progress(args.model, quiet=args.quiet) as say:
         say("loading")
-        from thesis_lib.critique.simulation.simulate_model import simulate_model
         from thesis_lib.datasets.format.write import write_dataset
         from thesis_lib.datasets.read import read_dataset
         from thesis_lib.foundation.randomness import generator
 
-        model = _model(args.model)
-        model.require_plane("simulate")
+        model = load_named(args.model)
         like = read_dataset(args.like) if args.like else None
-        rng = generator(args.seed, "simulate")
-        made = simulate_model(model, args.drops, engine=args.engine, like=like, rng=rng, say=say)
+        options = {"like": like, "rng": generator(args.seed, "simulate"), "say": say}
+        made = (_drops if model.space.is_plane else _tosses)(model, args, options)
         write_dataset(made, folder)
     if not args.quiet:
         samples = 0 if made.trajectories is None else len(made.trajectories)
         print(f"{len(made.trials)} drops, {samples} samples written to {folder}", file=sys.stderr)
     return 0
+
+
+def _drops(model: "SavedModel", args: Namespace, options: dict) -> "Dataset":
+    """The drops of a planar model."""
+    from thesis_lib.critique.simulation.simulate_model import simulate_model
+
+    if args.states or args.duration:
+        raise UserError("STATES.csv and --duration are for models in space; --like DATASET gives planar releases.")
+    return simulate_model(model, args.drops, engine=args.engine, **options)
+
+
+def _tosses(model: "SavedModel", args: Namespace, options: dict) -> "Dataset":
+    """The tosses of a model in space."""
+    from thesis_lib.critique.results.saved_model import read_states
+    from thesis_lib.critique.simulation.simulate_in_space import simulate_in_space
+
+    if args.engine != "own":
+        raise UserError(f"--engine {args.engine} is for planar models; tosses in space are those of --engine own.")
+    if args.states and (args.like or args.drops):
+        raise UserError("STATES.csv says where all tosses begin: leave --like and --drops out.")
+    if args.duration is not None and not 0.0 < args.duration <= LONGEST:
+        raise UserError(f"--duration must be above 0 and at most {LONGEST:g} s, got {args.duration:g}.")
+    states = read_states(args.states) if args.states else None
+    return simulate_in_space(model, args.drops, states=states, duration=args.duration, **options)  # pyright: ignore[reportArgumentType]
 
 
 @command
@@ -186,7 +221,7 @@ def _say(title: str, lines: Sequence[str]) -> None:
     print(f"{title}:", *(f"  {line}" for line in lines or ("(nothing)",)), sep="\n", file=sys.stderr)
 
 
-def _model(path: str) -> "SavedModel":
+def load_named(path: str) -> "SavedModel":
     """The model, after a note on code that has changed since it was fitted."""
     from thesis_lib.critique.results.load_model import load_model
     from thesis_lib.critique.results.saved_model import changed_code

@@ -1,0 +1,162 @@
+"""Predicted against measured tosses: the metrics, the start and its covariance, the floor, comparisons and errors."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from space_models import space_model
+from test_simulate_model import model_of
+
+from thesis_lib.__main__ import main
+from thesis_lib.contact.compliant.normal_force import LinearDamper
+from thesis_lib.critique.simulation.first_flight import Recorded, first_flight, first_frame
+from thesis_lib.critique.simulation.rollout import compared, of_frames, of_tosses, roll_out, summary
+from thesis_lib.critique.simulation.simulate_in_space import simulate_in_space
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
+from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.mechanics.space import SPACE, of_rotation_vector
+from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.tosses.example import simulate_tosses
+
+COMPLIANT = {"law": "compliant_contact", "tau": 2e-3}
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    model = space_model(**COMPLIANT)
+    return model, simulate_in_space(model, 12, rng=np.random.default_rng(2))
+
+
+def resting(height: float, aside: float = 0.0, turn: float = 0.0, n: int = 5) -> State:
+    pose = np.concatenate([[aside, 0.0, height], of_rotation_vector(np.array([[0.0], [0.0], [turn]]))[:, 0]])
+    return State.of(np.tile(pose, (n, 1)), np.zeros((n, 6)), np.zeros(n), np.zeros(n), None, SPACE)
+
+
+def test_metrics_of_tosses_made_by_hand():
+    model, times, seen = space_model(), np.arange(5)[:, None] / 100.0, np.arange(5)[:, None] < 4
+    frames = of_frames(model, resting(0.029, 0.006, 0.1), resting(0.03), times, seen, np.zeros((5, 1), int))
+    of = of_tosses(model, frames).iloc[0]
+    off, width = np.hypot(0.006, 0.001), 0.08  # the mean of 100, 80 and 60 mm
+    assert len(frames) == 4
+    assert of["pos_int_percent"] == pytest.approx(100.0 * off / width)
+    assert of["angle_int_deg"] == pytest.approx(np.degrees(0.1))
+    assert of["penetration_int_percent"] == pytest.approx(100.0 * 0.001 / width)
+    assert of["loss"] == pytest.approx(off**2 / (0.5 * width) + 0.1**2)
+    assert of["position_m"] == pytest.approx(off) and of["angle_rad"] == pytest.approx(0.1) and of["share"] == 1.0
+    over = resting(0.03).changed(attitude=np.tile(of_rotation_vector(np.array([[1.6], [0.0], [0.0]])), 5))
+    wrong = of_tosses(model, of_frames(model, over, resting(0.03), times, seen, np.zeros((5, 1), int)))
+    assert wrong["share"].iloc[0] == 0.0
+
+
+def test_the_loss_of_acosta_counts_from_three_frames_before_a_touch_is_possible():
+    model, n = space_model(), 10
+    frames = pd.DataFrame({"trial": np.zeros(n), "place": np.where(np.arange(n) < 5, 1.0, 0.01), "turn": 0.0})
+    frames = frames.assign(depth=0.0, low=np.arange(n) >= 8, face=True)
+    assert of_tosses(model, frames)["loss"].iloc[0] == pytest.approx(0.01**2 / 0.04)
+
+
+def test_means_medians_and_intervals_over_tosses():
+    table = pd.DataFrame({"loss": [1.0, 2.0, 9.0], "median": [1.0, 2.0, 9.0]})
+    names = ("pos_int_percent", "angle_int_deg", "penetration_int_percent", "position_m", "angle_rad")
+    content = summary(table.assign(share=np.nan, **dict.fromkeys(names, 2.0)), "first_flight", np.random.default_rng(0))
+    assert content["acosta"]["loss"] == 4.0 and content["acosta"]["median"] == 2.0 and content["acosta"]["n"] == 3
+    assert content["contactnets"]["interval"]["angle_int_deg"] == (2.0, 2.0)
+    low, high = content["acosta"]["interval"]["loss"]
+    assert 1.0 <= low < 4.0 < high <= 9.0
+    assert content["final_face"] == {"share": None, "n": 0, "interval": {}, "start": "first_flight"}
+
+
+def test_the_first_flight_gives_the_release_within_its_covariance():
+    model = space_model(**COMPLIANT, **{"linear_drag.c_v": 0.3, "linear_drag.c_w": 0.2, "time_lag.lag": 0.004})
+    made = simulate_in_space(model, 40, duration=0.5, rng=np.random.default_rng(5))
+    none = {"position": 1e-7, "rotation": 1e-7}
+    exact = simulate_in_space(model, 40, duration=0.5, rng=np.random.default_rng(5), noise=none)
+    tosses, without = (Recorded.of(one, model, range(40)) for one in (made, exact))
+    found, truth = (first_flight(one.bound(model), one) for one in (tosses, without))
+    assert found.noise == pytest.approx([2e-4, 3e-3], rel=0.1) and (truth.noise < 2e-5).all()
+    off = np.concatenate(
+        [SPACE.difference(found.state.pose, truth.state.pose), found.state.motion - truth.state.motion]
+    )
+    chi = np.einsum("in,nij,jn->n", off, np.linalg.inv(found.cov), off)
+    assert 10.0 < chi.mean() < 14.5  # 12 degrees of freedom, 40 tosses
+    stored = first_frame(tosses.bound(model), tosses)
+    np.testing.assert_array_equal(stored.state.pose, tosses.states.pose[:, :40])
+    assert (np.einsum("nii->ni", stored.cov) > np.einsum("nii->ni", found.cov)).all()
+
+
+def test_the_true_model_is_at_the_floor_and_another_one_worse(simulated):
+    model, data = simulated
+    rng = np.random.default_rng
+    true = roll_out(model, data, data.trials, rng(0))
+    wrong = roll_out(space_model(**COMPLIANT, mu=0.5, epsilon=0.2), data, data.trials, rng(0))
+    for name in ("position_m", "angle_rad", "loss"):
+        assert true.tosses[name].median() < 4.0 * true.floor[name].median(), name
+    less = compared(true.tosses, wrong.tosses, "first_flight", rng(0))
+    assert less["contactnets"]["interval"]["pos_int_percent"][1] < 0.0
+    assert less["benchmark"]["interval"]["angle_rad"][1] < 0.0
+    curve = true.curve("hits")
+    first, later = (curve[(curve["what"] == "model") & (curve["hits"] == k)]["place"].iloc[0] for k in (0, 3))
+    assert first < 5e-4 < later  # noise of a frame, then errors that grow
+
+
+@pytest.mark.slow
+def test_a_toss_of_another_simulator_comes_out_at_the_floor_with_what_it_hides():
+    data = simulate_tosses("own", hidden={"com_offset.c_x": 0.004}, drops=24)
+    loss = LinearDamper().loss(np.array([0.5]))
+    tau = 2e-3 * float((LinearDamper().centroid(loss) / LinearDamper().duration(loss))[0])
+    rig = data.in_space.model_dump(
+        mode="json", by_alias=True, exclude={"description", "rate", "noise", "spin", "surfaces"}
+    )
+    c = {"com_offset.c_x": 0.004, "com_offset.c_y": 0.0, "com_offset.c_z": 0.0}
+    found = [
+        roll_out(space_model("damped_contact", rig=rig, tau=tau, **more), data, data.trials, np.random.default_rng(0))
+        for more in (c, {})
+    ]
+    true, plain = (of.tosses["pos_int_percent"].median() for of in found)
+    assert true < 3.0 * found[0].floor["pos_int_percent"].median()
+    assert plain > 2.0 * true
+
+
+def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
+    model, data = simulated
+    model.save(tmp_path / "model.json")
+    space_model(**COMPLIANT, mu=0.5).save(tmp_path / "other.json")
+    write_dataset(data, tmp_path / "set")
+    pd.DataFrame({"trial": [0, 1, 2, 3, 4], "held_out": [0, 1, 1, 1, 0]}).to_csv(tmp_path / "impacts.csv")
+    command = ["rollout", str(tmp_path / "model.json"), str(tmp_path / "set"), "-q", "-o", str(tmp_path / "out")]
+    assert main([*command, "--against", str(tmp_path / "other.json")]) == 0
+    said = capsys.readouterr()
+    assert "contactnets pos_int_percent" in said.out and "less the other" in said.out and not said.err
+    content = json.loads((tmp_path / "out" / "rollout.json").read_text())
+    assert content["held_out"] and content["contactnets"]["n"] == 3 and content["floor"]["acosta"]["n"] == 3
+    assert content["against"]["difference"]["benchmark"]["interval"]["position_m"]
+    for name in ("rollout_by_t", "rollout_by_hits"):
+        assert all((tmp_path / "out" / f"{name}{end}").stat().st_size for end in (".png", ".pdf", ".csv"))
+    pd.DataFrame({"trial": [77], "held_out": [1]}).to_csv(tmp_path / "impacts.csv")
+    assert main(command) == 2 and "--all takes all tosses" in capsys.readouterr().err
+    (tmp_path / "impacts.csv").unlink()
+    assert main(command) == 2 and "does not exist" in capsys.readouterr().err
+
+
+def test_what_cannot_be_rolled_out_is_refused(simulated, tmp_path, capsys):
+    model, data = simulated
+    plane, space, flat, given = (str(tmp_path / name) for name in ("plane.json", "model.json", "flat", "given"))
+    model.save(space)
+    model_of(mu=0.3, epsilon=0.5).save(plane)
+    assert main(["simulate", plane, "--drops", "2", "-o", flat, "-q"]) == 0
+    columns = ["trial", "impact", *POSE_IN_SPACE, *V_PRE_IN_SPACE, *V_POST_IN_SPACE]
+    one = pd.DataFrame([[0, 0, 0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0, *[0.1] * 12]], columns=columns)
+    write_dataset(replace(data, trajectories=None, impacts=one), given)
+    for of, at, said in (
+        (plane, given, "model of a body in a plane"),
+        (space, flat, "dataset in a plane"),
+        (space, given, "impacts without trajectories"),
+    ):
+        assert main(["rollout", of, at, "--all", "-q"]) == 2
+        assert said in capsys.readouterr().err
+    assert main(["simulate", space, "--engine", "drake", "-o", str(tmp_path / "x"), "-q"]) == 2
+    assert "planar models" in capsys.readouterr().err
+    assert main(["simulate", plane, "--duration", "1", "-o", str(tmp_path / "x"), "-q"]) == 2
+    assert "for models in space" in capsys.readouterr().err

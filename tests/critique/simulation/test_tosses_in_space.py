@@ -1,0 +1,140 @@
+"""Whole tosses by a model: closed forms, rest, energy, symmetry, and what `simulate` writes of them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from space_models import SPHERE, space_model
+
+from thesis_lib.__main__ import main
+from thesis_lib.bodies.solids import contact_kind
+from thesis_lib.critique.simulation.simulate_in_space import header_of, simulate_in_space
+from thesis_lib.critique.simulation.tosses import reported, toss
+from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.mechanics.space import SPACE, multiplied, of_rotation_vector, rotated
+from thesis_lib.mechanics.state import State
+from thesis_lib.simulate.tosses.world import TossedWorld, released
+
+G = 9.81
+KINDS = [
+    ("mirtich", {}),
+    ("mirtich", {"tau": 1e-3}),
+    ("compliant_contact", {"tau": 2e-3}),
+]  # instant, brief, integrated
+
+
+def state(place, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0), attitude=(1.0, 0.0, 0.0, 0.0)) -> State:
+    pose, motion = np.array([[*place, *attitude]]), np.array([[*velocity, *spin]])
+    return State.of(pose, motion, np.zeros(1), np.zeros(1), None, SPACE)
+
+
+def releases(model, n: int) -> State:
+    at = released(TossedWorld(header_of(model, {})), n, np.random.default_rng(1))
+    return State(at.pose, at.motion, np.arange(n), np.zeros(n), None, SPACE)
+
+
+def every(seconds: float, rate: float, n: int) -> np.ndarray:
+    return np.arange(round(seconds * rate) + 1)[:, None] / rate + np.zeros(n)
+
+
+def energy(model, states: State) -> np.ndarray:
+    """Per mass, J/kg."""
+    spin = SPACE.turned_back(states.attitude, states.spin)
+    turning = np.einsum("in,ij,jn->n", spin, np.asarray(model.believed.tensor), spin)
+    return 0.5 * ((states.velocity**2).sum(axis=0) + turning) + G * states.height
+
+
+def test_what_never_touches_is_a_parabola_with_an_even_turn():
+    v, spin, t = np.array([0.3, -0.2, 2.0]), np.array([3.0, -5.0, 4.0]), every(0.4, 100.0, 1)
+    out = toss(space_model(shape=SPHERE).dynamics, state((0.0, 0.1, 0.5), v, spin), t)
+    expected = np.array([0.0, 0.1, 0.5])[:, None] + v[:, None] * t[:, 0] - 0.5 * G * np.outer([0, 0, 1], t[:, 0] ** 2)
+    np.testing.assert_allclose(out.true.position, expected, atol=1e-10)
+    turned = of_rotation_vector(np.outer(spin, t[:, 0]))
+    np.testing.assert_allclose(np.abs((out.true.attitude * turned).sum(axis=0)), 1.0, atol=1e-12)
+    assert not out.hits.any() and not out.rests.any()
+
+
+def test_a_sphere_without_spin_bounces_as_newton_says():
+    radius, fall, epsilon = SPHERE["radius"], 0.3, 0.6
+    t = every(0.75, 200.0, 1)
+    out = toss(space_model(shape=SPHERE, epsilon=epsilon).dynamics, state((0.0, 0.0, radius + fall)), t)
+    v, touch = np.sqrt(2.0 * G * fall), np.sqrt(2.0 * fall / G)
+    height, hits = fall - 0.5 * G * t[:, 0] ** 2, np.zeros(len(t))
+    for _ in range(2):
+        v *= epsilon
+        since = t[:, 0] - touch
+        height, hits = np.where(since > 0.0, v * since - 0.5 * G * since**2, height), hits + (since > 0.0)
+        touch += 2.0 * v / G
+    before_third = t[:, 0] < touch
+    np.testing.assert_allclose(out.true.height[before_third] - radius, height[before_third], atol=1e-8)
+    np.testing.assert_array_equal(out.hits[before_third, 0], hits[before_third])
+
+
+@pytest.mark.parametrize(("law", "more"), KINDS)
+def test_boxes_come_to_rest_on_a_face_and_gain_no_energy(law, more):
+    model, n = space_model(law, **more), 4
+    out = toss(model.dynamics, releases(model, n), every(2.5, 100.0, n))
+    end, gap = out.true.select(slice(-n, None)), model.believed.gap(out.true).reshape(-1, n)
+    assert out.rests.all() and set(contact_kind(model.rig.body.solid, end.attitude)) == {"face"}
+    assert np.abs(gap[-1]).max() < 1e-4 and not end.motion.any()
+    E = energy(model, out.true).reshape(-1, n)
+    for of, above in zip(E.T, gap.T):  # in contact a spring may hold some
+        assert np.diff(of[above > 5e-4]).max() < 1e-8
+    assert np.diff(E[-20:], axis=0).max() < 1e-4  # of 0.3 J/kg: it hardly moves any more
+
+
+@pytest.mark.parametrize(("law", "more"), KINDS)
+def test_a_turn_about_the_vertical_turns_the_tosses(law, more):
+    model, n, turn = space_model(law, **more), 3, of_rotation_vector(np.array([[0.0], [0.0], [1.1]]))
+    start = releases(model, n)
+    parts = start.position, start.attitude, start.velocity, start.spin
+    moved = [multiplied(np.tile(turn, n), part) if len(part) == 4 else rotated(turn, part) for part in parts]
+    times = every(0.6, 50.0, n)
+    plain, turned = (toss(model.dynamics, one, times).true for one in (start, start.changed(*moved)))
+    np.testing.assert_allclose(turned.position, rotated(turn, plain.position), atol=1e-6)
+    overlap = (turned.attitude * multiplied(np.tile(turn, len(plain)), plain.attitude)).sum(axis=0)
+    np.testing.assert_allclose(np.abs(overlap), 1.0, atol=1e-9)
+
+
+def test_a_box_slides_on_its_face_until_coulomb_has_stopped_it():
+    model, v = space_model(mu=0.3), 0.5
+    out = toss(model.dynamics, state((0.0, 0.0, 0.03), (v, 0.0, 0.0)), every(0.5, 100.0, 1))
+    assert out.rests.all()
+    np.testing.assert_allclose(out.true.position[0, -1], v**2 / (2.0 * 0.3 * G), rtol=0.02)
+
+
+def test_later_hits_have_another_restitution_after_the_first():
+    fall, t = 0.3, every(0.75, 200.0, 1)
+    model = space_model(shape=SPHERE, epsilon=0.5, **{"later_restitution.d": 0.4})
+    height = toss(model.dynamics, state((0.0, 0.0, 0.04 + fall)), t).true.height - 0.04
+    bounces = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])) + 1
+    np.testing.assert_allclose(height[bounces[:2]], [0.25 * fall, 0.25 * 0.49 * fall], rtol=5e-3)
+
+
+def test_the_camera_scales_turns_from_the_first_frame_on():
+    model = space_model(shape=SPHERE, **{"rotation_scale.s_R": 0.1})
+    out = toss(model.dynamics, state((0.0, 0.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 6.0)), every(0.4, 100.0, 1))
+    seen = reported(model.dynamics, out)
+    np.testing.assert_allclose(SPACE.turn_between(seen.attitude[:, :1], seen.attitude[:, -1:])[2], 1.1 * 2.4, rtol=1e-9)
+
+
+def test_simulate_writes_what_the_camera_reports_of_given_states(tmp_path):
+    rig = {"tracked": {"position": (0.02, 0.01, 0.03), "quaternion": (0.8, 0.6, 0.0, 0.0)}}
+    model = space_model(rig=rig, **{"length_scale.s_L": 0.02})
+    model.save(tmp_path / "model.json")
+    states = pd.DataFrame([[4, 0.1, 0.2, 0.4, 0.6, 0.0, 0.8, 0.0, 1.0, 0.5, 0.2, 2.0, 8.0, -3.0]])
+    states.columns = ["trial", *POSE_IN_SPACE, "vx", "vy", "vz", "wx", "wy", "wz"]
+    states.to_csv(tmp_path / "states.csv", index=False)
+    command = ["simulate", str(tmp_path / "model.json"), str(tmp_path / "states.csv"), "--duration", "0.3", "-q"]
+    assert main([*command, "-o", str(tmp_path / "made")]) == 0
+    made = read_dataset(tmp_path / "made")
+    table = made.trajectories
+    assert made.trials.tolist() == [4] and len(table) == 73
+    np.testing.assert_allclose(table[list(POSE_IN_SPACE)].iloc[0], states[list(POSE_IN_SPACE)].iloc[0], atol=1e-6)
+    step = table[["x", "y"]].diff().iloc[1].to_numpy() / table["t"].iloc[1]
+    np.testing.assert_allclose(step, [1.0, 0.5], atol=0.3)  # the tracked point circles about the centre of mass
+    with pytest.raises(UserError, match="lack the column"):
+        simulate_in_space(model, states=states.drop(columns="wx"), rng=np.random.default_rng(0))
+    with pytest.raises(UserError, match="one row for each toss"):
+        simulate_in_space(model, states=pd.concat([states, states]), rng=np.random.default_rng(0))

@@ -1,0 +1,142 @@
+"""`python -m thesis_lib rollout`: whole tosses as a model in space predicts them, against those that were measured."""
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thesis_lib.commands.effects import add_option, load_additions
+from thesis_lib.commands.model import load_named
+from thesis_lib.foundation import SEED
+from thesis_lib.foundation.command_line import Parser, command
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import Progress
+
+if TYPE_CHECKING:
+    from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
+    from thesis_lib.datasets.format.dataset import Dataset
+
+ROLLOUT = """\
+Simulate measured tosses with a model.json, from how each begins to its last frame, and compare all frames in the three
+ways of the field (ContactNets, Acosta et al. 2021, and the mean errors used for engines). The floor says how far an
+error of the initial state alone goes. Only tosses that the critique of the model held out, unless --all.
+"""
+EXAMPLES = """\
+examples:
+  python -m thesis_lib rollout out/model.json data/tosses
+  python -m thesis_lib rollout out/model.json data/tosses --start first_frame -o out
+  python -m thesis_lib rollout out/model.json data/tosses --against plain/model.json      which is better?
+  python -m thesis_lib rollout model.json data/tosses --all --json | jq .contactnets
+"""
+IMPACTS = "impacts.csv"  # beside model.json: which trials the critique held out
+
+
+@command
+def rollout(argv: Sequence[str] | None = None) -> int:
+    parser = Parser(prog="python -m thesis_lib rollout", description=ROLLOUT, epilog=EXAMPLES)
+    parser.add_argument("model", metavar="MODEL.json")
+    parser.add_argument("data", metavar="DATASET")
+    start = "first_flight: fitted to it; first_frame: as stored, with the motion of three frames; default: %(default)s"
+    parser.add_argument("--start", choices=("first_flight", "first_frame"), default="first_flight", help=start)
+    parser.add_argument("--all", action="store_true", help="all tosses, also those that the model was fitted to")
+    parser.add_argument("--against", metavar="MODEL.json", help="compare with another model, toss by toss")
+    parser.add_argument("-o", "--out", metavar="DIR", help="writes rollout.json, and pictures against time and hits")
+    parser.add_argument("--json", action="store_true", help="print the content of rollout.json in place of the table")
+    parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
+    add_option(parser)
+    args = parser.parse_args(argv)
+    load_additions(args.files, [args.data])
+    with Progress(args.model, quiet=args.quiet) as say:
+        say("loading")
+        from thesis_lib.critique.simulation.rollout import compared, roll_out
+        from thesis_lib.datasets.read import read_dataset
+        from thesis_lib.foundation.files import write_json
+        from thesis_lib.foundation.randomness import generator
+
+        model, data = load_named(args.model), read_dataset(args.data)
+        other = load_named(args.against) if args.against else None
+        _require_tosses(data, model, *[other] * bool(other))
+        trials = data.trials if args.all else held_out(args.model, data)
+        found = roll_out(model, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
+        content = {"model": repr(model), "dataset": data.name, "held_out": not args.all}
+        content |= found.content(args.start, generator(SEED, "rollout", "intervals"))
+        if other:
+            say("the other model")
+            second = roll_out(other, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
+            rng = generator(SEED, "rollout", "differences")
+            both = compared(found.tosses, second.tosses, args.start, rng)
+            content["against"] = {"model": repr(other), "difference": both}
+        if args.out:
+            from thesis_lib.figures.critique.rollout import draw_rollout
+            from thesis_lib.figures.style import save_figure
+
+            Path(args.out).mkdir(parents=True, exist_ok=True)
+            for by in ("t", "hits"):
+                save_figure(*draw_rollout(found.curve(by)), Path(args.out) / f"rollout_by_{by}.png")
+            write_json(content, Path(args.out) / "rollout.json")
+    print(json.dumps(content, indent=1, ensure_ascii=False) if args.json else as_table(content))
+    if args.out and not args.quiet:
+        print(f"written to {args.out}", file=sys.stderr)
+    return 0
+
+
+def held_out(model: str, data: "Dataset") -> "Sequence[int]":
+    """Trials of the dataset that the critique which wrote `model` held out.
+
+    Raises:
+        UserError: nobody knows which, or the dataset has none of them.
+    """
+    import numpy as np
+    import pandas as pd
+
+    table = Path(model).parent / IMPACTS
+    if not table.is_file():
+        raise UserError(
+            f"{table} does not exist, and says which tosses the critique held out: give the model.json in the folder "
+            "of its critique, or --all for all tosses."
+        )
+    impacts = pd.read_csv(table)
+    if (
+        "held_out" not in impacts
+        or not (trials := np.intersect1d(data.trials, impacts["trial"][impacts["held_out"] == 1])).size
+    ):
+        raise UserError(f"{data.name} has no toss that {table} holds out; --all takes all tosses.")
+    return trials.tolist()
+
+
+def as_table(content: Mapping) -> str:
+    """The numbers as lines: value and interval of the model, the floor, and the difference to the other model."""
+    from thesis_lib.critique.simulation.rollout import GROUPS
+
+    def cell(of: Mapping, key: str) -> str:
+        if of[key] is None:
+            return "-"
+        low, high = of["interval"][key]
+        return f"{of[key]:.3g} [{low:.3g}, {high:.3g}]"
+
+    columns = {"model": content, "floor": content["floor"]}
+    if "against" in content:
+        columns["less the other"] = content["against"]["difference"]
+    lines = [f"{content['model']} on {content['dataset']}: {content['contactnets']['n']} tosses"]
+    lines.append("".join([f"{'':<38}", *(f"{name:<28}" for name in columns)]).rstrip())
+    for group, keys in GROUPS.items():
+        for key in keys:
+            cells = (f"{cell(of[group], key):<28}" for of in columns.values())
+            lines.append("".join([f"{f'{group} {key}':<38}", *cells]).rstrip())
+    return "\n".join(lines)
+
+
+def _require_tosses(data: "Dataset", *models: "SavedSpaceModel") -> None:
+    """UserError unless all move in space and there are trajectories on one surface."""
+    for model in models:
+        if model.space.is_plane:
+            raise UserError(
+                f"{model.dataset or 'This model'} is a model of a body in a plane; rollout is for those in space."
+            )
+    if data.space.is_plane:
+        raise UserError(f"{data.name} is a dataset in a plane (schema 1); rollout is for tosses in space (schema 2).")
+    if data.trajectories is None:
+        raise UserError(f"{data.name} has impacts without trajectories; rollout compares all frames of tosses.")
+    if len(data.in_space.planes) > 1:
+        raise UserError(f"{data.name} has several surfaces; rollout is for tosses onto one.")
