@@ -90,8 +90,18 @@ def run_page(folder: Path) -> str:
 
 
 @pytest.fixture(scope="session")
-def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Critique of few drops with a hidden cause, what is drawn of tosses in space, index of a batch, claims ledger."""
+def in_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a page has of tosses in space alone."""
+    tosses, path = judged_tosses(BOX), tmp_path_factory.mktemp("space") / "report.html"
+    parts = {"Body": ("body", turnable(tosses)), "Tosses": ("replay", replay(tosses))}
+    diagnosis, script = {"dataset": "tosses", "verdict": "adequate"}, SCRIPT.read_text(encoding="utf-8")
+    write_text(critique_page(diagnosis, parts, "effect", script=script), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def pages(browser, in_space: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Critique of few drops with a hidden cause, what is drawn in space, index of a batch, claims ledger."""
     folder = tmp_path_factory.mktemp("pages")
     drops = simulate_example("drops", "com_offset_x", drops=25).dataset
     settings = CritiqueSettings(folds=2, finalists=1)
@@ -105,14 +115,10 @@ def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     ledger = Ledger.model_validate({"schema": 1, "claims": claims})
     write_page(evaluate(ledger, folder, {"dice": False}), folder / "claims.html")
     write_text(run_page(folder), folder / "report.html")
-    tosses = judged_tosses(BOX)
-    parts = {"Body": ("body", turnable(tosses)), "Tosses": ("replay", replay(tosses))}
-    space = critique_page(diagnosis, parts, "effect", script=SCRIPT.read_text())
-    write_text(space, folder / "space.html")
     return {
         "run": folder / "report.html",
         "critique": folder / "drops" / "report.html",
-        "space": folder / "space.html",
+        "space": in_space,
         "index": folder / "index.html",
         "claims": folder / "claims.html",
     }

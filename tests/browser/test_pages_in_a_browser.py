@@ -215,18 +215,18 @@ def drawn(page) -> dict[str, list[float]]:
 
 
 @pytest.fixture
-def still(browser, pages):
+def still(browser, in_space):
     """The page in space without scripts."""
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
-    page.goto(pages["space"].as_uri())
+    page.goto(in_space.as_uri())
     yield page
     context.close()
 
 
-def test_a_body_is_turned_by_keys_and_pointer_and_comes_back(visit, pages, still):
+def test_a_body_is_turned_by_keys_and_pointer_and_comes_back(visit, in_space, still):
     """The script draws the first view as the page has it; a turn by 360° changes nothing."""
-    page, first = visit(pages["space"]).page, drawn(still)
+    page, first = visit(in_space).page, drawn(still)
     body = page.locator(".turned svg")
     body.focus()
     page.keyboard.press("ArrowLeft")
@@ -251,8 +251,8 @@ def test_a_body_is_turned_by_keys_and_pointer_and_comes_back(visit, pages, still
     assert drawn(page)["hits"] == pytest.approx(first["hits"], abs=0.11)
 
 
-def test_tosses_are_replayed(visit, pages, still):
-    page = visit(pages["space"]).page
+def test_tosses_are_replayed(visit, in_space, still):
+    page = visit(in_space).page
     data = json.loads(page.locator("figure.replay script").text_content())
     for name in ("solid", "ghost"):
         first = page.locator(f".replay .{name}").get_attribute("d")
