@@ -65,7 +65,7 @@ SCRIPT = r"""
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const element = walker.currentNode.parentElement;
-    if (!walker.currentNode.data.trim() || element.closest("script, style, noscript")) continue;
+    if (!walker.currentNode.data.trim() || element.closest("script, style, noscript, title")) continue;
     const style = getComputedStyle(element);
     const pair = [light(rgb(element.closest("svg") ? style.fill : style.color)), light(behind(element))];
     const contrast = (Math.max(...pair) + 0.05) / (Math.min(...pair) + 0.05);

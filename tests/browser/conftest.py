@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from judged_tosses import BOX, judged_tosses
 
 from thesis_lib.critique import criticise
 from thesis_lib.critique.drops.settings import CritiqueSettings
@@ -14,6 +15,9 @@ from thesis_lib.ledger.evaluate import evaluate
 from thesis_lib.ledger.format import Ledger
 from thesis_lib.ledger.result import write_page
 from thesis_lib.report.batch_index import row_of_failure, row_of_verdict, write_index
+from thesis_lib.report.critique.body import SCRIPT, turnable
+from thesis_lib.report.critique.folder import critique_page
+from thesis_lib.report.critique.replay import replay
 from thesis_lib.report.run import run_report
 from thesis_lib.simulate.compliant.example import simulate_example
 
@@ -86,8 +90,18 @@ def run_page(folder: Path) -> str:
 
 
 @pytest.fixture(scope="session")
-def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Critique of few drops with a hidden cause, index of a batch, claims ledger."""
+def in_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a page has of tosses in space alone."""
+    tosses, path = judged_tosses(BOX), tmp_path_factory.mktemp("space") / "report.html"
+    parts = {"Body": ("body", turnable(tosses)), "Tosses": ("replay", replay(tosses))}
+    diagnosis, script = {"dataset": "tosses", "verdict": "adequate"}, SCRIPT.read_text(encoding="utf-8")
+    write_text(critique_page(diagnosis, parts, "effect", script=script), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def pages(browser, in_space: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Critique of few drops with a hidden cause, what is drawn in space, index of a batch, claims ledger."""
     folder = tmp_path_factory.mktemp("pages")
     drops = simulate_example("drops", "com_offset_x", drops=25).dataset
     settings = CritiqueSettings(folds=2, finalists=1)
@@ -104,6 +118,7 @@ def pages(browser, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {
         "run": folder / "report.html",
         "critique": folder / "drops" / "report.html",
+        "space": in_space,
         "index": folder / "index.html",
         "claims": folder / "claims.html",
     }

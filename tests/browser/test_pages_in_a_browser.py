@@ -9,10 +9,11 @@ from accessibility import SCRIPT
 from conftest import NARROW, WIDE
 
 pytestmark = pytest.mark.slow
-PAGES = ("run", "critique", "index", "claims")
+PAGES = ("run", "critique", "space", "index", "claims")
 PAPER = {  # px at 96 an inch, of A4 less the margins that page.css gives
     "run": (688, 1017),
     "critique": (688, 1017),
+    "space": (688, 1017),
     "index": (688, 1017),
     "claims": (1032, 702),
 }
@@ -194,3 +195,86 @@ def test_without_a_script_the_text_is_there(browser, pages):
     context.close()
     assert "this page's script, which your browser does not run" in text
     assert "of the sum of all errors" in text
+
+
+# --- bodies in space ---
+
+
+def places(path: str) -> list[float]:
+    return [float(number) for number in re.findall(r"-?[\d.]+", path)]
+
+
+def drawn(page) -> dict[str, list[float]]:
+    """What is drawn of the body: its faces, and the hits."""
+    found = {name: places(page.locator(f".turned .{name}").get_attribute("d")) for name in ("front", "back")}
+    hits = page.locator(".turned [data-hit]").evaluate_all(
+        "(all) => all.sort((a, b) => a.dataset.hit - b.dataset.hit).flatMap((c) => [c.cx, c.cy])"
+        ".map((x) => x.baseVal.value)"
+    )
+    return found | {"hits": hits}
+
+
+@pytest.fixture
+def still(browser, in_space):
+    """The page in space without scripts."""
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(in_space.as_uri())
+    yield page
+    context.close()
+
+
+def test_a_body_is_turned_by_keys_and_pointer_and_comes_back(visit, in_space, still):
+    """The script draws the first view as the page has it; a turn by 360° changes nothing."""
+    page, first = visit(in_space).page, drawn(still)
+    body = page.locator(".turned svg")
+    body.focus()
+    page.keyboard.press("ArrowLeft")
+    assert drawn(page)["hits"] != first["hits"]
+    for keys in (["ArrowLeft"] * 35, ["ArrowUp"] * 3 + ["Home"]):
+        for key in keys:
+            page.keyboard.press(key)
+        assert {name: pytest.approx(first[name], abs=0.11) for name in first} == drawn(page)
+    box = body.bounding_box()
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 200, box["y"] + 100)
+    page.mouse.up()
+    turned = drawn(page)["hits"]
+    assert turned != first["hits"]
+    page.mouse.move(box["x"] + 50, box["y"] + 50)
+    assert drawn(page)["hits"] == turned
+    for _ in range(5):  # to the right, 100 px are 50°
+        page.keyboard.press("ArrowLeft")
+    assert drawn(page)["hits"] != turned
+    page.keyboard.press("Home")
+    assert drawn(page)["hits"] == pytest.approx(first["hits"], abs=0.11)
+
+
+def test_tosses_are_replayed(visit, in_space, still):
+    page = visit(in_space).page
+    data = json.loads(page.locator("figure.replay script").text_content())
+    for name in ("solid", "ghost"):
+        first = page.locator(f".replay .{name}").get_attribute("d")
+        assert places(first) == pytest.approx(places(still.locator(f".replay .{name}").get_attribute("d")), abs=0.11)
+    slider, told = page.locator(".replay input"), page.locator(".replay .told")
+    for i, toss in enumerate(data["tosses"]):
+        page.locator(".replay select").select_option(str(i))
+        assert page.locator("[data-toss]:not([hidden])").count() == 2
+        slider.focus()
+        page.keyboard.press("End")
+        assert told.inner_text().startswith(f"{toss['t'][-1]} s: lowest point measured {toss['heights'][0][-1]} mm")
+        page.keyboard.press("Home")
+        assert "no prediction" in told.inner_text() and slider.get_attribute("aria-valuetext") == told.inner_text()
+        assert page.locator(".replay .ghost").get_attribute("d") == ""
+    play = page.locator(".replay button")
+    play.click()
+    page.wait_for_function("document.querySelector('.replay input').value > 2")
+    assert play.inner_text() == "Stop"
+    play.click()
+    assert play.inner_text() == "Play"
+
+
+def test_without_a_script_body_and_tosses_are_drawn_and_nothing_waits_for_it(still):
+    assert still.locator(".turned [data-hit]").count() > 5 and still.locator(".replay .solid").get_attribute("d")
+    assert not still.locator(".controls:visible").count()

@@ -76,10 +76,10 @@ def explorer(critique: DropsCritique, where: Mapping) -> Markup:
     )
 
 
-def drawn_impacts(error: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Up to `MOST` of the indices `known`, evenly spaced in the order of the errors `error` (n,), smallest first."""
+def drawn_impacts(error: np.ndarray, known: np.ndarray, most: int = MOST) -> np.ndarray:
+    """Up to `most` of the indices `known`, evenly spaced in the order of the errors `error` (n,), smallest first."""
     ranked = known[np.argsort(error[known], kind="stable")]
-    return ranked[np.unique(np.linspace(0, len(ranked) - 1, min(len(ranked), MOST)).round().astype(int))]
+    return ranked[np.unique(np.linspace(0, len(ranked) - 1, min(len(ranked), most)).round().astype(int))]
 
 
 def _finding(errors: Mapping[str, np.ndarray], known: np.ndarray) -> str:
@@ -150,27 +150,37 @@ def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> 
     """Map for impacts.html, in pixels: frame, ticks, key, and a point per impact, the worst last."""
     top = max(float(np.quantile(error, DARK)), 1e-12)
     right, low = WIDTH - MARGIN, HEIGHT - BOTTOM
-    px, x_ticks = _scale(x, LEFT, right)
-    py, y_ticks = _scale(y, low, TOP)
+    px, x_ticks = scale(x, LEFT, right)
+    py, y_ticks = scale(y, low, TOP)
     share = np.sqrt(np.clip(error / top, 0.0, 1.0))
-    steps = ((138, 0.0, "0"), (180, 0.5, number(0.5 * top, 2)), (245, 1.0, f"≥ {number(top, 2)} m/s"))
     frame = {"width": WIDTH, "height": HEIGHT, "left": LEFT, "top": TOP, "right": right, "low": low}
     return frame | {
         "x_ticks": x_ticks,
         "y_ticks": y_ticks,
-        "key": [(LEFT + at, *_look(s**0.5), text) for at, s, text in steps],
-        "points": [(a, b, *_look(s), label) for a, b, s, label in zip(px, py, share, labels)],
+        "key": key_of(top),
+        "points": [(a, b, *look(s), label) for a, b, s, label in zip(px, py, share, labels)],
     }
 
 
-def _look(share: float) -> tuple[float, str]:
-    """Radius and colour of a point."""
+def key_of(top: float) -> list[tuple[float, float, str, str]]:
+    """Place, radius, colour and text of the points of the key, for errors up to `top` in m/s."""
+    steps = ((138, 0.0, "0"), (180, 0.5, number(0.5 * top, 2)), (245, 1.0, f"≥ {number(top, 2)} m/s"))
+    return [(LEFT + at, *look(s**0.5), text) for at, s, text in steps]
+
+
+def look(share: float) -> tuple[float, str]:
+    """Radius and colour of a point, by the root of its error over that at the end of the scale."""
     return SMALL + (LARGE - SMALL) * share, to_hex(COLORS(float(share)))
 
 
-def _scale(values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, list[tuple[float, str]]]:
-    """Positions of the values between the pixels `start` and `end`, and ticks as (position, text)."""
-    low, high = np.quantile(values, [EDGE, 1.0 - EDGE])
+def scale(
+    values: np.ndarray, start: float, end: float, edge: float = EDGE
+) -> tuple[np.ndarray, list[tuple[float, str]]]:
+    """Positions of the values between the pixels `start` and `end`, and ticks as (position, text).
+
+    What lies beyond the quantiles `edge` and 1 − `edge` is placed at the ends.
+    """
+    low, high = np.quantile(values, [edge, 1.0 - edge])
     pad = 0.04 * (high - low) or 0.5
     low, high = low - pad, high + pad
 

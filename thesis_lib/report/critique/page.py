@@ -26,7 +26,7 @@ from thesis_lib.figures.critique.errors import laws_sentence
 from thesis_lib.figures.style import Drawn, png_of
 from thesis_lib.foundation.terminal import visible
 from thesis_lib.pages import element
-from thesis_lib.report.critique import effects, impacts, tables
+from thesis_lib.report.critique import body, effects, impacts, replay, tables
 from thesis_lib.report.critique.folder import Contents, critique_page
 from thesis_lib.report.elements import amount, bullets, fitted, interval, paragraph, percent, picture
 from thesis_lib.statistics.wording import listed, number
@@ -72,6 +72,7 @@ def report_html(
     ladder = ladder_table(critique, made)
     models = {**critique.discovery.bases, "augmented": critique.ladder[-1][1]}
     contents = {
+        "The body, and what the model misses there": ("body", body.turnable(critique)),
         "First: the measurements themselves": ("faults", effects.faults(d)),
         "1. How far the laws are from the measurements": (
             *("compare", data(critique, d), drawn.get("data"), laws(critique, d, ladder), drawn.get("laws")),
@@ -88,13 +89,15 @@ def report_html(
             tables.tests_table(where),
         ),
         "3. Which effect is missing": (
-            *("which", effects.effects(d), tables.effects_table(d), effects.remaining(critique, d)),
+            *("which", effects.effects(d), tables.effects_table(d), tables.evidence_table(d)),
+            effects.remaining(critique, d),
         ),
         "A term that is proposed": ("proposed", effects.proposed(d)),
         "4. What adding it does" if d["effects"] else "4. Nothing was added": (
             *("added", effects.ladder_text(critique, d, ladder), drawn.get("ladder"), effects.moved(critique)),
             *(drawn.get("parameters"), tables.parameters_table(critique)),
         ),
+        "Tosses, measured and predicted": ("replay", replay.replay(critique)),
         "Which model is right": ("models", tables.models(made.get("models")), drawn.get("models")),
         "What could not be told, and what would tell": ("untold", effects.untold(d), following(d)),
         "What these data could have shown": ("power", power(d), tables.detectable_table(d)),
@@ -116,7 +119,7 @@ def report_html(
         kind="fault" if fault else "",
         about=_description(critique),
         key_numbers=_key_numbers(d, ladder),
-        script=impacts.SCRIPT.read_text(encoding="utf-8"),
+        script=(impacts if critique.space.is_plane else body).SCRIPT.read_text(encoding="utf-8"),
     )
 
 

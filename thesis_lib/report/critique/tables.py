@@ -12,6 +12,7 @@ from markupsafe import Markup
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
 from thesis_lib.critique.engines.compare import bounded_text, model_sentences, row_title
+from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, concerned
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.results.titles import counted_from, effect_title, law_title, origin_text, symbol
 from thesis_lib.effects import EFFECTS
@@ -127,6 +128,24 @@ def effects_table(d: Mapping) -> Markup:
         )
     columns = ("effect", "family", "size [95 % interval]", "gain (nats an impact)", "p", "could also be")
     return table("Effects in the order in which they were selected", columns, rows, numeric=(3, 4))
+
+
+def evidence_table(d: Mapping) -> Markup:
+    """What each effect that was found does to the held-out misfit of each channel, and those that were rejected."""
+    shown = [name for name, channel in CHANNELS.items() if channel is IMPACT or d["error"].get(name)]
+    rows = []
+    for e in d["effects"]:
+        of = concerned(EFFECTS[e["name"]]) if e["name"] in EFFECTS else ()
+        words = ["falls" if n in e["material_in"] else "stays" if n in of else "–" for n in shown]
+        rows.append((effect_title(e["name"]), *words, "found" if e["clears"] else "switched on by you"))
+    for e in d["rejected"]:
+        words = ["rises" if n in e["rises"] else "does not rise" for n in shown]
+        rows.append((effect_title(e["name"]), *words, "rejected"))
+    caption = (
+        "Agreement of the evidence: whether the held-out misfit of each channel falls, stays or rises with a candidate "
+        "by an amount that matters; –: it says nothing there"
+    )
+    return table(caption, ("candidate", *(CHANNELS[name].short for name in shown), "so it is"), rows)
 
 
 def regions_table(where: Mapping) -> Markup:

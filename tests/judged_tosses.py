@@ -1,0 +1,34 @@
+"""Tosses of a solid in space, with one law fitted to them and judged: what pages draw, without a search."""
+
+from typing import Any, cast
+
+import numpy as np
+from tosses import simulate_tosses
+
+from thesis_lib.critique.drops.criticise import DropsCritique, fit_model
+from thesis_lib.critique.drops.judgement import judge
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.datasets import dataset_of
+from thesis_lib.datasets.format.frames import surface_frames
+from thesis_lib.datasets.format.header import SpaceHeader
+
+LAW = "anitescu_potra_newton"  # that of the tosses
+NOISE = {"position": 2e-4, "rotation": 3e-3}
+BOX = {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}
+
+
+def judged_tosses(shape: dict, trials: int = 8, held_out: int = 5) -> DropsCritique:
+    """The fit of `LAW` to all tosses, judged on the last `held_out` ones."""
+    body = {"shape": shape, "mass": 0.25, "homogeneous": True}
+    header = {"schema": 2, "body": body, "rate": 240.0, "noise": NOISE}
+    of_body = SpaceHeader.model_validate(header)
+    made = simulate_tosses(of_body, surface_frames(of_body)[0], trials, np.random.default_rng(5), LAW)
+    dataset = dataset_of(header, trajectories=made.trajectories)
+    fitted = fit_model(dataset, LAW)
+    o = fitted.whitening.observations
+    parts = [o.select(np.arange(trials)[rows]) for rows in (slice(-held_out), slice(-held_out, None))]
+    ladder = (("no effect", fitted, judge(fitted, parts[1])),)
+    nothing = cast(Any, None)
+    return DropsCritique(
+        "tosses", CritiqueSettings(), o, *parts, nothing, ladder, {}, {}, nothing, 0.0, 0.0, 0.0, source=dataset
+    )

@@ -1,0 +1,173 @@
+"""The body in space on a page: its faces, and the hits on them by what the final model misses there.
+
+body.html draws one view as SVG; in the browser, thesis_lib/pages/body.js turns it by numbers that the page holds as
+JSON.  A hit is drawn beside its contact point, off the body along the normal of the surface: corners are hit often.
+
+| on paper | in the JSON | unit | |
+|----------|-------------|------|---------------------------------------------------------------------|
+|          | `vertices`  | m    | of the believed solid, from its centre of mass, in axes of the body |
+|          | `faces`     |      | numbers of their vertices, counter-clockwise from outside           |
+|          | `hits`      | m    | places of the hits, in the order of the circles                     |
+|          | `axes`      | m    | where each axis leaves the body, and its end                        |
+|          | `beyond`    |      | of each hit and each axis the faces beyond whose planes it ends     |
+
+What lies beyond the plane of a face that faces the reader is before a convex body, all else behind or beside it.
+"""
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from markupsafe import Markup
+
+from thesis_lib.bodies.solids import Solid
+from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.results.numbers import impact_errors
+from thesis_lib.figures.critique.where import DARK
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.pages import FOLDER, render
+from thesis_lib.report.critique.impacts import HEIGHT, LEFT, WIDTH, drawn_impacts, key_of, look
+from thesis_lib.report.elements import amount
+
+SCRIPT: Path = FOLDER / "body.js"
+TEMPLATE = Path(__file__).with_name("body.html")
+MOST_CORNERS = 100  # of a mesh that is drawn with all of them
+MOST = 800  # hits drawn: 200 kB
+OFF, BEYOND = 0.12, 0.3  # extents by which a hit is drawn off the body, and an axis drawn beyond it
+START = (35.0, 20.0)  # degrees: azimuth and elevation of the first view
+CENTRE, HALF = (WIDTH / 2, 218.0), 125.0  # of the picture, and half the length on it of the largest extent, in pixels
+_AZIMUTH, _ELEVATION = np.meshgrid(np.radians(np.arange(0, 360, 22.5)), np.radians(np.arange(-90, 91, 30)))
+DIRECTIONS = np.stack(
+    [np.cos(_ELEVATION) * np.cos(_AZIMUTH), np.cos(_ELEVATION) * np.sin(_AZIMUTH), np.sin(_ELEVATION)]
+).reshape(3, -1)
+
+
+class Polyhedron(NamedTuple):
+    """A convex solid as it is drawn.
+
+    Attributes:
+        vertices: (k, 3) in m.
+        faces: numbers of their vertices, counter-clockwise seen from outside.
+        planes: (f, 4) unit normals that point out, and offsets: n·r + offset = 0.
+    """
+
+    vertices: np.ndarray
+    faces: list[list[int]]
+    planes: np.ndarray
+
+
+def polyhedron(solid: Solid | Any) -> Polyhedron:
+    """The sharp solid, what is round of it between points 22.5° apart."""
+    from scipy.spatial import ConvexHull
+
+    with suppress(AttributeError):  # of a solid that has no edges
+        solid = solid.rounded(0.0)  # pyright: ignore[reportAttributeAccessIssue]
+    points, parts = solid.corners, solid.minkowski
+    if not points.size:
+        reach = (np.sqrt(parts.squares) + parts.radius)[:, None] * DIRECTIONS
+        points = (parts.centres[:, :, None] + reach[:, None]).reshape(3, -1)
+    elif points.shape[1] > MOST_CORNERS:
+        points = solid.support(DIRECTIONS)
+    size = np.abs(points).max()
+    hull = ConvexHull(points.T / size)
+    _, first, of = np.unique(np.round(hull.equations, 6) + 0.0, axis=0, return_index=True, return_inverse=True)
+    planes, faces = hull.equations[first] * [1.0, 1.0, 1.0, size], []
+    for i, normal in enumerate(planes[:, :3]):
+        corners = np.unique(hull.simplices[of.ravel() == i])
+        arm = hull.points[corners] - hull.points[corners].mean(axis=0)
+        turn = np.arctan2(arm @ np.cross(normal, arm[0]), arm @ arm[0])
+        faces.append(corners[np.argsort(turn)].tolist())
+    number = {old: new for new, old in enumerate(hull.vertices.tolist())}
+    return Polyhedron(points.T[hull.vertices], [[number[v] for v in face] for face in faces], planes)
+
+
+def axes_of_view(azimuth: float, elevation: float) -> np.ndarray:
+    """Unit vectors to the right, upwards and towards the reader, by row, of a view from these angles in degrees."""
+    (ca, ce), (sa, se) = (f(np.radians([azimuth, elevation])) for f in (np.cos, np.sin))
+    return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
+
+
+def drawn_faces(places: np.ndarray, faces: Sequence[Sequence[int]]) -> tuple[list[bool], dict[str, str]]:
+    """Which faces face the reader, and the paths of those that do ("front") and do not ("back").
+
+    `places` (k, 2) of the vertices, in pixels to the right and downwards.
+    """
+    paths, is_front = {"front": "", "back": ""}, []
+    for face in faces:
+        x, y = places[face].T
+        is_front.append(bool(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0.0))
+        paths["front" if is_front[-1] else "back"] += path(places[face]) + "Z"
+    return is_front, paths
+
+
+def path(places: np.ndarray) -> str:
+    """The line through places (k, 2) in pixels, for SVG."""
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in places)
+
+
+def turnable(critique: DropsCritique) -> Markup:
+    """The body with its hits; empty in the plane, where nothing has to be turned."""
+    if critique.space.is_plane:
+        return Markup()
+    o, final = critique.observations.single, critique.ladder[-1][1]
+    error = impact_errors(final, o)
+    if not np.isfinite(error).any():
+        return Markup()
+    rows = drawn_impacts(error, np.flatnonzero(np.isfinite(error)), MOST)
+    before = final.on(o).at_impulse[0].select(rows)
+    solid = polyhedron(o.rig.shape)
+    extent = float(np.linalg.norm(solid.vertices, axis=1).max())
+    down = SPACE.turned_back(before.attitude, np.array([[0.0], [0.0], [-1.0]]))
+    hits = (SPACE.turned_back(before.attitude, o.rig.lowest(before)) + OFF * extent * down).T
+    axes = np.diag(solid.vertices.max(axis=0)) + np.multiply.outer([0.0, BEYOND * extent], np.eye(3))
+    ends = np.concatenate([hits, axes[1]]) @ solid.planes[:, :3].T + solid.planes[:, 3]
+    beyond = [np.flatnonzero(row > 0.0).tolist() for row in ends]
+    scale, view = HALF / extent, axes_of_view(*START)
+    is_front, paths = drawn_faces(_seen(solid.vertices, view, scale), solid.faces)
+    top = max(float(np.quantile(error[rows], DARK)), 1e-12)
+    held_out = np.isin(o.trial[rows], critique.held_out.trial)
+    is_before = [any(is_front[face] for face in faces) for faces in beyond]
+    circles: dict[bool, list] = {True: [], False: []}
+    for i, ((x, y), row) in enumerate(zip(_seen(hits, view, scale), rows)):
+        label = f"trial {o.trial[row]}, impact {o.impact[row]}: {amount(float(error[row]), 'm/s')}"
+        radius, color = look(min(float(error[row]) / top, 1.0) ** 0.5)
+        circles[is_before[i]].append((i, x, y, radius, color, held_out[i], label))
+    numbers = {"vertices": solid.vertices, "hits": hits, "axes": axes.swapaxes(0, 1)}
+    told = error[rows][held_out]
+    finding = f"{len(rows)} single hits, {len(told)} of them held out, on the body."
+    if len(told):
+        mean, most = (amount(one, "m/s") for one in (told.mean(), told.max()))
+        finding += f" Held-out ones err by {mean} in the mean, at most {most}."
+    return render(
+        TEMPLATE,
+        width=WIDTH,
+        height=HEIGHT,
+        left=LEFT,
+        key=key_of(top),
+        paths=paths,
+        circles=circles,
+        axes=list(zip("xyz", *(_seen(ends, view, scale) for ends in axes), is_before[-3:])),
+        finding=finding,
+        numbers=as_json(
+            {name: rounded(array, 1e-5) for name, array in numbers.items()}
+            | {"faces": solid.faces, "beyond": beyond, "centre": CENTRE, "scale": scale, "start": START}
+        ),
+    )
+
+
+def _seen(r: np.ndarray, view: np.ndarray, scale: float) -> np.ndarray:
+    """Places (n, 2) in pixels of points r (n, 3) in m."""
+    return CENTRE + scale * (r @ view[:2].T) * [1.0, -1.0]
+
+
+def rounded(values: np.ndarray, step: float) -> list:
+    """Nested lists of the values, to multiples of a power of ten."""
+    return np.round(values, -round(np.log10(step))).tolist()
+
+
+def as_json(content: dict) -> Markup:
+    """Numbers for a script; they hold no text of strangers."""
+    return Markup(json.dumps(content, separators=(",", ":"), allow_nan=False))
