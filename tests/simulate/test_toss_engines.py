@@ -13,6 +13,7 @@ from thesis_lib.mechanics.inertia import in_world
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
+from thesis_lib.simulate.rig.causes_in_space import CAUSES_IN_SPACE
 from thesis_lib.simulate.tosses.camera import CameraInSpace, film
 from thesis_lib.simulate.tosses.causes import NOT_IN_MUJOCO, RANGES
 from thesis_lib.simulate.tosses.own import OwnTosses
@@ -21,6 +22,9 @@ from thesis_lib.simulate.tosses.world import TossedWorld, released
 BOX, BALL = Box(half_extents=(0.05, 0.04, 0.03)), Sphere(radius=0.04)
 ENGINES = [pytest.param(OwnTosses(), id="own"), pytest.param(MujocoTosses(), id="mujoco")]
 G = 9.81
+HIDDEN = {name: cause.sizes for name, cause in CAUSES_IN_SPACE.items()} | {
+    name: of.drawn(np.random.default_rng(1)) for name, of in RANGES.items()
+}
 
 
 def header(shape=BOX, **more):
@@ -95,10 +99,48 @@ def test_a_ball_that_rolls_is_stopped_by_the_contact_torque():
     assert np.polyfit(times, x, 2)[0] == pytest.approx(-0.5 * 1e-3 * G / BALL.radius / 1.4, rel=1e-3)
 
 
-@pytest.mark.parametrize("cause", RANGES)
+def test_a_box_is_slowed_by_the_ellipse_of_friction_and_carried_by_a_moving_surface():
+    times, lies = np.linspace(0.02, 0.15, 10), [0.0, 0.0, 0.03, 1.0, 0.0, 0.0, 0.0]
+    for hidden, v, factor in (
+        ({"anisotropic_friction.a_c": 0.3}, [1.0, 0.0], -1.3),
+        ({"anisotropic_friction.a_s": 0.3}, [0.6, -0.6], -0.7 / np.sqrt(2.0)),
+        ({"moving_surface.V_x": 1.0}, [0.0, 0.0], 1.0),
+    ):
+        world = TossedWorld(header(), mu=0.3, hidden=hidden)
+        x = path(OwnTosses(), world, lies, [*v, 0.0, 0.0, 0.0, 0.0], times).position[0]
+        assert np.polyfit(times, x, 2)[0] == pytest.approx(0.5 * factor * 0.3 * G, rel=0.02)
+
+
+def test_a_ball_swings_in_a_bowl_as_a_pendulum():
+    world = TossedWorld(
+        header(BALL), mu=0.0, epsilon=0.1, hidden={"curved_surface.kappa": 1.0, "curved_surface.y_0": 0.1}
+    )
+    length, times, off = 1.0 - BALL.radius, np.linspace(0.02, 0.8, 20), 0.05
+    height = 1.0 - np.sqrt(length**2 - off**2)
+    place = path(OwnTosses(), world, [0.0, 0.1 + off, height, 1.0, 0.0, 0.0, 0.0], np.zeros(6), times).position
+    np.testing.assert_allclose(place[1] - 0.1, off * np.cos(np.sqrt(G / length) * times), atol=1e-3)
+    np.testing.assert_allclose(place[0], 0.0, atol=1e-9)
+
+
+def test_a_softer_place_or_face_lets_a_ball_in_by_its_contact_time():
+    deep, times = [], np.linspace(0.0195, 0.0225, 301)
+    for hidden in (
+        {},
+        {"position_dependent_contact_time.g_tau_x": 2.0},
+        {"orientation_dependent_contact_time.a_z": 0.5},
+    ):
+        world = TossedWorld(header(BALL), contact_time=2e-3, hidden=hidden)
+        z = path(
+            OwnTosses(), world, [0.1, 0.0, 0.06, 1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -0.9, 0.0, 0.0, 0.0], times
+        ).height
+        deep.append(BALL.radius - z.min())
+    np.testing.assert_allclose(np.array(deep[1:]) / deep[0], [1.0 / np.sqrt(0.6), np.exp(-0.5)], rtol=0.03)
+
+
+@pytest.mark.parametrize("cause", HIDDEN)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_what_is_hidden_changes_what_is_filmed_and_not_what_is_believed(engine, cause):
-    drawn = {f"{cause}.{name}": value for name, value in RANGES[cause].drawn(np.random.default_rng(1)).items()}
+    drawn = {f"{cause}.{name}": value for name, value in HIDDEN[cause].items()}
     world = TossedWorld(header(), hidden=drawn)
     if isinstance(engine, MujocoTosses) and cause in NOT_IN_MUJOCO:
         with pytest.raises(UserError, match="MuJoCo has no element"):

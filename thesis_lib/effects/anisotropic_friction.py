@@ -8,9 +8,18 @@ all else is as the law has it:
 
     c ← c_law + c_path(μ of the first slip, then of the second) − c_path(μ of the first slip)
 
+In space friction is limited by an ellipse instead, the same to either side, and takes the most energy that it can
+within it (maximum dissipation), along the path of the impact:
+
+    |M⁻¹ dc_t| ≤ dp,   dc_t = −M² v_t / |M v_t| dp while it slips,   M = μ (1 + [[a_c, a_s], [a_s, −a_c]])
+
+It is not against the slip, but where that is along an axis.  With a = |(a_c, a_s)| the semi-axes are μ (1 ± a), the
+longer one turned by φ from t_1 to t_2: (a_c, a_s) = a (cos 2φ, sin 2φ).
+
 | on paper | in code | unit | shape |                                                 |
 |----------|---------|------|-------|-------------------------------------------------|
 | a_t      | `a_t`   | 1    |       | half the relative difference; 0 is isotropic    |
+| a_c, a_s | `a_c`, `a_s` | 1 |     | in space: along t_1 against t_2, along one diagonal against the other |
 
 Breaks mirror symmetry.
 """
@@ -18,7 +27,8 @@ Breaks mirror symmetry.
 import numpy as np
 
 from thesis_lib.contact.mirtich import impulse as path_impulse
-from thesis_lib.effects.effect import Effect, Impulse, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Impulse, Parameter, components
+from thesis_lib.effects.path_in_space import with_and_without
 
 
 class AnisotropicFriction(Effect):
@@ -27,15 +37,26 @@ class AnisotropicFriction(Effect):
     title = "friction depends on direction"
     equation = "μ = μ₀ (1 + a_t sign(v_t))"
     parameters = (Parameter("a_t", "1", null=0.0, low=-0.95, high=0.95, scale=0.1),)
+    own_in_space = components(Parameter("a", "1", null=0.0, low=-0.65, high=0.65, scale=0.1), ("a_c", "a_s"))
+    level = (("a_c", "a_s", 2),)
     needs_angle = True
     rank = 1
-    reference = "Zmitrowicz 1981 (constitutive equations of anisotropic friction)"
+    dimensions = IN_SPACE
+    reference = (
+        "Zmitrowicz 1981 (constitutive equations of anisotropic friction); maximum dissipation: Goyal, Ruina and "
+        "Papadopoulos 1991, doi:10.1016/0043-1648(91)90104-3"
+    )
     breaks_mirror = True
 
     def coefficients(self, mu, epsilon, contact, state, p, rig):
+        if contact.dimension == 3:
+            return mu, epsilon
         return mu * (1.0 + p["a_t"] * np.sign(contact.v_t)), epsilon
 
     def impulse(self, impulse, contact, state, p, rig):
+        if contact.dimension == 3:
+            is_round = not (np.any(p["a_c"]) or np.any(p["a_s"]))
+            return impulse if is_round else with_and_without(impulse, contact, state.spin, **p)
         # a second slip goes the way of K_tn; `contact.mu` is that of the first
         mu, epsilon = contact.mu, contact.epsilon
         ratio = (1.0 + p["a_t"] * np.sign(contact.K_tn)) / (1.0 + p["a_t"] * np.sign(contact.v_t))

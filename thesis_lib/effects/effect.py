@@ -271,6 +271,8 @@ class Effect:
         dimensions: 2 where it lives in the plane, 3 where it lives in space.
         vectors: names of parameters that are vectors: “c” stands for c_x and c_y, in space also c_z.
         own_in_space: the parameters in space, of an effect that has others there than `vectors` make.
+        level: pairs of parameters in space that are a vector along the surface, and how many times its turn about the
+            normal turns them: (first, second, 1), of an ellipse 2.
         embedded: of those the ones that a motion in the plane x, z of space shows: (of space, of the plane, factor).
         denies: the property of the body that it says is not as believed: "inertia", "size" or "centre of mass", each
             parameter in the unit of `Body.known`; "" if it leaves the body as it is.
@@ -297,6 +299,7 @@ class Effect:
     dimensions: frozenset[int] = IN_PLANE
     vectors: tuple[str, ...] = ()
     own_in_space: tuple[Parameter, ...] = ()
+    level: tuple[tuple[str, str, int], ...] = ()
     embedded: tuple[tuple[str, str, float], ...] = ()
     denies: str = ""
     reference: str = ""
@@ -437,6 +440,7 @@ def in_order(effects: Iterable[Effect]) -> list[Effect]:
     | −1   | tangential_restitution      | it asks which impulses of the law stick, before others change them      |
     | 0    | all others                  | they commute, but for limits such as ε ≤ 1                              |
     | 1    | anisotropic_friction        | friction of either direction of the slip,                               |
+    | 1    | inertia_axes                | it turns the moments that others change along the believed axes         |
     | 2    | velocity_dependent_friction | which then depends on its speed                                         |
     | 3    | tangential_compliance       | the spring that this friction holds                                     |
     | 4    | contact_torque, torsional_friction | rolling and spinning, with what these leave of the spin          |

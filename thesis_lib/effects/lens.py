@@ -10,10 +10,14 @@ With d = x − c from the centre c of the picture and r = |d|:
 θ and ω are correct: the map has no rotation anywhere (it is a gradient), so that markers all around the body turn by
 nothing in the mean.
 
+In space the camera looks along z of the recording: d and r are those of the tracked point in x and y of the recording,
+its z is correct, and so are attitude and spin.
+
 | on paper | in code      | unit | shape |                                                                        |
 |----------|--------------|------|-------|------------------------------------------------------------------------|
 | k₁       | `k_1`        | 1/m² |       | 0.16 is 1 % at 0.25 m from the centre                                  |
 | c        | `c_x`, `c_y` | m    |       | centre of the picture, from `rig.reference.x` and from the surface     |
+|          | `c_u`, `c_v` | m    |       | in space: along x and y of the recording, from the reference's place   |
 
 Where k₁ < 0 would fold the picture, near r² = −1/(3 k₁), it goes on with the least slope that it has before that.
 Without k₁ the centre is nowhere.  Breaks mirror symmetry.
@@ -21,12 +25,14 @@ Without k₁ the centre is nowhere.  Breaks mirror symmetry.
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
 
 NEWTON = 8  # most steps to the true radius: to rounding, and to 1e-6 of it where the map has its least slope
 SETTLED = 1e-7  # m, after which the next step is below rounding
 LEAST = 0.25  # slope of the map along the radius
 ASIDE, ABOVE = (-0.2, 0.0, 0.2), (0.05, 0.25, 0.45)  # m: centres with which a fit may start
+_STRENGTH = Parameter("k_1", "1/m²", null=0.0, low=-1.5, high=5.0, scale=0.1)
+_CENTRE = ("c_u", "c_v")
 
 
 class Lens(Effect):
@@ -35,10 +41,11 @@ class Lens(Effect):
     title = "lens distortion"
     equation = "x_measured = c + (1 + k₁ |x − c|²) (x − c)"
     parameters = (
-        Parameter("k_1", "1/m²", null=0.0, low=-1.5, high=5.0, scale=0.1),
+        _STRENGTH,
         Parameter("c_x", "m", null=0.0, low=-1.0, high=1.0, scale=0.1, along="x"),
         Parameter("c_y", "m", null=0.2, low=-1.0, high=2.0, scale=0.1),
     )
+    own_in_space = (_STRENGTH, *components(Parameter("c", "m", null=0.0, low=-2.0, high=2.0, scale=0.1), _CENTRE))
     channels = ("impact", "touch", "flight")
     needs_one_surface = True
     reference = "Brown 1971 (close-range camera calibration), Photogrammetric Engineering 37, 855–866"
@@ -47,8 +54,11 @@ class Lens(Effect):
     bends = True
     along = ("x",)
     rank = 50
+    dimensions = IN_SPACE
 
     def shapes(self, state, rig):
+        if not state.space.is_plane:
+            return [{"c_u": u, "c_v": v} for u in ASIDE for v in ASIDE]
         return [{"c_x": x, "c_y": y} for x in ASIDE for y in ABOVE]
 
     def to_true(self, state, p, rig):
@@ -63,16 +73,24 @@ class Lens(Effect):
                 break
         more, bent = _stretch(r, p["k_1"])
         less, straight = -more / (1.0 + more), -bent / ((1.0 + more) * (1.0 + more + bent * r * r))
-        return _moved(state, x, y, (1.0 + less) * x, (1.0 + less) * y, less, straight)
+        return _moved(state, x, y, (1.0 + less) * x, (1.0 + less) * y, less, straight, rig)
 
     def to_measured(self, state, p, rig):
         x, y = _from_centre(state, p, rig)
-        return _moved(state, x, y, x, y, *_stretch(np.hypot(x, y), p["k_1"]))
+        return _moved(state, x, y, x, y, *_stretch(np.hypot(x, y), p["k_1"]), rig)
 
 
 def _from_centre(state, p, rig):
     """d, two arrays (n,)."""
+    if not state.space.is_plane:
+        about = np.array([[rig.reference.x], [rig.reference.y], [rig.height]])
+        return _picture(rig).T @ (state.position + rig.lever(state) - about) - vector(p, _CENTRE)
     return state.x - rig.reference.x - p["c_x"], state.y - rig.height - p["c_y"]
+
+
+def _picture(rig):
+    """In space: x and y of the recording, (3, 2) in axes of the surface."""
+    return rig.from_recording(np.eye(3)[:, :2])
 
 
 def _stretch(r, k_1):
@@ -84,8 +102,13 @@ def _stretch(r, k_1):
     return more, np.divide(3.0 * k_1 * inside**2 - more, r * r, out=np.zeros_like(r), where=r > 0.0)
 
 
-def _moved(state, x, y, d_x, d_y, more, bent):
+def _moved(state, x, y, d_x, d_y, more, bent, rig):
     """Position and velocity times 1 + `more`, from (x, y); of the velocity also `bent` (d·v) d, at the true d."""
+    if not state.space.is_plane:
+        axes, d = _picture(rig), np.stack([d_x, d_y])
+        v = axes.T @ state.space.velocity_at(state.velocity, state.spin, rig.lever(state))
+        faster = more * v + bent * (d * v).sum(axis=0) * d
+        return state.changed(state.position + axes @ (more * np.stack([x, y])), velocity=state.velocity + axes @ faster)
     along = bent * (d_x * state.vx + d_y * state.vy)
     return state.moved(
         x=state.x + more * x,

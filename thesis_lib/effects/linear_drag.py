@@ -25,6 +25,7 @@ class LinearDrag(Effect):
     channels = ("flight",)
     needs_trajectories = True
     dimensions = IN_SPACE
+    includes = ("spin_damping",)
     reference = "Stokes 1851"
 
     def acceleration(self, a, state, p, rig):

@@ -9,9 +9,10 @@ Two things resist the motion of a contact, each as strongly as the motion would 
     slip and spin about the normal   (dc_1 / μ f, dc_2 / μ f, dτ_n / m_t)   of at most dp      Coulomb, in one cone
     rolling                          (dτ_1, dτ_2)                           of at most m_r dp
 
-f = 1 + s exp(−(|v_t| / v_s)²) is Stribeck's factor.  A step y within a ball of radius R solves (B + λ) y = −u with the
-least λ ≥ 0 for which |y| ≤ R, so that it opposes the velocity at its end.  Restitution ends by Stronge's energetic
-coefficient.  An effect takes the difference of the path with it and that without it.
+f = 1 + s exp(−(|v_t| / v_s)²) is Stribeck's factor; friction that is anisotropic has the matrix M in place of μ, and
+(M f)⁻¹ dc_t in the cone.  A step y within a ball of radius R solves (B + λ) y = −u with the least λ ≥ 0 for which
+|y| ≤ R, so that it opposes the velocity at its end.  Restitution ends by Stronge's energetic coefficient.  An effect
+takes the difference of the path with it and that without it.
 
 | on paper      | in code    | unit | shape     |                                                     |
 |---------------|------------|------|-----------|-----------------------------------------------------|
@@ -19,6 +20,7 @@ coefficient.  An effect takes the difference of the path with it and that withou
 | K, G⁻¹        | `K`, `mobility` | 1/kg, 1/(kg m²) | (3, 3, n) | as in `mechanics.contact`               |
 | m_t, m_r      | `m_t`, `m_r` | m  | (n,)      | levers of torsional and of rolling friction         |
 | s, v_s        | `s`, `v_s` | 1, m/s | (n,)    | Stribeck's                                          |
+| a_c, a_s      | `a_c`, `a_s` | 1  | (n,)      | of M = μ (1 + [[a_c, a_s], [a_s, −a_c]])            |
 
 Sources: those of `impulse_path`; for the one cone Contensou 1963, and Leine and Glocker 2003,
 doi:10.1016/S0997-7538(02)01256-9.
@@ -38,15 +40,15 @@ _SMOOTH = 1e-9  # least μ, so that the ball has a size
 
 
 def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **parameters) -> Impulse:
-    """`impulse` with what the path has more with these parameters (s, v_s, m_t, m_r) than without.
+    """`impulse` with what the path has more with these parameters (s, v_s, m_t, m_r, a_c, a_s) than without.
 
     The contact still pushes; friction stays inside the cone of the largest μ on the way, or where the law itself is,
     and couples within their levers times c_n.
     """
     n = len(contact.v_n)
-    s, v_s, m_t, m_r = (
+    s, v_s, m_t, m_r, a_c, a_s = (
         np.array(np.broadcast_to(parameters.get(name, value), n), dtype=float)
-        for name, value in (("s", 0.0), ("v_s", 1.0), ("m_t", 0.0), ("m_r", 0.0))
+        for name, value in (("s", 0.0), ("v_s", 1.0), ("m_t", 0.0), ("m_r", 0.0), ("a_c", 0.0), ("a_s", 0.0))
     )
     mu, epsilon = (np.array(np.broadcast_to(part, n), dtype=float) for part in (contact.mu, contact.epsilon))
     dp, none = whole_impulse(contact) / STEPS, np.zeros(n)
@@ -54,13 +56,13 @@ def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **par
         np.array(part, dtype=float) for part in (contact.v, spin, contact.r, contact.K, contact.mobility)
     )
     with_it, without = np.zeros((6, n)), np.zeros((6, n))
-    _follow(v, w, r, K, mobility, mu, epsilon, dp, s, v_s, m_t, m_r, STEPS, with_it)
-    _follow(v, w, r, K, mobility, mu, epsilon, dp, none, v_s, none, none, STEPS, without)
+    _follow(v, w, r, K, mobility, mu, epsilon, dp, s, v_s, m_t, m_r, a_c, a_s, STEPS, with_it)
+    _follow(v, w, r, K, mobility, mu, epsilon, dp, none, v_s, none, none, none, none, STEPS, without)
     more = with_it - without
     more = np.where(np.isfinite(more), more, 0.0)
     c = np.array(impulse.c)
     c_n = np.maximum(c[2] + more[2], 0.0)
-    most = np.maximum(mu * (1.0 + np.maximum(s, 0.0)) * c_n, np.hypot(c[0], c[1]))
+    most = np.maximum(mu * (1.0 + np.maximum(s, 0.0)) * (1.0 + np.hypot(a_c, a_s)) * c_n, np.hypot(c[0], c[1]))
     c_t, rolling = _within(c[:2] + more[:2], most), _within(more[3:5], m_r * c_n)
     couple = np.concatenate([rolling, np.clip(more[5:], -m_t * c_n, m_t * c_n)])
     return Impulse(np.concatenate([c_t, c_n[None]]), impulse.couple + couple)
@@ -93,7 +95,7 @@ def _changed(u, A, a, B, b):
 
 
 @compiled
-def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, steps, found):
+def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, a_c, a_s, steps, found):
     """Impulses and couples (6, n) at the ends of the paths, into `found`."""
     turn, lift, total, last = np.empty((3, 3)), np.empty((3, 3)), np.empty(6), np.empty(6)
     for i in range(len(mu0)):
@@ -121,16 +123,18 @@ def _follow(v0, w0, r0, K0, mobility, mu0, epsilon, dp0, s, v_s, m_t, m_r, steps
             # friction expects the couple of the step before, so that a sticking contact goes on sticking while it rolls
             v = _moved(v, K_n, dp, lift_1, rolled_1, lift_2, rolled_2)
             w = _moved(w, turn_n, dp, H_1, rolled_1, H_2, rolled_2)
+            # M and M K M
+            a, b, c = f * (1.0 + a_c[i]), f * a_s[i], f * (1.0 - a_c[i])
+            B_11 = a * a * K_1[0] + b * (2.0 * a * K_2[0] + b * K_2[1])
+            B_12 = a * c * K_2[0] + b * (a * K_1[0] + b * K_2[0] + c * K_2[1])
+            B_22 = c * c * K_2[1] + b * (2.0 * c * K_2[0] + b * K_1[0])
+            u_1, u_2 = a * v[0] + b * v[1], c * v[1] + b * v[0]
             if t > 0.0:
-                p, q, z = in_ball(
-                    *(f * f * K_1[0], f * f * K_2[0], f * t * lift_n[0], f * f * K_2[1], f * t * lift_n[1]),
-                    *(t * t * H_n[2], f * v[0], f * v[1], t * w[2], dp),
-                )
+                l_1, l_2 = a * t * lift_n[0] + b * t * lift_n[1], c * t * lift_n[1] + b * t * lift_n[0]
+                p, q, z = in_ball(B_11, B_12, l_1, B_22, l_2, t * t * H_n[2], u_1, u_2, t * w[2], dp)
             else:
-                p, q, z = in_ball(
-                    *(f * f * K_1[0], f * f * K_2[0], 0.0, f * f * K_2[1], 0.0, 1.0, f * v[0], f * v[1], 0.0, dp)
-                )
-            last[0], last[1], last[2], last[5] = f * p, f * q, dp, t * z
+                p, q, z = in_ball(B_11, B_12, 0.0, B_22, 0.0, 1.0, u_1, u_2, 0.0, dp)
+            last[0], last[1], last[2], last[5] = a * p + b * q, c * q + b * p, dp, t * z
             v = _moved(v, K_1, last[0], K_2, last[1], lift_n, last[5])
             w = _moved(w, turn_1, last[0], turn_2, last[1], H_n, last[5])
             if m_r[i] > 0.0:

@@ -8,16 +8,18 @@ contact point, counted from the reference; τ is the value there.
 | on paper | in code | unit | shape | meaning                                             |
 |----------|---------|------|-------|-----------------------------------------------------|
 | g_τ      | `g_tau` | 1/m  |       | relative slope of τ along +t, at the reference      |
+|          | `g_tau_x`, `g_tau_y` | 1/m | | in space: along both axes of the surface       |
 
 Breaks mirror symmetry.
 """
 
 import numpy as np
 
-from thesis_lib.effects.contact_place import along_surface
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.contact_place import along_gradient
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components
 
 SOFTEST = 0.1  # of the stiffness at the reference
+_SLOPE = Parameter("g_tau", "1/m", null=0.0, low=-10.0, high=10.0, scale=1.0, starts=(0.0,))
 
 
 class PositionDependentContactTime(Effect):
@@ -25,7 +27,10 @@ class PositionDependentContactTime(Effect):
     family = "surface"
     title = "contact time depends on place"
     equation = "τ = τ₀ (1 − 2 g_τ x_c)^(−1/2)"
-    parameters = (Parameter("g_tau", "1/m", null=0.0, low=-10.0, high=10.0, scale=1.0, starts=(0.0,)),)
+    parameters = (_SLOPE,)
+    own_in_space = components(_SLOPE, ("g_tau_x", "g_tau_y"))
+    level = (("g_tau_x", "g_tau_y", 1),)
+    embedded = (("g_tau_x", "g_tau", 1.0),)
     channels = ("touch",)
     needs_trajectories = True
     needs_contact_time = True
@@ -33,9 +38,10 @@ class PositionDependentContactTime(Effect):
     reference = "stiffness that is linear in place, of a linear spring; Goldsmith 1960, chapter 4"
     breaks_mirror = True
     along = ("x",)
+    dimensions = IN_SPACE
 
     def contact_time(self, tau, contact, state, p, rig):
-        return tau / np.sqrt(np.maximum(1.0 - 2.0 * p["g_tau"] * along_surface(state, rig), SOFTEST))
+        return tau / np.sqrt(np.maximum(1.0 - 2.0 * along_gradient(state, p, "g_tau", rig), SOFTEST))
 
 
 EFFECT = PositionDependentContactTime()

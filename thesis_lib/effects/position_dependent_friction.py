@@ -27,6 +27,7 @@ class PositionDependentFriction(Effect):
     equation = "μ = μ₀ (1 + g_μ x_c)"
     parameters = (_SLOPE,)
     own_in_space = components(_SLOPE, ("g_mu_x", "g_mu_y"))
+    level = (("g_mu_x", "g_mu_y", 1),)
     embedded = (("g_mu_x", "g_mu", 1.0),)
     needs_one_surface = True
     reference = "first order of a smooth dependence on place"

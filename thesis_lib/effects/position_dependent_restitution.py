@@ -27,6 +27,7 @@ class PositionDependentRestitution(Effect):
     equation = "ε = ε₀ (1 + g_ε x_c)"
     parameters = (_SLOPE,)
     own_in_space = components(_SLOPE, ("g_eps_x", "g_eps_y"))
+    level = (("g_eps_x", "g_eps_y", 1),)
     embedded = (("g_eps_x", "g_eps", 1.0),)
     needs_one_surface = True
     reference = "first order of a smooth dependence on place"

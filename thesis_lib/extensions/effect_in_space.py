@@ -40,16 +40,21 @@ def has_the_plane_as_a_case(effect: Effect) -> str:
 
 
 def knows_no_horizontal_direction(effect: Effect) -> str:
-    """Turned about the vertical, body and motion have the turned outcome, and so do the axes of the recording."""
-    if effect.along or (effect.breaks_mirror and effect.family == "surface"):
-        return ""  # it counts places, or has a direction along the surface
+    """Turned about the vertical with all directions along the surface, body, motion and axes of the recording have the
+    turned outcome."""
+    if effect.breaks_mirror and effect.family == "surface" and not effect.level:
+        return ""  # it has a direction along the surface that is no vector
     p, states = _sizes(effect, SPACE), tumbling_boxes(N, np.random.default_rng(8))
     back = of_rotation_vector(np.array([0.0, 0.0, -ANGLE]))
     recorded = RECORDED_BOX.recorded
     assert recorded is not None
     recorded = replace(recorded, turn=_ABOUT @ recorded.turn)
+    p_there = dict(p)
+    for one, other, times in effect.level:
+        sin, cos = np.sin(times * ANGLE), np.cos(times * ANGLE)
+        p_there[one], p_there[other] = cos * p[one] - sin * p[other], sin * p[one] + cos * p[other]
     there = replace(RECORDED_BOX, world=multiplied(np.asarray(RECORDED_BOX.world), back), recorded=recorded)
-    turned = _made(effect, p, there, _of_state(states, _about_vertical, _attitude_about))
+    turned = _made(effect, p_there, there, _of_state(states, _about_vertical, _attitude_about))
     expected = _carried(_made(effect, p, RECORDED_BOX, states), _about_vertical, _attitude_about)
     return _differs(turned, expected, "turned about the vertical, {}")
 

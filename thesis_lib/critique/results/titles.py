@@ -67,7 +67,7 @@ def counted_from(name: str, reference: Mapping[str, float], found: Mapping[str, 
     starts = [words[key].format(reference[key]) for key in keys]
     places = [
         f"{symbol(p.name)} at {words[p.along].format(reference[p.along] + found[p.name]['value'])}"
-        for p in effect.parameters
+        for p in {p.name: p for p in (*effect.parameters, *effect.own_in_space)}.values()
         if p.along and p.name in found
     ]
     return ", ".join([f"counted from {' and '.join(starts)}", *places]) if starts else ""

@@ -28,7 +28,7 @@ from thesis_lib.simulate.tosses.causes import HIT, LATER, NOT_IN_MUJOCO, SUPPORT
 from thesis_lib.simulate.tosses.world import TossedWorld
 from thesis_lib.statistics.wording import listed
 
-AIR = ("linear_drag", "quadratic_drag", "magnus")
+AIR = ("linear_drag", "spin_damping", "quadratic_drag", "magnus")
 BY_TOUCH = (
     *("velocity_dependent_restitution", "position_dependent_restitution", "orientation_dependent_restitution"),
     *("position_dependent_friction", "orientation_dependent_friction"),

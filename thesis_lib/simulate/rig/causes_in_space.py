@@ -52,6 +52,9 @@ CAUSES_IN_SPACE: Mapping[str, CauseInSpace] = {
     "com_offset": CauseInSpace({"c_x": 2e-3}, "m", "true minus believed centre of mass, axes of the shape"),
     "wrong_inertia": CauseInSpace({"d_I": 0.2}, "1", "the whole inertia times 1 + d_I"),
     "inertia_ratios": CauseInSpace({"a_y": 0.15, "a_z": 0.0}, "1", "I_yy and I_zz of the principal axes times 1 + a"),
+    "inertia_axes": CauseInSpace(
+        {"b_x": 0.0, "b_y": 0.0, "b_z": 0.15}, "rad", "the principal axes are turned by exp(b), axes of the shape"
+    ),
     "wrong_size": CauseInSpace({"s": 0.03}, "1", "all lengths of the shape times 1 + s"),
     "rounded_corners": CauseInSpace({"rho": 3e-3}, "m", "edge radius beyond that which is stated"),
     "marker_offset": CauseInSpace(
@@ -59,9 +62,23 @@ CAUSES_IN_SPACE: Mapping[str, CauseInSpace] = {
     ),
     "angle_offset": CauseInSpace({"d_ry": 0.03}, "rad", "the tracked frame is turned on the body by exp(d)"),
     "surface_height": CauseInSpace({"h": 1.5e-3}, "m", "of the table, along its normal"),
+    "curved_surface": CauseInSpace(
+        {"kappa": 0.15, "x_0": 0.0, "y_0": 0.0}, "1/m", "the table is a bowl, lowest at (x_0, y_0) from its point"
+    ),
+    "moving_surface": CauseInSpace({"V_x": 0.2, "V_y": 0.0}, "m/s", "velocity of the table along its axes"),
+    "anisotropic_friction": CauseInSpace(
+        {"a_c": 0.3, "a_s": 0.0}, "1", "friction μ (1 + a) along t_1 and μ (1 − a) across; a_s: along the diagonals"
+    ),
+    "orientation_dependent_contact_time": CauseInSpace(
+        {"a_x": 0.0, "a_y": 0.0, "a_z": 0.5}, "1", "contact time times exp(a·u), u towards the table, axes of the shape"
+    ),
+    "position_dependent_contact_time": CauseInSpace(
+        {"g_tau_x": 1.5, "g_tau_y": 0.0}, "1/m", "contact time times (1 − 2 g·x)^(−1/2), x on the table from its point"
+    ),
     "surface_tilt": CauseInSpace({"phi_x": 0.04}, "rad", "gravity is g (sin φ_x, sin φ_y, …) in the axes of the table"),
     "wrong_gravity": CauseInSpace({"dg": -0.3}, "m/s²", "along believed gravity"),
     "linear_drag": CauseInSpace({"c_v": 0.25, "c_w": 0.0}, "1/s", "a = −c_v v, α = −c_w ω"),
+    "spin_damping": CauseInSpace({"c_w": 0.5}, "1/s", "α = −c_w ω"),
     "quadratic_drag": CauseInSpace({"c_q": 0.15}, "1/m", "a = −c_q |v| v"),
     "magnus": CauseInSpace({"k_m": 0.03}, "1", "a = k_m ω × v"),
     "length_scale": CauseInSpace({"s_L": 0.02}, "1", "measured lengths from the table's point times 1 + s_L"),
@@ -69,6 +86,11 @@ CAUSES_IN_SPACE: Mapping[str, CauseInSpace] = {
     "time_lag": CauseInSpace({"lag": 4e-3}, "s", "orientation behind position"),
     "camera_pose": CauseInSpace(
         {"b_x": 0.0, "b_y": 0.02}, "rad", "measured axes turned by exp(b) about the table's point"
+    ),
+    "lens": CauseInSpace(
+        {"k_1": 0.3, "c_u": 0.0, "c_v": 0.0},
+        "1/m²",
+        "x and y of W from the table's point + (c_u, c_v) times 1 + k_1 r², r the distance in them",
     ),
     "mirrored_rotation": CauseInSpace(
         {"mirrored_axis": 1.0}, "1", "R as M R M; 1, 2, 3: M mirrors the x, y, z axis of W"
@@ -98,7 +120,7 @@ def text_of_space() -> str:
     lines = ["with --space (first parameter that is not 0):"]
     for name, cause in CAUSES_IN_SPACE.items():
         size = next(value for value in cause.sizes.values() if value)
-        lines.append(f"  {name:<19} {size:g}{'' if cause.unit == '1' else f' {cause.unit}'}   {cause.meaning}")
+        lines.append(f"  {name:<34} {size:g}{'' if cause.unit == '1' else f' {cause.unit}'}   {cause.meaning}")
     return "\n".join(lines)
 
 
@@ -114,6 +136,7 @@ def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
     axes = principal_axes(body.inertia_per_mass)
     principal = np.diag(axes.T @ body.inertia_per_mass @ axes) * (1.0 + get("wrong_inertia.d_I"))
     principal = principal * (1.0 + np.array([0.0, get("inertia_ratios.a_y"), get("inertia_ratios.a_z")]))
+    axes = rotation_matrix(of_rotation_vector(_vector(get, "inertia_axes.b_"))) @ axes
     tensor = (body.mass or 1.0) * (axes * principal) @ axes.T
     if s := get("wrong_size.s"):
         shape = body.solid.scaled(1.0 + s)
@@ -153,7 +176,7 @@ def air(hidden: Hidden, velocity: np.ndarray, spin: np.ndarray) -> tuple[np.ndar
     get = _getter(hidden)
     speed = np.sqrt((velocity**2).sum(axis=0))
     a = -(get("linear_drag.c_v") + get("quadratic_drag.c_q") * speed) * velocity
-    return a + get("magnus.k_m") * cross(spin, velocity), -get("linear_drag.c_w") * spin
+    return a + get("magnus.k_m") * cross(spin, velocity), -(get("linear_drag.c_w") + get("spin_damping.c_w")) * spin
 
 
 def filmed(true: State, header: SpaceHeader, hidden: Hidden) -> State:
@@ -166,6 +189,11 @@ def filmed(true: State, header: SpaceHeader, hidden: Hidden) -> State:
     if (b := _vector(get, "camera_pose.b_")).any():
         turn = of_rotation_vector(b)[:, None]
         place, q = about + rotated(turn, place - about), multiplied(np.broadcast_to(turn, q.shape), q)
+    if k_1 := get("lens.k_1"):
+        off = place - about
+        off[:2] -= np.array([[get("lens.c_u")], [get("lens.c_v")]])
+        off[2] = 0.0
+        place = place + k_1 * (off**2).sum(axis=0) * off
     place = about + (1.0 + get("length_scale.s_L")) * (place - about)
     if s_R := get("rotation_scale.s_R"):
         q = _rates_scaled(q, true.trial, 1.0 + s_R)

@@ -13,6 +13,11 @@ the direction of the surface from the body in axes of its shape, v_n the speed o
 | sliding_friction                  | d_mu            | 1    | μ + d_mu where nothing has hit it for `SUPPORTED`       |
 | contact_torque                    | m_r             | m    | a couple against rolling, at most m_r times the force   |
 | torsional_friction                | m_t             | m    | a couple about the normal, in one cone with the slip    |
+| anisotropic_friction              | a_c, a_s        | 1    | μ (1 + [[a_c, a_s], [a_s, −a_c]]), an ellipse           |
+| moving_surface                    | V_x, V_y        | m/s  | the slip is that against a surface that moves           |
+| curved_surface                    | κ, x_0, y_0     | 1/m, m | none: each ball has the normal where it touches       |
+| position_dependent_contact_time   | g_tau_x, _y     | 1/m  | none: the spring times 1 − 2 g · (t_1, t_2)             |
+| orientation_dependent_contact_time | a_x, a_y, a_z  | 1    | none: the spring times exp(−2 a · u), u at the touch   |
 """
 
 from collections.abc import Mapping
@@ -90,4 +95,7 @@ RANGES: Mapping[str, Range] = {
     "wrong_size": Range(("s",), 0.02, 0.05),
 }
 CORNERED = ("rounded_corners", "angle_offset")  # what a sphere cannot show
-NOT_IN_MUJOCO = ("contact_torque", "velocity_dependent_friction")  # it has no element for them
+NOT_IN_MUJOCO = (  # it has no element for them
+    *("contact_torque", "velocity_dependent_friction", "anisotropic_friction", "curved_surface", "moving_surface"),
+    *("orientation_dependent_contact_time", "position_dependent_contact_time"),
+)

@@ -10,9 +10,10 @@ after the pushes of the step, up to
 
     |f_t|² / μ² + τ_n² / m_t²  ≤  f_n²,     |τ_t|  ≤  m_r f_n,
 
-and beyond it act where they take most energy.  Steps are half a drift, a kick, half a drift; where no ball can touch
-within it, a step is `FLIGHT` long.  In the step in which a ball touches it is pushed from there on only: what a hit
-returns would hang on where in its step it begins, by 0.15 % of its speed with 400 steps in a contact.
+and beyond it act where they take most energy; |M⁻¹ f_t| ≤ f_n where friction is anisotropic.  Steps are half a drift,
+a kick, half a drift; where no ball can touch within it, a step is `FLIGHT` long.  In the step in which a ball touches
+it is pushed from there on only: what a hit returns would hang on where in its step it begins, by 0.15 % of its speed
+with 400 steps in a contact.
 """
 
 from typing import NamedTuple
@@ -55,6 +56,11 @@ class OnBalls(NamedTuple):
     friction_by_face: np.ndarray
     later: tuple[float, float]  # restitution and friction, less 1
     sliding: float  # friction while supported, less the usual one
+    bowl: tuple[float, float, float]  # curvature of the surface, its lowest place
+    ellipse: tuple[float, float]  # of friction: a_c, a_s
+    moving: tuple[float, float]  # velocity of the surface
+    time_by_place: np.ndarray
+    time_by_face: np.ndarray
     times: tuple[float, float, float]  # `LATER`, `SUPPORTED`, and `HIT` in m/s
 
 
@@ -152,8 +158,15 @@ def _damping(epsilon):
 
 
 @compiled
+def _slope(world, x, y):
+    """Slope (2,) of the surface at a place, and its height in m over its lowest one."""
+    curvature, x_0, y_0 = world.bowl
+    return curvature * (x - x_0), curvature * (y - y_0), 0.5 * curvature * ((x - x_0) ** 2 + (y - y_0) ** 2)
+
+
+@compiled
 def _lands(world, R, x, y, speed, later):
-    """Damper in N s/m and coefficient of friction of a ball that touches at the place x, y with `speed` in m/s."""
+    """Spring in N/m, damper in N s/m and friction of a ball that touches at the place x, y with `speed` in m/s."""
     epsilon = world.epsilon * np.exp(-world.restitution_by_speed * speed)
     epsilon *= 1.0 + world.restitution_by_place[0] * x + world.restitution_by_place[1] * y
     epsilon *= 1.0 + _along(world.restitution_by_face, R)
@@ -162,7 +175,9 @@ def _lands(world, R, x, y, speed, later):
     if later:
         epsilon, mu = epsilon * (1.0 + world.later[0]), mu * (1.0 + world.later[1])
     ratio = _damping(min(max(epsilon, 0.02), 0.98))
-    return 2.0 * ratio * np.sqrt(world.stiffness * world.mass), max(mu, 0.0)
+    spring = world.stiffness * max(1.0 - 2.0 * (world.time_by_place[0] * x + world.time_by_place[1] * y), 0.1)
+    spring *= np.exp(-2.0 * _along(world.time_by_face, R))
+    return spring, 2.0 * ratio * np.sqrt(spring * world.mass), max(mu, 0.0)
 
 
 @compiled
@@ -175,11 +190,26 @@ def _mobility(world, R, r):
 
 
 @compiled
+def _in_ellipse(ellipse, s_x, s_y, push, mu, loosest):
+    """As `_friction`, of |M⁻¹ f| ≤ f_n with M = μ (1 + [[a_c, a_s], [a_s, −a_c]]); no couple."""
+    a, b, c = mu * (1.0 + ellipse[0]), mu * ellipse[1], mu * (1.0 - ellipse[0])
+    f_x, f_y = -s_x / loosest, -s_y / loosest
+    x, y = (c * f_x - b * f_y) / (a * c - b * b), (a * f_y - b * f_x) / (a * c - b * b)
+    if x * x + y * y <= push * push:
+        return f_x, f_y, 0.0
+    x, y = a * s_x + b * s_y, b * s_x + c * s_y
+    size = np.sqrt(x * x + y * y) / push + SLOWEST
+    return -(a * x + b * y) / size, -(b * x + c * y) / size, 0.0
+
+
+@compiled
 def _friction(world, s_x, s_y, turning, push, mu, loosest, easiest):
     """Force (2,) in N and couple in N m about the normal on what slips and turns; the two mobilities per step."""
     slip = np.sqrt(s_x * s_x + s_y * s_y)
     if world.friction_by_speed[0] != 0.0:
         mu *= 1.0 + world.friction_by_speed[0] * np.exp(-((slip / world.friction_by_speed[1]) ** 2))
+    if world.ellipse[0] != 0.0 or world.ellipse[1] != 0.0:
+        return _in_ellipse(world.ellipse, s_x, s_y, push, mu, loosest)
     limit, m_t = mu * push, world.spinning
     if m_t == 0.0:
         force = min(slip / loosest, limit) / max(slip, SLOWEST)
@@ -195,8 +225,8 @@ def _friction(world, s_x, s_y, turning, push, mu, loosest, easiest):
 def toss(world, place, attitude, velocity, spinning, times, poses):
     """Poses (k, 7) of the true centre of mass at rising times (k,) in s, from its state (3,), (4,), (3,), (3,)."""
     points = len(world.balls)
-    damper, mu, touching = np.zeros(points), np.zeros(points), np.zeros(points, np.bool_)
-    r, pushes = np.empty((points, 3)), np.empty(points)
+    spring, damper, mu, touching = np.zeros(points), np.zeros(points), np.zeros(points), np.zeros(points, np.bool_)
+    r, pushes, normal = np.empty((points, 3)), np.empty(points), np.empty((points, 3))
     reach = world.radius
     for k in range(points):
         reach = max(reach, np.sqrt((world.balls[k] ** 2).sum()) + world.radius)
@@ -235,7 +265,9 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
             lowest = min(lowest, R[6] * b[0] + R[7] * b[1] + R[8] * b[2])
         # farther from the surface than any ball comes in a flight step?
         nearer = FLIGHT * (max(-v_z, 0.0) + reach * turning + 0.02)
-        near = z + lowest - world.radius - world.height < nearer
+        aside = np.sqrt((x - world.bowl[1]) ** 2 + (y - world.bowl[2]) ** 2) + reach
+        highest = world.height + 0.5 * max(world.bowl[0], 0.0) * aside**2
+        near = z + lowest - world.radius - highest < nearer
         h = min(world.dt if near else FLIGHT, times[row] - t)
         x, y, z = x + 0.5 * h * v_x, y + 0.5 * h * v_y, z + 0.5 * h * v_z
         q = _attitude(world, q, L, 0.5 * h)
@@ -247,9 +279,19 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
         for k in range(points if near else 0):
             b = world.balls[k]
             r[k, 0], r[k, 1], r[k, 2] = _rotated(R, b[0], b[1], b[2])
-            r[k, 2] -= world.radius
-            depth = world.height - z - r[k, 2]
-            rate = -(v_z + spin[0] * r[k, 1] - spin[1] * r[k, 0])
+            p_x, p_y, _ = _slope(world, x + r[k, 0], y + r[k, 1])
+            wider = 1.0 - world.bowl[0] * world.radius  # the ball touches where its normal meets it
+            p_x, p_y = p_x / wider, p_y / wider
+            steep = np.sqrt(1.0 + p_x * p_x + p_y * p_y)
+            u_x, u_y, u_z = -p_x / steep, -p_y / steep, 1.0 / steep
+            normal[k, 0], normal[k, 1], normal[k, 2] = u_x, u_y, u_z
+            r[k, 0], r[k, 1] = r[k, 0] - world.radius * u_x, r[k, 1] - world.radius * u_y
+            r[k, 2] -= world.radius * u_z
+            _, _, over = _slope(world, x + r[k, 0], y + r[k, 1])
+            depth = (world.height + over - z - r[k, 2]) * u_z
+            rate = -(v_z + spin[0] * r[k, 1] - spin[1] * r[k, 0]) * u_z
+            rate -= (v_x + spin[1] * r[k, 2] - spin[2] * r[k, 1]) * u_x
+            rate -= (v_y + spin[2] * r[k, 0] - spin[0] * r[k, 2]) * u_y
             share = 1.0  # of the step in which it touches
             if not touching[k]:
                 if rate > SLOWEST:
@@ -260,39 +302,47 @@ def toss(world, place, attitude, velocity, spinning, times, poses):
                     touching[k] = True
                     first = t if first < 0.0 else first
                     hit = t if rate > world.times[2] else hit
-                    damper[k], mu[k] = _lands(world, R, x + r[k, 0], y + r[k, 1], rate, t - first > world.times[0])
+                    later = t - first > world.times[0]
+                    spring[k], damper[k], mu[k] = _lands(world, R, x + r[k, 0], y + r[k, 1], rate, later)
                     depth = 0.5 * share * h * rate if share < 1.0 else depth
             elif depth <= 0.0:
                 touching[k] = False
-            pushes[k] = share * max(world.stiffness * depth + damper[k] * rate, 0.0) if touching[k] else 0.0
+            pushes[k] = share * max(spring[k] * depth + damper[k] * rate, 0.0) if touching[k] else 0.0
             if pushes[k] > 0.0:
                 pressing += 1
-                f_z += pushes[k]
-                n_x, n_y = n_x + r[k, 1] * pushes[k], n_y - r[k, 0] * pushes[k]
+                p_x, p_y, p_z = u_x * pushes[k], u_y * pushes[k], u_z * pushes[k]
+                f_x, f_y, f_z = f_x + p_x, f_y + p_y, f_z + p_z
+                n_x, n_y = n_x + (r[k, 1] * p_z - r[k, 2] * p_y), n_y - (r[k, 0] * p_z - r[k, 2] * p_x)
+                n_z += r[k, 0] * p_y - r[k, 1] * p_x
         v_x, v_y, v_z = v_x + h * f_x / world.mass, v_y + h * f_y / world.mass, v_z + h * f_z / world.mass
         L = (L[0] + h * n_x, L[1] + h * n_y, L[2] + h * n_z)
         if pressing:  # friction and couples see what the pushes of the step have done
             spin = _spin(world, R, L)
-        f_x, f_y, n_x, n_y, n_z = 0.0, 0.0, 0.0, 0.0, 0.0
+        f_x, f_y, f_z, n_x, n_y, n_z = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for k in range(points if pressing else 0):
             push = pushes[k]
             if push <= 0.0:
                 continue
-            s_x = v_x + spin[1] * r[k, 2] - spin[2] * r[k, 1]
-            s_y = v_y + spin[2] * r[k, 0] - spin[0] * r[k, 2]
+            u_x, u_y, u_z = normal[k]
+            s_x = v_x + spin[1] * r[k, 2] - spin[2] * r[k, 1] - world.moving[0]
+            s_y = v_y + spin[2] * r[k, 0] - spin[0] * r[k, 2] - world.moving[1]
+            away = s_x * u_x + s_y * u_y + (v_z + spin[0] * r[k, 1] - spin[1] * r[k, 0]) * u_z
+            s_x, s_y = s_x - away * u_x, s_y - away * u_y
+            turning = spin[0] * u_x + spin[1] * u_y + spin[2] * u_z
             own = max(mu[k] + world.sliding, 0.0) if t - hit > world.times[1] else mu[k]
             steps = h * pressing
             held = steps * _mobility(world, R, r[k])
-            g_x, g_y, couple = _friction(world, s_x, s_y, spin[2], push, own, held, steps * world.easiest)
-            f_x, f_y = f_x + g_x, f_y + g_y
-            n_x -= r[k, 2] * g_y
-            n_y += r[k, 2] * g_x
-            n_z += r[k, 0] * g_y - r[k, 1] * g_x + couple
+            g_x, g_y, couple = _friction(world, s_x, s_y, turning, push, own, held, steps * world.easiest)
+            g_z = -(g_x * u_x + g_y * u_y) / u_z  # along the surface
+            f_x, f_y, f_z = f_x + g_x, f_y + g_y, f_z + g_z
+            n_x += r[k, 1] * g_z - r[k, 2] * g_y + couple * u_x
+            n_y += r[k, 2] * g_x - r[k, 0] * g_z + couple * u_y
+            n_z += r[k, 0] * g_y - r[k, 1] * g_x + couple * u_z
             if world.lever > 0.0:
                 rolling = np.sqrt(spin[0] ** 2 + spin[1] ** 2) + SLOWEST
                 most = min(world.lever * push, rolling / (steps * world.easiest)) / rolling
                 n_x, n_y = n_x - most * spin[0], n_y - most * spin[1]
-        v_x, v_y = v_x + h * f_x / world.mass, v_y + h * f_y / world.mass
+        v_x, v_y, v_z = v_x + h * f_x / world.mass, v_y + h * f_y / world.mass, v_z + h * f_z / world.mass
         L = (L[0] + h * n_x, L[1] + h * n_y, L[2] + h * n_z)
         x, y, z = x + 0.5 * h * v_x, y + 0.5 * h * v_y, z + 0.5 * h * v_z
         q = _attitude(world, q, L, 0.5 * h)
