@@ -11,7 +11,7 @@ from test_simulate_model import model_of
 
 from thesis_lib.__main__ import main
 from thesis_lib.contact.compliant.normal_force import LinearDamper
-from thesis_lib.critique.simulation.first_flight import Recorded, first_flight, first_frame
+from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight, first_frame
 from thesis_lib.critique.simulation.rollout import compared, of_frames, of_tosses, roll_out, summary
 from thesis_lib.critique.simulation.simulate_in_space import simulate_in_space
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
@@ -73,7 +73,7 @@ def test_the_first_flight_gives_the_release_within_its_covariance():
     made = simulate_in_space(model, 40, duration=0.5, rng=np.random.default_rng(5))
     none = {"position": 1e-7, "rotation": 1e-7}
     exact = simulate_in_space(model, 40, duration=0.5, rng=np.random.default_rng(5), noise=none)
-    tosses, without = (Recorded.of(one, model, range(40)) for one in (made, exact))
+    tosses, without = (MeasuredTosses.of(one, model, range(40)) for one in (made, exact))
     found, truth = (first_flight(one.bound(model), one) for one in (tosses, without))
     assert found.noise == pytest.approx([2e-4, 3e-3], rel=0.1) and (truth.noise < 2e-5).all()
     off = np.concatenate(

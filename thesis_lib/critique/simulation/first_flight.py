@@ -38,7 +38,7 @@ USUAL = np.array([3e-4, 3e-3])  # m, rad: the noise until flights have told thei
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class MeasuredTosses:
     """n measured tosses at k frames from the first flight on, with the last frame of shorter ones repeated.
 
     Attributes:
@@ -54,7 +54,7 @@ class Recorded:
     flight: np.ndarray
 
     @classmethod
-    def of(cls, dataset: Dataset, model: SavedSpaceModel, trials: Sequence[int]) -> "Recorded":
+    def of(cls, dataset: Dataset, model: SavedSpaceModel, trials: Sequence[int]) -> "MeasuredTosses":
         """The tosses of these trials whose first flight is seen.
 
         Raises:
@@ -114,12 +114,12 @@ class Start:
         return self.state.shifted(change[:, :6], change[:, 6:])
 
 
-def first_flight(dynamics: ByImpulse, tosses: Recorded) -> Start:
+def first_flight(dynamics: ByImpulse, tosses: MeasuredTosses) -> Start:
     """The states at the first frames by all frames of the first flights."""
     return _fit(dynamics, tosses, tosses.flight, None)
 
 
-def first_frame(dynamics: ByImpulse, tosses: Recorded) -> Start:
+def first_frame(dynamics: ByImpulse, tosses: MeasuredTosses) -> Start:
     """The stored poses of the first frames, with the motion of `AT_ONCE` frames and the noise of the first flights."""
     noise = first_flight(dynamics, tosses).noise
     start = _fit(dynamics, tosses, np.full(len(tosses.flight), AT_ONCE), noise)
@@ -141,7 +141,7 @@ def _first_flight(states: State, rig) -> tuple[int, int]:
     return 0, 0
 
 
-def _fit(dynamics: ByImpulse, tosses: Recorded, frames: np.ndarray, noise: np.ndarray | None) -> Start:
+def _fit(dynamics: ByImpulse, tosses: MeasuredTosses, frames: np.ndarray, noise: np.ndarray | None) -> Start:
     """The states by the first `frames` (n,) of each toss, with what they leave as noise where it is None."""
     n, W = len(frames), int(frames.max())
     used, times = np.arange(W)[:, None] < frames, tosses.times[:W]

@@ -27,7 +27,7 @@ import pandas as pd
 
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
-from thesis_lib.critique.simulation.first_flight import Recorded, first_flight, first_frame
+from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight, first_frame
 from thesis_lib.critique.simulation.tosses import reported, toss
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.files import six_digits
@@ -89,7 +89,7 @@ def roll_out(
     Raises:
         UserError: no first flight is seen.
     """
-    measured = Recorded.of(dataset, model, trials)
+    measured = MeasuredTosses.of(dataset, model, trials)
     dynamics = measured.bound(model)
     say(f"fitting {len(measured.trials)} first flights")
     begun = STARTS[start](dynamics, measured)

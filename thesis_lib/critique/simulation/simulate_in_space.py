@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.results.saved_in_space import NOT_OF_THE_RIG, SavedSpaceModel
-from thesis_lib.critique.simulation.first_flight import Recorded, first_flight
+from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight
 from thesis_lib.critique.simulation.tosses import reported, toss
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
@@ -59,7 +59,7 @@ def simulate_in_space(
         trials = columns["trial"].astype(int)
     elif like is not None:
         say(f"looking for the first flights of {like.name}")
-        tosses = Recorded.of(like, model, like.trials)
+        tosses = MeasuredTosses.of(like, model, like.trials)
         begun = first_flight(tosses.bound(model), tosses)
         rows = np.arange(min(n or len(tosses.flight), len(tosses.flight)))
         true = tosses.bound(model).to_true(begun.state.select(rows))
