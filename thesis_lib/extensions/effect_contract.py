@@ -193,7 +193,7 @@ def takes_arrays(effect: Effect) -> str:
     """A parameter may be an array with a value for each body: fits try several at once."""
     for _, rig, states in _scenes(effect):
         p, n = at_scale(effect, states.space), len(states)
-        switches = {q.name for q in effect.parameters if q.discrete is not None}  # those stay numbers
+        switches = {q.name for q in parameters_in(effect, states.space) if q.discrete is not None}  # those stay numbers
         many = {name: value if name in switches else np.full(n, value) for name, value in p.items()}
         one, each = hook_calls(effect, p, rig, states), hook_calls(effect, many, rig, states)
         for hook, (_, made) in one.items():
