@@ -15,6 +15,7 @@ from thesis_lib.foundation.progress import Progress
 
 if TYPE_CHECKING:
     from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
+    from thesis_lib.critique.results.saved_model import SavedModel
     from thesis_lib.datasets.format.dataset import Dataset
 
 ROLLOUT = """\
@@ -56,7 +57,7 @@ def rollout(argv: Sequence[str] | None = None) -> int:
 
         model, data = load_named(args.model), read_dataset(args.data)
         other = load_named(args.against) if args.against else None
-        _require_tosses(data, model, *[other] * bool(other))
+        _require_tosses(data, model, *filter(None, [other]))
         trials = data.trials if args.all else held_out(args.model, data)
         found = roll_out(model, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
         content = {"model": repr(model), "dataset": data.name, "held_out": not args.all}
@@ -127,7 +128,7 @@ def as_table(content: Mapping) -> str:
     return "\n".join(lines)
 
 
-def _require_tosses(data: "Dataset", *models: "SavedSpaceModel") -> None:
+def _require_tosses(data: "Dataset", *models: "SavedModel | SavedSpaceModel") -> None:
     """UserError unless all move in space and there are trajectories on one surface."""
     for model in models:
         if model.space.is_plane:

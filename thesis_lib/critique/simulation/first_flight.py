@@ -54,7 +54,7 @@ class MeasuredTosses:
     flight: np.ndarray
 
     @classmethod
-    def of(cls, dataset: Dataset, model: SavedSpaceModel, trials: Sequence[int]) -> "MeasuredTosses":
+    def of(cls, dataset: Dataset, model: SavedSpaceModel, trials: Sequence[int] | np.ndarray) -> "MeasuredTosses":
         """The tosses of these trials whose first flight is seen.
 
         Raises:

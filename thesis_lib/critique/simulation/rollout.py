@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from thesis_lib.bodies.solids import Sphere
+from thesis_lib.bodies.solids import Edged, Sphere
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight, first_frame
 from thesis_lib.critique.simulation.tosses import reported, toss
@@ -70,7 +70,9 @@ class Rollout:
             bins = np.round(frames["t"] / BIN) * BIN if by == "t" else frames["hits"]
             for value, part in frames.groupby(bins):
                 if part["trial"].nunique() >= FEWEST:
-                    means = [clustered_mean(part[name].to_numpy(), part["trial"]) for name in ("place", "turn")]
+                    means = [
+                        clustered_mean(part[name].to_numpy(), part["trial"].to_numpy()) for name in ("place", "turn")
+                    ]
                     rows.append((what, value, *means[0], *means[1]))
         ends = [f"{name}{end}" for name in ("place", "turn") for end in ("", "_low", "_high")]
         return pd.DataFrame(rows, columns=["what", by, *ends])
@@ -113,7 +115,7 @@ def of_frames(
     the predicted body, `low` (whether the measured one may touch), and `face`, whether the same one is down."""
     off = SPACE.difference(predicted.pose, measured.pose)
     shape = model.rig.body.solid
-    sharp = (shape.rounded(0.0) if hasattr(shape, "rounded") else shape).about(model.rig.body.centre)
+    sharp = (shape.rounded(0.0) if isinstance(shape, Edged) else shape).about(model.rig.body.centre)
     depth = np.maximum(-(predicted.height + sharp.lowest(predicted.attitude)[2]), 0.0)
     columns = {
         "trial": measured.trial,

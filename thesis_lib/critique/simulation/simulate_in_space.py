@@ -95,7 +95,7 @@ def given(states: pd.DataFrame) -> dict[str, np.ndarray]:
     if missing := [name for name in needed if name not in states]:
         raise UserError(f"The states lack the column(s) {', '.join(missing)}; needed are {', '.join(needed)}.")
     numbers = states[list(needed)].apply(pd.to_numeric, errors="coerce")
-    if len(bad := numbers.columns[~np.isfinite(numbers).all()]):
+    if bad := [name for name in needed if not np.isfinite(numbers[name]).all()]:
         raise UserError(f"The column(s) {', '.join(bad)} of the states hold what is no finite number.")
     if not len(numbers) or numbers["trial"].duplicated().any():
         raise UserError("The states must hold one row for each toss, with a number of its own in trial.")

@@ -115,6 +115,7 @@ class _Toss(_Play):
         slow = v_n[_first(gap, v_n), np.arange(len(rows))] > -REST
         self.struck[rows] += ~slow
         of = self.order[rows]
+        assert self.dynamics.rig.recorded is not None
         touched = self.dynamics.rig.recorded.touched
         touched[of] = np.minimum(touched[of], self.start.t[rows] + self.t[rows])
         slow |= self.hits[rows] - self.before[rows] >= MOST_HITS
