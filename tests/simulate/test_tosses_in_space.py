@@ -84,7 +84,7 @@ def test_a_mirrored_axis_turns_the_others_back():
     )
     header = simulate_tosses("box", drops=1).header
     mirrored, conjugate = (
-        filmed(state, header, {name: 1.0}) for name in ("mirrored_rotation.mirrored", "misread_rotation.reading")
+        filmed(state, header, {name: 1.0}) for name in ("mirrored_rotation.mirrored_axis", "misread_rotation.reading")
     )
     np.testing.assert_allclose(rotation_vector(mirrored.attitude), [[0.3], [0.5], [-0.9]], atol=1e-12)
     np.testing.assert_allclose(rotation_vector(conjugate.attitude), -turn, atol=1e-12)

@@ -30,7 +30,7 @@ examples:
   python -m thesis_lib rollout out/model.json data/tosses --against plain/model.json      which is better?
   python -m thesis_lib rollout model.json data/tosses --all --json | jq .contactnets
 """
-IMPACTS = "impacts.csv"  # beside model.json: which trials the critique held out
+ERRORS = "errors.csv"  # beside model.json: which trials the critique held out
 
 
 @command
@@ -91,16 +91,16 @@ def held_out(model: str, data: "Dataset") -> "Sequence[int]":
     import numpy as np
     import pandas as pd
 
-    table = Path(model).parent / IMPACTS
+    table = Path(model).parent / ERRORS
     if not table.is_file():
         raise UserError(
             f"{table} does not exist, and says which tosses the critique held out: give the model.json in the folder "
             "of its critique, or --all for all tosses."
         )
-    impacts = pd.read_csv(table)
+    errors = pd.read_csv(table)
     if (
-        "held_out" not in impacts
-        or not (trials := np.intersect1d(data.trials, impacts["trial"][impacts["held_out"] == 1])).size
+        "held_out" not in errors
+        or not (trials := np.intersect1d(data.trials, errors["trial"][errors["held_out"] == 1])).size
     ):
         raise UserError(f"{data.name} has no toss that {table} holds out; --all takes all tosses.")
     return trials.tolist()

@@ -124,7 +124,7 @@ def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     model.save(tmp_path / "model.json")
     space_model(**COMPLIANT, mu=0.5).save(tmp_path / "other.json")
     write_dataset(data, tmp_path / "set")
-    pd.DataFrame({"trial": [0, 1, 2, 3, 4], "held_out": [0, 1, 1, 1, 0]}).to_csv(tmp_path / "impacts.csv")
+    pd.DataFrame({"trial": [0, 1, 2, 3, 4], "held_out": [0, 1, 1, 1, 0]}).to_csv(tmp_path / "errors.csv")
     command = ["rollout", str(tmp_path / "model.json"), str(tmp_path / "set"), "-q", "-o", str(tmp_path / "out")]
     assert main([*command, "--against", str(tmp_path / "other.json")]) == 0
     said = capsys.readouterr()
@@ -134,9 +134,9 @@ def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     assert content["against"]["difference"]["benchmark"]["interval"]["position_m"]
     for name in ("rollout_by_t", "rollout_by_hits"):
         assert all((tmp_path / "out" / f"{name}{end}").stat().st_size for end in (".png", ".pdf", ".csv"))
-    pd.DataFrame({"trial": [77], "held_out": [1]}).to_csv(tmp_path / "impacts.csv")
+    pd.DataFrame({"trial": [77], "held_out": [1]}).to_csv(tmp_path / "errors.csv")
     assert main(command) == 2 and "--all takes all tosses" in capsys.readouterr().err
-    (tmp_path / "impacts.csv").unlink()
+    (tmp_path / "errors.csv").unlink()
     assert main(command) == 2 and "does not exist" in capsys.readouterr().err
 
 
