@@ -43,7 +43,7 @@ def knows_no_horizontal_direction(effect: Effect) -> str:
     """Turned about the vertical with all directions along the surface, body, motion and axes of the recording have the
     turned outcome."""
     if effect.breaks_mirror and effect.family == "surface" and not effect.level:
-        return ""  # it has a direction along the surface that is no vector
+        return ""  # it has a direction along the surface but not as a vector
     p, states = _sizes(effect, SPACE), tumbling_boxes(N, np.random.default_rng(8))
     back = of_rotation_vector(np.array([0.0, 0.0, -ANGLE]))
     recorded = RECORDED_BOX.recorded

@@ -34,7 +34,7 @@ LOW = 0.05  # extents of the body above the surface: there a wrong size or heigh
 AT_ONCE = 3  # frames that give the motion at the stored first one
 STEPS = np.repeat([1e-5, 1e-4, 1e-3, 1e-2], 3)  # m, rad, m/s, rad/s: of the derivatives
 ROUNDS = 5
-USUAL = np.array([3e-4, 3e-3])  # m, rad: the noise until flights have told theirs
+USUAL = np.array([3e-4, 3e-3])  # m, rad: the noise with which a fit starts
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,7 +96,9 @@ def given(states: pd.DataFrame) -> dict[str, np.ndarray]:
         raise UserError(f"The states lack the column(s) {', '.join(missing)}; needed are {', '.join(needed)}.")
     numbers = states[list(needed)].apply(pd.to_numeric, errors="coerce")
     if bad := [name for name in needed if not np.isfinite(numbers[name]).all()]:
-        raise UserError(f"The column(s) {', '.join(bad)} of the states hold what is no finite number.")
+        raise UserError(
+            f"The column(s) {', '.join(bad)} of the states have cells that are empty or not finite numbers."
+        )
     if not len(numbers) or numbers["trial"].duplicated().any():
         raise UserError("The states must hold one row for each toss, with a number of its own in trial.")
     columns = {name: numbers[name].to_numpy(float) for name in needed} | {"t": np.zeros(len(numbers))}

@@ -136,10 +136,10 @@ def turnable(critique: DropsCritique) -> Markup:
         radius, color = look(min(float(error[row]) / top, 1.0) ** 0.5)
         circles[is_before[i]].append((i, x, y, radius, color, held_out[i], label))
     numbers = {"vertices": solid.vertices, "hits": hits, "axes": axes.swapaxes(0, 1)}
-    told = error[rows][held_out]
-    finding = f"{len(rows)} single hits, {len(told)} of them held out, on the body."
-    if len(told):
-        mean, most = (amount(one, "m/s") for one in (told.mean(), told.max()))
+    held_out_errors = error[rows][held_out]
+    finding = f"{len(rows)} single hits, {len(held_out_errors)} of them held out, on the body."
+    if len(held_out_errors):
+        mean, most = (amount(one, "m/s") for one in (held_out_errors.mean(), held_out_errors.max()))
         finding += f" Held-out ones err by {mean} in the mean, at most {most}."
     return render(
         TEMPLATE,
