@@ -27,7 +27,7 @@ CONTENT = {
 WRITTEN = {  # what stands in the columns of w, x, y, z
     ("misread_rotation", "reading", 2.0): lambda q: q[:, [1, 2, 3, 0]],
     ("misread_rotation", "reading", 3.0): lambda q: q * [1.0, -1.0, 1.0, 1.0],
-    ("mirrored_rotation", "mirrored", 2.0): lambda q: q * [1.0, -1.0, 1.0, -1.0],
+    ("mirrored_rotation", "mirrored_axis", 2.0): lambda q: q * [1.0, -1.0, 1.0, -1.0],
 }
 
 
