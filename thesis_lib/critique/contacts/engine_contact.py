@@ -19,9 +19,12 @@ from thesis_lib.contact.law import Law
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, IMPEDANCE
 from thesis_lib.critique.contacts.dynamics import Dynamics
+from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.contacts.pressing import integrates
 from thesis_lib.effects.effect import Effect, Rig
 from thesis_lib.engines.engine import OUTSIDE, Press, impacts
 from thesis_lib.engines.parameters import DrakeNumbers, MujocoNumbers, drake_numbers, of_drake, of_mujoco
+from thesis_lib.mechanics.space import PLANE, Space
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import CAUSES, CompliantContact, HiddenCauses
 
@@ -37,6 +40,7 @@ STAND_INS = {  # engine: the compliant law near it, and its title
     "bullet": ("damped_contact", "Bullet"),
 }
 DEFAULT = ":default"  # behind an engine's name: with the contact that it gives to who asks for none
+IN_SPACE = ("mujoco", "drake")
 WITH_DEFAULT = ("mujoco", "drake", "bullet")  # Drake's hydroelastic bodies have none: one states a modulus
 # MuJoCo's contact, with the impedance of a deep one, and Drake's of geometries that state no property
 MUJOCO_DEFAULT = MujocoNumbers((0.02, 1.0), (0.9, 0.95, 1e-3, 0.5, 2.0), friction=1.0, impratio=1.0)
@@ -72,8 +76,12 @@ def default_values(engine: str, mass: float) -> dict[str, float]:
     return {"mu": mu, "epsilon": epsilon, "tau": tau, **ratio}
 
 
-def lacks(engine: str, effects: Sequence[Effect]) -> list[str]:
+def lacks(engine: str, effects: Sequence[Effect], space: Space = PLANE) -> list[str]:
     """Names of the effects that an engine cannot have."""
+    if not space.is_plane:
+        force = BASES[STAND_INS[engine][0]]
+        changed = Model(force, tuple(effects), True, space=space).acting("impulse")
+        return [effect.name for effect in effects if effect in changed or integrates(force, effect, space)]
     causes = {key.split(".")[0] for key in CAUSE_OF}
     missing = []
     for effect in effects:

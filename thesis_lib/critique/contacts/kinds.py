@@ -21,6 +21,7 @@ from thesis_lib.contact import mirtich
 from thesis_lib.critique.contacts.contact_time import DAMPING_RATIO, STICTION_TOLERANCE
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.engine_contact import press_in_engine
+from thesis_lib.critique.contacts.engine_in_space import in_engine
 from thesis_lib.critique.contacts.episodes import MOST_HITS, contact, play
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.contacts.pressing import press
@@ -161,7 +162,7 @@ class InEngine(Integrated):
     """Contacts as a physics engine has them."""
 
     def press(self, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
-        return press_in_engine(self, true)
+        return press_in_engine(self, true) if true.space.is_plane else press(self, true, left, in_engine)
 
     @staticmethod
     def applies_to(model: Model) -> bool:

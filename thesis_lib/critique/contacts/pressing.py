@@ -17,7 +17,7 @@ surface cuts off, the higher the deeper the body sinks in; and in space the μ o
 the slip, and the couples of `torsional_friction` and `contact_torque` act while the contact lasts.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -53,7 +53,7 @@ SPRING = NormalForce()  # of laws without a force
 
 
 @dataclass(frozen=True)
-class _Pressed:
+class Pressed:
     """Change of pose (n, d + turns) in m and rad, motion (n, d + turns) and time (n,) in s when no corner presses any
     more; by corner the impulses per unit mass (d, p, n)."""
 
@@ -61,6 +61,36 @@ class _Pressed:
     v: np.ndarray
     elapsed: np.ndarray
     c: np.ndarray
+
+
+@dataclass(frozen=True)
+class Touching:
+    """n bodies whose p contact points press: what is integrated from first touch on.
+
+    Attributes:
+        dynamics: with one contact point for each of the p n `tiled` states.
+        frame: (n,) as the contact sees it; `at` (p n,) the contact of each point.
+        points: (4, p, n) gap in m, μ, loss, and length in m (`normal_force`).
+        falling: (n, d + turns) acceleration in flight.
+        tau: (p n,) s.
+        step, most: (n,) s, and the number of steps after which a contact ends.
+    """
+
+    dynamics: Dynamics
+    tiled: State
+    frame: State
+    at: Contact
+    points: np.ndarray
+    falling: np.ndarray
+    tau: np.ndarray
+    step: np.ndarray
+    most: np.ndarray
+
+    @property
+    def shape(self) -> Any:
+        """That of the whole body."""
+        shape = self.dynamics.rig.shape
+        return shape.polygon if isinstance(shape, Corner) else shape.solid if isinstance(shape, SupportPoint) else shape
 
 
 def contact_points(rig: Rig) -> int:
@@ -101,10 +131,16 @@ def integrates(law: Law, effect: Effect, space: Space) -> bool:
     )
 
 
-def press(dynamics: Dynamics, true: State, left: np.ndarray | float = 0.0) -> tuple[State, np.ndarray]:
+def press(
+    dynamics: Dynamics,
+    true: State,
+    left: np.ndarray | float = 0.0,
+    integrated: Callable[[Touching], Pressed] | None = None,
+) -> tuple[State, np.ndarray]:
     """True states (n,) after the corners have pressed, from true states at first touch, and the time (n,) in s.
 
-    A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there.
+    A contact that is not over `LONGEST` central ones after the time `left` (n,) in s ends there.  `integrated` replaces
+    our own integration.
     """
     model, rig, space = dynamics.model, dynamics.rig, true.space
     force = model.law.force or SPRING
@@ -123,8 +159,8 @@ def press(dynamics: Dynamics, true: State, left: np.ndarray | float = 0.0) -> tu
     central = force.duration(as_fitted[:n]) * points[3].min(axis=0) / SPEED
     falling = _acceleration(dynamics, true)
     steps = central / STEPS, np.ceil((LONGEST + left / central) * STEPS).astype(int)
-    integrated = _in_plane if space.is_plane else _in_space
-    pressed = integrated(at_corners, tiled, frame, at, points, falling, tau, *steps)
+    integrated = integrated or (_in_plane if space.is_plane else _in_space)
+    pressed = integrated(Touching(at_corners, tiled, frame, at, points, falling, tau, *steps))
     added = _added(others.on(rig), pressed, seen, at.with_coefficients(mu, epsilon))
     v, shift = pressed.v + added, pressed.shift
     if not space.is_plane:  # hits in space are so precise that it shows: half of the contact moves with it
@@ -150,87 +186,64 @@ def _moved(state: State, shift: np.ndarray, v: np.ndarray, elapsed: np.ndarray) 
     return State(pose, v.T, state.trial, state.t + elapsed, state.surface, state.space)
 
 
-def _in_plane(
-    at_corners: Dynamics,
-    tiled: State,
-    frame: State,
-    at: Contact,
-    points: np.ndarray,
-    falling: np.ndarray,
-    tau: np.ndarray,
-    step: np.ndarray,
-    most: np.ndarray,
-) -> _Pressed:
-    """The motion of planar bodies; `at` of all corners, `points` (4, p, n) as `compiled_in_space.integrate` has them,
-    `falling` (n, 3) the acceleration in flight."""
+def _in_plane(touching: Touching) -> Pressed:
+    """The motion of planar bodies."""
+    at_corners, frame, at, points, tau = (
+        getattr(touching, name) for name in ("dynamics", "frame", "at", "points", "tau")
+    )
     law, n = at_corners.model.law, len(frame)
-    corners, shape = points.shape[1], _whole_shape(at_corners)
+    corners, shape = points.shape[1], touching.shape
     force = law.force or SPRING
     is_field = isinstance(force, PressureField)
     ratio, regularisation = _of_friction(at_corners, n)
     spring, soft = (_parameters(at_corners, kind) for kind in (TangentialCompliance, SoftBody))
     eta, zeta = (np.full(corners * n, spring.get(name, 0.0))[:n] for name in ("eta", "zeta"))
-    share, slopes = _chord(law, soft, tau[:n], at_corners.rig.shape, tiled.theta)
+    share, slopes = _chord(law, soft, tau[:n], at_corners.rig.shape, touching.tiled.theta)
     shift, v, elapsed, c_t, c_n = integrate(
         (force.kind, force.exponent, ratio, regularisation, _central_pressure(shape) if is_field else 1.0),
         np.concatenate([np.reshape(at.r, (2, corners, n)), points]),
-        (np.full(corners * n, at.mobility)[:n], falling, np.ascontiguousarray(tiled.theta[:n])),
+        (np.full(corners * n, at.mobility)[:n], touching.falling, np.ascontiguousarray(touching.tiled.theta[:n])),
         _outline(shape, corners),
         (eta, zeta),
         (share, slopes.reshape(corners, n)),
         np.ascontiguousarray(frame.v),
-        step,
-        most,
+        touching.step,
+        touching.most,
     )
-    return _Pressed(shift, v, elapsed, np.stack([c_t, c_n]))
+    return Pressed(shift, v, elapsed, np.stack([c_t, c_n]))
 
 
-def _in_space(
-    at_corners: Dynamics,
-    tiled: State,
-    frame: State,
-    at: Contact,
-    points: np.ndarray,
-    falling: np.ndarray,
-    tau: np.ndarray,
-    step: np.ndarray,
-    most: np.ndarray,
-) -> _Pressed:
-    """As `_in_plane`, of bodies in space."""
+def _in_space(touching: Touching) -> Pressed:
+    """The motion of bodies in space."""
+    at_corners, frame, at, falling = touching.dynamics, touching.frame, touching.at, touching.falling
     force, n = at_corners.model.law.force or SPRING, len(frame)
     ratio, regularisation = _of_friction(at_corners, n)
     share = MIDDLE if isinstance(force, ConvexDamper) else 0.0
     kinds = (VelocityDependentFriction, TorsionalFriction, ContactTorque)
     resisted = {name: value for kind in kinds for name, value in _parameters(at_corners, kind).items()}
     nulls = {"s": 0.0, "v_s": 1.0, "m_t": 0.0, "m_r": 0.0}
-    friction = np.stack([np.full(len(tiled), resisted.get(name, null))[:n] for name, null in nulls.items()])
+    friction = np.stack([np.full(len(touching.tiled), resisted.get(name, null))[:n] for name, null in nulls.items()])
     W, spin = at.mobility[:, :, :n], frame.spin
     G = np.moveaxis(np.linalg.inv(np.moveaxis(W, -1, 0)), 0, -1)
     momentum, couple = (np.einsum("ijn,jn->in", G, u) for u in (spin, falling[:, 3:].T))
     couple = couple + cross(spin, momentum)  # what turns the body beyond its torque-free motion
-    outline = _whole_shape(at_corners).minkowski
+    outline = touching.shape.minkowski
     axes = rotation_matrix(frame.attitude)
     arrays = (at.r.reshape(3, -1, n), W, momentum, falling[:, :3].T, couple, axes, frame.velocity, spin)
     r, W, momentum, a, couple, axes, velocity, spin = (np.ascontiguousarray(array) for array in arrays)
     shift, turn, velocity, spin, elapsed, c = compiled_in_space.integrate(
         (force.kind, force.exponent, ratio, regularisation, np.full(n, share)),
         r,
-        points,
+        touching.points,
         friction,
         (W, momentum, a, couple),
         (outline.squares, axes, outline.radius),
         velocity,
         spin,
-        step,
-        most,
+        touching.step,
+        touching.most,
     )
-    return _Pressed(np.concatenate([shift, rotation_vector(turn)]).T, np.concatenate([velocity, spin]).T, elapsed, c)
-
-
-def _whole_shape(at_corners: Dynamics) -> Any:
-    """The shape of the whole body, of dynamics with one contact point for each."""
-    shape = at_corners.rig.shape
-    return shape.polygon if isinstance(shape, Corner) else shape.solid if isinstance(shape, SupportPoint) else shape
+    return Pressed(np.concatenate([shift, rotation_vector(turn)]).T, np.concatenate([velocity, spin]).T, elapsed, c)
 
 
 def _acceleration(dynamics: Dynamics, true: State) -> np.ndarray:
@@ -281,7 +294,7 @@ def _chord(
     return 2.0 * lam / np.maximum(tau, SHORTEST), lean(shape, theta)
 
 
-def _added(dynamics: Dynamics, pressed: _Pressed, seen: State, at: Contact) -> np.ndarray:
+def _added(dynamics: Dynamics, pressed: Pressed, seen: State, at: Contact) -> np.ndarray:
     """Change of motion (n, d + turns) by what effects add to the impulse of each corner that has pressed."""
     if not dynamics.model.acting("impulse"):
         return np.zeros_like(pressed.v)

@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize_scalar
 
-from thesis_lib.contact import CANDIDATE_LAWS
+from thesis_lib.contact import CANDIDATE_LAWS, LAWS_IN_SPACE
 from thesis_lib.contact.compliant.normal_force import NormalForce
-from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.engine_contact import (
     DEFAULT,
+    IN_SPACE,
     MASS,
     STAND_INS,
     WITH_DEFAULT,
@@ -73,18 +73,24 @@ def compare_models(
     Columns: `COLUMNS`; in m/s error with its 95 % interval, and how far it is behind the best with the same effects,
     compared impact by impact; `mu_bound`, `epsilon_bound`: lower or upper where there is only a bound; contact time in
     s at 1 m/s (NaN where contacts are taken as instants: engines then have `engine_contact.INSTANT`); `lacks`:
-    effects that the model cannot have, by name.  UserError if an engine is not installed.
+    effects that the model cannot have, by name.  UserError if an engine is not installed, or has no bodies in space.
     """
-    engines = [name for name in names if name in STAND_INS]
+    engines, space = [name for name in names if name in STAND_INS], critique.observations.space
+    if missing := [name for name in engines if not space.is_plane and name not in IN_SPACE]:
+        raise UserError(
+            f"--models has no {listed(missing)} for bodies in space; {listed([LAWS, *IN_SPACE])} can be compared."
+        )
     final = critique.ladder[-1][1]
-    laws = list(dict.fromkeys([*CANDIDATE_LAWS, *added_laws(), final.base]))  # and what stands at the end
+    laws = CANDIDATE_LAWS if space.is_plane else LAWS_IN_SPACE
+    laws = list(dict.fromkeys([*laws, *added_laws(), final.base]))  # and what stands at the end
+    laws = [name for name in laws if space.dimension in BASES[name].dimensions]
     sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
     parts = []
     for label, effects in sets.items():
         rows, errors = [], []
         for name in [*laws * (LAWS in names), *engines]:
             say(f"fitting {engine_law(name).title if name in STAND_INS else BASES[name].title} {label} effects")
-            missing = lacks(name, effects) if name in STAND_INS else []
+            missing = lacks(name, effects, space) if name in STAND_INS else []
             own = tuple(effect for effect in effects if effect.name not in missing)
             kept = {effect.name for effect in own}
             start = {key: value for key, value in final.values.items() if key.split(".")[0] in kept}
@@ -108,7 +114,7 @@ def _fitted(
 ) -> Fit | EngineFit:
     """One model fitted to the training trials."""
     base = STAND_INS[name][0] if name in STAND_INS else name
-    model = Model(BASES[base], effects, critique.ladder[-1][1].model.takes_time)
+    model = Model(BASES[base], effects, critique.ladder[-1][1].model.takes_time, space=critique.observations.space)
     law = replace(fit(model, critique.training, start, rounds=ROUNDS), seen=critique.observations)
     return fit_engine(name, law, critique.training) if name in STAND_INS else law
 
@@ -120,7 +126,7 @@ def _default(
     best; the effects are as the critique fitted them."""
     body = critique.source.header.body if critique.source else None
     values = {**default_values(name, (body.mass if body else None) or MASS), **start}
-    model = Model(engine_law(f"{name}{DEFAULT}"), effects, takes_time=True)
+    model = Model(engine_law(f"{name}{DEFAULT}"), effects, takes_time=True, space=critique.observations.space)
     suited = values | {"mu": best_friction(model, values, critique.training)}
     return [EngineFit(model, numbers, dict.fromkeys(values, 0.0)) for numbers in (values, suited)]
 
@@ -155,7 +161,8 @@ def best_friction(model: Model, values: Mapping[str, float], observations: Obser
 
 def held_out_error(model: Model, values: Mapping[str, float], observations: Observations) -> np.ndarray:
     """Kinetic norm (n,) in m/s of what the model misses of each velocity after impact."""
-    return velocity_error(Comparison(model, values, observations).R[:, :3], observations.rig.k_g)
+    dv = Comparison(model, values, observations).R[:, : observations.space.motions]
+    return observations.norm(dv)
 
 
 def spread(table: pd.DataFrame, label: str, kind: str = "engine") -> float:
