@@ -82,7 +82,8 @@ def build_parser() -> Parser:
     add_option(parser)
     compared = (
         "compare these models, each fitted without and with the effects that were named: laws, mujoco, drake, "
-        "drake_hydroelastic, bullet (needs PyBullet); a list with commas (a minute and more, drake_hydroelastic some)"
+        "drake_hydroelastic, bullet (needs PyBullet), of bodies in space laws, mujoco, drake; a list with commas (a "
+        "minute and more, drake_hydroelastic some)"
     )
     parser.add_argument("--models", metavar="LIST", help=compared)
     proposed = (

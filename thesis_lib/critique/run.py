@@ -10,7 +10,6 @@ from threadpoolctl import threadpool_limits
 
 from thesis_lib.critique.drops.criticise import criticise_drops, fit_model
 from thesis_lib.critique.drops.few_impacts import TooFew, few_impacts
-from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.result import Critique, OfDrops, OfFewImpacts, OfMechanism
 from thesis_lib.critique.results.saved_model import SavedModel, saved
@@ -120,8 +119,9 @@ def _of_drops(
     say: Callable[[str], None],
 ) -> Critique:
     if models:
-        dataset.require_plane("--models")
-        require_falling(dataset.gravity, dataset.has_angle, dataset.header.surfaces or (), "--models")
+        from thesis_lib.critique.engines.compare import require_models
+
+        require_models(dataset, models)
     settings, content = settings or CritiqueSettings(), dataset.digest()
     rng = generator(seed, "critique", content)
     try:

@@ -42,6 +42,7 @@ class DrakeInSpace:
             from pydrake.systems.framework import DiagramBuilder
         except ImportError as error:
             raise UserError(f"Drake cannot be used here ({error}): pip install drake.") from error
+        from thesis_lib.simulate.drake.clock import quiet
         from thesis_lib.simulate.drake.plant import STICTION
 
         self.points, self.h = points, lasting / POINTS
@@ -66,7 +67,8 @@ class DrakeInSpace:
         for i, centre in enumerate(points.centres[..., 0].T):
             plant.RegisterCollisionGeometry(body, RigidTransform(centre), shape, f"p{i}", made_of)
         plant.Finalize()
-        self.plant, self.simulator = plant, Simulator(builder.Build())
+        with quiet():
+            self.plant, self.simulator = plant, Simulator(builder.Build())
         integrator = ResetIntegratorFromFlags(self.simulator, "runge_kutta3", lasting)
         integrator.set_target_accuracy(ACCURACY)
         self.root = self.simulator.get_mutable_context()

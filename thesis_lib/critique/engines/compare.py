@@ -29,11 +29,13 @@ from thesis_lib.critique.contacts.engine_contact import (
 )
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.engines.fit import EngineFit, fit_engine
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import ROUNDS, Fit, fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.titles import effect_title, law_title
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects.effect import Effect
 from thesis_lib.extensions.registry import added_laws
 from thesis_lib.foundation.errors import UserError
@@ -65,6 +67,17 @@ def read_models(text: str) -> tuple[str, ...]:
     return names
 
 
+def require_models(dataset: Dataset, names: Sequence[str]) -> None:
+    """UserError if these models cannot be compared on the dataset: before it is criticised, which takes minutes."""
+    walls = (dataset.header.surfaces or ()) if dataset.space.is_plane else ()
+    require_falling(dataset.gravity, dataset.has_angle, walls, "--models")
+    lacking = [name for name in names if not dataset.space.is_plane and name not in (LAWS, *IN_SPACE)]
+    if lacking:
+        raise UserError(
+            f"--models has no {listed(lacking)} for bodies in space; {listed([LAWS, *IN_SPACE])} can be compared there."
+        )
+
+
 def compare_models(
     critique: DropsCritique, names: Sequence[str], say: Callable[[str], None] = lambda text: None
 ) -> pd.DataFrame:
@@ -73,13 +86,9 @@ def compare_models(
     Columns: `COLUMNS`; in m/s error with its 95 % interval, and how far it is behind the best with the same effects,
     compared impact by impact; `mu_bound`, `epsilon_bound`: lower or upper where there is only a bound; contact time in
     s at 1 m/s (NaN where contacts are taken as instants: engines then have `engine_contact.INSTANT`); `lacks`:
-    effects that the model cannot have, by name.  UserError if an engine is not installed, or has no bodies in space.
+    effects that the model cannot have, by name.  UserError if an engine is not installed.
     """
     engines, space = [name for name in names if name in STAND_INS], critique.observations.space
-    if missing := [name for name in engines if not space.is_plane and name not in IN_SPACE]:
-        raise UserError(
-            f"--models has no {listed(missing)} for bodies in space; {listed([LAWS, *IN_SPACE])} can be compared."
-        )
     final = critique.ladder[-1][1]
     laws = CANDIDATE_LAWS if space.is_plane else LAWS_IN_SPACE
     laws = list(dict.fromkeys([*laws, *added_laws(), final.base]))  # and what stands at the end

@@ -29,7 +29,7 @@ class Clock:
     """A Drake simulator with positions and velocities (size,): x, y, θ (m, rad, per s), then a loose mass's."""
 
     def __init__(self, made: DropPlant, step: float, accuracy: float) -> None:
-        with _quiet():
+        with quiet():
             self.made, self.simulator = made, Simulator(made.diagram)
         integrator = ResetIntegratorFromFlags(self.simulator, "runge_kutta3", step)
         integrator.set_target_accuracy(accuracy)
@@ -94,7 +94,7 @@ def fly(
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Suppress Drake's warning that half-spaces cannot touch deformable bodies; there are none."""
     log = logging.getLogger("drake")
     level = log.level
