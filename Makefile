@@ -61,7 +61,7 @@ test-kill: setup  ## stop a one-minute pipeline at 20 random moments, in seven w
 test-slurm: setup  ## the quick pipeline on a real Slurm of two nodes, one of which dies (root; apt: slurm-wlm, munge)
 	TEST_SLURM=1 $(BIN)/python -m pytest -s tests/slurm
 
-BENCHMARKS := laws engines engine_fits bandwidth identification ensemble arcs simulators programs critique hidden_effects \
+BENCHMARKS := laws engines contacts_in_space engine_fits bandwidth identification ensemble arcs simulators programs critique hidden_effects \
     gaussian_processes belief pipeline growth next_experiment
 
 bench: setup  ## measure speed and accuracy against other tools, into results/benchmarks (BENCH=--quick: does it run)

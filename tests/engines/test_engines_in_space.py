@@ -33,7 +33,7 @@ def touching(solid, n: int, rng: np.random.Generator) -> tuple[Rig, State]:
     squares = np.full(3, 0.04) ** 2 if isinstance(solid, Sphere) else HALF**2
     share = 0.2 if isinstance(solid, Ellipsoid | Sphere) else 1.0 / 3.0  # of a solid, by its measures
     tensor = share * np.diag(squares.sum() - squares) * (2.0 if share == 0.2 and isinstance(solid, Sphere) else 1.0)
-    rig = Rig(solid, 0.04, 0.0, 9.81, tensor=tensor)
+    rig = Rig(solid, 0.04, 9.81, 0.0, tensor=tensor)
     attitude = of_rotation_vector(2.0 * rng.standard_normal((3, n)))
     velocity = np.concatenate([rng.uniform(-0.7, 0.7, (2, n)), rng.uniform(-2.5, -1.5, (1, n))])
     pose = np.concatenate([np.zeros((3, n)), attitude])
@@ -72,8 +72,8 @@ def test_mujoco_explains_what_mujoco_tossed():
     made = simulate_tosses("box", drops=5, seed=4, engine=MujocoTosses(impratio=10.0, impedance=(0.9, 0.9)))
     o = observe_in_space(made)
     force = engine_law("mujoco").force
-    lasting = 1e-3  # s, the contact time of `TossedWorld`, as its μ and ε are
-    tau = lasting / force.lasting(0.5)
+    assert force is not None
+    tau = 1e-3 / force.lasting(0.5)  # μ, ε and 1 ms are those of `TossedWorld`
     truth = {"mu": 0.25, "epsilon": 0.5, "tau": tau, "damping_ratio": 10.0, "impedance": 0.9}
     errors = {}
     for name, changed in (("truth", {}), ("friction", {"mu": 0.5}), ("restitution", {"epsilon": 0.3})):

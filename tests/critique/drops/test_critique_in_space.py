@@ -212,10 +212,10 @@ def test_few_hits_say_restitution(tmp_path):
     assert load_model(tmp_path / "few" / "model.json").rig.body.radii_of_gyration == tuple(np.sqrt(K2))
 
 
-def test_what_needs_the_plane_is_said(tmp_path):
+def test_an_engine_that_has_no_bodies_in_space_is_refused_before_minutes_pass():
     dataset = tossed(2)
-    with pytest.raises(UserError, match="--models is there for motions in a plane only"):
-        criticise(dataset, models=["laws"])
+    with pytest.raises(UserError, match="--models has no bullet for bodies in space; laws, mujoco and drake can be"):
+        criticise(dataset, models=["laws", "bullet"])
 
 
 @pytest.mark.slow

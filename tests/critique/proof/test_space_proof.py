@@ -45,9 +45,8 @@ def test_what_is_drawn_lies_in_the_stated_ranges():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("world", ["own", "mujoco"])
-def test_a_dataset_of_the_proof_is_in_axes_of_its_own(world):
-    case = SpaceCase(world, NOTHING, 0)
+def test_a_dataset_of_the_proof_is_in_axes_of_its_own():
+    case = SpaceCase("own", NOTHING, 0)
     made = make(case, engine_of(case))
     assert abs(made.in_space.gravity[2]) < 9.7 and np.linalg.norm(made.in_space.gravity) == pytest.approx(9.81)
     states = body_states(tracked_states(made.trajectories), made.in_space)
