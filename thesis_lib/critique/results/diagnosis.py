@@ -74,7 +74,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
     """
     discovery, remaining = critique.discovery, critique.remaining
     base, final, found = critique.ladder[0][1], critique.ladder[-1][1], critique.observations.found
-    differs = critique.restitution_differs
+    differs, limit = critique.restitution_differs, discovery.limit
     content = {
         "schema": 1,
         "dataset": critique.dataset,
@@ -85,7 +85,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
         "augmented_model": {"name": final.model.law.name, "parameters": parameters(final)},
         "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
         "rejected": [_rejected(critique, one) for one in discovery.rejected],
-        "search": _search(critique),
+        "search": {"limit": limit, "value": None if limit is None else getattr(critique.settings, limit)},
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,
@@ -179,11 +179,6 @@ def _rejected(critique: DropsCritique, one: Rejected) -> dict:
         ends = [j.misfit(channel)[0] for j in (one.than, one.judged)]
         rises[channel] = {"unit": CHANNELS[channel].unit, "ends": ends}
     return {"name": one.step.effect.name, "rises": rises}
-
-
-def _search(critique: DropsCritique) -> dict:
-    limit = critique.discovery.limit
-    return {"limit": limit, "value": None if limit is None else getattr(critique.settings, limit)}
 
 
 def _error(critique: DropsCritique) -> dict:
