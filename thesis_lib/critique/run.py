@@ -69,7 +69,7 @@ def criticise(
 def read(path: str | Path) -> Dataset | Recording:
     """The dataset or the recording in a folder; DatasetError lists all that is wrong in it."""
     if is_recording(path):
-        from thesis_lib.datasets.recordings.read import read_recording
+        from thesis_lib.datasets.recordings.recording import read_recording
 
         return read_recording(path)
     from thesis_lib.datasets.read import read_dataset
