@@ -58,7 +58,7 @@ from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.clock_and_size import could_be
 from thesis_lib.critique.results.summary import headline, summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
-from thesis_lib.critique.selection.discovery import Rejected
+from thesis_lib.critique.selection.discovery import Rejected, paired_gain
 from thesis_lib.extensions.registry import contents
 from thesis_lib.foundation.files import six_digits
 from thesis_lib.foundation.randomness import generator
@@ -155,8 +155,8 @@ def _law(critique: DropsCritique, name: str, rng: np.random.Generator) -> dict:
 def _effect(critique: DropsCritique, i: int, rng: np.random.Generator) -> dict:
     step, (_, final, judged) = critique.discovery.steps[i], critique.ladder[-1]
     name = step.effect.name
-    gain, low, high = critique.gain_of(name, rng)
     without, s = critique.without[name], critique.settings
+    gain, low, high = paired_gain(judged, without, rng)
     unseen = step.effect.unseen(critique.observations.rig)
     return {
         "name": name,
