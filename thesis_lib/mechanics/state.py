@@ -179,8 +179,9 @@ class State:
             arrays[which] = np.array(arrays[which])
         for which, rows, array in parts:
             arrays[which][rows] = array
-        made = State(*arrays, trial, t, self.surface, self.space)
-        return made._posed_as(self) if arrays[0] is self.pose else made
+        pose, motion = arrays
+        made = State(pose, motion, trial, t, self.surface, self.space)
+        return made._posed_as(self) if pose is self.pose else made
 
     def shifted(self, change: np.ndarray, faster: np.ndarray) -> "State":
         """The states after small changes of pose and motion by row, each (n, d + turns)."""

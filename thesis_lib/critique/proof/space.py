@@ -116,7 +116,7 @@ def engine_of(case: SpaceCase) -> TossEngine:
 def compute(case: SpaceCase) -> dict[str, object]:
     """Make the dataset of a case, and criticise it: a row of the table."""
     dataset = make(case, engine_of(case))
-    row = {**dict.fromkeys(COLUMNS, ""), **vars(case), "shape": case.drawn["shape"]}
+    row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "shape": case.drawn["shape"]}
     began = time.process_time()
     found, critique = criticised(dataset, case.seed)
     return row | found | ({"seconds": float(round(time.process_time() - began))} if critique else {})
