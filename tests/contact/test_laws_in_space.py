@@ -8,7 +8,7 @@ import pytest
 
 from thesis_lib.contact import LAWS, LAWS_IN_SPACE, Status, slip_hodograph
 from thesis_lib.contact.circular_cone import cone_point, friction_at, impulse_to_normal_velocity, principal
-from thesis_lib.contact.roots import increasing_root
+from thesis_lib.contact.mirtich import increasing_root
 from thesis_lib.contact.slip_hodograph import Restitution
 from thesis_lib.extensions.impact_draws import ImpactDraws, reference_draw_in_space, size
 from thesis_lib.mechanics.contact import Contact

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.datasets.format.validate import DatasetError
-from thesis_lib.datasets.recordings.read import read_recording
-from thesis_lib.datasets.recordings.recording import Recording, write_recording
+from thesis_lib.datasets.recordings.recording import Recording, read_recording, write_recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.engines.recording import NOISE, simulate_recording
 

@@ -8,8 +8,7 @@ from motions import limit_cycle
 
 from thesis_lib.critique.mechanisms.effects import CANDIDATES, MotionSteps
 from thesis_lib.critique.mechanisms.study import believed, true_sizes
-from thesis_lib.datasets.recordings.read import read_recording
-from thesis_lib.datasets.recordings.recording import write_recording
+from thesis_lib.datasets.recordings.recording import read_recording, write_recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.chapter2 import motions as chapter2
 from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, planned

@@ -242,21 +242,11 @@ def _nearest(theta: np.ndarray, angles: np.ndarray, turn: float) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _hull(vertices: tuple[tuple[float, float], ...]) -> np.ndarray:
-    """Corners of the convex hull, by Andrew's monotone chain."""
-    points = sorted(set(vertices))
+    """Corners of the convex hull, counter-clockwise from the leftmost one, the lowest of these."""
+    from scipy.spatial import ConvexHull
 
-    def chain(points: list) -> list:
-        kept: list = []
-        for x, y in points:
-            while len(kept) > 1:
-                (x0, y0), (x1, y1) = kept[-2:]
-                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0.0:
-                    break
-                kept.pop()
-            kept.append((x, y))
-        return kept[:-1]
-
-    return np.array(chain(points) + chain(points[::-1]))
+    corners = np.array(vertices)[ConvexHull(np.array(vertices)).vertices]
+    return np.roll(corners, -np.lexsort(corners.T[::-1])[0], axis=0)
 
 
 Shape = Annotated[Ellipse | Disk | Polygon, Field(discriminator="kind")]

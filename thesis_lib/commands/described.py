@@ -13,8 +13,7 @@ def described(folder: str | Path, as_json: bool = False, compare: bool = False) 
 
     `compare`: the pose of a tracked frame that is stated is compared with what tosses in space say of it.
     """
-    from thesis_lib.datasets.recordings.read import read_recording
-    from thesis_lib.datasets.recordings.recording import is_recording, recording_facts, recording_text
+    from thesis_lib.datasets.recordings.recording import is_recording, read_recording, recording_facts, recording_text
     from thesis_lib.datasets.summary import check_dataset, summarise, summary_text
 
     moves = is_recording(folder)

@@ -18,18 +18,20 @@ Sources: Mirtich, PhD thesis, Berkeley 1996; Stronge, Proc. R. Soc. A 431 (1990)
 thesis section 3.3.2.
 """
 
+from collections.abc import Callable
 from types import MappingProxyType
 
 import numpy as np
 
 from thesis_lib.contact import slip_hodograph
 from thesis_lib.contact.law import Law, Promise
-from thesis_lib.contact.roots import increasing_root
 from thesis_lib.contact.slip_path import slip_path, tangential_impulse
 from thesis_lib.mechanics.contact import Contact
 
 SERIES_BELOW = 1e-3  # κp: four terms are then exact to rounding
 EPS = np.finfo(float).eps
+MAX_STEPS = 100  # Newton needs about 8; bisection alone would need 50 to reach rounding error
+RELATIVE_STEP = 1e-11  # of the unknown: above the rounding error of most functions; Newton squares it
 
 
 def impulse(
@@ -129,3 +131,28 @@ LAW_AS_PUBLISHED = Law(
     reference="authors' code, github.com/mcubelab/planar-impact-dataset",
     mu_unit="s/m",
 )
+
+
+def increasing_root(
+    function: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    low: np.ndarray,
+    start: np.ndarray,
+    floor: float | np.ndarray = 0.0,
+) -> np.ndarray:
+    """Roots (n,) above `low` of functions that are negative before and positive after; NaN where none was found.
+
+    `function` gives values and slopes, each (n,).  A step below `floor` ends the search.
+    """
+    p, high = start, np.full(np.shape(start), np.inf)
+    for _ in range(MAX_STEPS):
+        f, slope = function(p)
+        low, high = np.where(f < 0.0, p, low), np.where(f < 0.0, high, p)
+        newton = p - f / slope
+        inside = (newton >= low) & (newton <= high)
+        middle = np.where(np.isfinite(high), 0.5 * (low + high), 2.0 * p)
+        step = np.where(f == 0.0, 0.0, np.where(inside, newton, middle) - p)
+        p = p + step
+        moved = np.abs(step) > RELATIVE_STEP * p + floor
+        if not np.any(moved):
+            return p
+    return np.where(moved, np.nan, p)  # becomes NO_SOLUTION

@@ -15,7 +15,7 @@ from thesis_lib.critique.result import Critique, OfDrops, OfFewImpacts, OfMechan
 from thesis_lib.critique.results.saved_model import SavedModel, saved
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
-from thesis_lib.datasets.recordings.recording import Recording, is_recording
+from thesis_lib.datasets.recordings.recording import Recording, is_recording, read_recording
 from thesis_lib.foundation import SEED
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
@@ -68,8 +68,6 @@ def criticise(
 def read(path: str | Path) -> Dataset | Recording:
     """The dataset or the recording in a folder; DatasetError lists all that is wrong in it."""
     if is_recording(path):
-        from thesis_lib.datasets.recordings.read import read_recording
-
         return read_recording(path)
     from thesis_lib.datasets.read import read_dataset
 

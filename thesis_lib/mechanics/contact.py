@@ -165,9 +165,7 @@ def contact_at(
         K_tn = -r_x * y_I
         K = ((inverse_mass + r_y * y_I, K_tn), (K_tn, inverse_mass + r_x * x_I))
         return Contact((v_x - r_y * omega, v_y + r_x * omega), K, r, mobility)
-    from thesis_lib.mechanics.products import compliance as _compliance
-
-    K = by_column(_compliance, r, by_row(mobility))
+    K = by_column("compliance", r, by_row(mobility))
     K[[0, 1, 2], [0, 1, 2]] += inverse_mass
     return Contact(velocity + cross(spin, r), K, r, mobility)
 
@@ -204,7 +202,5 @@ def velocity_change(
 
 def _product(A: np.ndarray, b) -> np.ndarray:
     """A b (3, ...) of matrices (3, 3, ...)."""
-    from thesis_lib.mechanics.products import product as _product
-
     vectors = b if isinstance(b, np.ndarray) else np.array(np.broadcast_arrays(*b))
-    return by_column(_product, by_row(A), vectors)
+    return by_column("product", by_row(A), vectors)

@@ -17,17 +17,12 @@ def mobility(space: Space, G: np.ndarray | float, attitude: np.ndarray) -> np.nd
     """G⁻¹ in 1/m²: in the plane as G is, in space (3, 3, n) in the axes of the world at attitudes (4, n)."""
     if space.is_plane:
         return 1.0 / G
-    from thesis_lib.mechanics.products import in_world as _in_world
-    from thesis_lib.mechanics.products import inverse as _inverse
-
-    return by_column(_in_world, _inverse(np.reshape(G, (9, -1))), attitude)
+    return by_column("in_world", by_column("inverse", np.reshape(G, (9, -1))), attitude)
 
 
 def in_world(G: np.ndarray, attitude: np.ndarray) -> np.ndarray:
     """G (3, 3, n) in m² in the axes of the world, of tensors as `G` in those of bodies at (4, n)."""
-    from thesis_lib.mechanics.products import in_world as _in_world
-
-    return by_column(_in_world, np.reshape(G, (9, -1)), attitude)
+    return by_column("in_world", np.reshape(G, (9, -1)), attitude)
 
 
 def principal_axes(G: np.ndarray) -> np.ndarray:

@@ -16,7 +16,6 @@ Hamilton's; (w, x, y, z) and its opposite are the same attitude.
 Source: Solà 2017, Quaternion kinematics for the error-state Kalman filter, arXiv:1711.02508.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,9 +78,7 @@ class Space:
         """Attitude after a turn by the rotation vectors `turn` (turns, n) in rad, about axes of the world."""
         if self.is_plane:
             return attitude + turn
-        from thesis_lib.mechanics.products import turned_by as _turned_by
-
-        return by_column(_turned_by, turn, attitude)
+        return by_column("turned_by", turn, attitude)
 
     def turn_between(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Rotation vector (turns, n) in rad, about axes of the world, from the first attitude to the second.
@@ -90,9 +87,7 @@ class Space:
         """
         if self.is_plane:
             return second - first
-        from thesis_lib.mechanics.products import turn_between as _turn_between
-
-        return by_column(_turn_between, first, second)
+        return by_column("turn_between", first, second)
 
     def shift(self, pose: np.ndarray, change: np.ndarray) -> np.ndarray:
         """Poses after small changes (d + turns, n) in m, rad."""
@@ -113,8 +108,11 @@ PLANE = Space(2, 1, 1)
 SPACE = Space(3, 4, 3)
 
 
-def by_column(kernel: Callable[..., np.ndarray], *arrays: np.ndarray) -> np.ndarray:
+def by_column(name: str, *arrays: np.ndarray) -> np.ndarray:
     """What a kernel of `products` makes of arrays (c, ...), which broadcast beyond their components."""
+    from thesis_lib.mechanics import products  # numba comes with it
+
+    kernel = getattr(products, name)
     for array in arrays:
         if array.ndim != 2:
             break
@@ -134,16 +132,12 @@ def by_row(A: np.ndarray) -> np.ndarray:
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a × b (3, ...) of vectors (3, ...)."""
-    from thesis_lib.mechanics.products import cross as _cross
-
-    return by_column(_cross, a, b)
+    return by_column("cross", a, b)
 
 
 def multiplied(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Product p q (4, ...) of quaternions: first the turn q, then p."""
-    from thesis_lib.mechanics.products import multiplied as _multiplied
-
-    return by_column(_multiplied, p, q)
+    return by_column("multiplied", p, q)
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
@@ -155,30 +149,22 @@ def conjugate(q: np.ndarray) -> np.ndarray:
 
 def rotated(q: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Vectors u (3, ...) turned by unit quaternions q (4, ...): u + 2 s (a × u) + 2 a × (a × u) for q = (s, a)."""
-    from thesis_lib.mechanics.products import rotated as _rotated
-
-    return by_column(_rotated, q, u)
+    return by_column("rotated", q, u)
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
     """Matrices (3, 3, ...) of unit quaternions q (4, ...): columns are the axes of the body in the world."""
-    from thesis_lib.mechanics.products import rotation_matrix as _rotation_matrix
-
-    return by_column(_rotation_matrix, q)
+    return by_column("rotation_matrix", q)
 
 
 def of_rotation_vector(turn: np.ndarray) -> np.ndarray:
     """Unit quaternions (4, ...) of rotation vectors (3, ...) in rad."""
-    from thesis_lib.mechanics.products import of_rotation_vector as _of_rotation_vector
-
-    return by_column(_of_rotation_vector, turn)
+    return by_column("of_rotation_vector", turn)
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
     """The shortest rotation vectors (3, ...) in rad of unit quaternions (4, ...)."""
-    from thesis_lib.mechanics.products import rotation_vector as _rotation_vector
-
-    return by_column(_rotation_vector, q)
+    return by_column("rotation_vector", q)
 
 
 def of_rotation_matrix(R: np.ndarray) -> np.ndarray:

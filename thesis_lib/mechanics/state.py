@@ -18,8 +18,8 @@ import numpy as np
 from thesis_lib.mechanics.space import PLANE, Space, cross
 
 AS_FILMED = -1  # surface of a body that is described in the axes of the recording
-_OF_POSE = {"x": 0, "y": 1, "theta": 2}
-_OF_MOTION = {"vx": 0, "vy": 1, "omega": 2}
+# rows of pose (0) and motion (1)
+_ROWS = {"x": (0, 0), "y": (0, 1), "theta": (0, 2), "vx": (1, 0), "vy": (1, 1), "omega": (1, 2)}
 
 
 class State:
@@ -161,42 +161,27 @@ class State:
         spin: np.ndarray | None = None,
     ) -> "State":
         """The same state with some of its parts replaced, arrays as the properties give them."""
-        pose, motion, d = self.pose, self.motion, self.space.dimension
-        if position is not None or attitude is not None:
-            pose = np.array(pose)
-            if position is not None:
-                pose[:d] = position
-            if attitude is not None:
-                pose[d:] = attitude
-        if velocity is not None or spin is not None:
-            motion = np.array(motion)
-            if velocity is not None:
-                motion[:d] = velocity
-            if spin is not None:
-                motion[d:] = spin
-        made = State(pose, motion, self.trial, self.t, self.surface, self.space)
-        return made._posed_as(self) if pose is self.pose else made
+        first, then = slice(self.space.dimension), slice(self.space.dimension, None)
+        parts = ((0, first, position), (0, then, attitude), (1, first, velocity), (1, then, spin))
+        return self._with([part for part in parts if part[2] is not None], self.trial, self.t)
 
     def moved(self, **changes: np.ndarray) -> "State":
         """The same planar state with some of x, y, theta, vx, vy, omega (n,), trial and t replaced."""
-        pose = motion = None
-        trial, t = self.trial, self.t
-        for name, array in changes.items():
-            if name in _OF_POSE:
-                pose = np.array(self.pose) if pose is None else pose
-                pose[_OF_POSE[name]] = array
-            elif name in _OF_MOTION:
-                motion = np.array(self.motion) if motion is None else motion
-                motion[_OF_MOTION[name]] = array
-            elif name == "trial":
-                trial = array
-            elif name == "t":
-                t = array
-            else:
-                raise TypeError(f"a planar state has no {name!r}")
-        motion = self.motion if motion is None else motion
-        made = State(self.pose if pose is None else pose, motion, trial, t, self.surface, self.space)
-        return made._posed_as(self) if pose is None else made
+        trial, t = changes.pop("trial", self.trial), changes.pop("t", self.t)
+        if strange := changes.keys() - _ROWS.keys():
+            raise TypeError(f"a planar state has no {strange.pop()!r}")
+        return self._with([(*_ROWS[name], array) for name, array in changes.items()], trial, t)
+
+    def _with(self, parts: list, trial: np.ndarray, t: np.ndarray) -> "State":
+        """The same state with (0 for pose or 1 for motion, rows, new values) replaced."""
+        arrays = [self.pose, self.motion]
+        for which in {part[0] for part in parts}:
+            arrays[which] = np.array(arrays[which])
+        for which, rows, array in parts:
+            arrays[which][rows] = array
+        pose, motion = arrays
+        made = State(pose, motion, trial, t, self.surface, self.space)
+        return made._posed_as(self) if pose is self.pose else made
 
     def shifted(self, change: np.ndarray, faster: np.ndarray) -> "State":
         """The states after small changes of pose and motion by row, each (n, d + turns)."""

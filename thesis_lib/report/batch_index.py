@@ -89,14 +89,11 @@ def _page(rows: Sequence[Mapping], total: int) -> str:
 
 def _cells(row: Mapping, what: str) -> tuple[str, ...]:
     """Cells of a dataset with a verdict; the first links to its report."""
-    numbers = (_cell(row[key]) for key in (what, "base", "augmented", "noise_floor"))
+    values = (row[key] for key in (what, "base", "augmented", "noise_floor"))
+    numbers = ("" if x is None else f"{x:.3g}" if isinstance(x, float) else str(x) for x in values)
     link = _link(row["dataset"], f"{row['dataset']}/report.html")
     return link, _word(row), row["effects"].replace("_", " "), *numbers
 
 
 def _link(name: str, path: str) -> Markup:
     return element("link", f"./{quote(path)}", plain(name))  # "./": a name with a colon would read as a scheme
-
-
-def _cell(value: float | str | None) -> str:
-    return "" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)

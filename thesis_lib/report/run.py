@@ -85,7 +85,14 @@ def _groups(
         (
             DATASETS.get(dataset, dataset),
             [_figure(results, figure, name) for figure, name in made if name == dataset],
-            [_table(results, path, dataset) for path in tables if of_table[path] == dataset],
+            [
+                {
+                    "caption": _paragraphs(record.label, record.text(dataset, results)),
+                    "file": str(path.with_suffix(".csv").relative_to(results)),
+                }
+                for path in tables
+                if of_table[path] == dataset and (record := records()[path.stem])
+            ],
         )
         for dataset in dict.fromkeys([*(name for _, name in made), *of_table.values()])
     ]
@@ -101,12 +108,6 @@ def _figure(results: Path, figure: Figure, dataset: str) -> dict:
         "caption": _paragraphs(figure.label, caption),
         "links": [(f"{stem}.pdf", "PDF"), (f"{stem}.csv", "numbers")],
     }
-
-
-def _table(results: Path, path: Path, dataset: str) -> dict:
-    record = records()[path.stem]
-    caption = _paragraphs(record.label, record.text(dataset, results))
-    return {"caption": caption, "file": str(path.with_suffix(".csv").relative_to(results))}
 
 
 def _critique(results: Path, path: Path) -> dict:

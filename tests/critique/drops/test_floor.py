@@ -31,8 +31,8 @@ def test_nothing_is_left_to_learn_where_the_model_is_true(impacts):
     true = fitted(impacts, (EFFECTS[HIDDEN],))
     found, noise = floor(true, impacts, np.random.default_rng(0)), Drops(impacts).judge(true).floor
     assert found.error == pytest.approx(noise, rel=0.1)
-    assert not found.is_learnable
-    assert noise < found.pairs_interval[1] and found.pairs < NEAR * noise
+    assert found.gain[1] <= 0.0
+    assert found.pairs < NEAR * noise
 
 
 def test_what_the_model_lacks_is_learned(impacts):
@@ -40,7 +40,7 @@ def test_what_the_model_lacks_is_learned(impacts):
     found, noise = floor(wrong, impacts, np.random.default_rng(0)), Drops(impacts).judge(wrong).floor
     assert found.error > 3.0 * noise
     low, high = found.gain[1:]
-    assert found.is_learnable and low < found.gain[0] < high
+    assert 0.0 < low < found.gain[0] < high
     assert found.gain[0] == pytest.approx(found.error - found.learned)
     assert found.learned < 0.75 * found.error
     # near pairs share most of what is missing
@@ -50,4 +50,4 @@ def test_what_the_model_lacks_is_learned(impacts):
 def test_few_impacts_have_no_pairs(impacts):
     few = impacts.rows(np.arange(round(0.9 * FEWEST / NEAREST / 2)))
     found = floor(fitted(few), few, np.random.default_rng(0))
-    assert found.pairs is None and found.pairs_interval is None
+    assert found.pairs is None

@@ -12,6 +12,7 @@ from thesis_lib.critique.proof import __main__ as command
 from thesis_lib.critique.proof import check as proof_check
 from thesis_lib.critique.proof import compute as proof_compute
 from thesis_lib.critique.proof import sizes as proof_sizes
+from thesis_lib.critique.proof import store as proof_store
 from thesis_lib.critique.proof.cases import RIGID, SEEDS, SOURCES, Case
 from thesis_lib.critique.proof.check import (
     AGREES,
@@ -94,7 +95,7 @@ class TestCode:
         def refuse_all(dataset, **kwargs):
             raise UserError("too few impacts\nmeasure more")
 
-        monkeypatch.setattr(proof_compute, "criticise_drops", refuse_all)
+        monkeypatch.setattr(proof_store, "criticise_drops", refuse_all)
         row = compute(Case("law", NOTHING, 5, drops=12))
         assert (row["verdict"], row["why"], row["n_impacts"]) == ("refused", "too few impacts", 0)
 

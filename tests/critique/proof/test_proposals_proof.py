@@ -16,7 +16,7 @@ from thesis_lib.critique.proof.proposals import (
     right,
     told,
 )
-from thesis_lib.critique.proof.store import NOTHING, is_of_other_code, put_missing
+from thesis_lib.critique.proof.store import NOTHING, put_missing
 from thesis_lib.critique.proposal.terms import TARGETS, all_terms
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
@@ -87,7 +87,7 @@ def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path) -> None:
     assert len(said) == 2 + len(todo) and len(store.table()) == len(todo)
     put = store.parsed(dict)[0]
     store.put(put | {"code": "of another day"})
-    assert put_missing(todo, made_up, lambda case: store, told, said.append, older=is_of_other_code(made_up))
+    assert put_missing(todo, made_up, lambda case: store, told, said.append, again=True)
     assert f"{len(todo)} of {len(todo)} are stored, 1 to compute" in said and put in store.parsed(dict)
     text = as_markdown(store)
     assert "| couple by spin | couple | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 | 1 of 1 |" in text

@@ -11,8 +11,7 @@ from hidden_effects import injected_impacts
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.proposal.effect_file import effect_of
-from thesis_lib.critique.proposal.propose import Proposal, _TermSearch, propose
-from thesis_lib.critique.proposal.regression import regress
+from thesis_lib.critique.proposal.propose import Proposal, _TermSearch, propose, regress
 from thesis_lib.critique.proposal.results import content_of, sentences, text_of, write_source
 from thesis_lib.critique.proposal.terms import Term, all_terms
 from thesis_lib.critique.selection import discovery

@@ -103,7 +103,8 @@ def press_in_engine(dynamics: Dynamics, true: State) -> tuple[State, np.ndarray]
     rig, law = dynamics.rig, dynamics.model.law
     frame = dynamics.with_active([(effect, p) for effect, p in dynamics.active if effect.name == FRAME])
     seen = frame.to_contact(true)
-    mu, epsilon = _coefficients(dynamics, true)
+    mu, epsilon = dynamics.coefficients(*dynamics.contact(true))  # of each body, at its lowest point
+    mu, epsilon = np.maximum(mu, 0.0), np.clip(epsilon, 0.0, 1.0)
     q, v = seen.q - [0.0, rig.height, 0.0], seen.v
     after_q, after_v, elapsed = q.copy(), v.copy(), np.zeros(len(true))
     for rows, settings in _groups(law, dynamics.values, mu, epsilon):
@@ -115,12 +116,6 @@ def press_in_engine(dynamics: Dynamics, true: State) -> tuple[State, np.ndarray]
     after = frame.from_contact(State.of(seen.q + shift, after_v, true.trial, true.t + elapsed, true.surface))
     shift = shift + elapsed[:, None] * (after.v - after_v)
     return State.of(true.q + shift, after.v, true.trial, after.t, true.surface), elapsed
-
-
-def _coefficients(dynamics: Dynamics, true: State) -> tuple[np.ndarray, np.ndarray]:
-    """μ and ε (n,) of each body, at its lowest point."""
-    mu, epsilon = dynamics.coefficients(*dynamics.contact(true))
-    return np.maximum(mu, 0.0), np.clip(epsilon, 0.0, 1.0)
 
 
 def _groups(

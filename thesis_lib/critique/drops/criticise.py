@@ -28,7 +28,7 @@ from thesis_lib.critique.likelihood.channels import FLIGHT
 from thesis_lib.critique.likelihood.fit import Fit, seeing
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.selection.discovery import judge_held_out, paired_gain
+from thesis_lib.critique.selection.discovery import judge_held_out
 from thesis_lib.critique.selection.search import search, split
 from thesis_lib.critique.selection.world import Remaining
 from thesis_lib.datasets.checks.tracked_pose import settled
@@ -122,10 +122,6 @@ class DropsCritique:
         own = own_restitution(self.ladder[-1][1], self.observations)
         by = own.differs(self.settings.excess_scatter)
         return None if by is None else (by, float(own.epsilon.min()), float(own.epsilon.max()))
-
-    def gain_of(self, effect: str, rng: np.random.Generator) -> tuple[float, float, float]:
-        """Held-out gain of the final model over the one without `effect`: nats per impact, with 95 % interval."""
-        return paired_gain(self.ladder[-1][2], self.without[effect], rng)
 
 
 # for these small matrices BLAS threads are no faster, and their number changes last digits

@@ -28,7 +28,7 @@ from thesis_lib.critique.proof import direct_fits, engines, measured, measured_m
 from thesis_lib.critique.proof.by_contact import as_markdown as by_contact
 from thesis_lib.critique.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
 from thesis_lib.critique.proof.check import ages, check, check_sample, rows_to_check
-from thesis_lib.critique.proof.compute import compute, run, said_of
+from thesis_lib.critique.proof.compute import compute, run
 from thesis_lib.critique.proof.find_size import find_size
 from thesis_lib.critique.proof.headline import WORLDS, planned
 from thesis_lib.critique.proof.headline import as_markdown as headline_table
@@ -37,7 +37,7 @@ from thesis_lib.critique.proof.next_drops import as_markdown as next_experiment
 from thesis_lib.critique.proof.next_drops import run as run_questions
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.sizes import require_checkout, store_cause_size, stored_factor
-from thesis_lib.critique.proof.store import is_of_other_code, put_missing
+from thesis_lib.critique.proof.store import put_missing, said_of
 from thesis_lib.critique.proof.summary import report
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.command_line import FAILED, Parser, command
@@ -138,18 +138,12 @@ def _run_other(proof: Any, options: argparse.Namespace) -> bool:
         for case in cases:
             tell(f"{case}: {proof.told(proof.compute(case))}")
         return True
-    older = is_of_other_code(proof.compute) if options.again else None
-    return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, jobs=options.jobs, older=older)
-
-
-def _run_space(options: argparse.Namespace) -> bool:
-    made = space.run(options.jobs, options.only, tell, options.again)
-    tell(space.as_markdown())
-    return made
+    own = {"jobs": options.jobs, "again": options.again}
+    return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, **own)
 
 
 def _run_more(compute: Callable, page: Callable[[], str], options: argparse.Namespace) -> bool:
-    made = compute(options.jobs, tell, options.again)
+    made = compute(options.jobs, tell, options.again, *([options.only] if "only" in options else []))
     tell(page())
     return made
 
@@ -252,7 +246,8 @@ def _parser() -> Parser:
     run = add_stored("direct-fits", direct_fits, _run_fits, how)
     run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
-    of_space = add("space", _run_space, "bodies in space: compute what is missing, then print the table")
+    of_space = functools.partial(_run_more, space.run, space.as_markdown)
+    of_space = add("space", of_space, "bodies in space: compute what is missing, then print the table")
     of_space.add_argument(
         "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
     )

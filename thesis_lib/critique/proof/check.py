@@ -15,9 +15,9 @@ from pathlib import Path
 import pandas as pd
 
 from thesis_lib.critique.proof.cases import SEEDS, SOURCES, Case
-from thesis_lib.critique.proof.compute import compute, is_of_today, numbers_of_row, read_rows, said_of, table_of
+from thesis_lib.critique.proof.compute import compute, is_of_today, numbers_of_row, read_rows, table_of
 from thesis_lib.critique.proof.results import is_right
-from thesis_lib.critique.proof.store import STORE, Cells, code_of, groups_of, stamped
+from thesis_lib.critique.proof.store import STORE, Cells, code_of, groups_of, said_of, stamped
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
 

@@ -18,13 +18,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.likelihood.sandwich import cramer_rao
 from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.critique.proof.sizes import LAW
@@ -33,16 +32,15 @@ from thesis_lib.critique.proof.store import (
     STORE,
     Cells,
     code_of,
-    groups_in,
+    criticised,
     numbers_in,
     numbers_of,
     put_missing,
+    said_of,
     value_of,
 )
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, Rows, as_cell
 
 VERDICTS = ("adequate", "effects", "unexplained", "refused")
@@ -108,31 +106,16 @@ def is_of_today(case: Case, row: Cells) -> bool:
     return row["code"] == code_of(compute) and row["sizes"] == sizes_of(case)
 
 
-def said_of(row: Mapping[str, Any]) -> str:
-    """Verdict, and what was named, in words."""
-    return f"{row['verdict']}, {row['named'] or row['why'] or 'nothing named'}"
-
-
 def compute(case: Case) -> dict[str, object]:
     """Make the dataset of a case, and criticise it: a row of the table."""
     row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "sizes": sizes_of(case)}
     dataset, true = make(case)
-    try:
-        critique = criticise_drops(dataset, rng=generator(case.seed, "critique", dataset.digest()))
-    except UserError as error:
-        return row | {"verdict": "refused", "n_impacts": 0, "why": str(error).splitlines()[0][:200]}
-    judged = {"base": critique.ladder[0][2], "augmented": critique.ladder[-1][2]}
-    row |= {when: float(of.error.mean()) for when, of in judged.items()} | {"floor": judged["augmented"].floor}
-    for channel in ("flight", "touch"):
-        row |= {f"{channel}_{when}": float(np.sqrt(of.sigmas[channel])) for when, of in judged.items()}
-    return row | {
-        "verdict": critique.verdict,
-        "law": critique.discovery.fitted.model.law.name,
-        "named": groups_in(critique.discovery.steps),
-        "n_impacts": len(critique.observations),
-        "remaining_p": critique.remaining.p_value,
-        "parameters": numbers_in(_parameters(critique, true) if len(case.hidden) == 1 else {}),
-    }
+    found, critique = criticised(dataset, case.seed)
+    if critique is None:
+        return row | found
+    for when, of in (("base", critique.ladder[0][2]), ("augmented", critique.ladder[-1][2])):
+        row |= {f"{channel}_{when}": float(np.sqrt(of.sigmas[channel])) for channel in ("flight", "touch")}
+    return row | found | {"parameters": numbers_in(_parameters(critique, true) if len(case.hidden) == 1 else {})}
 
 
 def _parameters(critique: DropsCritique, true: dict[str, float]) -> dict[str, tuple[float, ...]]:
@@ -173,8 +156,6 @@ def run(
 
     `jobs` at a time, `tell` each; with `again` also those whose row other code than today's made, after the others.
     """
-
-    def older(case: Case, row: Cells) -> bool:
-        return again and not is_of_today(case, row)
-
-    return put_missing(cases, compute, lambda case: table_of(case.source, store), said_of, tell, jobs=jobs, older=older)
+    tables = {case.source: table_of(case.source, store) for case in cases}
+    own = {"jobs": jobs, "again": again, "is_of_today": is_of_today}
+    return put_missing(cases, compute, lambda case: tables[case.source], said_of, tell, **own)

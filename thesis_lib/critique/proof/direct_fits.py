@@ -207,7 +207,8 @@ def tables(path: Path = ROWS.path) -> tuple[str, str, str]:
     stored = pd.read_csv(path)
     measured = np.array([SERIES[str(name)].is_measured for name in stored["drops"]])
     plain = [
-        (one["drops"], _model(one), number(one["error"]), number(one["noise_floor"]), _gain(one), one["parameters"])
+        (one["drops"], _model(one), number(one["error"]), number(one["noise_floor"]))
+        + ("" if one["gain"] == 0.0 else f"{one['gain']:,.0f}", one["parameters"])
         for _, one in stored[~measured].iterrows()
     ]
     head = ("drops", "model", "hits used", "error (median)", "noise", "single hits", "two corners at once", "episodes")
@@ -231,10 +232,6 @@ def _model(one: Any) -> str:
     return " with ".join(
         [BASES[base].title, *([", ".join(EFFECTS[name].title for name in effects)] if effects else [])]
     )
-
-
-def _gain(one: Any) -> str:
-    return "" if one["gain"] == 0.0 else f"{one['gain']:,.0f}"
 
 
 def _cell(value: float) -> str:

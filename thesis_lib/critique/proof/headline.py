@@ -54,7 +54,8 @@ def _cases(sources: Sequence[str], kind: str, wanted: int) -> list[Case]:
         for source in sources
         for shape in BODIES
         for truth in [*truths(source), *pairs(source)]
-        if not (shape == "ellipse" and CORNERED & set(truth.split("+"))) and _kind(source, truth) == kind
+        if not (shape == "ellipse" and CORNERED & set(truth.split("+")))
+        and Case(source, truth, FRESH, shape="square").kind == kind
     ]
     for turn in range(-(-wanted // len(bodies))):
         for k in rng.permutation(len(bodies)):
@@ -64,15 +65,6 @@ def _cases(sources: Sequence[str], kind: str, wanted: int) -> list[Case]:
     return cases[:wanted]
 
 
-def _kind(source: str, truth: str) -> str:
-    return Case(source, truth, FRESH, shape="square").kind
-
-
-def _of_headline(table: pd.DataFrame) -> pd.DataFrame:
-    """Those rows of `outcomes` or `recovered` that the headline counts."""
-    return of_table(table[table["seed"] >= FRESH])
-
-
 def as_markdown(store: Path = STORE) -> str:
     """The table of a page, and which code made its rows."""
     cases = planned()
@@ -80,7 +72,7 @@ def as_markdown(store: Path = STORE) -> str:
     made = [of[case] for case in cases for of in rows if case in of]
     if not made:
         return f"None of the {len(cases)} datasets is computed yet: `{COMMAND} run-table`."
-    found, parameters = (_of_headline(table) for table in (outcomes(store), recovered(store)))
+    found, parameters = (of_table(table[table["seed"] >= FRESH]) for table in (outcomes(store), recovered(store)))
     columns = [(name, found[found["kind"] == kind], "right") for name, kind in FIGURES.items()]
     columns += [(WRONG, found.assign(wrong=found["wrong_names"] > 0), "wrong"), (COVERED, parameters, "inside")]
     worlds = WORLDS | {"all": tuple(source for of in WORLDS.values() for source in of)}

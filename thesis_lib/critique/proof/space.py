@@ -59,11 +59,12 @@ from thesis_lib.critique.proof.store import (
     COMMAND,
     CONFIG,
     STORE,
+    criticised,
     groups_in,
     groups_of,
-    is_of_other_code,
     numbers_in,
     put_missing,
+    said_of,
 )
 from thesis_lib.effects.effect import values_in_space
 from thesis_lib.foundation.errors import UserError
@@ -114,42 +115,20 @@ def engine_of(case: SpaceCase) -> TossEngine:
 
 def compute(case: SpaceCase) -> dict[str, object]:
     """Make the dataset of a case, and criticise it: a row of the table."""
-    dataset, row = (
-        make(case, engine_of(case)),
-        {**dict.fromkeys(COLUMNS, ""), **vars(case), "shape": case.drawn["shape"]},
-    )
+    dataset = make(case, engine_of(case))
+    row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "shape": case.drawn["shape"]}
     began = time.process_time()
-    try:
-        critique = criticise_drops(dataset, rng=generator(case.seed, "critique", dataset.digest()))
-    except UserError as error:
-        return row | {"verdict": "refused", "n_impacts": 0, "why": str(error).splitlines()[0][:200]}
-    base, augmented = critique.ladder[0][2], critique.ladder[-1][2]
-    return row | {
-        "verdict": critique.verdict,
-        "law": critique.discovery.fitted.model.law.name,
-        "named": groups_in(critique.discovery.steps),
-        "n_impacts": len(critique.observations),
-        "base": float(base.error.mean()),
-        "augmented": float(augmented.error.mean()),
-        "floor": augmented.floor,
-        "remaining_p": critique.remaining.p_value,
-        "seconds": float(round(time.process_time() - began)),
-    }
+    found, critique = criticised(dataset, case.seed)
+    return row | found | ({"seconds": float(round(time.process_time() - began))} if critique else {})
 
 
-def told(row: dict) -> str:
-    """What a row found, in words."""
-    return f"{row['verdict']}, {row['named'] or row['why'] or 'nothing named'}"
-
-
-def run(jobs: int, only: Collection[str], tell: Callable[[str], object], again: bool = False) -> bool:
+def run(jobs: int, tell: Callable[[str], object], again: bool = False, only: Collection[str] = ()) -> bool:
     """Compute the datasets that are not stored, and return whether all were; `only`: worlds, truths or shapes.
 
     With `again` also those whose row other code than today's made, after the others.
     """
     chosen = [c for c in cases() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
-    older = is_of_other_code(compute) if again else None
-    return put_missing(chosen, compute, lambda case: ROWS, told, tell, jobs=jobs, older=older)
+    return put_missing(chosen, compute, lambda case: ROWS, said_of, tell, jobs=jobs, again=again)
 
 
 def judged(rows: pd.DataFrame) -> pd.DataFrame:
@@ -170,13 +149,11 @@ def compute_missed(case: SpaceCase) -> dict[str, object]:
     """What the data of a case hold of its cause: a row of `MISSED`."""
     dataset = make(case, engine_of(case))
     row: dict[str, object] = {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
-    try:
-        own = generator(case.seed, "critique", dataset.digest())
-        critique = criticise_drops(dataset, rng=own, effects=[case.truth])
-    except UserError as error:
-        return row | {"why": str(error).splitlines()[0][:200]}
-    (step,), without, with_it = critique.discovery.steps, critique.ladder[0][2], critique.ladder[-1][2]
-    errors = {"without": float(without.error.mean()), "with_it": float(with_it.error.mean()), "floor": with_it.floor}
+    found, critique = criticised(dataset, case.seed, effects=[case.truth])
+    if critique is None:
+        return row | {"why": found["why"]}
+    (step,) = critique.discovery.steps
+    errors = {"without": found["base"], "with_it": found["augmented"], "floor": found["floor"]}
     return row | dict(zip(("gain", "low", "high"), step.gain)) | errors
 
 
@@ -194,8 +171,7 @@ def run_missed(jobs: int, tell: Callable[[str], object], again: bool = False) ->
     rows = judged(ROWS.table())
     wrong = rows[~rows["right"].astype(bool) & (rows["truth"] != NOTHING)]
     sets = [SpaceCase(row["world"], row["truth"], int(row["seed"])) for row in wrong.to_dict("records")]
-    older = is_of_other_code(compute_missed) if again else None
-    return put_missing(sets, compute_missed, lambda case: MISSED, told_missed, tell, jobs=jobs, older=older)
+    return put_missing(sets, compute_missed, lambda case: MISSED, told_missed, tell, jobs=jobs, again=again)
 
 
 def as_markdown(store: Rows = ROWS, missed: Rows = MISSED) -> str:
@@ -283,8 +259,7 @@ def told_lifted(row: dict) -> str:
 def run_lifted(jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
     """Compute the sets that are not stored, with `again` also those of older code, and return whether all were."""
     sets = [Lifted(truth, shape) for truth, shape in LIFTED]
-    older = is_of_other_code(compute_lifted) if again else None
-    return put_missing(sets, compute_lifted, lambda case: LIFTED_ROWS, told_lifted, tell, jobs=jobs, older=older)
+    return put_missing(sets, compute_lifted, lambda case: LIFTED_ROWS, told_lifted, tell, jobs=jobs, again=again)
 
 
 def lifted_as_markdown(store: Rows = LIFTED_ROWS) -> str:

@@ -21,10 +21,13 @@ from typing import Any
 import pandas as pd
 
 import thesis_lib
-from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.selection.discovery import Step
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.isolated import Task, run_isolated
 from thesis_lib.foundation.provenance import lib_hash
+from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, Rows, as_cell, today
 from thesis_lib.statistics.intervals import wilson
 
@@ -48,6 +51,31 @@ def groups_in(steps: Iterable[Step]) -> str:
 def with_effects(critique: DropsCritique) -> str:
     """The cell with the effects of a critique alone, joined by +."""
     return "+".join(step.effect.name for step in critique.discovery.steps)
+
+
+def criticised(dataset: Dataset, seed: int, **options: Any) -> tuple[dict[str, Any], DropsCritique | None]:
+    """What the critique says of a dataset, by column, and the critique; of a refusal its reason, and None."""
+    try:
+        critique = criticise_drops(dataset, rng=generator(seed, "critique", dataset.digest()), **options)
+    except UserError as error:
+        return {"verdict": "refused", "n_impacts": 0, "why": str(error).splitlines()[0][:200]}, None
+    base, augmented = critique.ladder[0][2], critique.ladder[-1][2]
+    found = {
+        "verdict": critique.verdict,
+        "law": critique.discovery.fitted.model.law.name,
+        "named": groups_in(critique.discovery.steps),
+        "n_impacts": len(critique.observations),
+        "base": float(base.error.mean()),
+        "augmented": float(augmented.error.mean()),
+        "floor": augmented.floor,
+        "remaining_p": critique.remaining.p_value,
+    }
+    return found, critique
+
+
+def said_of(row: Mapping[str, Any]) -> str:
+    """Verdict, and what was named, in words."""
+    return f"{row['verdict']}, {row['named'] or row['why'] or 'nothing named'}"
 
 
 def value_of(cell: str) -> float:
@@ -84,12 +112,6 @@ def stamped(row: Mapping[str, Any], compute: Callable) -> dict[str, Any]:
     return {**row, **dict(zip(STAMP, (code_of(compute), today())))}
 
 
-def is_of_other_code(compute: Callable) -> Callable[[Any, Cells], bool]:
-    """Whether other code than today's made a row, as `put_missing` asks."""
-    code = code_of(compute)
-    return lambda case, row: row["code"] != code
-
-
 def put_missing(
     cases: Iterable[Any],
     compute: Callable[[Any], dict[str, Any]],
@@ -98,15 +120,18 @@ def put_missing(
     tell: Callable[[str], object],
     *,
     jobs: int = 1,
-    older: Callable[[Any, Cells], bool] | None = None,
+    again: bool = False,
+    is_of_today: Callable[[Any, Cells], bool] | None = None,
 ) -> bool:
     """Store the rows that `compute` makes of cases, `tell` of each what `told` says, and return whether all were made.
 
     Args:
         cases: dataclasses whose fields are the key of their table; those that are stored are left out.
         compute: function of an importable module; it runs in processes of their own, `jobs` at a time.
-        older: whether the stored row of a case is to be made again, after the others; None: none is.
+        again: also the stored rows that are not of today's code, after the others.
+        is_of_today: whether the stored row of a case is; None: one that names the code of `compute`.
     """
+    is_of_today = is_of_today or (lambda case, row: row["code"] == code_of(compute))
     cases, stored = list(cases), {rows.path: rows for rows in map(rows_of, cases)}
     known = {path: {itemgetter(*rows.key)(row): row for row in rows.parsed(dict)} for path, rows in stored.items()}
 
@@ -115,9 +140,9 @@ def put_missing(
         return known[rows.path].get(tuple(as_cell(vars(case)[k]) for k in rows.key))
 
     missing = [case for case in cases if row_of(case) is None]
-    again = [case for case in cases if older and (row := row_of(case)) and older(case, row)]
-    tell(f"{len(cases) - len(missing)} of {len(cases)} are stored, {len(missing) + len(again)} to compute")
-    complete, todo = True, {str(case): case for case in (*missing, *again)}
+    older = [case for case in cases if again and (row := row_of(case)) and not is_of_today(case, row)]
+    tell(f"{len(cases) - len(missing)} of {len(cases)} are stored, {len(missing) + len(older)} to compute")
+    complete, todo = True, {str(case): case for case in (*missing, *older)}
     with tempfile.TemporaryDirectory() as logs:
         tasks = [Task(name, (case,), Path(logs) / f"{i}.txt") for i, (name, case) in enumerate(todo.items())]
         for i, done in enumerate(run_isolated(compute, tasks, jobs=jobs, preload=(__name__,)), 1):

@@ -58,7 +58,7 @@ from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.clock_and_size import could_be
 from thesis_lib.critique.results.summary import headline, summary
 from thesis_lib.critique.results.tables import DRAWS, ladder, left_out_impacts
-from thesis_lib.critique.selection.discovery import Rejected
+from thesis_lib.critique.selection.discovery import Rejected, paired_gain
 from thesis_lib.extensions.registry import contents
 from thesis_lib.foundation.files import six_digits
 from thesis_lib.foundation.randomness import generator
@@ -74,7 +74,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
     """
     discovery, remaining = critique.discovery, critique.remaining
     base, final, found = critique.ladder[0][1], critique.ladder[-1][1], critique.observations.found
-    differs = critique.restitution_differs
+    differs, limit = critique.restitution_differs, discovery.limit
     content = {
         "schema": 1,
         "dataset": critique.dataset,
@@ -85,7 +85,7 @@ def diagnosis(critique: DropsCritique, rng: np.random.Generator, rungs: pd.DataF
         "augmented_model": {"name": final.model.law.name, "parameters": parameters(final)},
         "effects": [_effect(critique, i, rng) for i in range(len(discovery.steps))],
         "rejected": [_rejected(critique, one) for one in discovery.rejected],
-        "search": _search(critique),
+        "search": {"limit": limit, "value": None if limit is None else getattr(critique.settings, limit)},
         "error": _error(critique),
         "remaining": {
             "structured": critique.is_structured,
@@ -155,8 +155,8 @@ def _law(critique: DropsCritique, name: str, rng: np.random.Generator) -> dict:
 def _effect(critique: DropsCritique, i: int, rng: np.random.Generator) -> dict:
     step, (_, final, judged) = critique.discovery.steps[i], critique.ladder[-1]
     name = step.effect.name
-    gain, low, high = critique.gain_of(name, rng)
     without, s = critique.without[name], critique.settings
+    gain, low, high = paired_gain(judged, without, rng)
     unseen = step.effect.unseen(critique.observations.rig)
     return {
         "name": name,
@@ -179,11 +179,6 @@ def _rejected(critique: DropsCritique, one: Rejected) -> dict:
         ends = [j.misfit(channel)[0] for j in (one.than, one.judged)]
         rises[channel] = {"unit": CHANNELS[channel].unit, "ends": ends}
     return {"name": one.step.effect.name, "rises": rises}
-
-
-def _search(critique: DropsCritique) -> dict:
-    limit = critique.discovery.limit
-    return {"limit": limit, "value": None if limit is None else getattr(critique.settings, limit)}
 
 
 def _error(critique: DropsCritique) -> dict:

@@ -20,7 +20,10 @@ def load_model(path: str | Path) -> SavedModel:
     try:
         regular_size(path, MAX_MODEL)
         content = read_json(path)
-        model = _kind(content).model_validate(content, context={"folder": Path(path).parent})
+        in_space = isinstance(content, dict) and content.get("dimensions") == 3
+        model = (SavedSpaceModel if in_space else SavedModel).model_validate(
+            content, context={"folder": Path(path).parent}
+        )
     except MissingFile as error:
         raise UserError(
             f"There is no model {path}. A critique writes model.json: python -m thesis_lib critique DATASET -o DIR"
@@ -56,11 +59,6 @@ def load_model(path: str | Path) -> SavedModel:
     except (ArithmeticError, ValueError) as error:  # for example sizes of 1e308 m
         raise UserError(f"{path} holds numbers that cannot be computed with ({error}). Write it again.") from error
     return model
-
-
-def _kind(content: object) -> type[SavedModel]:
-    """What holds the content of a model.json: in the plane or in space."""
-    return SavedSpaceModel if isinstance(content, dict) and content.get("dimensions") == 3 else SavedModel
 
 
 def _remedy(model: SavedModel, name: str) -> str:

@@ -149,8 +149,9 @@ def _fit(dynamics: ByImpulse, tosses: MeasuredTosses, frames: np.ndarray, noise:
     state, known = _begun(dynamics, measured, times, used), noise is not None
     sigma = noise if noise is not None else USUAL
     dof = np.maximum(3.0 * frames - 6.0, 1.0)
+    moves = np.repeat(np.vstack([np.zeros(12), np.diag(STEPS)])[:, None], n, axis=1)  # none first
     for _ in range(ROUNDS):
-        copies = State.joined([state.shifted(*np.split(step, 2, axis=1)) for step in _moves(n)])
+        copies = State.joined([state.shifted(*np.split(step, 2, axis=1)) for step in moves])
         flown = _flown(dynamics, copies, np.tile(times, 13)).pose.reshape(7, W, 13, n)
         of_all = np.broadcast_to(measured.pose.reshape(7, W, 1, n), flown.shape)
         off = SPACE.difference(flown.reshape(7, -1), of_all.reshape(7, -1)).reshape(6, W, 13, n) * used[:, None]
@@ -163,11 +164,6 @@ def _fit(dynamics: ByImpulse, tosses: MeasuredTosses, frames: np.ndarray, noise:
         change = -np.linalg.solve(normal, np.einsum("cwin,cwn->ni", J, r[:, :, 0])[..., None])[..., 0]
         state = state.shifted(change[:, :6], change[:, 6:])
     return Start(state, np.linalg.inv(normal), np.asarray(sigma))
-
-
-def _moves(n: int) -> np.ndarray:
-    """No change of n bodies, then each of `STEPS`, (13, n, 12)."""
-    return np.repeat(np.vstack([np.zeros(12), np.diag(STEPS)])[:, None], n, axis=1)
 
 
 def _begun(dynamics: ByImpulse, measured: State, times: np.ndarray, used: np.ndarray) -> State:

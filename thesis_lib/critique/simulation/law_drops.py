@@ -92,15 +92,21 @@ def between(touch: State, end: State, t: np.ndarray | float) -> State:
     rows = np.flatnonzero(end.t > t + _NOW)
     if not len(rows):
         return end
-    T = (end.t - touch.t)[rows, None]
-    u = (np.broadcast_to(t, end.t.shape) - touch.t)[rows, None] / T
-    q_0, v_0, q_1, v_1 = touch.q[rows], T * touch.v[rows], end.q[rows], T * end.v[rows]
-    bend, turn = 3.0 * (q_1 - q_0) - 2.0 * v_0 - v_1, 2.0 * (q_0 - q_1) + v_0 + v_1
-    q, v, now = end.q, end.v, end.t.copy()
-    q[rows] = q_0 + u * (v_0 + u * (bend + u * turn))
-    v[rows] = (v_0 + u * (2.0 * bend + 3.0 * u * turn)) / T
-    now[rows] = np.broadcast_to(t, now.shape)[rows]
-    return State.of(q, v, end.trial, now)
+    return end.put(rows, on_cubic(touch.select(rows), end.select(rows), np.broadcast_to(t, end.t.shape)[rows]))
+
+
+def on_cubic(touch: State, end: State, t: np.ndarray) -> State:
+    """States at times t (n,) in s on the cubic that joins poses and motions at both ends, in any space.
+
+    With u = (t − t_0)/T and d the change of the pose from q_0 to q_1,
+
+        q(t) = q_0 + u (T v_0 + u (3 d − T (2 v_0 + v_1) + u (T (v_0 + v_1) − 2 d)))
+    """
+    T, change = end.t - touch.t, end.space.difference(end.pose, touch.pose)
+    u, v_0, v_1 = (t - touch.t) / T, T * touch.motion, T * end.motion
+    bend, turn = 3.0 * change - 2.0 * v_0 - v_1, v_0 + v_1 - 2.0 * change
+    pose = end.space.shift(touch.pose, u * (v_0 + u * (bend + u * turn)))
+    return State(pose, (v_0 + u * (2.0 * bend + 3.0 * u * turn)) / T, touch.trial, t, touch.surface, end.space)
 
 
 def _fly(dynamics: Dynamics, s: State, h: np.ndarray) -> State:

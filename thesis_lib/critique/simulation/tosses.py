@@ -4,11 +4,7 @@ Flights and hits are those of episodes (`thesis_lib/critique/contacts/episodes.p
 point after the other.  Where no sequence of impacts describes what happens, all points press at once with springs, as
 there: in hits slower than `REST`, in more than `MOST_HITS` a frame, and in all contacts that are integrated.  A contact
 that is not over at a frame goes on from the surface.  A body rests that stays within `STILL` for `STAYS`.
-
-Within a contact that takes time a frame shows the cubic that joins the states at its ends, with u = (t − t_0)/T and d
-the change of the pose from q_0 to q_1,
-
-    q(t) = q_0 + u (T v_0 + u (3 d − T (2 v_0 + v_1) + u (T (v_0 + v_1) − 2 d)))
+Within a contact that takes time a frame shows the cubic that joins the states at its ends.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +14,7 @@ import numpy as np
 from thesis_lib.critique.contacts.dynamics import Dynamics
 from thesis_lib.critique.contacts.episodes import _NOW, MOST_HITS, _first, _Play
 from thesis_lib.critique.contacts.kinds import ByImpulse, bind
-from thesis_lib.critique.simulation.law_drops import REST
+from thesis_lib.critique.simulation.law_drops import REST, on_cubic
 from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -97,7 +93,7 @@ class _Toss(_Play):
             end = now.select(rows)
             end = self.dynamics.select(rows).flown(end, over[rows] - self.t[rows])
             touch, when = self._of(self.touch[rows], self.touch_t[rows], rows), self.start.t[rows] + t[rows]
-            now = now.put(rows, _between(touch, end, when))
+            now = now.put(rows, on_cubic(touch, end, when))
         return State(now.pose, now.motion, now.trial, self.start.t + t, now.surface, now.space)
 
     def _settle(self) -> None:
@@ -133,12 +129,3 @@ class _Toss(_Play):
         super()._press(rows)
         lowest = self._gaps(self._state(rows), rows)[0].min(axis=0)
         self.motion[rows, SPACE.dimension - 1] -= np.minimum(lowest, 0.0)
-
-
-def _between(touch: State, end: State, t: np.ndarray) -> State:
-    """States at times t (n,) in s on the cubic of the module's equation."""
-    T, change = end.t - touch.t, SPACE.difference(end.pose, touch.pose)
-    u, v_0, v_1 = (t - touch.t) / T, T * touch.motion, T * end.motion
-    bend, turn = 3.0 * change - 2.0 * v_0 - v_1, v_0 + v_1 - 2.0 * change
-    pose = SPACE.shift(touch.pose, u * (v_0 + u * (bend + u * turn)))
-    return State(pose, (v_0 + u * (2.0 * bend + 3.0 * u * turn)) / T, touch.trial, t, touch.surface, SPACE)

@@ -52,8 +52,7 @@ from thesis_lib.datasets.impacts.spikes import detect, find_glitches
 from thesis_lib.datasets.impacts.spin import spin_sentence
 from thesis_lib.datasets.impacts.stays_down import landing_speeds, stays_down
 from thesis_lib.datasets.samples.copies import without_copies
-from thesis_lib.datasets.samples.pieces import cut_into_pieces
-from thesis_lib.datasets.samples.rests import without_rests
+from thesis_lib.datasets.samples.pieces import cut_into_pieces, without_rests
 from thesis_lib.datasets.samples.stamps import exposure_times
 from thesis_lib.foundation.errors import UserError
 

@@ -23,7 +23,7 @@ from thesis_lib.bodies.symmetry import Symmetry
 from thesis_lib.datasets.flights.parabolas import Hits
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import Samples
-from thesis_lib.datasets.samples.rests import ROWS, resting
+from thesis_lib.datasets.samples.pieces import ROWS, resting
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import quantile_std, robust_std

@@ -14,7 +14,6 @@ JSON.  A hit is drawn beside its contact point, off the body along the normal of
 What lies beyond the plane of a face that faces the reader is before a convex body, all else behind or beside it.
 """
 
-import json
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -29,7 +28,7 @@ from thesis_lib.critique.results.numbers import impact_errors
 from thesis_lib.figures.critique.where import DARK
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.pages import FOLDER, render
-from thesis_lib.report.critique.impacts import HEIGHT, LEFT, WIDTH, drawn_impacts, key_of, look
+from thesis_lib.report.critique.impacts import HEIGHT, LEFT, WIDTH, as_json, drawn_impacts, key_of, look
 from thesis_lib.report.elements import amount
 
 SCRIPT: Path = FOLDER / "body.js"
@@ -166,8 +165,3 @@ def _seen(r: np.ndarray, view: np.ndarray, scale: float) -> np.ndarray:
 def rounded(values: np.ndarray, step: float) -> list:
     """Nested lists of the values, to multiples of a power of ten."""
     return np.round(values, -round(np.log10(step))).tolist()
-
-
-def as_json(content: dict) -> Markup:
-    """Numbers for a script; they hold no text of strangers."""
-    return Markup(json.dumps(content, separators=(",", ":"), allow_nan=False))

@@ -71,9 +71,13 @@ def explorer(critique: DropsCritique, where: Mapping) -> Markup:
         axes=[plain(axis_label(name)) for name in over],
         finding=finding,
         caption=f"{finding} {_reading(len(shown), len(o))}",
-        # it holds no text of strangers
-        numbers=Markup(json.dumps(numbers, separators=(",", ":"), allow_nan=False)),
+        numbers=as_json(numbers),
     )
+
+
+def as_json(content: dict) -> Markup:
+    """Numbers for a script; they hold no text of strangers."""
+    return Markup(json.dumps(content, separators=(",", ":"), allow_nan=False))
 
 
 def drawn_impacts(error: np.ndarray, known: np.ndarray, most: int = MOST) -> np.ndarray:

@@ -27,9 +27,11 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
     """report.html from the content of diagnosis.json and the pictures with their captions."""
     shown = [picture(drawn[0], caption) for drawn, caption in pictures.values()]
     error, lost = d["error"], d["left_out"]
+    reasons = "; ".join(f"{name}: {count}" for name, count in lost["reasons"].items())
+    why = f" ({reasons} {lost['unit']})" if reasons else ""
     compare = paragraph(
         f"{d['n_windows']} windows of {d['n_trials']} trials are used, {percent(lost['share'])} of the steps are left "
-        f"out{_reasons(lost)}. In each, the equations of motion with the believed parameters are summed over the "
+        f"out{why}. In each, the equations of motion with the believed parameters are summed over the "
         "steps, contact forces projected out, and the rest is divided by the noise of the measured states.",
         f"On trials that no choice has seen its root mean square is {number(error['base'])} "
         f"{interval(*error['base_interval'])} standard deviations; noise alone gives 1.",
@@ -74,11 +76,6 @@ def mechanism_contents(critique: MechanismCritique, findings: Findings) -> Conte
     drawn = figure_residuals(*residual_tables(critique))
     page = mechanism_page(findings.diagnosis, {"residuals": (drawn, RESIDUALS)})
     return Contents(page, {"mechanism_residuals": drawn})
-
-
-def _reasons(left: Mapping) -> str:
-    words = [f"{name}: {count}" for name, count in left["reasons"].items()]
-    return f" ({'; '.join(words)} {left['unit']})" if words else ""
 
 
 def _others(effect: Mapping) -> str:

@@ -106,6 +106,7 @@ def report_html(
     }
     clearing = [e for e in d["effects"] if e["clears"]]
     fault = any(e["family"] == "measurement" or possible_faults(e) for e in clearing)
+    own = "" if critique.source is None else (critique.source.header.description or "")
     word = ""
     if d["verdict"] == "adequate" and len(clearing) < len(d["effects"]):
         word = "✓ adequate: the effects that you switched on are not needed"
@@ -117,15 +118,10 @@ def report_html(
         "effect",
         word=word,
         kind="fault" if fault else "",
-        about=_description(critique),
+        about=paragraph(f"What the dataset says of itself: {visible(own)}" if own.strip() else "", kind="about"),
         key_numbers=_key_numbers(d, ladder),
         script=(impacts if critique.space.is_plane else body).SCRIPT.read_text(encoding="utf-8"),
     )
-
-
-def _description(critique: DropsCritique) -> Markup:
-    words = "" if critique.source is None else (critique.source.header.description or "")
-    return paragraph(f"What the dataset says of itself: {visible(words)}" if words.strip() else "", kind="about")
 
 
 def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]:

@@ -26,8 +26,8 @@ from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.pages import render
-from thesis_lib.report.critique.body import Polyhedron, as_json, axes_of_view, drawn_faces, path, polyhedron, rounded
-from thesis_lib.report.critique.impacts import LEFT, MARGIN, WIDTH, scale
+from thesis_lib.report.critique.body import Polyhedron, axes_of_view, drawn_faces, path, polyhedron, rounded
+from thesis_lib.report.critique.impacts import LEFT, MARGIN, WIDTH, as_json, scale
 from thesis_lib.report.elements import amount
 
 TEMPLATE = Path(__file__).with_name("replay.html")

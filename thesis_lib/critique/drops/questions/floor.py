@@ -34,9 +34,9 @@ DRAWS = 999
 
 @dataclass(frozen=True)
 class Floor:
-    """Mean errors in m/s: of the model, with what was learned of the rest, of the nearest pairs; 95 % intervals.
+    """Mean errors in m/s: of the model, with what was learned of the rest, of the nearest pairs.
 
-    `gain` is the fall of the error by what was learned, with its interval from a bootstrap over trials; `pairs` is
+    `gain` is the fall of the error by what was learned, with its 95 % interval from a bootstrap over trials; `pairs` is
     None with fewer than `FEWEST` pairs.
     """
 
@@ -44,12 +44,6 @@ class Floor:
     learned: float
     gain: tuple[float, float, float]
     pairs: float | None
-    pairs_interval: tuple[float, float] | None
-
-    @property
-    def is_learnable(self) -> bool:
-        """Whether some of what is left is a function of the state."""
-        return self.gain[1] > 0.0
 
 
 FEWEST = 10
@@ -62,14 +56,12 @@ def floor(fitted: Fit, observations: Observations, rng: np.random.Generator) -> 
     error, rest = velocity_error(E, 1.0), velocity_error(E - _learned(_state(fitted, o), E, o.trial, rng), 1.0)
     fall = error - rest
     low, high = bootstrap_mean(fall, o.trial, DRAWS, rng)
-    scatter, trial = _pairs(fitted, o, E)
-    known = len(scatter) >= FEWEST
+    scatter = _pairs(fitted, o, E)
     return Floor(
         float(error.mean()),
         float(rest.mean()),
         (float(fall.mean()), low, high),
-        float(scatter.mean()) if known else None,
-        bootstrap_mean(scatter, trial, DRAWS, rng) if known else None,
+        float(scatter.mean()) if len(scatter) >= FEWEST else None,
     )
 
 
@@ -97,8 +89,8 @@ def _learned(X: np.ndarray, E: np.ndarray, trial: np.ndarray, rng: np.random.Gen
     return learned
 
 
-def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """|e_i − e_j| / √2 in m/s of the nearest pairs, each once, and the trial of their first."""
+def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> np.ndarray:
+    """|e_i − e_j| / √2 in m/s of the nearest pairs, each once."""
     from scipy.spatial import KDTree
 
     here = fitted.on(o)
@@ -106,8 +98,8 @@ def _pairs(fitted: Fit, o: Observations, E: np.ndarray) -> tuple[np.ndarray, np.
     place = np.stack([true.x / LENGTH, np.cos(true.theta) / TURN, np.sin(true.theta) / TURN], axis=1)
     S = np.concatenate([true.v * [1.0, 1.0, o.rig.k_told], place], axis=1)
     if len(S) < 2:
-        return np.zeros(0), np.zeros(0, int)
+        return np.zeros(0)
     distance, nearest = (np.asarray(part)[:, 1] for part in KDTree(S).query(S, k=2))
     close = np.flatnonzero(distance <= np.quantile(distance, NEAREST))
     pairs = np.unique(np.sort(np.stack([close, nearest[close]], axis=1), axis=1), axis=0)
-    return velocity_error(E[pairs[:, 0]] - E[pairs[:, 1]], 1.0) / np.sqrt(2.0), o.trial[pairs[:, 0]]
+    return velocity_error(E[pairs[:, 0]] - E[pairs[:, 1]], 1.0) / np.sqrt(2.0)

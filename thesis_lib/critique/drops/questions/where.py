@@ -159,7 +159,7 @@ def regions(
         worst.append(
             {
                 "rule": " and ".join(condition.text for condition in rules[i]),
-                "conditions": [_content(condition) for condition in rules[i]],
+                "conditions": [{k: v for k, v in vars(one).items() if k != "wall" or v} for one in rules[i]],
                 "support": float(inside.mean()),
                 "n": int(inside.sum()),
                 "on": "held_out" if enough else "all",
@@ -173,10 +173,6 @@ def regions(
             }
         )
     return worst
-
-
-def _content(condition: Condition) -> dict:
-    return {name: value for name, value in vars(condition).items() if name != "wall" or value}
 
 
 def _scores(z: np.ndarray, masks: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

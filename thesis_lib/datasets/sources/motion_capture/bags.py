@@ -146,7 +146,10 @@ def _collect(path: Path, bodies: dict[str, _Body], topics: dict[str, str]) -> No
         wanted = [one for one in reader.connections if kinds[one.id] in KINDS]
         topics |= {one.topic: f"{one.msgtype[:60]}, {one.msgcount} messages" for one in reader.connections}
         for one in wanted:
-            if not (_same_digest if path.suffix.lower() == ".bag" else _same_fields)(one, kinds[one.id], store):
+            kind = kinds[one.id]
+            # ROS 1 states the MD5 sum of a definition, ROS 2 the definition
+            old = path.suffix.lower() == ".bag"
+            if not (one.digest == store.generate_msgdef(kind)[1] if old else _same_fields(one, kind, store)):
                 raise UserError(
                     f"{path}: {one.topic} has messages {one.msgtype} that are not the standard ones of this name."
                 )
@@ -197,11 +200,6 @@ def _motion(path: Path, name: str, body: _Body, warnings: list[str]) -> Motion:
     if not np.isfinite(quaternion).all(axis=1).any():
         return Motion.of_point(name, str(path), t, poses[:, :3])
     return Motion(name, str(path), t, poses[:, :3], unit(quaternion, f"{path}, {name}"))
-
-
-def _same_digest(connection, kind: str, store) -> bool:
-    """Whether a type of a ROS 1 bag has the content that its name stands for, as its MD5 sum says."""
-    return connection.digest == store.generate_msgdef(kind)[1]
 
 
 def _same_fields(connection, kind: str, store) -> bool:
