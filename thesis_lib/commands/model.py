@@ -188,7 +188,7 @@ def export(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--patch", metavar="FILE", help="your model, which stays as it is unless -o names it")
     parser.add_argument("--body", metavar="NAME", help="body (MJCF) or link in the file to be patched")
     parser.add_argument("--surface", metavar="NAME", default="", help="its link under the body gets the contact, too")
-    parser.add_argument("--plane", metavar="AXES", default="xz", help="of the body to be patched; default: %(default)s")
+    parser.add_argument("--plane", metavar="AXES", help="of the body to be patched, planar; default: xz")
     points = "in which an edge of it touches; default: 1 or 2, by its geometry"
     parser.add_argument("--points", type=int, metavar="N", help=points)
     parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
@@ -203,7 +203,6 @@ def export(argv: Sequence[str] | None = None) -> int:
     from thesis_lib.critique.results.load_model import load_model
 
     model, size = load_model(args.model), {"mass": args.mass, "depth": args.depth}
-    model.require_plane("export")
     if args.patch:
         given = {"plane": args.plane, "points": args.points, "surface": args.surface}
         made = patched(model, args.to, args.patch, args.body, **given, **size)
