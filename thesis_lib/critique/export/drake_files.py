@@ -2,8 +2,8 @@
 
 Drake's point contact is one point for a pair of geometries, also where a face lies on the surface.  So a box or a hull
 touches with a sphere at each corner, small or with the radius of its edges, as is usual in Drake; a box itself is there
-to be seen.  The surface is a half-space in SDF, and a thick box in URDF, which has none.  Spring, dissipation and friction stand with body and
-surface alike, because Drake mixes those of a pair.
+to be seen.  The surface is a half-space in SDF, and a thick box in URDF, which has none.  Spring, dissipation and
+friction stand with body and surface alike, because Drake mixes those of a pair.
 """
 
 from dataclasses import replace

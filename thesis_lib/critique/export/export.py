@@ -82,7 +82,7 @@ def patched(
         raise UserError(f"--points must be 1 or more; got {points}.")
     if surface and target == "mjcf":
         raise UserError("--surface is for SDF and URDF: MuJoCo takes the numbers of the geom with priority alone.")
-    own = Patch(file, BodyAxes(plane or "xz") if model.space.is_plane else BodyAxes("xyz"))
+    own = Patch(file, BodyAxes(("xz" if plane is None else plane) if model.space.is_plane else None))
     of_file = patch_mjcf.mass_in(own, body) if target == "mjcf" else patch_drake.mass_in(own, body, target)
     if mass is None and of_file is not None and not of_file > 0.0:
         raise UserError(f"{file}: the mass of {body!r} is {of_file:g} kg; it must be positive.")

@@ -59,7 +59,7 @@ _CAMERA = "a fault of the camera, not of body or surface: correct the recorded s
 
 def written(name: str, target: str, space: Space) -> str:
     """Where the file of a format holds an effect; "" if it cannot."""
-    is_gravity = name == "wrong_gravity" or name == "surface_tilt" and not space.is_plane
+    is_gravity = name == "wrong_gravity" or (name == "surface_tilt" and not space.is_plane)
     if is_gravity and target != "mjcf":
         return _IGNORED if target == "sdf" else ""
     if name == "torsional_friction" and target == "mjcf":

@@ -35,11 +35,12 @@ def cone(solid: ExportedBody) -> str:
 def contact_story(solid: ExportedBody, of: int) -> list[str]:
     """Where solref, solimp and impratio come from, and how the engine differs from the law."""
     ratio = "fitted (damping_ratio)" if solid.damping_ratio is not None else "not fitted"
+    ratio = "1 on a pyramid" if solid.on_pyramid else ratio
     lines = [
         f"solref, solimp: that restitution and contact time, of {of} contact point{'s' * (of > 1)} that share it;",
         "  MuJoCo's contact is a spring and a damper: off the centre epsilon is less, at any speed the same",
         f"solimp: {'fitted (impedance)' if solid.impedance else 'not fitted: a spring and a damper of their own'}",
-        f"impratio: damping of the slip over that of the normal force, {'1 on a pyramid' if solid.on_pyramid else ratio}",
+        f"impratio: damping of the slip over that of the normal force, {ratio}",
         f"timestep: {STEPS} steps in one contact time",
     ]
     if solid.model.law not in ("convex_contact", "pyramid_contact", "damped_contact"):

@@ -53,6 +53,7 @@ def planar_body(model: SavedModel, target: str, mass: float | None = None, depth
         if rho >= 0.5 * depth:
             raise UserError(f"--depth {depth:g} is too thin for corners of {rho:g} m radius; give more.")
         solid = solid.rounded(min(rho, solid.inradius))
+    leans = "its normal leans by {:.6g} rad towards the x of the drops"
     tilt, height = of("surface_tilt.phi"), model.rig.height + of("surface_height.h")
     normal, gravity = np.array([np.sin(tilt), 0.0, np.cos(tilt)]), model.rig.gravity + of("wrong_gravity.dg")
     touches_once = isinstance(shape, Ellipse) or (isinstance(shape, Disk) and target != "mjcf")
@@ -83,7 +84,7 @@ def planar_body(model: SavedModel, target: str, mass: float | None = None, depth
             "wrong_size": f"geometry is not patched: scale it by {1.0 + of('wrong_size.s'):.6g}",
             "rounded_corners": f"geometry is not patched: round the corners with {of('rounded_corners.rho'):.6g} m",
             "surface_height": f"the surface is not patched: its height is {height:.6g} m",
-            "surface_tilt": f"the surface is not patched: its normal leans by {tilt:.6g} rad towards the x of the drops",
+            "surface_tilt": f"the surface is not patched: {leans.format(tilt)}",
             "wrong_gravity": f"gravity is not patched: it is {gravity:.6g} m/s^2",
         },
     )

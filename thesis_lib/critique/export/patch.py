@@ -28,23 +28,24 @@ SAME = 1e-9  # m
 
 @dataclass(frozen=True)
 class BodyAxes:
-    """Axes of the user's body that are x and y of planar drops, as "xz"; "xyz" in space, where they are the body's."""
+    """Axes of the user's body that are x and y of planar drops, as "xz"; None in space, where all are the shape's."""
 
-    axes: str
+    axes: str | None
 
     def __post_init__(self) -> None:
-        if len(self.axes) not in (2, 3) or len(set(self.axes)) != len(self.axes) or not set(self.axes) <= set("xyz"):
+        axes = "xz" if self.axes is None else self.axes
+        if len(axes) != 2 or len(set(axes)) != 2 or not set(axes) <= set("xyz"):
             raise UserError(f"--plane must be two different letters of x, y and z, as xz; got {self.axes!r}.")
 
     @property
     def indices(self) -> list[int]:
         """Of the axes of `ExportedBody` that the drops show, among those of the body."""
-        return ["xyz".index(letter) for letter in self.axes]
+        return ["xyz".index(letter) for letter in self.axes or "xyz"]
 
     @property
     def across(self) -> int | None:
         """Index of the axis across the plane; None in space."""
-        return 3 - sum(self.indices) if len(self.axes) == 2 else None
+        return None if self.axes is None else 3 - sum(self.indices)
 
     @property
     def order(self) -> list[int]:
@@ -66,6 +67,7 @@ class Patch:
         self.path, self.plane = path, plane
         self.changed: list[str] = []
         self.left: list[str] = []
+        self._prefixes: dict[str, str] = {}
         content = read_bytes(path, LARGEST)
         try:
             self.root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
@@ -123,7 +125,7 @@ class Patch:
     def write(self, what: str, values: Sequence[float], element: Element, attribute: str = "") -> None:
         """Write numbers into an attribute, or as the text, and report them."""
         old = self.numbers(element, attribute)
-        if n(*old) == n(*values):
+        if old and n(*old) == n(*values):
             return
         self.changed.append(f"{what}: {n(*old) if old else 'none'} -> {n(*values)}")
         if attribute:
@@ -137,7 +139,7 @@ class Patch:
 
     def insert(self, parent: Element, tag: str) -> Element:
         """A new first child, on a line of its own if the others have such."""
-        parent.insert(0, new := etree.Element(tag, nsmap=parent.nsmap))
+        parent.insert(0, new := etree.Element(tag, nsmap=parent.nsmap | self._prefixes))
         return new
 
     def child(self, parent: Element, tag: str) -> Element:
@@ -145,7 +147,8 @@ class Patch:
         return etree.SubElement(parent, tag) if (found := parent.find(tag)) is None else found
 
     def declare(self, prefix: str, namespace: str) -> None:
-        """Declare the namespace of what was added at the root."""
+        """Declare the namespace of what will be added, at the root."""
+        self._prefixes = {prefix: namespace}
         self._source.declare(prefix, namespace)
 
     def inertia(self, old: np.ndarray, R: np.ndarray, solid: ExportedBody, where: str) -> np.ndarray:
@@ -180,7 +183,5 @@ class Patch:
 def not_patched(solid: ExportedBody) -> list[str]:
     """What the model has of things that a patch leaves alone, and what no file can hold."""
     held = [f"{name}: {said}" for name, said in solid.not_patched.items() if name in solid.model.effects]
-    return [
-        *held,
-        *(f"{name}: {why}" for name, why in solid.left_out if name not in (*solid.not_patched, "edge_radius")),
-    ]
+    of_geometry = (*solid.not_patched, "edge_radius")
+    return [*held, *(f"{name}: {why}" for name, why in solid.left_out if name not in of_geometry)]

@@ -34,6 +34,8 @@ def patch(
     collisions = link.findall("collision")
     if not collisions:
         raise UserError(f"{file.path}: the link {name!r} has no collision; name the link that touches.")
+    if "drake" not in file.root.nsmap:
+        file.declare("drake", NAMESPACE[target])
     # each collision touches in one point
     places = [_pose(file, one, target)[0] for one in collisions]
     made = drake_files.numbers(solid, points or (1 if file.plane.across is None else file.sharing(places)))
@@ -42,8 +44,6 @@ def patch(
         raise UserError(f"{file.path}: the surface's link {surface!r} has no collision.")
     for collision in (*collisions, *others):
         _contact(file, collision, drake_files.drake_elements(made), target)
-    if "drake" not in file.root.nsmap:
-        file.declare("drake", NAMESPACE[target])
     if not surface:
         file.left.append(
             "contact of the surface: Drake mixes both bodies' numbers; name its link (--surface), or give it the same"

@@ -78,10 +78,8 @@ class Source:
                 yield read.opened, read.closes, inside
         for child in read.element:
             if child not in self._read and isinstance(child.tag, str):
-                before = next(
-                    (self._read[one] for one in child.itersiblings(preceding=True) if one in self._read), None
-                )
-                blank = self._blank(read)
+                elder = (self._read[one] for one in child.itersiblings(preceding=True) if one in self._read)
+                before, blank = next(elder, None), self._blank(read)
                 inside += blank + _written(child, blank)
                 if not read.is_empty:
                     place = before.end if before else read.opened
