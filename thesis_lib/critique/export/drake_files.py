@@ -52,6 +52,7 @@ def contact_story(solid: ExportedBody, of: int) -> list[str]:
 def sdf(solid: ExportedBody) -> str:
     """The file as SDF, a world with two models."""
     of, tree = solid.points, _Tree("sdf", version="1.9")
+    made = numbers(solid, of)
     world = tree.add(tree.root, "world", name="drops")
     tree.add(world, "gravity", n(solid.gravity))
     surface = tree.add(world, "model", name="surface")
@@ -60,25 +61,26 @@ def sdf(solid: ExportedBody) -> str:
     collision = tree.add(tree.add(surface, "link", name="surface"), "collision", name="plane")
     plane = tree.add(tree.add(collision, "geometry"), "plane")
     tree.values(plane, normal="0 0 1", size="1 1")
-    tree.contact(collision, numbers(solid, of))
+    tree.contact(collision, made)
     body = tree.add(world, "model", name="body")
     tree.pose(body, Frame(solid.start, UPRIGHT))
-    _body(tree, tree.add(body, "link", name="body"), solid, of)
+    _body(tree, tree.add(body, "link", name="body"), solid, made)
     return tree.text([*story(solid, contact_story(solid, of)), "", GRAVITY["sdf"].format(n(solid.gravity))])
 
 
 def urdf(solid: ExportedBody) -> str:
     """The file as URDF, a robot whose surface is fixed to the world."""
     of, tree = solid.points, _Tree("urdf", name="drops")
+    made = numbers(solid, of)
     tree.add(tree.root, "link", name="world")
     collision = tree.add(tree.add(tree.root, "link", name="surface"), "collision", name="plane")
     tree.shape(collision, Box(half_extents=(0.5 * WIDE, 0.5 * WIDE, 0.5 * THICK)))
-    tree.contact(collision, numbers(solid, of))
+    tree.contact(collision, made)
     joint = tree.add(tree.root, "joint", name="surface", type="fixed")
     tree.add(joint, "parent", link="world")
     tree.add(joint, "child", link="surface")
     tree.pose(joint, replace(solid.surface, origin=solid.surface.origin - 0.5 * THICK * solid.normal))
-    _body(tree, tree.add(tree.root, "link", name="body"), solid, of)
+    _body(tree, tree.add(tree.root, "link", name="body"), solid, made)
     return tree.text([*story(solid, contact_story(solid, of)), "", GRAVITY["urdf"].format(n(solid.gravity))])
 
 
@@ -136,7 +138,7 @@ class _Tree:
         return f'<?xml version="1.0"?>\n{comment(said)}\n{etree.tostring(self.root, encoding="unicode")}\n'
 
 
-def _body(tree: _Tree, link: Element, solid: ExportedBody, of: int) -> None:
+def _body(tree: _Tree, link: Element, solid: ExportedBody, made: DrakeNumbers) -> None:
     """Inertia, what is seen, and what touches."""
     I = solid.inertia
     inertial = tree.add(link, "inertial")
@@ -153,7 +155,7 @@ def _body(tree: _Tree, link: Element, solid: ExportedBody, of: int) -> None:
         tree.pose(element, part.at)
         tree.shape(element, part.solid)
         if part.touches:
-            tree.contact(element, numbers(solid, of))
+            tree.contact(element, made)
 
 
 def drake_elements(made: DrakeNumbers) -> dict[str, float]:

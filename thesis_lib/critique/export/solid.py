@@ -114,8 +114,7 @@ class ExportedBody:
         if not isinstance(shape, Box | Hull) or not (shape.edge_radius or at_corners):
             return [*found, Part("body", shape, self.at)]
         ball = Sphere(radius=shape.edge_radius or SHARP)
-        inner = shape.rounded(ball.radius).minkowski.centres
-        places = self.at.origin[:, None] + self.at.vectors_out(inner)
+        places = self.at.origin[:, None] + self.at.vectors_out(shape.minkowski.centres)
         balls = [Part(f"corner{i}", ball, Frame(place, UPRIGHT)) for i, place in enumerate(places.T)]
         return [*found, Part("body", shape.rounded(0.0), self.at, touches=False), *balls]
 
