@@ -34,7 +34,7 @@ SDF = """<sdf version='1.9'>
     <link name="table"><collision name="t"><geometry><plane><normal>0 0 1</normal></plane></geometry></collision></link>
     <link name="block">
       <inertial>
-        <mass>  0.05 </mass>
+        <mass>  0.05 <!-- kg, roughly --></mass>
         <inertia><ixx>3e-5</ixx><iyy>3.2e-5</iyy><izz>3e-5</izz><ixz>1e-6</ixz></inertia>
       </inertial>
       <collision name="hull">
@@ -158,7 +158,9 @@ def test_drake_reads_a_patched_file(target, tmp_path):
     fresh = exported(model(), target, mass=0.06).content.decode()
     assert f"{both[0][1]:.9g}" in fresh  # a square has two spheres at an edge, so half the stiffness
     if target == "sdf":
-        assert b"<mu>0.2</mu><mu2>0.2</mu2>" in made.content and b"<mass>0.06</mass>" in made.content
+        assert (
+            b"<mu>0.2</mu><mu2>0.2</mu2>" in made.content and b"<mass>0.06<!-- kg, roughly --></mass>" in made.content
+        )
 
 
 def test_spheres_behind_each_other_share_the_load(tmp_path):
@@ -261,7 +263,11 @@ BAD = {
         SDF.replace("<pose>0 0.01", '<pose degrees="true">0 0.01'),
         "x y z roll pitch yaw, without more",
     ),
-    "no inertia": ("sdf", SDF.replace("<mass>  0.05 </mass>", ""), "no <inertial> with <mass> and <inertia>"),
+    "no inertia": (
+        "sdf",
+        SDF.replace("<mass>  0.05 <!-- kg, roughly --></mass>", ""),
+        "no <inertial> with <mass> and <inertia>",
+    ),
     "no collision": ("urdf", re.sub("<collision name.*?</collision>", "", URDF, flags=re.S), "has no collision"),
     "deep": ("mjcf", "<a>" * 300 + "</a>" * 300, "Excessive depth"),
 }

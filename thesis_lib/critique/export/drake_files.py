@@ -8,11 +8,10 @@ friction stand with body and surface alike, because Drake mixes those of a pair.
 
 from dataclasses import replace
 
-import numpy as np
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Solid
+from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Solid, Sphere
 from thesis_lib.critique.export.patch import Element
 from thesis_lib.critique.export.solid import UPRIGHT, ExportedBody, comment, n, story
 from thesis_lib.engines.parameters import DrakeNumbers, drake_numbers
@@ -114,17 +113,17 @@ class _Tree:
             self.add(element, "pose", f"{n(at.origin)} {turn}")
 
     def shape(self, element: Element, solid: Solid) -> None:
-        kind, own = solid.kind, self.target == "urdf" and isinstance(solid, Ellipsoid | Capsule)
+        own = "drake:" if self.target == "urdf" and isinstance(solid, Ellipsoid | Capsule) else ""
         if isinstance(solid, Ellipsoid):
-            sizes = dict(zip("abc", solid.semi_axes)) if own else {"radii": solid.semi_axes}
+            axes = solid.semi_axes
+            sizes = {name: n(value) for name, value in zip("abc", axes)} if own else {"radii": n(*axes)}
         elif isinstance(solid, Box):
-            sizes = {"size": 2.0 * np.array(solid.half_extents)}
+            sizes = {"size": n(*(2.0 * half for half in solid.half_extents))}
         else:
-            sizes = {"radius": solid.radius}
-            if isinstance(solid, Capsule | Cylinder):
-                sizes["length"] = 2.0 * solid.half_length
-        geometry = self.add(self.add(element, "geometry"), f"drake:{kind}" if own else kind)
-        self.values(geometry, **{name: n(value) for name, value in sizes.items()})
+            assert isinstance(solid, Sphere | Capsule | Cylinder)
+            long = {} if isinstance(solid, Sphere) else {"length": n(2.0 * solid.half_length)}
+            sizes = {"radius": n(solid.radius)} | long
+        self.values(self.add(self.add(element, "geometry"), own + solid.kind), **sizes)
 
     def contact(self, collision: Element, made: DrakeNumbers) -> None:
         properties = self.add(collision, "drake:proximity_properties")

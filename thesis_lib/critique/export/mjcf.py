@@ -22,9 +22,16 @@ UNSEEN = 'contype="0" conaffinity="0"'
 def numbers(solid: ExportedBody, of: int) -> MujocoNumbers:
     """The contact of a body that touches in so many points."""
     ratio = IMPRATIO if solid.damping_ratio is None else solid.damping_ratio
-    given = {"impedance": solid.impedance or IMPEDANCE, "impratio": 1.0 if solid.on_pyramid else ratio}
-    given |= {"points": of, "estimate": solid.estimate, "on_pyramid": solid.on_pyramid}
-    return mujoco_numbers(solid.mu, solid.epsilon, solid.contact_time, **given)
+    return mujoco_numbers(
+        solid.mu,
+        solid.epsilon,
+        solid.contact_time,
+        impedance=solid.impedance or IMPEDANCE,
+        impratio=1.0 if solid.on_pyramid else ratio,
+        points=of,
+        estimate=solid.estimate,
+        on_pyramid=solid.on_pyramid,
+    )
 
 
 def cone(solid: ExportedBody) -> str:
@@ -53,7 +60,8 @@ def mjcf(solid: ExportedBody) -> str:
     of = solid.points
     made = numbers(solid, of)
     I, parts = solid.inertia, solid.parts(at_corners=False)
-    return f"""<mujoco model="{solid.shape.kind}">
+    name = solid.shape.kind  # pyright: ignore[reportAttributeAccessIssue]
+    return f"""<mujoco model="{name}">
 {comment(story(solid, contact_story(solid, of)), "  ")}
   <compiler angle="radian"/>
   <option timestep="{n(solid.contact_time / STEPS)}" integrator="RK4" cone="{cone(solid)}" impratio="{n(made.impratio)}"

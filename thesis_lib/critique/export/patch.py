@@ -19,7 +19,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from thesis_lib.critique.export.solid import ExportedBody, n
 from thesis_lib.critique.export.splice import Element, Source
 from thesis_lib.foundation.command_line import near
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import read_bytes
 
 LARGEST = 20_000_000  # bytes; a humanoid's file has 0.1 MB, one with meshes in it a few
@@ -80,8 +80,8 @@ class Patch:
             raise UserError(f"{path} has a document type (<!DOCTYPE ...>); remove it, no model needs one.")
         try:
             self._source = Source(content, self.root)
-        except LookupError as error:
-            raise UserError(f"{path}: {error}; save the file as UTF-8.") from error
+        except (LookupError, ValueError) as error:
+            raise UserError(f"{path} cannot be patched ({first_line(error)}); save it as UTF-8.") from error
 
     def content(self) -> bytes:
         """The file: what was not edited is as it was, to the byte."""

@@ -18,6 +18,7 @@ Element: TypeAlias = etree._Element
 Splice: TypeAlias = tuple[int, int, bytes]  # first and last place, and what stands there instead
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _TAG = re.compile(rb"<[^\s/>]+(?:" + _ATTRIBUTE.pattern.replace(b"(", b"(?:").replace(b"(?:?:", b"(?:") + rb")*\s*/?>")
+_NOTE = re.compile(rb"<(?:!--|\?)")
 _NAMESPACE = re.compile(rb'\s+xmlns(?::\w+)?="[^"]*"')
 _MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
@@ -45,7 +46,7 @@ class Source:
     """The bytes of a file, and its tree as lxml has read it."""
 
     def __init__(self, content: bytes, root: Element) -> None:
-        """LookupError if the encoding of the file is unknown here."""
+        """LookupError if the encoding of the file is unknown here, ValueError if tags are not where lxml has them."""
         stated = root.getroottree().docinfo.encoding or "utf-8"
         self._encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), stated)
         self._text = content.decode(self._encoding).encode()
@@ -72,10 +73,11 @@ class Source:
     def _edits(self, read: _Read) -> Iterator[Splice]:
         yield from self._of_tag(read)
         inside = b""
-        if read.element.text != read.text and not len(read.element):
+        if read.element.text != read.text:
             inside = (read.element.text or "").encode()
             if not read.is_empty:
-                yield read.opened, read.closes, inside
+                noted = _NOTE.search(self._text, read.opened, read.closes)
+                yield read.opened, noted.start() if noted else read.closes, inside
         for child in read.element:
             if child not in self._read and isinstance(child.tag, str):
                 elder = (self._read[one] for one in child.itersiblings(preceding=True) if one in self._read)
@@ -128,8 +130,8 @@ def _places(text: bytes) -> list[tuple[int, int, int, int]]:
     parser = expat.ParserCreate("utf-8")
 
     def begin(name: str, attributes: dict[str, str]) -> None:
-        tag = _TAG.match(text, parser.CurrentByteIndex)
-        assert tag is not None
+        if (tag := _TAG.match(text, parser.CurrentByteIndex)) is None:
+            raise ValueError(f"the tag <{name}> is not understood")
         opened.append(len(found))
         found.append([*tag.span(), 0, 0])
 
@@ -139,5 +141,8 @@ def _places(text: bytes) -> list[tuple[int, int, int, int]]:
         places[2:] = [places[1], places[1]] if is_empty else [here, text.index(b">", here) + 1]
 
     parser.StartElementHandler, parser.EndElementHandler = begin, finish
-    parser.Parse(text, True)
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise ValueError(str(error)) from error
     return [(start, opened_at, closes, end) for start, opened_at, closes, end in found]
