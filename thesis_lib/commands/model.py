@@ -64,11 +64,11 @@ EXPORT = """\
 Write what a critique found as a file of a simulator: body, inertia, centre of mass, friction, contact, surface.
 
 The plane of the drops becomes x-z, with z up; the body is --depth deep along y. An ellipse is an ellipsoid, a polygon a
-prism, a disk a cylinder. Comments in the file say where each number comes from. What the format cannot hold is listed
-there and here, by name.
+prism, a disk a cylinder. In space the axes are those of the recording, and the body has the frame of its shape.
+Comments in the file say where each number comes from. What the format cannot hold is listed there and here, by name.
 
 With --patch, the numbers go into a body of your own model instead: inertia, centre of mass, friction and contact (mass
-with --mass). Geometry, surface, options and comments stay as they are. MJCF is read by MuJoCo; the
+with --mass). Geometry, surface, options, comments and every other byte stay as they are. MJCF is read by MuJoCo; the
 contact in SDF and URDF stands in elements that Drake reads.
 """
 EXPORT_EXAMPLES = """\
@@ -183,12 +183,13 @@ def export(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("model", metavar="MODEL.json")
     parser.add_argument("--to", choices=FORMATS, required=True, help="format of the file")
     parser.add_argument("-o", "--out", metavar="FILE", required=True, help="file to write")
-    parser.add_argument("--mass", type=float, metavar="KG", help="default: 1 kg, with --patch that of the file")
+    mass = "default: 1 kg, in space that of dataset.yaml; with --patch that of the file"
+    parser.add_argument("--mass", type=float, metavar="KG", help=mass)
     parser.add_argument("--depth", type=float, metavar="M", help="across the plane; default: the longest extent in it")
     parser.add_argument("--patch", metavar="FILE", help="your model, which stays as it is unless -o names it")
     parser.add_argument("--body", metavar="NAME", help="body (MJCF) or link in the file to be patched")
     parser.add_argument("--surface", metavar="NAME", default="", help="its link under the body gets the contact, too")
-    parser.add_argument("--plane", metavar="AXES", default="xz", help="of the body to be patched; default: %(default)s")
+    parser.add_argument("--plane", metavar="AXES", help="of the body to be patched, planar; default: xz")
     points = "in which an edge of it touches; default: 1 or 2, by its geometry"
     parser.add_argument("--points", type=int, metavar="N", help=points)
     parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
@@ -203,7 +204,6 @@ def export(argv: Sequence[str] | None = None) -> int:
     from thesis_lib.critique.results.load_model import load_model
 
     model, size = load_model(args.model), {"mass": args.mass, "depth": args.depth}
-    model.require_plane("export")
     if args.patch:
         given = {"plane": args.plane, "points": args.points, "surface": args.surface}
         made = patched(model, args.to, args.patch, args.body, **given, **size)

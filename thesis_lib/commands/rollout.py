@@ -22,12 +22,16 @@ ROLLOUT = """\
 Simulate measured tosses with a model.json, from how each begins to its last frame, and compare all frames in the three
 ways of the field (ContactNets, Acosta et al. 2021, and the mean errors used for engines). The floor says how far an
 error of the initial state alone goes. Only tosses that the critique of the model held out, unless --all.
+
+With --mjcf the same tosses are simulated in files of your own, too, from the same beginnings: a body with a free joint,
+in whose frame the shape lies as in dataset.yaml, over the only plane of the file.
 """
 EXAMPLES = """\
 examples:
   python -m thesis_lib rollout out/model.json data/tosses
   python -m thesis_lib rollout out/model.json data/tosses --start first_frame -o out
   python -m thesis_lib rollout out/model.json data/tosses --against plain/model.json      which is better?
+  python -m thesis_lib rollout out/model.json data/tosses --mjcf mine.xml better.xml --body box
   python -m thesis_lib rollout model.json data/tosses --all --json | jq .contactnets
 """
 ERRORS = "errors.csv"  # beside model.json: which trials the critique held out
@@ -42,11 +46,17 @@ def rollout(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--start", choices=("first_flight", "first_frame"), default="first_flight", help=start)
     parser.add_argument("--all", action="store_true", help="all tosses, also those that the model was fitted to")
     parser.add_argument("--against", metavar="MODEL.json", help="compare with another model, toss by toss")
+    parser.add_argument(
+        "--mjcf", metavar="FILE", nargs="+", default=[], help="the same tosses in MuJoCo by these files"
+    )
+    parser.add_argument("--body", metavar="NAME", help="of --mjcf: the body in them")
     parser.add_argument("-o", "--out", metavar="DIR", help="writes rollout.json, and pictures against time and hits")
     parser.add_argument("--json", action="store_true", help="print the content of rollout.json in place of the table")
     parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
     add_option(parser)
     args = parser.parse_args(argv)
+    if bool(args.mjcf) != bool(args.body):
+        raise UserError("--mjcf FILE and --body NAME belong together: the files, and the body in them.")
     load_additions(args.files, [args.data])
     with Progress(args.model, quiet=args.quiet) as say:
         say("loading")
@@ -68,6 +78,19 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             rng = generator(SEED, "rollout", "differences")
             both = compared(found.tosses, second.tosses, args.start, rng)
             content["against"] = {"model": repr(other), "difference": both}
+        if args.mjcf:
+            from thesis_lib.critique.simulation.in_mujoco import TossesInFile
+            from thesis_lib.critique.simulation.rollout import rolled_out_by, summary
+            from thesis_lib.foundation.files import six_digits
+
+            content["files"] = {}
+            for path in args.mjcf:
+                say(path)
+                moves = TossesInFile(path, args.body, model).toss  # pyright: ignore[reportArgumentType]
+                tosses = rolled_out_by(moves, model, data, trials, args.start, say)  # pyright: ignore[reportArgumentType]
+                rng = generator(SEED, "rollout", "intervals")
+                name = path if Path(path).name in content["files"] else Path(path).name
+                content["files"][name] = six_digits(summary(tosses, args.start, rng))
         if args.out:
             from thesis_lib.figures.critique.rollout import draw_rollout
             from thesis_lib.figures.style import save_figure
@@ -116,7 +139,7 @@ def as_table(content: Mapping) -> str:
         low, high = of["interval"][key]
         return f"{of[key]:.3g} [{low:.3g}, {high:.3g}]"
 
-    columns = {"model": content, "floor": content["floor"]}
+    columns = {"model": content, "floor": content["floor"], **content.get("files", {})}
     if "against" in content:
         columns["less the other"] = content["against"]["difference"]
     lines = [f"{content['model']} on {content['dataset']}: {content['contactnets']['n']} tosses"]

@@ -42,6 +42,7 @@ from thesis_lib.simulate.mujoco.contact import restitution_and_time, solref, spr
 from thesis_lib.simulate.rig.hidden_causes import REFERENCE_SPEED
 
 PLANAR = 2.0 / 3.0  # of 1/m: MuJoCo's estimate of the inverse mass of a body that cannot leave its plane
+LEAST_FRICTION = 1e-5  # MuJoCo's least μ
 SETTLE = 8  # rounds in which the first step of Bullet's damper is found
 WIDTH, MIDPOINT, POWER = 1e-3, 0.5, 2.0  # of solimp; without effect where both its impedances are equal
 
@@ -74,20 +75,31 @@ class BulletNumbers:
     friction: float
 
 
-def share(impedance: float, points: int = 1) -> float:
+def share(impedance: float, points: float = 1) -> float:
     """s of a central contact of a free body that touches in so many points, 1."""
     return 1.0 / (impedance + (1.0 - impedance) / points)
 
 
 def mujoco_numbers(
-    mu: float, epsilon: float, contact_time: float, *, impedance: float = 0.01, impratio: float = 10.0, points: int = 1
+    mu: float,
+    epsilon: float,
+    contact_time: float,
+    *,
+    impedance: float = 0.01,
+    impratio: float = 10.0,
+    points: int = 1,
+    estimate: float = PLANAR,
+    on_pyramid: bool = False,
 ) -> MujocoNumbers:
     """Numbers of a free body that touches in so many points; `contact_time` in s.
 
-    `impedance` is that of `MujocoContact`, of a planar body that touches in one point.
+    `impedance` is that of `MujocoContact`, of a body that touches in one point and whose inverse mass MuJoCo takes for
+    `estimate` times 1/m: by default a planar one.  `on_pyramid`: with the pyramidal cone and an impratio of 1.
     """
-    d = 1.0 / (1.0 + points * PLANAR * (1.0 - impedance) / impedance)
-    K, B = solref(epsilon, contact_time, share(d, points))
+    d = 1.0 / (1.0 + points * estimate * (1.0 - impedance) / impedance)
+    # four edges with R_e = 2 μ² R each push along the normal together
+    shared = 2.0 * points / max(mu, LEAST_FRICTION) ** 2 if on_pyramid else points
+    K, B = solref(epsilon, contact_time, share(d, shared))
     return MujocoNumbers((float(K), float(B)), (d, d, WIDTH, MIDPOINT, POWER), mu, impratio)
 
 

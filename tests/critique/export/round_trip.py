@@ -191,11 +191,8 @@ def by_mujoco(text, q, v, tilt=0.0, height=0.0, body="body"):
     return in_plane(end[:, :3], end[:, 3:], tilt)
 
 
-def by_drake(path, q, v, tilt=0.0, height=0.0, body="body"):
-    """The same of an SDF or URDF file."""
-    from pydrake.common.eigen_geometry import Quaternion
-    from pydrake.math import RigidTransform
-    from pydrake.multibody.math import SpatialVelocity
+def plant_of(path):
+    """A simulator in continuous time of a file, and its plant."""
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel
     from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
@@ -209,6 +206,16 @@ def by_drake(path, q, v, tilt=0.0, height=0.0, body="body"):
     plant.set_stiction_tolerance(2e-3)
     simulator = Simulator(builder.Build())
     ResetIntegratorFromFlags(simulator, "runge_kutta3", 1e-3).set_target_accuracy(1e-4)
+    return simulator, plant
+
+
+def by_drake(path, q, v, tilt=0.0, height=0.0, body="body"):
+    """The same of an SDF or URDF file."""
+    from pydrake.common.eigen_geometry import Quaternion
+    from pydrake.math import RigidTransform
+    from pydrake.multibody.math import SpatialVelocity
+
+    simulator, plant = plant_of(path)
     root = simulator.get_mutable_context()
     context, link = plant.GetMyMutableContextFromRoot(root), plant.GetBodyByName(body)
     ends = []

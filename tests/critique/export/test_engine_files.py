@@ -9,8 +9,8 @@ from round_trip import BODIES, LEAD, MASS, TRUE, by_drake, by_mujoco, errors, mo
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Disk, Polygon
-from thesis_lib.critique.export.export import exported
-from thesis_lib.critique.export.solid import FORMATS, solid
+from thesis_lib.critique.export.export import body_of, exported
+from thesis_lib.critique.export.solid import FORMATS
 from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE
@@ -117,7 +117,7 @@ def test_the_inertia_of_a_uniform_body_is_that_of_its_solid(name):
 def test_an_l_of_unequal_moments_keeps_its_axes():
     """Products of inertia: the file's tensor about y is m k², and the plane's is that of the shape."""
     bent = Polygon(vertices=((0.05, -0.01), (0.02, 0.03), (-0.03, 0.0)))
-    made = solid(model_of("mujoco", Body(shape=bent, mass=MASS, radius_of_gyration=0.02), TRUE), "mjcf", 0.2, 0.05)
+    made = body_of(model_of("mujoco", Body(shape=bent, mass=MASS, radius_of_gyration=0.02), TRUE), "mjcf", 0.2, 0.05)
     assert made.inertia[1, 1] == pytest.approx(0.2 * 0.02**2)
     rng = np.random.default_rng(0)
     corners = np.array(bent.vertices)

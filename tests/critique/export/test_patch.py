@@ -1,6 +1,7 @@
 """A patch changes the numbers of one body and nothing else; what it cannot do, it refuses or says."""
 
 import re
+from difflib import SequenceMatcher
 
 import mujoco
 import numpy as np
@@ -33,7 +34,7 @@ SDF = """<sdf version='1.9'>
     <link name="table"><collision name="t"><geometry><plane><normal>0 0 1</normal></plane></geometry></collision></link>
     <link name="block">
       <inertial>
-        <mass>  0.05 </mass>
+        <mass>  0.05 <!-- kg, roughly --></mass>
         <inertia><ixx>3e-5</ixx><iyy>3.2e-5</iyy><izz>3e-5</izz><ixz>1e-6</ixz></inertia>
       </inertial>
       <collision name="hull">
@@ -67,6 +68,12 @@ CHANGED = {
 }
 
 
+def plain(line):
+    """A line without blanks and quotes that do not matter."""
+    line = re.sub(r"\s+", " ", line.strip().replace('"', "").replace("'", ""))
+    return re.sub(r" ?(=|/?>) ?", r"\1", line)
+
+
 def model(**extra):
     return model_of("mujoco", BODIES["square"], NUMBERS, extra=extra)
 
@@ -78,20 +85,15 @@ def file_of(tmp_path, text, name="mine.xml"):
 
 
 @pytest.mark.parametrize("target", FILES)
-def test_all_else_in_a_file_stays(target, tmp_path):
-    """Comments, order, lines and their indents; quotes and blanks within a tag may differ."""
-
-    def plain(text):
-        blanks = re.sub(r"(?<=\S)[ \t]+", " ", text.replace("\r", "").replace('"', "").replace("'", ""))
-        return re.sub(r" ?(=|/?>) ?", r"\1", blanks).replace("><!-- no", ">\n<!-- no").split("\n")
-
-    old, new = (
-        plain(FILES[target]),
-        plain(patched(model(), target, file_of(tmp_path, FILES[target]), "block").content.decode()),
-    )
-    kept = [line for line in old if not line.strip().startswith(CHANGED[target])]
-    assert len(kept) == len(old) - len(CHANGED[target])
-    assert [line for line in new if line in kept] == kept
+def test_all_else_in_a_file_stays_to_the_byte(target, tmp_path):
+    """Nothing of a file goes but numbers that are replaced, and what is new stands in the lines of these."""
+    old = FILES[target].encode()
+    new = patched(model(), target, file_of(tmp_path, FILES[target]), "block").content
+    for tag, i, j, here, there in SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
+        assert tag == "equal" or re.fullmatch(rb"[-+.\de ]*", old[i:j]), (old[i:j], new[here:there])
+    kept = [line for line in FILES[target].split("\n") if not plain(line).startswith(CHANGED[target])]
+    assert [line for line in new.decode().split("\n") if line in kept] == kept
+    assert len(kept) == FILES[target].count("\n") + 1 - len(CHANGED[target])
 
 
 def test_the_numbers_are_those_of_the_model(tmp_path):
@@ -156,7 +158,9 @@ def test_drake_reads_a_patched_file(target, tmp_path):
     fresh = exported(model(), target, mass=0.06).content.decode()
     assert f"{both[0][1]:.9g}" in fresh  # a square has two spheres at an edge, so half the stiffness
     if target == "sdf":
-        assert b"<mu>0.2</mu><mu2>0.2</mu2>" in made.content and b"<mass>0.06</mass>" in made.content
+        assert (
+            b"<mu>0.2</mu><mu2>0.2</mu2>" in made.content and b"<mass>0.06<!-- kg, roughly --></mass>" in made.content
+        )
 
 
 def test_spheres_behind_each_other_share_the_load(tmp_path):
@@ -259,7 +263,11 @@ BAD = {
         SDF.replace("<pose>0 0.01", '<pose degrees="true">0 0.01'),
         "x y z roll pitch yaw, without more",
     ),
-    "no inertia": ("sdf", SDF.replace("<mass>  0.05 </mass>", ""), "no <inertial> with <mass> and <inertia>"),
+    "no inertia": (
+        "sdf",
+        SDF.replace("<mass>  0.05 <!-- kg, roughly --></mass>", ""),
+        "no <inertial> with <mass> and <inertia>",
+    ),
     "no collision": ("urdf", re.sub("<collision name.*?</collision>", "", URDF, flags=re.S), "has no collision"),
     "deep": ("mjcf", "<a>" * 300 + "</a>" * 300, "Excessive depth"),
 }
@@ -284,15 +292,20 @@ def test_files_that_are_no_xml_are_refused(tmp_path):
         patched(model(), "mjcf", tmp_path, "block")
 
 
-def test_encodings_and_ends_of_lines(tmp_path):
-    """A byte order mark, UTF-16, carriage returns: the same content."""
-    plain = patched(model(), "mjcf", file_of(tmp_path, MJCF), "block").content
+def test_encodings_and_ends_of_lines_stay(tmp_path):
+    """A byte order mark, UTF-16, another encoding, carriage returns: the same edits, in the bytes of the file."""
+    plain = patched(model(), "mjcf", file_of(tmp_path, MJCF), "block").content.decode()
     path = tmp_path / "other.xml"
-    body = MJCF.removeprefix('<?xml version="1.0" encoding="utf-8"?>\n')
-    for raw in (MJCF.encode("utf-8-sig"), body.encode("utf-16"), body.replace("\r", "").replace("\n", "\r\n").encode()):
+    latin = MJCF.replace("utf-8", "iso-8859-1")
+    windows, of_windows = (text.replace("\r", "").replace("\n", "\r\n") for text in (MJCF, plain))
+    for raw, expected in (
+        (MJCF.encode("utf-8-sig"), plain.encode("utf-8-sig")),
+        (MJCF.replace("utf-8", "utf-16").encode("utf-16"), plain.replace("utf-8", "utf-16").encode("utf-16")),
+        (latin.encode("latin-1"), plain.replace("utf-8", "iso-8859-1").encode("latin-1")),
+        (windows.encode(), of_windows.encode()),
+    ):
         path.write_bytes(raw)
-        new = patched(model(), "mjcf", path, "block").content
-        assert plain.endswith(new.replace(b"\r", b"")) and (b"\r\n" in new) == (raw.count(b"\r") > 1)
+        assert patched(model(), "mjcf", path, "block").content == expected
 
 
 def test_the_command_patches_and_says_what(tmp_path, capsys):

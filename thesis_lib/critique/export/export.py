@@ -8,8 +8,11 @@ from pathlib import Path
 
 from thesis_lib.critique.drops.planar.sliding import require_falling
 from thesis_lib.critique.export import drake_files, mjcf, patch_drake, patch_mjcf
+from thesis_lib.critique.export.of_plane import planar_body
+from thesis_lib.critique.export.of_space import body_in_space
 from thesis_lib.critique.export.patch import BodyAxes, Patch
-from thesis_lib.critique.export.solid import FORMATS, only_bounds, solid
+from thesis_lib.critique.export.solid import FORMATS, ExportedBody, only_bounds
+from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import atomic
@@ -28,9 +31,7 @@ class Exported:
 
 def exported(model: SavedModel, target: str, *, mass: float | None = None, depth: float | None = None) -> Exported:
     """A new file; UserError for an unknown format, a depth or mass that cannot be, a prism too thin."""
-    _known(target)
-    require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "export")
-    made = solid(model, target, mass, depth)
+    made = body_of(model, target, mass, depth)
     held = tuple(f"{name}: {where}" for name, where in made.expressed)
     left = [f"{name}: {why}" for name, why in made.left_out]
     if not made.mass_known:
@@ -41,6 +42,16 @@ def exported(model: SavedModel, target: str, *, mass: float | None = None, depth
     return Exported(WRITERS[target](made).encode(), held, tuple(left))
 
 
+def body_of(model: SavedModel, target: str, mass: float | None = None, depth: float | None = None) -> ExportedBody:
+    """The body of a model for a format; errors as of `exported`."""
+    if target not in FORMATS:
+        raise UserError(f"There is no format {target!r}; known are {', '.join(FORMATS)}.")
+    if isinstance(model, SavedSpaceModel):
+        return body_in_space(model, target, mass, depth)
+    require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "export")
+    return planar_body(model, target, mass, depth)
+
+
 def patched(
     model: SavedModel,
     target: str,
@@ -49,7 +60,7 @@ def patched(
     *,
     mass: float | None = None,
     depth: float | None = None,
-    plane: str = "xz",
+    plane: str | None = None,
     points: int | None = None,
     surface: str = "",
 ) -> Exported:
@@ -58,24 +69,24 @@ def patched(
     Args:
         mass: kg; None: that of the file.
         depth: m across the plane, for a body without inertia.
-        plane: axes of the body that are x and y of the drops.
-        points: in which an edge of the body touches; None: by its geometry.
+        plane: axes of the body that are x and y of planar drops, by default "xz".
+        points: in which an edge of the body touches; None: by its geometry, in space one.
         surface: link of the surface (SDF, URDF), which gets the same contact.
 
     Raises:
         UserError: the file cannot be read, is of another format, or lacks the body or what a patch needs of it.
     """
-    _known(target)
-    require_falling(model.rig.gravity, model.rig.has_angle, model.rig.walls, "export")
+    if plane is not None and not model.space.is_plane:
+        raise UserError("--plane is for planar models: in space the frame of your body must be that of the shape.")
     if points is not None and points < 1:
         raise UserError(f"--points must be 1 or more; got {points}.")
     if surface and target == "mjcf":
         raise UserError("--surface is for SDF and URDF: MuJoCo takes the numbers of the geom with priority alone.")
-    own = Patch(file, BodyAxes(plane))
+    own = Patch(file, BodyAxes(("xz" if plane is None else plane) if model.space.is_plane else None))
     of_file = patch_mjcf.mass_in(own, body) if target == "mjcf" else patch_drake.mass_in(own, body, target)
     if mass is None and of_file is not None and not of_file > 0.0:
         raise UserError(f"{file}: the mass of {body!r} is {of_file:g} kg; it must be positive.")
-    made = solid(model, target, mass or of_file, depth)
+    made = body_of(model, target, mass or of_file, depth)
     if target == "mjcf":
         patch_mjcf.patch(own, body, made, points)
     else:
@@ -90,8 +101,3 @@ def write(made: Exported, path: str | Path) -> None:
     """Write the file, whole or not at all."""
     with atomic(path) as part:
         part.write_bytes(made.content)
-
-
-def _known(target: str) -> None:
-    if target not in FORMATS:
-        raise UserError(f"There is no format {target!r}; known are {', '.join(FORMATS)}.")

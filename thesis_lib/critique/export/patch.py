@@ -12,54 +12,50 @@ file needs them.  Nothing that the file names is opened.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from thesis_lib.critique.export.solid import ExportedBody, n
+from thesis_lib.critique.export.splice import Element, Source
 from thesis_lib.foundation.command_line import near
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.errors import UserError, first_line
 from thesis_lib.foundation.regular_file import read_bytes
 
-Element: TypeAlias = etree._Element
 LARGEST = 20_000_000  # bytes; a humanoid's file has 0.1 MB, one with meshes in it a few
-# effects that are about what a patch leaves alone
-NOT_PATCHED = {
-    "wrong_size": "geometry is not patched: scale it by {factor:.6g}",
-    "rounded_corners": "geometry is not patched: round the corners with {radius:.6g} m",
-    "surface_height": "the surface is not patched: its height is {height:.6g} m",
-    "surface_tilt": "the surface is not patched: its normal leans by {tilt:.6g} rad towards the x of the drops",
-    "wrong_gravity": "gravity is not patched: it is {gravity:.6g} m/s^2",
-}
 SAME = 1e-9  # m
 
 
 @dataclass(frozen=True)
 class BodyAxes:
-    """Axes of the user's body that are x and y of the drops, as "xz"."""
+    """Axes of the user's body that are x and y of planar drops, as "xz"; None in space, where all are the shape's."""
 
-    axes: str
+    axes: str | None
 
     def __post_init__(self) -> None:
-        if len(self.axes) != 2 or len(set(self.axes)) != 2 or not set(self.axes) <= set("xyz"):
+        axes = "xz" if self.axes is None else self.axes
+        if len(axes) != 2 or len(set(axes)) != 2 or not set(axes) <= set("xyz"):
             raise UserError(f"--plane must be two different letters of x, y and z, as xz; got {self.axes!r}.")
 
     @property
     def indices(self) -> list[int]:
-        """Of the drops' x and y among the axes of the body."""
-        return ["xyz".index(letter) for letter in self.axes]
+        """Of the axes of `ExportedBody` that the drops show, among those of the body."""
+        return ["xyz".index(letter) for letter in self.axes or "xyz"]
 
     @property
-    def across(self) -> int:
-        """Index of the axis across the plane."""
-        return 3 - sum(self.indices)
+    def across(self) -> int | None:
+        """Index of the axis across the plane; None in space."""
+        return None if self.axes is None else 3 - sum(self.indices)
 
-    def turned(self, tensor: np.ndarray) -> np.ndarray:
-        """A tensor (3, 3) of `ExportedBody`, whose plane is x-z, in the axes of the body."""
-        new = np.empty((3, 3))
-        order = [self.indices[0], self.across, self.indices[1]]
-        new[np.ix_(order, order)] = tensor
+    @property
+    def order(self) -> list[int]:
+        """Where each axis of `ExportedBody`, whose plane is x-z, lies among those of the body."""
+        return self.indices if self.across is None else [self.indices[0], self.across, self.indices[1]]
+
+    def turned(self, array: np.ndarray) -> np.ndarray:
+        """A vector (3,) or tensor (3, 3) of `ExportedBody` in the axes of the body."""
+        new = np.empty_like(array)
+        new[np.ix_(*[self.order] * array.ndim)] = array
         return new
 
 
@@ -71,6 +67,7 @@ class Patch:
         self.path, self.plane = path, plane
         self.changed: list[str] = []
         self.left: list[str] = []
+        self._prefixes: dict[str, str] = {}
         content = read_bytes(path, LARGEST)
         try:
             self.root = etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
@@ -81,15 +78,14 @@ class Patch:
             ) from error
         if self.root.getroottree().docinfo.doctype:
             raise UserError(f"{path} has a document type (<!DOCTYPE ...>); remove it, no model needs one.")
-        self._declared = content[:10].find(b"<?xml") >= 0
-        self._newline = b"\r\n" if 2 * content.count(b"\r\n") > content.count(b"\n") else b"\n"
+        try:
+            self._source = Source(content, self.root)
+        except (LookupError, ValueError) as error:
+            raise UserError(f"{path} cannot be patched ({first_line(error)}); save it as UTF-8.") from error
 
     def content(self) -> bytes:
-        """The file as UTF-8: comments, order, blanks between elements and the ends of lines are the user's."""
-        nodes = [*self.root.itersiblings(preceding=True)][::-1] + [self.root, *self.root.itersiblings()]
-        parts = [etree.tostring(node, encoding="utf-8", xml_declaration=False, with_tail=False) for node in nodes]
-        start = [b'<?xml version="1.0" encoding="utf-8"?>'] if self._declared else []
-        return b"\n".join([*start, *parts, b""]).replace(b"\n", self._newline)
+        """The file: what was not edited is as it was, to the byte."""
+        return self._source.content()
 
     def where(self, element: Element) -> str:
         return f"{self.path}, line {element.sourceline}"
@@ -129,48 +125,53 @@ class Patch:
     def write(self, what: str, values: Sequence[float], element: Element, attribute: str = "") -> None:
         """Write numbers into an attribute, or as the text, and report them."""
         old = self.numbers(element, attribute)
+        if old and n(*old) == n(*values):
+            return
         self.changed.append(f"{what}: {n(*old) if old else 'none'} -> {n(*values)}")
         if attribute:
             element.set(attribute, n(*values))
         else:
             element.text = n(*values)
 
+    def remove(self, element: Element, attribute: str) -> None:
+        """Remove an attribute that would contradict what is written, and report it."""
+        self.changed.append(f"{attribute} of <{element.tag}>: {element.attrib.pop(attribute)} -> none")
+
     def insert(self, parent: Element, tag: str) -> Element:
         """A new first child, on a line of its own if the others have such."""
-        new = etree.Element(tag, nsmap=parent.nsmap)
-        new.tail = parent.text
-        parent.insert(0, new)
+        parent.insert(0, new := etree.Element(tag, nsmap=parent.nsmap | self._prefixes))
         return new
 
     def child(self, parent: Element, tag: str) -> Element:
         """The first child of this tag; a new last one if there is none, on a line of its own like all others then."""
-        if (found := parent.find(tag)) is None:
-            found = etree.SubElement(parent, tag)
-            etree.indent(parent, level=len(list(parent.iterancestors())))
-        return found
+        return etree.SubElement(parent, tag) if (found := parent.find(tag)) is None else found
 
     def declare(self, prefix: str, namespace: str) -> None:
-        """Declare a namespace that was added below once, at the root."""
-        prefixes = [known for one in self.root.iter() for known in one.nsmap if known]
-        etree.cleanup_namespaces(self.root, {prefix: namespace}, keep_ns_prefixes=prefixes)
+        """Declare the namespace of what will be added, at the root."""
+        self._prefixes = {prefix: namespace}
+        self._source.declare(prefix, namespace)
 
-    def inertia_factor(self, tensor: np.ndarray, solid: ExportedBody, where: str) -> float:
-        """What makes m k² of the moment across the plane of a file's tensor (3, 3); UserError if it has none there."""
-        old = tensor[self.plane.across, self.plane.across]
-        if not old > 0.0:
+    def inertia(self, old: np.ndarray, R: np.ndarray, solid: ExportedBody, where: str) -> np.ndarray:
+        """What the tensor (3, 3) of a file becomes, in axes that R turns into those of the body; of planar drops the
+        same times the factor that makes m k² of the moment across the plane.  UserError if it has none there."""
+        if self.plane.across is None:
+            return R.T @ solid.inertia @ R
+        here = (R @ old @ R.T)[self.plane.across, self.plane.across]
+        if not here > 0.0:
             raise UserError(
                 f"{where} has no positive moment of inertia about {'xyz'[self.plane.across]}; mend it first."
             )
-        return float(solid.mass * solid.k_g**2 / old)
+        return self.plane.turned(solid.inertia)[self.plane.across, self.plane.across] / here * old
 
     def moved(self, position: Sequence[float], solid: ExportedBody) -> list[float]:
         """The place of the centre of mass with the fitted offset; the same place if none was fitted."""
-        place = list(position)
+        place, true = list(position), self.plane.turned(solid.centre)
         if "com_offset" in solid.model.effects:
-            for i, value in zip(self.plane.indices, solid.com):
-                place[i] = float(value)
-        elif max(abs(place[i]) for i in self.plane.indices) > SAME:
-            self.left.append(f"centre of mass: stays at {n(*place)}; in the drops it was believed at the body's origin")
+            for i in self.plane.indices:
+                place[i] = float(true[i])
+        elif max(abs(place[i] - true[i]) for i in self.plane.indices) > SAME:
+            believed = n(*(true[i] for i in self.plane.indices))
+            self.left.append(f"centre of mass: stays at {n(*place)}; in the drops it was believed at {believed}")
         return place
 
     def sharing(self, places: Iterable[Sequence[float]]) -> int:
@@ -181,12 +182,6 @@ class Patch:
 
 def not_patched(solid: ExportedBody) -> list[str]:
     """What the model has of things that a patch leaves alone, and what no file can hold."""
-    values = {
-        "factor": 1.0 + solid.model.values.get("wrong_size.s", 0.0),
-        "radius": solid.corner_radius,
-        "height": solid.height,
-        "tilt": solid.tilt,
-        "gravity": solid.gravity,
-    }
-    held = [f"{name}: {NOT_PATCHED[name].format(**values)}" for name, _ in solid.expressed if name in NOT_PATCHED]
-    return [*held, *(f"{name}: {why}" for name, why in solid.left_out if name not in NOT_PATCHED)]
+    held = [f"{name}: {said}" for name, said in solid.not_patched.items() if name in solid.model.effects]
+    of_geometry = (*solid.not_patched, "edge_radius")
+    return [*held, *(f"{name}: {why}" for name, why in solid.left_out if name not in of_geometry)]

@@ -15,6 +15,7 @@ from thesis_lib.critique.export.patch import Element, Patch, not_patched
 from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.foundation.errors import UserError
 
+LEVEL = 1e-9  # of the largest moment: smaller products of inertia are rounding
 _ENTRIES = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
@@ -33,15 +34,16 @@ def patch(
     collisions = link.findall("collision")
     if not collisions:
         raise UserError(f"{file.path}: the link {name!r} has no collision; name the link that touches.")
+    if "drake" not in file.root.nsmap:
+        file.declare("drake", NAMESPACE[target])
     # each collision touches in one point
-    made = drake_files.numbers(solid, points or file.sharing(_pose(file, one, target)[0] for one in collisions))
+    places = [_pose(file, one, target)[0] for one in collisions]
+    made = drake_files.numbers(solid, points or (1 if file.plane.across is None else file.sharing(places)))
     others = _link(file, surface, target).findall("collision") if surface else []
     if surface and not others:
         raise UserError(f"{file.path}: the surface's link {surface!r} has no collision.")
     for collision in (*collisions, *others):
         _contact(file, collision, drake_files.drake_elements(made), target)
-    if "drake" not in file.root.nsmap:
-        file.declare("drake", NAMESPACE[target])
     if not surface:
         file.left.append(
             "contact of the surface: Drake mixes both bodies' numbers; name its link (--surface), or give it the same"
@@ -84,10 +86,17 @@ def _inertial(file: Patch, link: Element, solid: ExportedBody, target: str) -> N
         elif i == j:
             raise UserError(f"{where} has no {name} in its <inertia>.")
     R = Rotation.from_euler("xyz", turn).as_matrix()  # roll, pitch, yaw about fixed axes
-    factor = file.inertia_factor(R @ tensor @ R.T, solid, where)
-    for name, (spot, value) in found.items():
-        if value:
-            file.write(f"inertia {name}", [factor * value], *spot)
+    new = file.inertia(tensor, R, solid, where)
+    for name, (i, j) in _ENTRIES.items():
+        value = new[i, j] if abs(new[i, j]) > LEVEL * new.max() else 0.0
+        if value or (name in found and found[name][1]):
+            spot = found[name][0] if name in found else _spot(file, inertia, name, target)
+            file.write(f"inertia {name}", [value], *spot)
+
+
+def _spot(file: Patch, inertia: Element, name: str, target: str) -> tuple[Element, str]:
+    """Where a moment of inertia is to stand that the file does not have."""
+    return (inertia, name) if target == "urdf" else (file.child(inertia, name), "")
 
 
 def _contact(file: Patch, collision: Element, elements: dict[str, float], target: str) -> None:

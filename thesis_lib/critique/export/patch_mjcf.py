@@ -7,7 +7,6 @@ Classes and files that the model includes are not looked into: what is written s
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.critique.export import mjcf
 from thesis_lib.critique.export.patch import Element, Patch, not_patched
 from thesis_lib.critique.export.solid import ExportedBody, n
@@ -15,6 +14,7 @@ from thesis_lib.engines.parameters import MujocoNumbers
 from thesis_lib.foundation.errors import UserError
 
 COARSEST = 20  # steps in one contact time
+LEVEL = 1e-9  # of the largest moment: smaller products of inertia are rounding
 TURNED = ("axisangle", "euler", "xyaxes", "zaxis")
 _DIAGONAL = ((0, 0), (1, 1), (2, 2))
 _FULL = (*_DIAGONAL, (0, 1), (0, 2), (1, 2))
@@ -35,18 +35,18 @@ def patch(file: Patch, name: str, solid: ExportedBody, points: int | None = None
         raise UserError(f"{file.path}: the body {name!r} has no geom that touches anything; name the body that has.")
     made = mjcf.numbers(solid, points or points_of(file, geoms, solid))
     for geom in geoms:
-        _contact(file, geom, made)
+        _contact(file, geom, made, solid.twist)
     names = {geom.get("name") for geom in geoms} - {None}
     for pair in file.root.findall("contact/pair"):
         if names & {pair.get("geom1"), pair.get("geom2")}:
-            _numbers(file, f"pair in line {pair.sourceline}", pair, made, slides=2)
+            _numbers(file, f"pair in line {pair.sourceline}", pair, made, solid.twist, slides=2)
     file.left += _options(file, solid, made)
     file.left += not_patched(solid)
 
 
 def points_of(file: Patch, geoms: list[Element], solid: ExportedBody) -> int:
     """Points that share the load: both ends of an edge, or geoms that stand behind each other across the plane."""
-    if isinstance(solid.shape, Ellipse) and len(geoms) == 1:
+    if solid.points == 1 and (file.plane.across is None or len(geoms) == 1):
         return 1
     if all(geom.get("type", "sphere") in ("sphere", "ellipsoid") for geom in geoms):
         return file.sharing(file.numbers(geom, "pos") or [0.0, 0.0, 0.0] for geom in geoms)
@@ -71,8 +71,7 @@ def _inertial(file: Patch, body: Element, solid: ExportedBody) -> None:
     if inertial is None:
         if not solid.mass_known:
             raise UserError(f"{file.path}: the body has no <inertial>, so its mass is not known here; give --mass.")
-        I, place = file.plane.turned(solid.inertia), np.zeros(3)
-        place[file.plane.indices] = solid.com
+        I, place = file.plane.turned(solid.inertia), file.plane.turned(solid.centre)
         inertial = file.insert(body, "inertial")
         file.write("centre of mass", list(place), inertial, "pos")
         file.write("mass", [solid.mass], inertial, "mass")
@@ -93,28 +92,34 @@ def _inertial(file: Patch, body: Element, solid: ExportedBody) -> None:
     tensor = np.zeros((3, 3))
     for (i, j), value in zip(entries, old):
         tensor[i, j] = tensor[j, i] = value
+    R = np.eye(3)
     if quat := file.numbers(inertial, "quat"):
         if len(quat) != 4 or not any(quat):
             raise UserError(f"{where}: quat must be four numbers, not all 0.")
         R = Rotation.from_quat(quat, scalar_first=True).as_matrix()
-        tensor = R @ tensor @ R.T
-    factor = file.inertia_factor(tensor, solid, where)
-    # principal axes stay, and with them a quat: all moments have the same factor
-    file.write("inertia", [factor * value for value in old], inertial, attribute)
+    new = file.inertia(tensor, R, solid, where)
+    if entries == _DIAGONAL and np.abs(new - np.diag(np.diag(new))).max() > LEVEL * new.max():
+        new, entries = R @ new @ R.T, _FULL
+        for name in (attribute, *["quat"] * bool(quat)):
+            file.remove(inertial, name)
+        attribute = "fullinertia"
+    file.write("inertia", [new[i, j] for i, j in entries], inertial, attribute)
 
 
-def _contact(file: Patch, geom: Element, made: MujocoNumbers) -> None:
+def _contact(file: Patch, geom: Element, made: MujocoNumbers, twist: float) -> None:
     which = f"geom {geom.get('name', f'in line {geom.sourceline}')}"
-    _numbers(file, which, geom, made, slides=1)
+    _numbers(file, which, geom, made, twist, slides=1)
     if not (file.numbers(geom, "priority") or [0.0])[0] > 0.0:
         file.write(f"{which}: priority", [1.0], geom, "priority")
-    if geom.get("condim") == "1":
-        file.write(f"{which}: condim", [3.0], geom, "condim")
+    if geom.get("condim", "3") in (("1", "3") if twist else ("1",)):
+        file.write(f"{which}: condim", [4.0 if twist else 3.0], geom, "condim")
 
 
-def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, slides: int) -> None:
-    """The contact of a geom or a pair, whose friction begins with that of so many directions along the surface."""
-    friction = [made.friction] * slides + file.numbers(element, "friction")[slides:]
+def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, twist: float, slides: int) -> None:
+    """The contact of a geom or a pair, whose friction begins with that of so many directions along the surface, and
+    goes on with that about the normal."""
+    rest = file.numbers(element, "friction")[slides:]
+    friction = [made.friction] * slides + ([twist, *rest[1:]] if twist else rest)
     for attribute, values in (("friction", friction), ("solref", made.solref), ("solimp", made.solimp)):
         file.write(f"{which}: {attribute}", values, element, attribute)
 
@@ -129,8 +134,8 @@ def _options(file: Patch, solid: ExportedBody, made: MujocoNumbers) -> list[str]
         raise UserError(f"{file.path}: timestep or impratio in <option> is no number.") from error
     if step > coarsest:
         asked.append(f"option timestep {n(step)}: a contact of {n(solid.contact_time)} s needs {n(coarsest)} or less")
-    if options.get("cone", "pyramidal") != "elliptic":
-        asked.append('option cone: friction is Coulomb\'s along the surface with cone="elliptic" only')
+    if (has := options.get("cone", "pyramidal")) != (wanted := mjcf.cone(solid)):
+        asked.append(f'option cone {has}: friction is that of the model with cone="{wanted}" only')
     if abs(ratio - made.impratio) > 1e-6 * made.impratio:
         asked.append(f'option impratio {n(ratio)}: the contact was made for impratio="{n(made.impratio)}"')
     return asked

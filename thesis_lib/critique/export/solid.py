@@ -1,19 +1,15 @@
-"""The body in space that a planar model stands for: what its file says, where each number is from, what is left out.
+"""What the file of an engine says of a body over its surface, in space; and the comments that say where it is from.
 
-The plane of the drops is the x-z plane of the body: planar (x, y) is (x, z), θ turns about −y, and the body is `depth`
-deep along y.  Drops show one moment of inertia, m k² about y.  The other two are those of a uniform solid of this shape
-and depth, all scaled by one factor so that the moment about y is right; so they always belong to some body.
+A model in the plane becomes such a body in `thesis_lib/critique/export/of_plane.py`, one in space in
+`thesis_lib/critique/export/of_space.py`.
 
 | on paper | in code          | unit  | shape  |                                                              |
 |----------|------------------|-------|--------|--------------------------------------------------------------|
-| k        | `k_g`            | m     |        | true radius of gyration about y                              |
-| c        | `com`            | m     | (2,)   | true centre of mass in the frame of the body                 |
+| c        | `centre`         | m     | (3,)   | true centre of mass in the frame of the body                 |
 | I        | `inertia`        | kg m² | (3, 3) | about the centre of mass, in the axes of the body            |
 | T        | `contact_time`   | s     |        | of a central contact                                         |
-| φ, H     | `tilt`, `height` | rad, m |       | of the surface; its normal is (sin φ, 0, cos φ)              |
-
-Which effect of a model an engine's file can hold, how, and why not the others; and the comments of the file: where each
-number comes from, and what the file could not hold.
+| m_t      | `twist`          | m     |        | torsional friction: most of the couple over the normal force |
+| g        | `gravity`        | m/s²  | (3,)   | in the axes of the world                                     |
 """
 
 import textwrap
@@ -22,106 +18,63 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon, Shape
-from thesis_lib.bodies.solids import Cylinder, Ellipsoid, Hull
+from thesis_lib.bodies.solids import Box, Hull, Solid, Sphere
 from thesis_lib.contact.compliant.compiled import SPEED
-from thesis_lib.contact.compliant.normal_force import HuntCrossley
+from thesis_lib.contact.compliant.normal_force import HuntCrossley, PyramidDamper
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME, DAMPING_RATIO, IMPEDANCE, duration
+from thesis_lib.critique.export.held import reason, written
 from thesis_lib.critique.results.saved_model import SavedModel, SavedParameter
-from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.terminal import visible
+from thesis_lib.mechanics.frame import Frame
 from thesis_lib.statistics.wording import bounded
 
 FORMATS = ("mjcf", "sdf", "urdf")
-GEOMETRY = "geometry of the body"
-# what every format holds
-_EVERYWHERE = {
-    "com_offset": "centre of mass of the inertia",
-    "wrong_inertia": "inertia",
-    "wrong_size": GEOMETRY,
-    "rounded_corners": "round collision geometry at the corners",
-    "surface_height": "height of the surface",
-    "surface_tilt": "tilt of the surface",
-    "wrong_gravity": "gravity",
-}
-_NOT_IN = {("urdf", "wrong_gravity"): "URDF has no gravity: set it where you load the file"}
-_DRAG = "no element of the format damps a free body with one number for its way and another for its spin"
-_AIR = {
-    "mjcf": "MuJoCo's forces of a fluid act on an ellipsoid around the body with five coefficients; not written",
-    "sdf": "SDF and Drake have no air",
-    "urdf": "URDF and Drake have no air",
-}
-_RESTITUTION = "the format has one restitution for a pair of bodies, by stiffness and damping"
-_FRICTION = "the format has one coefficient of friction for a pair of bodies, at all places and speeds"
-_TIME = "the format has one stiffness for a pair of bodies"
-_WHY = {
-    "adhesion": "contacts of the engine push and never pull",
-    "anisotropic_friction": "friction may differ between two axes in the format, not between left and right on one",
-    "contact_torque": "rolling friction of the engine takes its couple from the cone of its friction, or is absent",
-    "tangential_compliance": "the engine's contact has no spring along the surface",
-    "tangential_restitution": "the engine's friction ends slip and returns none",
-    "contact_point_offset": "the engine finds the contact point from the geometry",
-    "soft_body": "a point contact acts at the surface of one geometry; a soft solid is hydroelastic, not written here",
-    "moving_surface": "a velocity is a state, not a property of a model: give the surface its velocity when you run it",
-    "linear_drag": _DRAG,
-    "wear": "a file says what is, not how it changes from drop to drop",
-    **dict.fromkeys(
-        ("orientation_dependent_restitution", "position_dependent_restitution", "velocity_dependent_restitution"),
-        _RESTITUTION,
-    ),
-    **dict.fromkeys(("position_dependent_friction", "velocity_dependent_friction"), _FRICTION),
-    **dict.fromkeys(
-        (*("orientation_dependent_contact_time", "position_dependent_contact_time"), "velocity_dependent_contact_time"),
-        _TIME,
-    ),
-    "surface_patch": "one surface has one friction and one restitution: add a geometry for the patch by hand",
-}
-_CAMERA = "a fault of the camera, not of body or surface: correct the recorded states before you compare"
-
-
-def written(name: str, target: str) -> str:
-    """Where the file of a format holds an effect; "" if it cannot."""
-    if (target, name) == ("sdf", "wrong_gravity"):
-        return "gravity of the world, which Drake ignores: set it in the plant"
-    return "" if (target, name) in _NOT_IN else _EVERYWHERE.get(name, "")
-
-
-def reason(name: str, target: str) -> str:
-    """Why the file of a format cannot hold an effect."""
-    effect = EFFECTS[name]
-    if effect.family == "measurement":
-        return _CAMERA
-    if (target, name) in _NOT_IN:
-        return _NOT_IN[target, name]
-    if name in ("quadratic_drag", "magnus"):
-        return _AIR[target]
-    return _WHY.get(name, f"the format has no element for {effect.equation}")
-
-
 NO_MASS = 1.0  # kg, of a model whose mass nobody gave
 NO_TIME = 1e-3  # s, of a contact whose time no trajectory shows
 LEAST = 0.01  # ε below which no damper of an engine goes
-MOST_DEPTH = 100.0  # m
-ALIGNED = 1e-9  # m, how far corners may be from those of a box
+SHARP = 1e-6  # m; radius of the sphere at a sharp corner
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # no turn
+Left = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
-class ExportedBody:
-    """A body over its surface; `speed` in m/s is that of ε, None if ε holds at any; `damping_ratio` and `impedance`
-    None: not fitted.
+class Part:
+    """A solid of a body, with its pose in it; one that does not `touch` is there to be seen."""
 
-    `expressed` and `left_out` say, by name, what the file holds and what it cannot.
+    name: str
+    solid: Solid
+    at: Frame
+    touches: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportedBody:
+    """A body over its surface.
+
+    Attributes:
+        shape: what touches, at the pose `at` in the body; `seen` in its place, if that is another solid.
+        mass_known: whether anybody gave it, as `time_known`.
+        points: in which the body touches and that share what is asked of one.
+        estimate: MuJoCo's estimate of the inverse mass, times the mass, for which an impedance was fitted.
+        surface: its normal is the third axis.
+        speed: m/s, that of ε; None if ε holds at any.
+        damping_ratio, impedance: None if they were not fitted.
+        said: lines of the comment about axes, shape, mass and inertia.
+        not_patched: what a patch leaves alone, by effect, and what it would have to be.
+        expressed, left_out: by name, what the file holds and what it cannot.
     """
 
     model: SavedModel
-    shape: Shape
-    depth: float
+    shape: Solid
+    at: Frame
+    seen: Solid | None = None
     mass: float
     mass_known: bool
-    k_g: float
-    com: np.ndarray
-    corner_radius: float
+    inertia: np.ndarray
+    centre: np.ndarray
+    points: int
+    estimate: float
     mu: float
     epsilon: float
     contact_time: float
@@ -129,91 +82,75 @@ class ExportedBody:
     speed: float | None
     damping_ratio: float | None
     impedance: float | None
-    gravity: float
-    tilt: float
-    height: float
-    expressed: tuple[tuple[str, str], ...]
-    left_out: tuple[tuple[str, str], ...]
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Centre and half sides (2,) in m of a rectangle along the axes of the body; None for other shapes."""
-        if not isinstance(self.shape, Polygon) or len(self.shape.corners) != 4:
-            return None
-        corners = self.shape.corners
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        off = np.minimum(np.abs(corners - low), np.abs(corners - high)).max()
-        return (0.5 * (low + high), 0.5 * (high - low)) if off < ALIGNED else None
-
-    @property
-    def inertia(self) -> np.ndarray:
-        """I (3, 3) in kg m² about the centre of mass."""
-        uniform = _inertia_per_mass(self.shape, self.depth)
-        return self.mass * self.k_g**2 / uniform[1, 1] * uniform
-
-    @property
-    def centre(self) -> np.ndarray:
-        """The centre of mass (3,) in m."""
-        return np.array([self.com[0], 0.0, self.com[1]])
+    twist: float
+    gravity: np.ndarray
+    surface: Frame
+    said: tuple[str, ...]
+    not_patched: dict[str, str]
+    expressed: Left
+    left_out: Left
 
     @property
     def normal(self) -> np.ndarray:
         """The surface's normal (3,)."""
-        return np.array([np.sin(self.tilt), 0.0, np.cos(self.tilt)])
+        return self.surface.vectors_out(np.array([[0.0], [0.0], [1.0]]))[:, 0]
+
+    @property
+    def start(self) -> np.ndarray:
+        """A place (3,) in m of the body in which it touches the surface, with its axes along those of the world."""
+        down = -self.normal[:, None]
+        reach = self.at.vectors_out(self.shape.support(self.at.vectors_in(down)))[:, 0] + self.at.origin
+        return self.surface.origin - (reach @ self.normal) * self.normal
+
+    @property
+    def on_pyramid(self) -> bool:
+        """Whether friction was fitted on a pyramid."""
+        return isinstance(self.model.model.law.force, PyramidDamper)
+
+    def parts(self, at_corners: bool) -> list[Part]:
+        """The solids of the body; `at_corners`: a box or a hull touches with balls also where its corners are sharp."""
+        found = [] if self.seen is None else [Part("seen", self.seen, self.at, touches=False)]
+        shape = self.shape
+        if not isinstance(shape, Box | Hull) or not (shape.edge_radius or at_corners):
+            return [*found, Part("body", shape, self.at)]
+        ball = Sphere(radius=shape.edge_radius or SHARP)
+        places = self.at.origin[:, None] + self.at.vectors_out(shape.minkowski.centres)
+        balls = [Part(f"corner{i}", ball, Frame(place, UPRIGHT)) for i, place in enumerate(places.T)]
+        return [*found, Part("body", shape.rounded(0.0), self.at, touches=False), *balls]
 
 
-def solid(model: SavedModel, target: str, mass: float | None = None, depth: float | None = None) -> ExportedBody:
-    """The body of a model for the format `target`.
-
-    Args:
-        mass: kg; None: `NO_MASS`, as a model knows only the radius of gyration.
-        depth: m along y; None: the longest extent in the plane.
-
-    Raises:
-        UserError: mass or depth is not positive, or the contact has no restitution left.
-    """
-    for name, value, most in (("mass", mass, np.inf), ("depth", depth, MOST_DEPTH)):
-        if value is not None and not 0.0 < value < most:
-            raise UserError(f"--{name} must be a positive number{'' if most == np.inf else ' in m'}; got {value}.")
-    values = model.values
-
-    def of(name: str) -> float:
-        return values.get(name, 0.0)
-
-    shape = _grown(model.rig.shape, 1.0 + of("wrong_size.s"))
-    longest = 2.0 * _half_width(shape)
+def contact_of(model: SavedModel, target: str) -> dict:
+    """What every body has of its contact and of the effects of its model: fields of `ExportedBody`."""
+    values, space = model.values, model.space
     time, speed = _contact_time(model)
-    expressed = tuple((name, said) for name in model.effects if (said := written(name, target)))
-    left_out = [(name, reason(name, target)) for name in model.effects if not written(name, target)]
+    left_out = [(name, reason(name, target, space)) for name in model.effects if not written(name, target, space)]
     if "stiction_tolerance" in values:
         left_out.append(("stiction_tolerance", "a property of Drake's plant: plant.set_stiction_tolerance(...)"))
     if DAMPING_RATIO.name in values and target != "mjcf":
         left_out.append((DAMPING_RATIO.name, "the friction of a convex program; Drake's is Coulomb's"))
+    if IMPEDANCE.name in values and target != "mjcf":
         left_out.append((IMPEDANCE.name, "MuJoCo's alone: Drake's spring and damper do not know the mass behind them"))
     if model.scatter:
         left_out.append(("scatter", f"{model.scatter:g} m/s after impact that no effect explains"))
-    return ExportedBody(
-        model=model,
-        shape=shape,
-        depth=depth or longest,
-        mass=mass or NO_MASS,
-        mass_known=mass is not None,
-        k_g=model.rig.radius_of_gyration * float(np.sqrt(1.0 + of("wrong_inertia.d_I"))),
-        com=np.array([of("com_offset.c_x"), of("com_offset.c_y")]),
-        corner_radius=of("rounded_corners.rho"),
-        mu=of("mu"),
-        epsilon=max(of("epsilon"), LEAST),
-        contact_time=time or NO_TIME,
-        time_known=bool(time),
-        speed=speed,
-        damping_ratio=values.get(DAMPING_RATIO.name),
-        impedance=values.get(IMPEDANCE.name),
-        gravity=model.rig.gravity + of("wrong_gravity.dg"),
-        tilt=of("surface_tilt.phi"),
-        height=model.rig.height + of("surface_height.h"),
-        expressed=expressed,
-        left_out=tuple(left_out),
-    )
+    return {
+        "model": model,
+        "mu": values.get("mu", 0.0),
+        "epsilon": max(values.get("epsilon", 0.0), LEAST),
+        "contact_time": time or NO_TIME,
+        "time_known": bool(time),
+        "speed": speed,
+        "damping_ratio": values.get(DAMPING_RATIO.name),
+        "impedance": values.get(IMPEDANCE.name),
+        "twist": values.get("torsional_friction.m_t", 0.0) if target == "mjcf" else 0.0,
+        "expressed": tuple((name, said) for name in model.effects if (said := written(name, target, space))),
+        "left_out": tuple(left_out),
+    }
+
+
+def require_size(name: str, value: float | None, most: float = np.inf) -> None:
+    """UserError unless a size that a user gave is positive and below `most`, in m if that is finite."""
+    if value is not None and not 0.0 < value < most:
+        raise UserError(f"--{name} must be a positive number{'' if most == np.inf else ' in m'}; got {value}.")
 
 
 def _contact_time(model: SavedModel) -> tuple[float, float | None]:
@@ -222,34 +159,6 @@ def _contact_time(model: SavedModel) -> tuple[float, float | None]:
     force = model.model.law.force
     speed = SPEED if isinstance(force, HuntCrossley) else None
     return (duration(tau, epsilon) if not tau or force is None else tau * force.lasting(epsilon)), speed
-
-
-def _grown(shape: Shape, factor: float) -> Shape:
-    if isinstance(shape, Ellipse):
-        a, b = shape.semi_axes
-        return Ellipse(semi_axes=(factor * a, factor * b))
-    if isinstance(shape, Disk):
-        return Disk(radius=factor * shape.radius)
-    corners = [(float(x), float(y)) for x, y in factor * shape.corners]
-    return Polygon(vertices=tuple(corners))
-
-
-def _half_width(shape: Shape) -> float:
-    if isinstance(shape, Ellipse):
-        return max(shape.semi_axes)
-    return shape.radius if isinstance(shape, Disk) else 0.5 * float(np.ptp(shape.corners, axis=0).max())
-
-
-def _inertia_per_mass(shape: Shape, depth: float) -> np.ndarray:
-    """(3, 3) in m² of the uniform solid about its centre of mass."""
-    half = 0.5 * depth
-    if isinstance(shape, Ellipse):
-        a, b = shape.semi_axes
-        return Ellipsoid(semi_axes=(a, half, b)).moments.inertia_per_mass
-    if isinstance(shape, Disk):  # its axis is y here, not z
-        return Cylinder(radius=shape.radius, half_length=half).moments.inertia_per_mass[np.ix_([0, 2, 1], [0, 2, 1])]
-    prism = tuple((float(x), y, float(z)) for y in (-half, half) for x, z in shape.corners)
-    return Hull(vertices=prism).moments.inertia_per_mass
 
 
 WIDTH = 110  # characters of a comment's line
@@ -292,7 +201,6 @@ def provenance(solid: ExportedBody) -> list[str]:
     """Where each number comes from."""
     m = solid.model
     fitted = ", ".join(f"{name} {_sized(p)}" for name, p in m.parameters.items())
-    mass = "as given" if solid.mass_known else f"{NO_MASS:g} kg, as no mass was given"
     time = "from the fitted tau" if solid.time_known else f"{NO_TIME:g} s, as impacts alone show none"
     when = "at any speed" if solid.speed is None else f"at {solid.speed:g} m/s"
     return [
@@ -300,20 +208,19 @@ def provenance(solid: ExportedBody) -> list[str]:
         + (f" with {', '.join(m.effects)}" if m.effects else ""),
         f"fitted: {fitted}",
         "",
-        "axes: the plane of the drops is x-z; theta turns about -y; units m, kg, s, rad",
-        "origin of the body: the believed centre of mass, as in the dataset",
-        f"shape: as in dataset.yaml{' times 1 + wrong_size.s' if 'wrong_size' in m.effects else ''}",
-        f"depth along y: {solid.depth:g} m, stated, not measured",
-        f"mass: {mass}",
-        f"inertia: about y m k^2 with k = {solid.k_g:.6g} m"
-        + (" (fitted)" if "wrong_inertia" in m.effects else " (as in dataset.yaml)")
-        + "; the others as of a uniform solid, scaled alike",
+        *solid.said,
         f"centre of mass: {'fitted (com_offset)' if 'com_offset' in m.effects else 'as believed'}",
         f"friction: mu = {solid.mu:g}, fitted",
         f"restitution: {solid.epsilon:g}, fitted, of a central impact {when}",
         f"contact time: {solid.contact_time:.6g} s, {time}",
-        f"surface: height {solid.height:g} m, tilt {solid.tilt:g} rad; gravity {solid.gravity:g} m/s^2",
+        f"surface: through {n(solid.surface.origin)} m, with the normal {n(solid.normal)}",
+        f"gravity: {n(solid.gravity)} m/s^2",
     ]
+
+
+def mass_said(solid_mass: float | None) -> str:
+    """The comment on a mass that somebody gave, or nobody."""
+    return f"mass: {'as given' if solid_mass is not None else f'{NO_MASS:g} kg, as no mass was given'}"
 
 
 def said_of_effects(solid: ExportedBody) -> list[str]:

@@ -148,11 +148,6 @@ class SavedModel(Section):
         reference = Reference(rig.reference.x, rig.reference.t, rig.reference.trial)
         return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle, reference)
 
-    def require_plane(self, what: str) -> None:
-        """UserError if the model is of a body in space, where `what` is not available."""
-        if not self.space.is_plane:
-            raise UserError(f"{self.dataset} is a model of a body in space; {what} is there for planar ones only.")
-
     @property
     def dynamics(self) -> ByImpulse:
         """What the model does to states."""

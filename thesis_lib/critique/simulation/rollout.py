@@ -26,9 +26,10 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.bodies.solids import Edged, Sphere
+from thesis_lib.critique.contacts.kinds import ByImpulse
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
-from thesis_lib.critique.simulation.first_flight import MeasuredTosses, first_flight, first_frame
-from thesis_lib.critique.simulation.tosses import reported, toss
+from thesis_lib.critique.simulation.first_flight import MeasuredTosses, Start, first_flight, first_frame
+from thesis_lib.critique.simulation.tosses import Tosses, reported, toss
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.files import six_digits
 from thesis_lib.mechanics.space import SPACE
@@ -91,10 +92,7 @@ def roll_out(
     Raises:
         UserError: no first flight is seen.
     """
-    measured = MeasuredTosses.of(dataset, model, trials)
-    dynamics = measured.bound(model)
-    say(f"fitting {len(measured.trials)} first flights")
-    begun = STARTS[start](dynamics, measured)
+    measured, dynamics, begun = _begun(model, dataset, trials, start, say)
     paths = []
     for i, state in enumerate((begun.state, begun.drawn(rng), begun.drawn(rng))):
         say(f"simulating, {i + 1} of 3")
@@ -106,6 +104,35 @@ def roll_out(
         for path, against, count in ((predicted, measured.states, hits), (one, other, of_one))
     )
     return Rollout(frames, floor, of_tosses(model, frames), of_tosses(model, floor))
+
+
+def rolled_out_by(
+    moves: Callable[[ByImpulse, State, np.ndarray], Tosses],
+    model: SavedSpaceModel,
+    dataset: Dataset,
+    trials: Sequence[int],
+    start: str = "first_flight",
+    say: Callable[[str], None] = lambda text: None,
+) -> pd.DataFrame:
+    """The numbers of each toss where something else `moves` the body from the states in which the model has it begin.
+
+    Raises:
+        UserError: as of `roll_out`, and what `moves` raises.
+    """
+    measured, dynamics, begun = _begun(model, dataset, trials, start, say)
+    say("simulating")
+    tosses = moves(dynamics, dynamics.to_true(begun.state), measured.times)
+    path = reported(dynamics, tosses)
+    return of_tosses(model, of_frames(model, path, measured.states, measured.times, measured.seen, tosses.hits))
+
+
+def _begun(
+    model: SavedSpaceModel, dataset: Dataset, trials: Sequence[int], start: str, say: Callable[[str], None]
+) -> tuple[MeasuredTosses, ByImpulse, Start]:
+    measured = MeasuredTosses.of(dataset, model, trials)
+    dynamics = measured.bound(model)
+    say(f"fitting {len(measured.trials)} first flights")
+    return measured, dynamics, STARTS[start](dynamics, measured)
 
 
 def of_frames(

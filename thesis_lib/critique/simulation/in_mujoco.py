@@ -1,0 +1,86 @@
+"""Whole tosses in an MJCF file of a user's own: a body over the plane of the file, thrown as measured tosses were.
+
+The frame of the body is that of the shape, and the plane is the surface as the model knows it.  Axes along the surface
+are those of `Frame.of_surface`, with the x axis of the file in place of that of the recording.  A hit is a frame in
+which the velocity of the centre of mass changes by more than `REST` beside gravity.
+"""
+
+# MuJoCo's stubs do not have what its compiled modules define
+# pyright: reportAttributeAccessIssue=false
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from thesis_lib.critique.contacts.kinds import ByImpulse
+from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
+from thesis_lib.critique.simulation.law_drops import REST
+from thesis_lib.critique.simulation.tosses import Tosses
+from thesis_lib.foundation.errors import UserError, first_line
+from thesis_lib.mechanics.frame import Frame, on_body
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.state import State
+
+STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class TossesInFile:
+    """The body of this name in an MJCF file, which stands for that of a model."""
+
+    def __init__(self, path: str | Path, body: str, model: SavedSpaceModel) -> None:
+        """UserError if MuJoCo cannot read the file, or if the body is not free, or not over one plane."""
+        try:
+            self.engine = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            raise UserError(f"{path}: MuJoCo cannot read it ({first_line(error)}).") from error
+        number = mujoco.mj_name2id(self.engine, mujoco.mjtObj.mjOBJ_BODY, body)
+        joint = self.engine.body_jntadr[number] if number > 0 else -1
+        if joint < 0 or self.engine.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+            raise UserError(
+                f"{path}: there is no body {body!r} with a free joint; --body names the one that is tossed."
+            )
+        planes = np.flatnonzero(self.engine.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
+        if len(planes) != 1:
+            raise UserError(f"{path} has {len(planes)} planes; it needs one, which is the table.")
+        self.path, self.model, self.inside = path, model, self.engine.body_ipos[number].copy()
+        at, of = self.engine.jnt_qposadr[joint], self.engine.jnt_dofadr[joint]
+        self.pose, self.motion = slice(at, at + 7), slice(of, of + 6)
+        data = mujoco.MjData(self.engine)
+        mujoco.mj_forward(self.engine, data)
+        table = Frame.of_surface(data.geom_xpos[planes[0]].copy(), data.geom_xmat[planes[0]].reshape(3, 3)[:, 2])
+        believed = np.array([[0.0], [0.0], [model.values.get("surface_height.h", 0.0)]])
+        self.surface = replace(table, origin=table.origin - table.vectors_out(believed)[:, 0])
+
+    def toss(self, dynamics: ByImpulse, start: State, times: np.ndarray) -> Tosses:
+        """As `tosses.toss`; UserError if the simulation gets unstable."""
+        centre, step = self.model.rig.body.centre, self.engine.opt.timestep
+        begun = self.surface.shown(on_body(start, -centre, STRAIGHT))
+        data, (k, n) = mujoco.MjData(self.engine), times.shape
+        pose, motion, hits = np.empty((7, k, n)), np.empty((6, k, n)), np.zeros((k, n), int)
+        for i in range(n):
+            mujoco.mj_resetData(self.engine, data)
+            spin = SPACE.turned_back(begun.attitude[:, i : i + 1], begun.spin[:, i : i + 1])[:, 0]
+            data.qpos[self.pose], data.qvel[self.motion] = begun.pose[:, i], [*begun.velocity[:, i], *spin]
+            done, before = 0, self._momentum(data)
+            for j, t in enumerate(times[:, i]):
+                steps = max(int(t / step) - done, 0)
+                if steps:
+                    mujoco.mj_step(self.engine, data, steps)
+                now, done = self._momentum(data), done + steps
+                hits[j, i] = np.linalg.norm(now - before - steps * step * self.engine.opt.gravity) > REST
+                before, pose[:, j, i], motion[:, j, i] = now, data.qpos[self.pose], data.qvel[self.motion]
+            if any(warning.number for warning in data.warning):
+                raise UserError(f"{self.path}: the simulation gets unstable; give it a smaller timestep.")
+        pose, motion = pose.reshape(7, -1), motion.reshape(6, -1)
+        motion[3:] = SPACE.turned(pose[3:], motion[3:])
+        pose = SPACE.shift(pose, (times.ravel() - (times.ravel() / step).astype(int) * step) * motion)
+        moved = State(pose, motion, np.tile(start.trial, k), np.tile(start.t, k) + times.ravel(), None, SPACE)
+        true = on_body(self.surface.seen(moved), centre, STRAIGHT)
+        return Tosses(true, hits.cumsum(axis=0), np.zeros(n, bool))
+
+    def _momentum(self, data: mujoco.MjData) -> np.ndarray:
+        """Velocity (3,) in m/s of the centre of mass."""
+        velocity, spin = np.split(data.qvel[self.motion], 2)
+        return velocity + SPACE.turned(data.qpos[self.pose][3:, None], np.cross(spin, self.inside)[:, None])[:, 0]
