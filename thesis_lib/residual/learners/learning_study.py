@@ -136,7 +136,7 @@ def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for (model, n), group in curves.groupby(["model", "n"], sort=False):
         mean, low, high = student_mean(group["mean"].to_numpy())
-        rates = group[["mean_projected", "infeasible", "out_of_range"]].mean()
+        rates = group[["infeasible"]].mean()
         rows.append({"model": model, "n": n, "mean": mean, "low": low, "high": high, **rates})
     return pd.DataFrame(rows)
 
@@ -243,19 +243,13 @@ def _trained(
         for name, learner in models.items():
             # a stream per name, so that adding a model changes no other
             trained = learner.fit(subset, generator(seed, name, str(split), str(n)), previous[name])
-            previous[name], predictions[name] = trained, trained.predict(test, covariance=False)
+            previous[name], predictions[name] = trained, trained.predict(test)
         yield n, predictions
 
 
 def _row(name: str, n: int, split: int, p: ImpactPrediction, held_out: Impacts) -> dict:
     error = velocity_error(held_out.v_post - p.v_post, held_out.k_g)
-    kept = velocity_error(held_out.v_post - p.v_projected, held_out.k_g)
-    return _error_row(name, n, split, error) | {
-        "mean_projected": float(np.nanmean(kept)),
-        "mean_rejected": float(np.nanmean(np.where(p.feasible, error, np.nan))),
-        "infeasible": float(np.mean(~p.feasible)),
-        "out_of_range": float(np.mean(~p.in_range)),
-    }
+    return _error_row(name, n, split, error) | {"infeasible": float(np.mean(~p.feasible))}
 
 
 def _error_row(name: str, n: int, split: int, error: np.ndarray) -> dict:
@@ -274,8 +268,7 @@ def _bounds(table: Mapping[str, np.ndarray], laws: Sequence[str], held_out: Impa
 
 def _errors(name: str, error: np.ndarray, p: ImpactPrediction | None, held_out: Impacts) -> pd.DataFrame:
     table = pd.DataFrame({"model": name, "trial": held_out.trial, "impact": held_out.impact, "error": error})
-    feasible, in_range = (1, 1) if p is None else (p.feasible.astype(int), p.in_range.astype(int))
-    return table.assign(feasible=feasible, in_range=in_range)
+    return table.assign(feasible=1 if p is None else p.feasible.astype(int))
 
 
 def _interval(error: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
