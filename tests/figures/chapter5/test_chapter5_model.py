@@ -48,11 +48,10 @@ def abstractions() -> pd.DataFrame:
 
 
 def test_abstractions_called_alike_share_a_colour_but_not_a_line():
-    styles = abstraction_style(["easy move 1", "easy move 2", "no move", "new: no move", "spins"])
+    styles = abstraction_style(["easy move 1", "easy move 2", "no move 1", "no move 2", "spins"])
     assert styles["easy move 1"][0] == styles["easy move 2"][0] == COLORS["easy move"]
     assert styles["easy move 1"][1] != styles["easy move 2"][1]
-    assert styles["new: no move"][0] == COLORS["no move"]
-    assert styles["new: no move"][1] != styles["no move"][1]
+    assert styles["no move 2"][0] == COLORS["no move"]
     assert styles["spins"][0] not in COLORS.values()
 
 
