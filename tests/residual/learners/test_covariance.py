@@ -61,7 +61,7 @@ def test_a_matrix_that_is_not_positive_definite_is_refused():
         covariance.factor(_tensor(-_noisy(5)))
 
 
-def test_torch_is_left_out_of_the_work_on_the_processor(monkeypatch):
+def test_torch_is_left_out_of_the_work(monkeypatch):
     # with the common kernels its MKL needs several times as long as the BLAS of NumPy and SciPy
     import torch
 
@@ -73,11 +73,11 @@ def test_torch_is_left_out_of_the_work_on_the_processor(monkeypatch):
     for name in ("cholesky_inverse", "cholesky_solve", "matmul", "addmm"):
         monkeypatch.setattr(torch, name, refused)
     monkeypatch.setattr(torch.Tensor, "__matmul__", refused)
-    z = _tensor(_points(20), "cpu")
+    z = _tensor(_points(20))
     K = covariance.covariance(z, z, 1.0)
     K.diagonal().add_(0.1)
     L = covariance.factor(K)
     covariance.solve(L, z[:, 0].contiguous())
-    covariance.explained(L, _tensor(_points(5, 20), "cpu"))
+    covariance.explained(L, _tensor(_points(5, 20)))
     covariance.inverse_diagonal(L.clone())
     covariance.symmetric_product(covariance.inverse(L), z)
