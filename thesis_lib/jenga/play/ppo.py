@@ -105,20 +105,6 @@ def train_ppo(
     return policies
 
 
-def train_to_files(
-    sizes: Sequence[int],
-    paths: Sequence[str | Path],
-    settings: PpoSettings,
-    setup: Setup,
-    seed: int,
-    say: Callable[[str], None] | None = None,
-) -> None:
-    """Train once through all `sizes` (samples) and write the policy at each to its path.  Errors as in `train_ppo`."""
-    policies = train_ppo(sizes, settings, seed, setup=setup, say=say)
-    for size, path in zip(sizes, paths):
-        write_policy(policies[size], path)
-
-
 def write_policy(policy: PpoPolicy, path: str | Path) -> None:
     """Write a policy to a file, atomically."""
     with atomic(path) as tmp:

@@ -31,7 +31,6 @@ class EpisodeSettings(Section):
     first_tower: int = Field(2000, ge=2000, description="seeds of training towers are drawn from here on")
     towers: int = Field(10**6, ge=1, description="number of seeds that they are drawn from")
     pushes_per_tower: int = Field(20, ge=1, description="pushes after which a new tower is built and settled")
-    full: bool = Field(False, description="push on the full tower instead of the reduced one (4 times slower)")
     offset: float = Field(8.0, gt=0, le=12.5, description="mm, contact offset of action ±1; the controller's largest")
     heading: float = Field(0.15, gt=0, le=1, description="rad, heading of action ±1; the controller's largest")
     retract: float = Field(0.5, ge=-1, lt=1, description="third action above which the robot retracts; own choice")
