@@ -31,13 +31,11 @@ def test_no_table_or_column_is_explained_twice():
 def test_a_table_may_give_a_column_its_own_meaning():
     assert explain("error_summary", ["median"]).loc[0, "unit"] == "m/s"
     assert explain("published_agreement", ["median"]).loc[0, "unit"] == "N s"
-    # identified by the velocity after impact, not by the impulse
-    assert explain("ensemble_velocity", ["cost"]).loc[0, "unit"] == "m/s"
     assert explain("ensemble", ["cost"]).loc[0, "unit"] == "N s"
 
 
 def test_the_viscous_law_has_a_coefficient_of_another_unit():
-    for table in ("ensemble", "ensemble_velocity", "individual", "table_3_1", "published_parameters"):
+    for table in ("ensemble", "individual", "table_3_1", "published_parameters"):
         assert "s/m for mirtich" in explain(table, ["mu"]).loc[0, "meaning"], table
 
 

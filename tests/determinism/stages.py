@@ -56,7 +56,7 @@ def identification(out: Path) -> None:
     impacts = drops(trajectories=False).stated_impacts()
     laws = ("mirtich", "wang_mason", "whittaker")
     rng = generator(SEED, "identification")
-    write_result(study.ensemble_table(impacts, laws, ("kinetic",), "impulse", 20, rng), out / "ensemble.csv")
+    write_result(study.ensemble_table(impacts, laws, ("kinetic",), 20, rng), out / "ensemble.csv")
     write_result(study.individual_table(impacts, laws, ("kinetic",)), out / "individual.csv")
 
 

@@ -152,7 +152,7 @@ def test_a_law_changes_no_ensemble_of_another(another_law):
 
     def table(laws: list[str]) -> pd.DataFrame:
         rng = generator(SEED, "any")
-        found = impact_study.ensemble_table(impacts, laws, ("kinetic",), "impulse", 5, rng)
+        found = impact_study.ensemble_table(impacts, laws, ("kinetic",), 5, rng)
         return found[found["law"] != another_law].reset_index(drop=True)
 
     pd.testing.assert_frame_equal(

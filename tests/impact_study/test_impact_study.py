@@ -94,7 +94,7 @@ class TestSelect:
 
 class TestEnsembleTable:
     def test_rows_and_recovery(self, impacts, rng):
-        table = study.ensemble_table(impacts, ("mirtich", "whittaker"), BOTH, "impulse", 30, rng)
+        table = study.ensemble_table(impacts, ("mirtich", "whittaker"), BOTH, 30, rng)
         assert table[["law", "weighting"]].to_numpy().tolist() == [
             [law, weighting] for weighting in BOTH for law in ("mirtich", "whittaker")
         ]
@@ -104,7 +104,7 @@ class TestEnsembleTable:
 
     def test_a_further_law_changes_no_other(self, impacts):
         def table(*laws: str) -> pd.DataFrame:
-            made = study.ensemble_table(impacts, laws, BOTH, "impulse", 10, np.random.default_rng(1))
+            made = study.ensemble_table(impacts, laws, BOTH, 10, np.random.default_rng(1))
             return made[made["law"] == "whittaker"].reset_index(drop=True)
 
         alone = table("whittaker")
@@ -239,7 +239,7 @@ class TestHeldOut:
         for one in (impacts, spoiled):
             split = study.split_table(one, train)
             table = study.ensemble_table(
-                study.pick(one, split, 1), ("mirtich",), ("kinetic",), "impulse", 5, np.random.default_rng(0)
+                study.pick(one, split, 1), ("mirtich",), ("kinetic",), 5, np.random.default_rng(0)
             )
             errors = study.held_out_errors(one, split, table, "kinetic")
             results.append((table, errors.loc[errors["model"] == "mirtich", "velocity_error"].mean()))

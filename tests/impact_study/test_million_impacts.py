@@ -32,7 +32,7 @@ v_post += rng.normal(size=(n, 3)) * [0.02, 0.02, 1.0]
 q = np.stack([np.zeros(n), -r[:, 1], theta], axis=1)
 impacts = Impacts(np.arange(n), np.zeros(n, int), q, v_pre, v_post, r, **body)
 split = study.split_table(impacts, np.arange(n) < training)
-ensemble = study.ensemble_table(study.pick(impacts, split, 1), study.ALL_LAWS, ["kinetic"], "impulse", 0, rng)
+ensemble = study.ensemble_table(study.pick(impacts, split, 1), study.ALL_LAWS, ["kinetic"], 0, rng)
 errors = study.held_out_errors(impacts, split, ensemble, "kinetic")
 summary = error_summary(errors).set_index("model")
 peak_mb = int(re.search(r"VmHWM:\\s+(\\d+) kB", open("/proc/self/status").read())[1]) / 1024

@@ -115,7 +115,7 @@ def study_tables():
     train = study.split_trials(impacts.trial, 0.5, rng)
     training, split = impacts.select(train), study.split_table(impacts, train)
     both = ("kinetic", "unweighted")
-    ensemble = study.ensemble_table(training, laws, both, "impulse", 20, rng)
+    ensemble = study.ensemble_table(training, laws, both, 20, rng)
     axes = np.linspace(0, 0.4, 7), np.linspace(0.2, 0.9, 7)
     return {
         "impacts": impacts,

@@ -18,7 +18,7 @@ from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.impact_study.settings import Chapter3
 
-TABLES = ("ensemble", "ensemble_velocity", "convergence", "topography", "individual", "split")
+TABLES = ("ensemble", "convergence", "topography", "individual", "split")
 JUDGED = ("errors", "summary", "table_3_1", "table_3_2", "coverage", "statements")
 SETTINGS = Chapter3(
     bootstrap=2, convergence={"sizes": (5, 10), "subsets": 2}, topography={"points": 5, "n": 10}

@@ -16,7 +16,7 @@ from thesis_lib.contact.space import contact_space, velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.impacts.quality import thesis_filter
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study.cost import MeasuredImpulses, Metric, Weighting, target_of
+from thesis_lib.impact_study.cost import MeasuredImpulses, Weighting, target_of
 from thesis_lib.impact_study.ensemble import cost_grid, fit_ensemble
 from thesis_lib.impact_study.individual import fit_individual
 from thesis_lib.impact_study.predictive_range import covered_share
@@ -59,12 +59,7 @@ def pick(impacts: Impacts, split: pd.DataFrame, train: int | None = None) -> Imp
 
 
 def ensemble_table(
-    impacts: Impacts,
-    laws: Sequence[str],
-    weightings: Sequence[Weighting],
-    metric: Metric,
-    bootstrap: int,
-    rng: np.random.Generator,
+    impacts: Impacts, laws: Sequence[str], weightings: Sequence[Weighting], bootstrap: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Ensemble (μ, ε) with bootstrap standard errors: a row per law and weighting of eq. 3.7."""
     rows = []
@@ -73,7 +68,7 @@ def ensemble_table(
         target = target_of(impacts, weighting)
         for name in laws:
             stream = generator(seed, weighting, name)
-            fit = fit_ensemble(LAWS[name], target, metric, trials=impacts.trial, bootstrap=bootstrap, rng=stream)
+            fit = fit_ensemble(LAWS[name], target, "impulse", trials=impacts.trial, bootstrap=bootstrap, rng=stream)
             rows.append({"law": name, "weighting": weighting, **fit.columns()})
     return pd.DataFrame(rows)
 

@@ -7,15 +7,13 @@
 | interval        | abs(ours − published) ≤ k · std + rounding                      | k, rounding (0)        |
 | greater, less   | ours − k · std > threshold; ours + k · std < threshold          | threshold, k (0)       |
 | ordering        | the column puts the rows in this order                          | key, rows, order       |
-| argmax, argmin  | this row has the largest (smallest) value of the rows selected  | key, row, among        |
+| argmax, argmin  | this row has the largest (smallest) value of the rows selected  | key, row               |
 | true            | the cell is true                                                |                        |
 
 - ordering: `rows` lists values of the column `key`, e.g. [a, b, c].  A nested list is a group without inner order,
   e.g. [a, [b, c], d].  Rows not listed are ignored.  `order` is ascending (default) or descending.
-- argmax and argmin compare with all rows selected, or only with those in `among`.
-- ordering, argmax and argmin accept `k` or `tie_tolerance`.  With k, two rows must differ by more than k standard
-  errors of the difference, √(s₁² + s₂²); the default k = 0 refuses ties.  With `tie_tolerance`, a pair may break the
-  order by at most that much.
+- ordering, argmax and argmin accept `k`: two rows must differ by more than k standard errors of the difference,
+  √(s₁² + s₂²); the default k = 0 refuses ties.
 """
 
 import math
@@ -99,9 +97,8 @@ class _Margin(Section):
 
     @model_validator(mode="after")
     def _has_reason(self) -> Self:
-        margins = [name for name in ("k", "tie_tolerance") if getattr(self, name, 0.0)]
-        if margins and self.reason is None:
-            raise ValueError(f"reason is missing: say why this {margins[0]} is the right one")
+        if self.k and self.reason is None:
+            raise ValueError("reason is missing: say why this k is the right one")
         return self
 
 
@@ -119,19 +116,10 @@ class Threshold(_Margin):
 
 class _Ranked(_Margin):
     key: Text = Field(description="column whose values name the rows")
-    tie_tolerance: NonNegative = 0.0
-
-    @model_validator(mode="after")
-    def _one_margin(self) -> Self:
-        if self.k and self.tie_tolerance:
-            raise ValueError("k asks for more than a tie and tie_tolerance for less: give one of them")
-        return self
 
     def text(self) -> str:
         if self.k:
             return f"by more than {self.k:g} standard errors of the difference: {self.reason}"
-        if self.tie_tolerance:
-            return f"ties up to {self.tie_tolerance:g} allowed: {self.reason}"
         return "no tie"
 
 
@@ -149,7 +137,9 @@ class Ordering(_Ranked):
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:
-        _require_distinct("rows", [row for group in self.groups for row in group])
+        rows = [str(row) for group in self.groups for row in group]
+        if len(set(rows)) < len(rows):
+            raise ValueError("rows names a row twice")
         return self
 
 
@@ -158,15 +148,6 @@ class Extreme(_Ranked):
 
     kind: Literal["argmax", "argmin"]
     row: Cell
-    among: Annotated[list[Cell], Field(min_length=2)] | None = None
-
-    @model_validator(mode="after")
-    def _row_among(self) -> Self:
-        if self.among is not None:
-            _require_distinct("among", self.among)
-            if self.row not in self.among:
-                raise ValueError(f"among does not hold the row {self.row!r} itself")
-        return self
 
 
 class IsTrue(Section):
@@ -187,8 +168,3 @@ Check = Annotated[
     Annotated[Within | Interval | Threshold | Ordering | Extreme | IsTrue, Field(discriminator="kind")],
     BeforeValidator(_kind_true),
 ]
-
-
-def _require_distinct(name: str, rows: list) -> None:
-    if len(set(map(str, rows))) < len(rows):
-        raise ValueError(f"{name} names a row twice")

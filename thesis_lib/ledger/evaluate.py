@@ -176,7 +176,6 @@ def _measure_flag(claim: Claim, rows: pd.DataFrame) -> Result:
 def _measure_ordering(claim: Claim, rows: pd.DataFrame) -> Result:
     check = claim.check
     groups = [[_member(claim, _only(claim, rows, **{check.key: name})) for name in group] for group in check.groups]
-    # all pairs, not only those of neighbouring groups: with ties allowed the order is not transitive
     pairs = [(a, b) for i, low in enumerate(groups) for high in groups[i + 1 :] for a in low for b in high]
     ascending = check.order == "ascending"
     return _ranked(claim, [one for group in groups for one in group], pairs, 1.0 if ascending else -1.0, ascending)
@@ -185,8 +184,6 @@ def _measure_ordering(claim: Claim, rows: pd.DataFrame) -> Result:
 def _measure_extreme(claim: Claim, rows: pd.DataFrame) -> Result:
     check = claim.check
     best = _only(claim, rows, **{check.key: check.row})
-    if check.among is not None:
-        rows = pd.DataFrame([_only(claim, rows, **{check.key: name}) for name in check.among])
     if len(rows) < 2:
         raise UserError(f"{claim.source.file}: {check.row} is the only row selected, so it is trivially extreme")
     others = {i: _member(claim, row) for i, row in rows.iterrows()}
@@ -215,18 +212,14 @@ def _member(claim: Claim, row: pd.Series) -> _Member:
 def _ranked(
     claim: Claim, members: list[_Member], pairs: list[tuple[_Member, _Member]], sign: float, ascending: bool
 ) -> Result:
-    """Compare pairs (before, after): sign · (after − before) must exceed k standard errors, or be ≥ −tie_tolerance.
+    """Compare pairs (before, after): sign · (after − before) must exceed k standard errors.
 
     `ascending`: our values are shown with the smallest first.
     """
     check, broken = claim.check, []
     for before, after in pairs:
         step = sign * (after.value - before.value)
-        if check.tie_tolerance:
-            holds = step >= -check.tie_tolerance * (1 + SLACK)
-        else:
-            holds = step > check.k * math.hypot(before.std, after.std)
-        if not holds:
+        if not step > check.k * math.hypot(before.std, after.std):
             side = "above" if sign > 0 else "below"
             broken.append((step, f"{after} is not {side} {before}" + " by enough" * (step > 0)))
     broken.sort(key=lambda item: item[0])  # the worst first

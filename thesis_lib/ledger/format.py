@@ -40,8 +40,8 @@ claims:
 - abs, rel and interval (kinds of checks: `checks`) need a `published` number; greater and less may have one, which is
   shown.  The other checks contain the published statement; `published` may repeat it but not contradict it.
 - `where` compares text exactly and numbers to 8 digits; it may name several columns.
-- A tolerance, a k or a tie_tolerance requires a `reason`; so does a threshold that differs from `published`, or from 0
-  if nothing is published.
+- A tolerance or a k requires a `reason`; so does a threshold that differs from `published`, or from 0 if nothing is
+  published.
 - `weak` says why agreement tells little: a wrong result would pass, a criterion was chosen on our own data, or the
   number is not the thesis's.  Such claims are counted apart.
 - At the quick scale a claim with `quick` is compared and shown, but not decided.

@@ -3,7 +3,6 @@ CH3 = "results/chapter3/{dataset}"
 CH3_DATASETS = [name for name in CONFIG.chapter3.datasets if DATASETS[name].present]
 CH3_TABLES = {
     "ensemble": f"{CH3}/ensemble.csv",
-    "ensemble_velocity": f"{CH3}/ensemble_velocity.csv",
     "convergence": f"{CH3}/convergence.csv",
     "topography": f"{CH3}/topography.csv",
     "individual": f"{CH3}/individual.csv",

@@ -12,8 +12,8 @@ CH4_CLAIMED = [  # what the ledger reads
     ),
 ]
 CH4_DICE_TABLES = (
-    *("parts", "throws", "limit", "difficulty", "rates", "parameters", "laws", "calibration", "counts"),
-    *("budget", "widths", "readings", "first_contact", "first_contact_throws"),
+    *("parts", "throws", "limit", "difficulty", "parameters", "laws", "calibration", "counts"),
+    *("budget", "widths", "readings"),
 )
 CH4_LEARNED = ("curves", "errors", "summary", "convergence", "ratios")
 

@@ -22,7 +22,6 @@ CH5_CLAIMED = [
         "showcase_steering_summary",
     )
 ]
-CH5_HIDDEN_TABLES = ("summary", "pushes", "errors")
 CH5_FOUND = findings_of(5)
 
 

@@ -12,6 +12,7 @@ from thesis_lib.residual.dice.models import hit_again
 from thesis_lib.residual.learners.bases import LawBase
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
 from thesis_lib.residual.learners.learners import ImpulseLearner
+from thesis_lib.residual.throwing.belief import covariance_root
 from thesis_lib.residual.throwing.flight import fly
 from thesis_lib.residual.throwing.propagation import LearnedImpact
 from thesis_lib.residual.throwing.settings import ThrowSettings
@@ -77,9 +78,12 @@ def test_without_double_hits_fewer_learned_impulses_are_infeasible():
     rate = {}
     new = impacts(500, np.pi / 4, seed=2)
     for name, some in (("all", given), ("alone", alone)):
-        settings = GaussianProcessSettings(device="cpu")
+        settings = GaussianProcessSettings()
         learner = ImpulseLearner("X1", True, LawBase("mirtich", 0.15, 0.45), True, settings=settings)
         contact = LearnedImpact(BODY, LAW, trained=learner.fit(some, np.random.default_rng(0)), slowest=0.12)
-        contact(new.q, new.v_pre, new.r, np.zeros(len(new), bool), np.random.default_rng(0))
-        rate[name] = contact.tally.columns()["rejection_rate"]
+        at = new.q, new.v_pre, new.r
+        mean, cov, took = contact.distribution(*at, np.zeros(len(new), bool))
+        noise = np.random.default_rng(0).standard_normal(mean.shape)
+        drawn = mean + np.einsum("nij,nj->ni", covariance_root(cov), noise)
+        rate[name] = 1.0 - contact.feasible(*at, drawn, took).mean()
     assert rate["alone"] < 0.5 * rate["all"]

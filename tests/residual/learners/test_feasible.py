@@ -8,8 +8,8 @@ from impacts_for_tests import K_G, MASS, made_impacts
 
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.residual.learners.feasible import feasible, from_latent, latent_slopes, project, to_latent
-from thesis_lib.residual.learners.features import TrainingRange, impulse_of, velocity_after
+from thesis_lib.residual.learners.feasible import feasible, from_latent, project, to_latent
+from thesis_lib.residual.learners.features import impulse_of, velocity_after
 
 SAME = 1e-9
 
@@ -95,25 +95,3 @@ def test_coordinates_of_the_feasible_set_go_there_and_back(wild, wrench):
     s = np.random.default_rng(0).uniform(-3.0, 3.0, (len(wild), 3 if wrench else 2))  # beyond lies the margin
     v = from_latent(wild.v_pre, s, wild.r, K_G)
     np.testing.assert_allclose(to_latent(wild.v_pre, v, wild.r, K_G, wrench=wrench), s, atol=1e-7)
-    slopes = latent_slopes(wild.v_pre, s, wild.r, K_G)
-    step = 1e-3 * np.ones(s.shape[1])
-    moved = from_latent(wild.v_pre, s + step, wild.r, K_G) - v
-    np.testing.assert_allclose(np.einsum("nij,j->ni", slopes, step), moved, atol=2e-5 * np.abs(v).max())
-
-
-def test_ordinary_impacts_are_in_range_and_strange_ones_are_not():
-    train = TrainingRange.of(made_impacts(300, seed=0))
-    assert 0.94 < train.contains(made_impacts(400, seed=1)).mean() <= 1.0
-    assert not train.contains(made_impacts(50, seed=2, speed=3.0)).any()
-    spun = made_impacts(50, seed=3)
-    spun = replace(spun, v_pre=spun.v_pre + [0.0, 0.0, 60.0])
-    assert not train.contains(spun).any()
-
-
-def test_a_gap_in_the_middle_of_the_range_is_seen():
-    impacts = made_impacts(600, seed=0)
-    angle = np.mod(impacts.q[:, 2], np.pi)
-    hidden = np.abs(angle - 0.5 * np.pi) < 0.5
-    train = TrainingRange.of(impacts.select(~hidden))
-    inside = train.contains(impacts.select(hidden)).mean()
-    assert inside < 0.75 < train.contains(impacts.select(~hidden)).mean()

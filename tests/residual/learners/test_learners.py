@@ -17,7 +17,7 @@ from thesis_lib.residual.learners.learners import FeasibleLearner, ImpulseLearne
 from thesis_lib.residual.throwing.belief import through_dynamics
 
 LAW = "anitescu_potra_newton"
-FAST = GaussianProcessSettings(restarts=1, iterations=40, device="cpu")
+FAST = GaussianProcessSettings(restarts=1, iterations=40)
 ALL = learners(LAW, FAST)
 
 
@@ -45,11 +45,12 @@ def test_every_learner_says_what_it_must(name, trained, noisy):
     out = trained[name].predict(test)
     n, q = len(test), out.impulse.shape[1]
     assert q == (3 if "wrench" in name else 2)
-    assert out.v_post.shape == (n, 3) and out.covariance.shape == (n, q, q)
+    assert out.v_post.shape == (n, 3)
     # v⁺ is that of the impulse, the covariance is one, and nothing after impact is looked at
     np.testing.assert_allclose(velocity_after(out.impulse, test), out.v_post, atol=1e-9)
-    assert (np.linalg.eigvalsh(out.covariance) > -1e-12).all()
-    assert (np.linalg.eigvalsh(through_dynamics(out.jacobian, out.covariance)) > -1e-9).all()
+    if isinstance(trained[name], ImpulseLearner):
+        covariance = trained[name].predict(test, covariance=True).covariance
+        assert covariance.shape == (n, q, q) and (np.linalg.eigvalsh(covariance) > -1e-12).all()
     np.testing.assert_array_equal(out.feasible, feasible(test.v_pre, out.v_post, test.r, K_G))
     assert feasible(test.v_pre, out.v_projected, test.r, K_G).all()
     blind = replace(test, v_post=np.full_like(test.v_post, np.nan))
@@ -96,10 +97,10 @@ def test_learned_parameters_find_friction_that_changes():
     assert _error(learned, test) < 0.5 * _error(fixed, test)
 
 
-@pytest.mark.parametrize("name", ["wrench_x1_omega", "feasible_wrench", "residual_wrench"])
+@pytest.mark.parametrize("name", ["wrench_x1_omega", "residual_wrench"])
 def test_standard_deviations_mean_what_they_say(name, trained, noisy):
     _, test = noisy
-    out = trained[name].predict(test, noise=True)
+    out = trained[name].predict(test, covariance=True, noise=True)
     std = np.sqrt(np.einsum("nii->ni", through_dynamics(out.jacobian, out.covariance)))
     inside = np.abs(test.v_post - out.v_post) <= 1.96 * std
     # 95 % within a binomial interval of 300 impacts, and what the linearisation costs
@@ -116,13 +117,6 @@ def test_samples_of_the_feasible_learner_need_no_projection(trained, noisy):
         mean, variance = model.process.predict(features(test, model.feature_set), noise=True)
         drawn = mean + 5.0 * np.sqrt(variance) * np.random.default_rng(0).normal(size=mean.shape)
         assert feasible(test.v_pre, from_latent(test.v_pre, drawn, test.r, K_G), test.r, K_G).all()
-
-
-def test_an_impact_outside_the_training_range_is_flagged(trained):
-    usual, fast = made_impacts(200, seed=8), made_impacts(50, seed=9, speed=4.0)
-    for model in trained.values():
-        assert model.predict(usual).in_range.mean() > 0.9
-        assert not model.predict(fast).in_range.any()
 
 
 def _saved(effects: dict[str, float], law: str = LAW) -> SavedModel:

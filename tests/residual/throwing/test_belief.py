@@ -1,40 +1,9 @@
-"""Gaussian mixtures and beliefs at rest, against moments, integrals and known shapes."""
+"""Covariances, and beliefs at rest against integrals and known shapes."""
 
 import numpy as np
 import pytest
 
-from thesis_lib.residual.throwing.belief import GaussianMixture, RestBelief, covariance_root, through_dynamics
-
-
-def mixture() -> GaussianMixture:
-    mean = np.array([[0.0, 1.0], [3.0, -1.0], [-2.0, 0.5]])
-    cov = np.array([[[1.0, 0.3], [0.3, 0.5]], [[0.2, 0.0], [0.0, 0.1]], [[0.5, -0.2], [-0.2, 0.4]]])
-    return GaussianMixture(mean, cov, np.array([0.5, 0.3, 0.2]))
-
-
-def test_moments_are_those_of_samples():
-    belief = mixture()
-    samples = belief.sample(200_000, np.random.default_rng(0))
-    mean, cov = belief.moments
-    assert samples.mean(0) == pytest.approx(mean, abs=0.02)
-    assert np.cov(samples.T) == pytest.approx(cov, abs=0.03)
-
-
-def test_the_density_integrates_to_one_and_agrees_with_samples():
-    belief = mixture().marginal([0])
-    x = np.linspace(-12, 12, 4001)
-    density = np.exp(belief.log_density(x[:, None]))
-    assert np.trapezoid(density, x) == pytest.approx(1.0, abs=1e-6)
-    samples = belief.sample(100_000, np.random.default_rng(1))[:, 0]
-    inside = (x > -1) & (x < 1)
-    assert np.trapezoid(density[inside], x[inside]) == pytest.approx(np.mean(np.abs(samples) < 1), abs=0.01)
-
-
-def test_as_many_samples_as_components_use_each_component_once():
-    n = 64
-    belief = GaussianMixture(np.arange(n)[:, None] * 10.0, np.full((n, 1, 1), 0.01), np.full(n, 1 / n))
-    samples = belief.sample(n, np.random.default_rng(2))[:, 0]
-    assert np.sort(np.rint(samples / 10)) == pytest.approx(np.arange(n))
+from thesis_lib.residual.throwing.belief import RestBelief, covariance_root, through_dynamics
 
 
 def test_a_singular_covariance_has_a_root():

@@ -6,7 +6,6 @@ import pytest
 from thesis_lib.residual.throwing.calibration import (
     coverage_table,
     crps,
-    crps_of_mixture,
     pit_histogram,
     pit_of_gaussian,
     pit_of_samples,
@@ -65,21 +64,6 @@ def test_crps_of_a_gaussian_is_its_closed_form_and_of_a_point_the_distance():
     exact = y * (2 * norm.cdf(y) - 1) + 2 * norm.pdf(y) - 1 / np.sqrt(np.pi)
     assert crps(np.array([y]), samples)[0] == pytest.approx(exact, abs=5e-3)
     assert crps(np.array([2.0]), np.array([[0.5]]))[0] == pytest.approx(1.5)
-
-
-def test_crps_of_a_mixture_is_that_of_its_samples_and_of_one_gaussian_the_textbooks():
-    from scipy.stats import norm
-
-    rng = np.random.default_rng(7)
-    mean, std, weight = np.array([-1.0, 0.2, 3.0]), np.array([0.3, 1.0, 0.1]), np.array([0.5, 0.3, 0.2])
-    which = rng.choice(3, 200_000, p=weight)
-    samples = rng.normal(mean[which], std[which])
-    y = np.array([-2.0, 0.0, 3.1, 6.0])
-    found = crps_of_mixture(y, np.tile(mean, (4, 1)), np.tile(std, (4, 1)), weight)
-    assert found == pytest.approx(crps(y, np.tile(samples, (4, 1))), abs=5e-3)
-    z = (y - 1.0) / 2.0
-    exact = 2.0 * (z * (2.0 * norm.cdf(z) - 1.0) + 2.0 * norm.pdf(z) - 1.0 / np.sqrt(np.pi))
-    assert crps_of_mixture(y, np.full((4, 1), 1.0), np.full((4, 1), 2.0), np.ones(1)) == pytest.approx(exact)
 
 
 def test_crps_prefers_the_right_width():

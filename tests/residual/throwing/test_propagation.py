@@ -12,10 +12,9 @@ from thesis_lib.residual.dice.fit import DiceModel, choose_mechanisms, cma_es, c
 from thesis_lib.residual.dice.models import contact_map, train_missed
 from thesis_lib.residual.dice.settings import DiceFitSettings, DiceStudySettings
 from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.throwing.belief import covariance_root
 from thesis_lib.residual.throwing.compliant_contact import CornerContact
 from thesis_lib.residual.throwing.flight import first_touch, fly
-from thesis_lib.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, draw, wrench_map
+from thesis_lib.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, wrench_map
 from thesis_lib.residual.throwing.settings import ThrowSettings
 from thesis_lib.residual.throwing.throw import LawImpact, push, simulate_throws
 
@@ -49,16 +48,13 @@ def made_contacts(model: DiceModel, n: int, twist: float = 0.0) -> MeasuredConta
     return MeasuredContacts(np.arange(n), np.ones(n, bool), *states, span, last_hit=np.full(n, 0.003))
 
 
-def test_samples_neither_penetrate_nor_gain_energy_and_rejections_are_counted():
+def test_samples_neither_penetrate_nor_gain_energy():
     contact = ScatteredLaw(BODY, LAW, relative=WIDE)
     q, v, r, slow = touching(2000)
     _, after, _ = contact(q, v, r, slow, np.random.default_rng(0))
     energy = [np.sum((x * [1, 1, RIG.k_g]) ** 2, axis=1) for x in (v, after)]
     assert (energy[1] <= energy[0] + 1e-12).all()
     assert (after[:, 1] + r[:, 0] * after[:, 2] >= 0.0).all()
-    tally = contact.tally
-    assert 0.0 < tally.columns()["rejection_rate"] < 0.5
-    assert tally.drawn == tally.rejected + tally.contacts - tally.given_up
 
 
 def test_a_contact_without_feasible_samples_takes_the_law():
@@ -66,8 +62,7 @@ def test_a_contact_without_feasible_samples_takes_the_law():
     q, v, r, slow = touching(500)
     _, after, _ = contact(q, v, r, slow, np.random.default_rng(0))
     _, expected, _ = LAW(q, v, r, slow, np.random.default_rng(0))
-    assert contact.tally.given_up > 400
-    assert np.isclose(after, expected).all(1).sum() == contact.tally.given_up
+    assert np.isclose(after, expected).all(1).sum() > 400
 
 
 def test_no_scatter_is_the_law():
@@ -82,16 +77,16 @@ class Dented(Sampled):
     """A contact that takes time, and ends somewhere near the surface."""
 
     def distribution(self, q, v, r, slow):
-        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        mean, cov, took = super().distribution(q, v, r, slow)
         cov[:, 1, 1] = PENETRATION**2
         mean[:, 4] *= 0.9  # some energy is left for poses that are higher
-        return mean, cov, took + 0.01, in_range
+        return mean, cov, took + 0.01
 
 
 def test_a_sample_that_ends_below_the_surface_is_lifted_onto_it():
     q, v, r, slow = touching(1000)
-    out = draw(Dented(BODY, LAW), q, v, r, slow, np.random.default_rng(0))
-    gap = BODY.gap(out.q)
+    after, _, _ = Dented(BODY, LAW)(q, v, r, slow, np.random.default_rng(0))
+    gap = BODY.gap(after)
     on_it, above = np.abs(gap) < 1e-12, gap > 1e-12
     assert (on_it | above).all()
     assert min(on_it.mean(), above.mean()) > 0.3  # a dent of a millimetre is no reason to draw again
@@ -102,36 +97,6 @@ def test_the_wrench_map_is_what_an_impulse_does():
     r, c = rng.normal(size=(20, 2)) * 0.03, rng.normal(size=(20, 3))
     expected = push(np.zeros((20, 3)), r, c, 0.02)
     assert np.einsum("nij,nj->ni", wrench_map(r, 0.02), c) == pytest.approx(expected)
-
-
-def test_every_state_counts_once_in_the_rate_of_first_samples():
-    contact = ScatteredLaw(BODY, LAW, relative=WIDE)
-    q, v, r, slow = touching(4000)
-    mean, cov, took, _ = contact.distribution(q, v, r, slow)
-    rng = np.random.default_rng(3)
-    share = np.mean(
-        [
-            ~contact.feasible(
-                q, v, r, mean + np.einsum("nij,nj->ni", covariance_root(cov), rng.standard_normal(mean.shape)), took
-            )
-            for _ in range(10)
-        ]
-    )
-    contact(q, v, r, slow, np.random.default_rng(0))
-    assert contact.tally.sampled == 4000
-    assert contact.tally.columns()["first_rejection_rate"] == pytest.approx(share, abs=0.02)
-    # states that are often rejected are drawn again and again: they weigh more among all samples
-    assert contact.tally.columns()["rejection_rate"] > contact.tally.columns()["first_rejection_rate"] > 0.05
-
-
-def test_without_a_feasible_sample_the_distribution_is_the_laws():
-    contact = ScatteredLaw(BODY, LAW, relative=np.diag([0.0, 0.0, 100.0]) ** 2, draws=1)
-    q, v, r, slow = touching(500)
-    out = draw(contact, q, v, r, slow, np.random.default_rng(0))
-    certain = ~out.cov.any((1, 2))
-    assert certain.sum() == contact.tally.given_up > 400
-    assert out.mean[certain, 3:] == pytest.approx(LAW(q, v, r, slow, np.random.default_rng(0))[1][certain])
-    assert np.hstack([out.q, out.v])[certain] == pytest.approx(out.mean[certain])
 
 
 @pytest.mark.slow
@@ -174,7 +139,7 @@ def test_samples_with_tails_have_the_covariance_that_is_said():
 
 
 def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
-    settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu"))
+    settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1))
     contacts = made_contacts(TRUTH, 500, twist=0.1)
     known, new = contacts.select(np.arange(250)), contacts.select(np.arange(250, 500))
     missed, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0))
@@ -184,13 +149,13 @@ def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
     t, corner = first_touch(body, q, new.v)
     q, v = fly(body, q, new.v, t)
     r = body.contact_point(q[:, 2], corner)
-    mean, _, took, _ = contact.distribution(q, v, r, np.zeros(len(q), bool))
+    mean, _, took = contact.distribution(q, v, r, np.zeros(len(q), bool))
     _, reached = fly(body, mean[:, :3], mean[:, 3:], new.span - t - took)
     metric = np.array([1.0, 1.0, TRUTH.k_g])
     left = (new.v_after - reached) * metric
     scatter, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0), False)
     plain = contact_map("", TRUTH, scatter, settings).contact
-    bare, _, _, _ = plain.distribution(q, v, r, np.zeros(len(q), bool))
+    bare, _, _ = plain.distribution(q, v, r, np.zeros(len(q), bool))
     _, without = fly(body, bare[:, :3], bare[:, 3:], new.span - t - took)
     before = (new.v_after - without) * metric
     assert np.median(np.linalg.norm(left, axis=1)) < 0.2 * np.median(np.linalg.norm(before, axis=1))

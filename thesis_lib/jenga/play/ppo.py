@@ -79,15 +79,13 @@ def train_ppo(
     seed: int = 0,
     *,
     setup: Setup | None = None,
-    device: str = "auto",
     say: Callable[[str], None] | None = None,
     environment: type[PushEnv] = PushEnv,
 ) -> dict[int, PpoPolicy]:
     """The policies of one training at these numbers of samples.
 
-    device: PyTorch's; "auto" is a GPU if there is one.  say: receives progress lines.  The library seeds the global
-    streams of random, numpy and PyTorch.  UserError for checkpoints that do not increase by at least 2; TowerError
-    as in `PushEnv.reset`.
+    say: receives progress lines.  The library seeds the global streams of random, numpy and PyTorch.  UserError for
+    checkpoints that do not increase by at least 2; TowerError as in `PushEnv.reset`.
     """
     settings, setup, say = settings or PpoSettings(), setup or Setup(), say or (lambda line: None)
     torch.set_num_threads(1)
@@ -101,24 +99,10 @@ def train_ppo(
 
     for begin, end in zip([0, *ends], ends):
         env = environment(settings.episode, settings.reward, setup)
-        state = _segment(env, state, begin, end, settings, seed, device, report)
+        state = _segment(env, state, begin, end, settings, seed, report)
         if end in checkpoints:
             policies[end] = PpoPolicy(state)
     return policies
-
-
-def train_to_files(
-    sizes: Sequence[int],
-    paths: Sequence[str | Path],
-    settings: PpoSettings,
-    setup: Setup,
-    seed: int,
-    say: Callable[[str], None] | None = None,
-) -> None:
-    """Train once through all `sizes` (samples) and write the policy at each to its path.  Errors as in `train_ppo`."""
-    policies = train_ppo(sizes, settings, seed, setup=setup, say=say)
-    for size, path in zip(sizes, paths):
-        write_policy(policies[size], path)
 
 
 def write_policy(policy: PpoPolicy, path: str | Path) -> None:
@@ -167,7 +151,6 @@ def _segment(
     end: int,
     settings: PpoSettings,
     seed: int,
-    device: str,
     report: Callable[[int, list[float]], None],
 ) -> State:
     """Train from `begin` to `end` samples, from the state at the end of the previous segment."""
@@ -200,7 +183,7 @@ def _segment(
             clip_range=settings.clip,
             policy_kwargs={"net_arch": list(settings.hidden), "log_std_init": settings.spread},
             seed=int(stream % 2**31),
-            device=device,
+            device="cpu",
         )
     model.set_logger(Logger(folder=None, output_formats=[]))
     if state is not None:

@@ -11,7 +11,7 @@ Own choices: D2 is 1 instead of 100, counts once and ends the episode.  D3 = 1 i
 and no other block is damaged in the push, because extraction is not simulated.  Rewards use the true poses, the policy
 sees readings only.  Retracting gives 0.
 
-Each push begins on a freshly settled tower, reduced (default) or full.  A new tower is drawn from the training seeds
+Each push begins on a freshly settled tower, reduced.  A new tower is drawn from the training seeds
 after `pushes_per_tower` pushes and after each fall.
 
 Source: N. Fazeli et al., Science Robotics 4, eaav3123 (2019), doi 10.1126/scirobotics.aav3123 (thesis, section 5.5.2).
@@ -149,7 +149,7 @@ class PushEnv(gymnasium.Env):
         self._pushes_left -= 1
         block = int(self.np_random.choice(REACHABLE)) if block is None else block
         self._tower.load(self._settled)
-        tower = self._tower if self.settings.full else reduce(self._tower, block)
+        tower = reduce(self._tower, block)
         self._robot = Robot(tower, Sensor(self.setup.sensing, self.np_random))
         self._reading = self._robot.start(block)
         self._context = tower.context(block)

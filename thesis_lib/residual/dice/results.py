@@ -27,7 +27,6 @@ import pandas as pd
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.residual.dice.data import MeasuredContacts, ThrowReleases
 from thesis_lib.residual.dice.fit import DiceModel, contact_path, touch_down
-from thesis_lib.residual.dice.mixture_belief import first_contact_summary
 from thesis_lib.residual.dice.models import Thrower, perturbed, throw_starts
 from thesis_lib.residual.dice.readings import readings
 from thesis_lib.residual.dice.settings import DiceStudySettings
@@ -90,7 +89,6 @@ def dice_tables(
     dice, parts = summarised(summary, "throws", "limit")
     whole["parts"] = stacked(parts)
     whole["difficulty"], _ = summarised(difficulty, "throws")
-    whole["first_contact"], _ = summarised(first_contact_summary, "first_contact_throws")
     return {"dice": dice} | {f"dice_{name}": table for name, table in whole.items()}
 
 

@@ -39,7 +39,6 @@ from thesis_lib.foundation.randomness import streams
 from thesis_lib.residual.dice.budget import budget
 from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, ThrowReleases, flight_drag, read_throws
 from thesis_lib.residual.dice.fit import DiceModel, choose_mechanisms, fit_dice
-from thesis_lib.residual.dice.mixture_belief import first_contact_scores
 from thesis_lib.residual.dice.models import (
     Thrower,
     contact_map,
@@ -67,10 +66,9 @@ class DiceStudy:
     | table                | holds                                                                                 |
     |----------------------|---------------------------------------------------------------------------------------|
     | throws, limit        | a row per model and held-out throw; the same for the limit of noise                   |
-    | rates, parameters    | samples drawn and rejected, a row per model; parameters of all models                 |
+    | parameters           | of all models                                                                         |
     | laws                 | training errors of the six laws on isolated impacts; the study uses the best          |
     | contact_pits         | PIT and misfit of each held-out contact (of learned impacts: isolated impact)         |
-    | first_contact_throws | scores of the beliefs over the state after the first contact                          |
     | budget               | where the error is made (`budget`)                                                    |
     | counts               | throws, contacts and impacts used and left out                                        |
     """
@@ -143,7 +141,7 @@ def _one_part(
     rng: np.random.Generator,
 ) -> DiceStudy:
     """Train all models on the throws that are not in `part` and judge them on those that are."""
-    train_rng, first_rng, named_rng = rng.spawn(3)
+    train_rng, _, named_rng = rng.spawn(3)  # what the second one was for is gone; the third keeps its numbers
     stream = streams(named_rng)
     train = np.setdiff1d(measured.releases.trial, part)
     training, held = measured.of(train), measured.of(part)
@@ -173,11 +171,9 @@ def _one_part(
     tables = {
         "throws": pd.concat(rows, ignore_index=True),
         "limit": pd.concat(limits, ignore_index=True),
-        "rates": pd.DataFrame([{"model": t.name, **t.contact.tally.columns()} for t in throwers]),
         "parameters": pd.concat([_parameters(t) for t in throwers], ignore_index=True),
         "laws": law_errors,
         "contact_pits": pd.concat(pits, ignore_index=True),
-        "first_contact_throws": first_contact_scores(throwers, held.releases, held.contacts, settings, first_rng),
         "budget": budget(throwers, training.releases, held.releases, held.contacts, side, settings, stream("budget")),
         "counts": pd.DataFrame(counts.items(), columns=["counted", "count"]),
     }

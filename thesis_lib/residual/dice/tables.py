@@ -52,7 +52,7 @@ def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStu
     metric = np.array([1.0, 1.0, model.k_g])
     away = residual[:, 3:] * scale
     if isinstance(thrower.contact, ContactMap):
-        mean, std, _ = thrower.contact.missed(q, v)
+        mean, std = thrower.contact.missed(q, v)
         away = away - mean[:, 3:] * scale
         pit = pit_of_student(away / (std[:, 3:] * scale), thrower.contact.freedom)
     else:
@@ -71,7 +71,7 @@ def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
     The covariance is that of the impulse, noise included, through the dynamics (equation 4.14).  For a rigid learner it
     has rank two, so only the velocities that an impulse through the contact point can reach are compared.
     """
-    out = thrower.contact.trained.predict(impacts, noise=True)
+    out = thrower.contact.trained.predict(impacts, covariance=True, noise=True)
     # in the kinetic metric, or spin that no impulse through the point reaches would leak into the impulse
     metric = np.array([1.0, 1.0, impacts.k_g])
     A = np.linalg.pinv(metric[:, None] * out.jacobian)

@@ -80,15 +80,6 @@ def from_latent(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float
     return _velocity(z, frame, k_g)
 
 
-def latent_slopes(v_pre: np.ndarray, latent: np.ndarray, r: np.ndarray, k_g: float) -> np.ndarray:
-    """∂v⁺/∂s, (n, 3, 2 or 3), by central differences; carries uncertainty of s to the velocity."""
-    step, columns = 1e-4, []
-    for shift in step * np.eye(latent.shape[1]):
-        ends = [from_latent(v_pre, latent + sign * shift, r, k_g) for sign in (1.0, -1.0)]
-        columns.append((ends[0] - ends[1]) / (2.0 * step))
-    return np.stack(columns, axis=2)
-
-
 def coordinates(v: np.ndarray, frame: np.ndarray, k_g: float) -> np.ndarray:
     """(z_n, z_t, z_b) of velocities (n, 3), m/s; `frame` (n, 3, 3) has n̂, t̂, b̂ as rows."""
     return np.einsum("nij,nj->ni", frame, v * [1.0, 1.0, k_g])

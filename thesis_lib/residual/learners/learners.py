@@ -7,8 +7,8 @@
     v⁺ ~ N(v + A c̄, A Σ Aᵀ),  A = M⁻¹ Jᵀ           equations 4.14 and 4.15 (whose factors are printed transposed)
 
 `learner.fit(impacts, rng)` gives a trained model, and `model.predict(impacts)` an `ImpactPrediction` with velocity,
-impulse and its covariance.  Infeasible predictions are flagged and given with their projection; impacts outside the
-range of training are flagged.
+impulse and, of an `ImpulseLearner`, its covariance.  Infeasible predictions are flagged and given with their
+projection.
 
 Where a law has no solution, the impact is left out of training and its prediction is NaN.  The prior mean of class 1 is
 the mean of its outputs, that of residuals zero.  μ and ε are learned from training impacts that the law can explain
@@ -26,14 +26,7 @@ from thesis_lib.impact_study.cost import target_of
 from thesis_lib.impact_study.individual import MU_MAX, fit_individual
 from thesis_lib.residual.learners import feasible as feasibility
 from thesis_lib.residual.learners.bases import Base, LawBase
-from thesis_lib.residual.learners.features import (
-    FeatureSet,
-    TrainingRange,
-    features,
-    impulse_of,
-    velocity_after,
-    velocity_map,
-)
+from thesis_lib.residual.learners.features import FeatureSet, features, impulse_of, velocity_after, velocity_map
 from thesis_lib.residual.learners.gaussian_process import GaussianProcess, GaussianProcessSettings, fit_gaussian_process
 
 RANGE = 0.02  # m/s in the kinetic metric: largest misfit of the best (μ, ε) at which the law explains an outcome
@@ -47,16 +40,15 @@ class ImpactPrediction:
 
     v_post: np.ndarray  # (n, 3) mean velocity after impact as measured, m/s, rad/s; NaN where the base has none
     impulse: np.ndarray  # c̄ (n, 2 or 3), (c_t, c_n) in N s or (c_t, c_n, τ in N m s)
-    covariance: np.ndarray  # Σ (n, 2 or 3 square) of the function, with `noise` of an outcome; NaN if not requested
     jacobian: np.ndarray  # A (n, 3, 2 or 3) = ∂v⁺/∂c as measured, 1/kg and 1/(kg m)
     feasible: np.ndarray  # (n,) whether v_post neither penetrates nor gains energy
     v_projected: np.ndarray  # (n, 3) the nearest feasible velocity, v_post itself where that is feasible
-    in_range: np.ndarray  # (n,) whether the impact lies within the range of training
+    covariance: np.ndarray | None = None  # Σ (n, 2 or 3 square) of the function, with `noise` of an outcome
 
 
 @dataclass(frozen=True)
 class ImpactLearner:
-    """A contact model to be learned; `fit` gives the trained one, which has a `process` and a `range`.
+    """A contact model to be learned; `fit` gives the trained one, which has a `process`.
 
     `fit` raises ValueError for fewer than two impacts; `start`, trained on others, is where its search starts.
     `predict` uses quantities before impact only, not the `v_post` of the impacts.
@@ -64,21 +56,20 @@ class ImpactLearner:
 
     settings: GaussianProcessSettings = field(default_factory=GaussianProcessSettings, kw_only=True)
     process: GaussianProcess = field(default=None, kw_only=True)  # type: ignore[assignment]
-    range: TrainingRange = field(default=None, kw_only=True)  # type: ignore[assignment]
 
     def fit(self, impacts: Impacts, rng: np.random.Generator, start: "ImpactLearner | None" = None) -> Self:
         """Train on impacts (n ≥ 2)."""
         raise NotImplementedError
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
+    def predict(self, impacts: Impacts) -> ImpactPrediction:
         """Prediction; see `ImpactPrediction`."""
         raise NotImplementedError
 
-    def _trained(self, seen: Impacts, x: np.ndarray, y: np.ndarray, rng, start, *, centred=True, **known) -> Self:
-        """The learner with a process for outputs y (n, p) at features x (n, d) of some of the impacts `seen`."""
+    def _trained(self, x: np.ndarray, y: np.ndarray, rng, start, *, centred=True, **known) -> Self:
+        """The learner with a process for outputs y (n, p) at features x (n, d) of impacts."""
         first = None if start is None else start.process
         process = fit_gaussian_process(x, y, rng, self.settings, centred=centred, start=first)
-        return replace(self, process=process, range=TrainingRange.of(seen), **known)
+        return replace(self, process=process, **known)
 
 
 @dataclass(frozen=True)
@@ -102,9 +93,10 @@ class ImpulseLearner(ImpactLearner):
         y = impulse_of(target, seen, wrench=self.wrench)
         x = features(seen, self.feature_set)
         known = np.isfinite(y).all(axis=1)
-        return self._trained(seen, x[known], y[known], rng, start, centred=not self.residual, base=base)
+        return self._trained(x[known], y[known], rng, start, centred=not self.residual, base=base)
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
+    def predict(self, impacts: Impacts, *, covariance: bool = False, noise: bool = False) -> ImpactPrediction:
+        """Prediction, on request with the covariance of the function or, with `noise`, of an outcome."""
         seen = self.base.seen(impacts)
         x = features(seen, self.feature_set)
         impulse, variance = self.process.predict(x, noise=noise, variance=covariance)
@@ -115,7 +107,8 @@ class ImpulseLearner(ImpactLearner):
             impulse = impulse + impulse_of(prior - seen.v_pre, seen, wrench=self.wrench)
         else:
             v_seen = velocity_after(impulse, seen)
-        return _prediction(self.base, impacts, seen, v_seen, impulse, _diagonal(variance), self.range)
+        S = variance[:, :, None] * np.eye(variance.shape[1]) if covariance else None
+        return _prediction(self.base, impacts, seen, v_seen, impulse, S)
 
 
 @dataclass(frozen=True)
@@ -134,29 +127,15 @@ class ParameterLearner(ImpactLearner):
         known = solved & (misfit <= RANGE)
         known = known if known.sum() >= FEWEST else solved
         x, y = features(impacts, self.feature_set)[known], np.stack([individual.mu, individual.epsilon], axis=1)[known]
-        return self._trained(impacts, x, y, rng, start)
+        return self._trained(x, y, rng, start)
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
-        """Prediction; the covariance is that of (μ, ε) through the law, by secants over one standard deviation."""
-        x = features(impacts, self.feature_set)
-        mean, variance = self.process.predict(x, noise=noise, variance=covariance)
-        impulse, v_post = self._law(impacts, mean)
-        S = _diagonal(np.full_like(mean, np.nan))
-        if covariance:
-            std = np.sqrt(variance)
-            columns = []
-            for i in range(2):
-                shift = std * (np.arange(2) == i)
-                columns.append(0.5 * (self._law(impacts, mean + shift)[0] - self._law(impacts, mean - shift)[0]))
-            J = np.stack(columns, axis=2)
-            S = J @ np.swapaxes(J, 1, 2)
-        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range)
-
-    def _law(self, impacts: Impacts, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def predict(self, impacts: Impacts) -> ImpactPrediction:
+        """Prediction of the law with the mean of its parameters."""
+        parameters, _ = self.process.predict(features(impacts, self.feature_set), variance=False)
         mu, epsilon = np.clip(parameters, 0.0, [MU_MAX, 1.0]).T
         body = {"mass": impacts.mass, "k_g": impacts.k_g}
         out = LAWS[self.law](impacts.v_pre, impacts.r, **body, mu=mu, epsilon=epsilon)
-        return out.impulse, out.v_post
+        return _prediction(IDENTITY, impacts, impacts, out.v_post, out.impulse)
 
 
 @dataclass(frozen=True)
@@ -170,20 +149,14 @@ class FeasibleLearner(ImpactLearner):
         # replace an outcome that no point impulse reaches by the nearest one that it reaches
         v = velocity_after(impulse_of(impacts.dv, impacts, wrench=self.wrench), impacts)
         s = feasibility.to_latent(impacts.v_pre, v, impacts.r, impacts.k_g, wrench=self.wrench)
-        return self._trained(impacts, features(impacts, self.feature_set), s, rng, start)
+        return self._trained(features(impacts, self.feature_set), s, rng, start)
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
-        """Prediction at the mean coordinates; covariance by linearisation."""
-        x = features(impacts, self.feature_set)
-        s, variance = self.process.predict(x, noise=noise, variance=covariance)
+    def predict(self, impacts: Impacts) -> ImpactPrediction:
+        """Prediction at the mean coordinates."""
+        s, _ = self.process.predict(features(impacts, self.feature_set), variance=False)
         v_post = feasibility.from_latent(impacts.v_pre, s, impacts.r, impacts.k_g)
         impulse = impulse_of(v_post - impacts.v_pre, impacts, wrench=self.wrench)
-        S = _diagonal(variance)
-        if covariance:
-            slopes = feasibility.latent_slopes(impacts.v_pre, s, impacts.r, impacts.k_g)
-            J = np.stack([impulse_of(slopes[:, :, i], impacts, wrench=self.wrench) for i in range(s.shape[1])], 2)
-            S = J @ S @ np.swapaxes(J, 1, 2)
-        return _prediction(IDENTITY, impacts, impacts, v_post, impulse, S, self.range)
+        return _prediction(IDENTITY, impacts, impacts, v_post, impulse)
 
 
 @dataclass(frozen=True)
@@ -194,25 +167,19 @@ class LawLearner(ImpactLearner):
 
     def fit(self, impacts: Impacts, rng: np.random.Generator, start: ImpactLearner | None = None) -> Self:
         """Fit the base's parameters; `rng` and `start` are not used."""
-        base = self.base.fit(impacts)
-        return replace(self, base=base, range=TrainingRange.of(base.seen(impacts)))
+        return replace(self, base=self.base.fit(impacts))
 
-    def predict(self, impacts: Impacts, *, covariance: bool = True, noise: bool = False) -> ImpactPrediction:
-        """Prediction with zero covariance; as a wrench, since effects may add a couple."""
+    def predict(self, impacts: Impacts) -> ImpactPrediction:
+        """Prediction; as a wrench, since effects may add a couple."""
         seen = self.base.seen(impacts)
         v_seen = _seen_prediction(self.base, impacts)
         impulse = impulse_of(v_seen - seen.v_pre, seen, wrench=True)
-        S = np.zeros((len(impacts), 3, 3))
-        return _prediction(self.base, impacts, seen, v_seen, impulse, S, self.range)
+        return _prediction(self.base, impacts, seen, v_seen, impulse)
 
 
 def _seen_prediction(base: Base, impacts: Impacts) -> np.ndarray:
     """The base's velocity after impact (n, 3) in the frame of the contact."""
     return base.seen(replace(impacts, v_post=base.predict(impacts))).v_post
-
-
-def _diagonal(variance: np.ndarray) -> np.ndarray:
-    return variance[:, :, None] * np.eye(variance.shape[1])
 
 
 def _prediction(
@@ -221,8 +188,7 @@ def _prediction(
     seen: Impacts,
     v_seen: np.ndarray,
     impulse: np.ndarray,
-    covariance: np.ndarray,
-    trained: TrainingRange,
+    covariance: np.ndarray | None = None,
 ) -> ImpactPrediction:
     wrench = impulse.shape[1] == 3
     A = velocity_map(seen, wrench=wrench)
@@ -232,7 +198,7 @@ def _prediction(
     inside = feasibility.feasible(seen.v_pre, v_seen, seen.r, seen.k_g)
     near = feasibility.project(seen.v_pre, v_seen, seen.r, seen.k_g, wrench=wrench)
     projected = np.where(inside[:, None], v_post, base.measured(impacts, near))
-    return ImpactPrediction(v_post, impulse, covariance, jacobian, inside, projected, trained.contains(seen))
+    return ImpactPrediction(v_post, impulse, jacobian, inside, projected, covariance)
 
 
 def learners(law: str, settings: GaussianProcessSettings | None = None) -> dict[str, ImpactLearner]:

@@ -1,9 +1,6 @@
-"""Beliefs over states as Gaussian mixtures, and over the pose at which a thrown body comes to rest.
+"""Covariances of states, and beliefs over the pose at which a thrown body comes to rest.
 
-    p(s) = Σ_i w_i N(s | m_i, S_i)                                              thesis, equation 4.16
-    mean = Σ w_i m_i,   covariance = Σ w_i (S_i + (m_i − mean)(m_i − mean)ᵀ)
-
-At rest the belief is over the side f that is down and the position x, by kernels on M particles,
+The belief is over the side f that is down and the position x, by kernels on M particles,
 
     P(f) = (M_f + 1/K)/(M + 1),    p(x | f) = (1 − γ) Σ_{i: f_i = f} N(x | x_i, b²)/M_f + γ N(x | x̄, (5 s)²),
     p(x, f) = P(f) p(x | f)
@@ -12,53 +9,17 @@ with K sides, b Silverman's width of the M_f particles (of all, if a side has fe
 standard deviation of all particles.  The added 1/K of a particle and the wide part γ = 0.01 give every outcome a
 positive probability; without them one surprise would have likelihood zero.  The thesis gives no kernel.
 
-Sources: Bauza and Rodriguez, GP-SUM, WAFR 2018, arXiv 1709.08120; Silverman, Density Estimation, 1986 (kernel width).
+Source of the kernel's width: Silverman, Density Estimation, 1986.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import logsumexp
 
 WIDE = 0.01  # γ
 FEW = 5  # least number of particles on a side for its own kernel width
 NARROWEST = 1e-4  # m, a camera's error: least width, for particles that all agree
-
-
-@dataclass(frozen=True)
-class GaussianMixture:
-    """A mixture of m Gaussians in d dimensions."""
-
-    mean: np.ndarray  # m_i (m, d)
-    cov: np.ndarray  # S_i (m, d, d)
-    weight: np.ndarray  # w_i (m,)
-
-    @property
-    def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (d,) and covariance (d, d) of the mixture."""
-        mean = self.weight @ self.mean
-        away = self.mean - mean
-        return mean, np.einsum("i,ijk->jk", self.weight, self.cov + away[:, :, None] * away[:, None, :])
-
-    def sample(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """States (count, d).  Systematic draws: with m = count equal weights, each component once."""
-        at = (np.arange(count) + rng.uniform()) / count
-        which = np.minimum(np.searchsorted(np.cumsum(self.weight), at), len(self.weight) - 1)
-        factor = covariance_root(self.cov)
-        noise = rng.standard_normal((count, self.mean.shape[1]))
-        return self.mean[which] + np.einsum("nij,nj->ni", factor[which], noise)
-
-    def log_density(self, states: np.ndarray) -> np.ndarray:
-        """log p(s) (n,) at states (n, d), for covariances of full rank."""
-        L = np.linalg.cholesky(self.cov)
-        z = np.einsum("mij,nmj->nmi", np.linalg.inv(L), states[:, None, :] - self.mean)
-        log_det = 2.0 * np.log(np.einsum("mii->mi", L)).sum(1) + self.mean.shape[1] * np.log(2.0 * np.pi)
-        return logsumexp(-0.5 * ((z**2).sum(-1) + log_det), b=self.weight, axis=1)
-
-    def marginal(self, rows: list[int]) -> "GaussianMixture":
-        """The mixture of the dimensions `rows`."""
-        return GaussianMixture(self.mean[:, rows], self.cov[:, rows][:, :, rows], self.weight)
 
 
 def covariance_root(cov: np.ndarray) -> np.ndarray:

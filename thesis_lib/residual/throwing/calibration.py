@@ -5,20 +5,16 @@ For a scalar y predicted by samples y_1 … y_M, with F their distribution,
     PIT        u = (#{y_i < y} + U (#{y_i = y} + 1))/(M + 1),  U uniform;  uniform if the prediction is right
     coverage   share of outcomes with |u − 1/2| ≤ level/2     (central regions)
     CRPS       mean |y_i − y| − mean |y_i − y_j|/2            (same unit as y; |y − ŷ| for a point prediction)
-               Σ_i w_i a(y − m_i, σ_i) − ½ Σ_ij w_i w_j a(m_i − m_j, √(σ_i² + σ_j²))        of a Gaussian mixture,
-               a(μ, σ) = μ (2 Φ(μ/σ) − 1) + 2 σ φ(μ/σ), the mean of |N(μ, σ²)|
 
 For a vector with a Gaussian prediction N(m, S) in d dimensions, u = χ²_d(z), z² = (y − m)ᵀ S⁻¹ (y − m), and the region
 of a level is the ellipsoid u ≤ level.  Held-out outcomes of one trial are dependent, so the interval of a coverage is
 that of a bootstrap over trials.  A level passes if |coverage − level| is at most `MARGIN` or the level lies within it.
 
-Sources: Gneiting and Raftery 2007, doi:10.1198/016214506000001437; Grimit, Gneiting, Berrocal and Johnson 2006,
-doi:10.1256/qj.05.235 (CRPS of mixtures).
+Source: Gneiting and Raftery 2007, doi:10.1198/016214506000001437.
 """
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtr
 from scipy.stats import binom, chi2, f
 
 from thesis_lib.statistics.bootstrap import central_95, resampled
@@ -58,19 +54,6 @@ def crps(outcome: np.ndarray, samples: np.ndarray) -> np.ndarray:
     # mean |y_i − y_j|/2 = Σ_i (2 i − m − 1) y_(i)/m²
     pairs = ordered @ (2.0 * np.arange(1, m + 1) - m - 1) / m**2
     return np.abs(samples - outcome[:, None]).mean(1) - pairs
-
-
-def crps_of_mixture(outcome: np.ndarray, mean: np.ndarray, std: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """CRPS (n,) of outcomes (n,) under mixtures of m Gaussians: `mean`, `std` > 0 (n, m), `weight` (m,) of sum 1."""
-
-    def size(mu: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-        """Mean of |z|, z ~ N(mu, sigma²)."""
-        z = mu / sigma
-        return mu * (2.0 * ndtr(z) - 1.0) + sigma * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * z * z)
-
-    away = size(outcome[:, None] - mean, std) @ weight
-    pairs = size(mean[:, :, None] - mean[:, None, :], np.hypot(std[:, :, None], std[:, None, :]))
-    return away - 0.5 * np.einsum("nij,i,j->n", pairs, weight, weight)
 
 
 def coverage_table(pit: np.ndarray, groups: np.ndarray, rng: np.random.Generator, *, central: bool) -> pd.DataFrame:

@@ -64,23 +64,23 @@ class ContactMap(Sampled):
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """State (n, 6) after `duration` and its diagonal covariance, noise included."""
-        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        mean, cov, took = super().distribution(q, v, r, slow)
         fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)
         if not len(fast):
-            return mean, cov, took, in_range
-        residual, std, in_range[fast] = self.missed(q[fast], v[fast])
+            return mean, cov, took
+        residual, std = self.missed(q[fast], v[fast])
         unit = residual_unit(v[fast], self.body.k_g, self.duration)
         mean[fast] = np.hstack(self.path(q[fast], v[fast], self.duration)) + residual * unit
         if not self.deterministic:
             cov[fast[:, None], np.arange(6), np.arange(6)] = (std * unit) ** 2
         took[fast] = self.duration
-        return mean, cov, took, in_range
+        return mean, cov, took
 
-    def missed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n, 6) of the residual at touches; mask (n,) of those in the training range."""
+    def missed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation (n, 6) of the residual at touches."""
         speed = velocity_error(v, self.body.k_g)
         X = contact_features(q, v, self.body.k_g)
-        mean, std, in_range = np.zeros((len(q), 6)), np.zeros((len(q), 6)), np.ones(len(q), bool)
+        mean, std = np.zeros((len(q), 6)), np.zeros((len(q), 6))
         # a covariance is larger than the square of the scale
         wide = 1.0 if np.isinf(self.freedom) else np.sqrt(self.freedom / (self.freedom - 2.0))
         for regime, rows in zip(self.regimes, split(speed, [regime.fastest for regime in self.regimes])):
@@ -93,10 +93,7 @@ class ContactMap(Sampled):
             mean[rows], variance = process.predict(X[rows], noise=True, variance=not self.deterministic)
             if not self.deterministic:
                 std[rows] = np.sqrt(variance) * regime.scale * wide
-            out = X[rows] - process.x_mean
-            low, high = process.x.min(0) * process.x_scale, process.x.max(0) * process.x_scale
-            in_range[rows] = ((out >= low) & (out <= high)).all(1)
-        return mean, std, in_range
+        return mean, std
 
 
 def split(speed: np.ndarray, edges: list[float]) -> list[np.ndarray]:

@@ -3,9 +3,7 @@
     s⁺ ~ N(m(s), S(s)),   S = A Σ A' in the velocity, 0 in the pose (and in both for the contact map)
 
 Samples that penetrate or gain energy are rejected and redrawn, at most `draws` times; then the feasible outcome of the
-law replaces them.  `Tally` counts rejections.  The share of states whose first sample is rejected measures how often a
-model is wrong; the share of all samples also grows with how wrong it is, since a state without a feasible sample adds
-`draws` rejections.  `throw` uses these samples and `mixture_belief` the distributions.  Three uncertain contacts:
+law replaces them.  Three uncertain contacts:
 
     scattered law      c = c_law + c_n ξ,    ξ ~ N(0, Ξ)          Ξ from training residuals, (c_t, c_n, τ)/c_n
     learned impact     c ~ N(c̄, Σ) of a trained model of `learners`   eqs. 4.12 to 4.15
@@ -20,7 +18,7 @@ import numpy as np
 
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.residual.learners.features import wrench_map
-from thesis_lib.residual.learners.learners import ImpactLearner
+from thesis_lib.residual.learners.learners import ImpulseLearner
 from thesis_lib.residual.throwing.belief import covariance_root, through_dynamics
 from thesis_lib.residual.throwing.flight import ThrownBody
 from thesis_lib.residual.throwing.throw import LawImpact
@@ -28,84 +26,8 @@ from thesis_lib.residual.throwing.throw import LawImpact
 PENETRATION = 1e-3  # m; deeper poses are rejected, shallower ones lifted: contacts dent by a millimetre
 
 
-# mean (n, 6), covariance (n, 6, 6), time (n,) in s and in_range (n,), as in `Drawn`
-Distribution = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-
-
-@dataclass
-class Tally:
-    """Counts of states and samples of an uncertain contact."""
-
-    contacts: int = 0  # states in all, certain ones included
-    drawn: int = 0  # drawn, rejected: samples
-    rejected: int = 0
-    sampled: int = 0
-    first_rejected: int = 0  # states whose first sample is infeasible
-    given_up: int = 0  # states without a feasible sample, left to the law
-    out_of_range: int = 0
-
-    def columns(self) -> dict[str, float]:
-        """The counts, and the shares of infeasible samples and of states whose first sample is infeasible."""
-        return {
-            **vars(self),
-            "rejection_rate": self.rejected / self.drawn if self.drawn else 0.0,
-            "first_rejection_rate": self.first_rejected / self.sampled if self.sampled else 0.0,
-        }
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """Outcomes of n uncertain contacts: Gaussians and a feasible sample of each."""
-
-    # m (n, 6) of pose and velocity in m, rad and m/s, rad/s, S (n, 6, 6); the law's outcome if no sample was feasible
-    mean: np.ndarray
-    cov: np.ndarray
-    q: np.ndarray  # q, v: (n, 3) the samples
-    v: np.ndarray
-    took: np.ndarray  # (n,) s
-    in_range: np.ndarray  # (n,) whether the state lies within the range of training, if the contact is learned
-
-
-def draw(
-    contact: "Sampled", q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
-) -> Drawn:
-    """A feasible sample of the outcome for each of n states at a touch; arguments as of `throw.ImpactModel`."""
-    mean, cov, took, in_range = contact.distribution(q, v, r, slow)
-    tally = contact.tally
-    tally.contacts += len(q)
-    tally.out_of_range += int((~in_range).sum())
-    out = mean.copy()
-    uncertain = np.einsum("nii->n", cov) > 0.0
-    tally.sampled += int(uncertain.sum())
-    root = np.zeros_like(cov)
-    root[uncertain] = covariance_root(cov[uncertain])
-    pending = np.arange(len(q))
-    for i in range(contact.draws):
-        noise = contact.noise(len(pending), rng)
-        out[pending] = mean[pending] + np.einsum("nij,nj->ni", root[pending], noise)
-        good = contact.feasible(q[pending], v[pending], r[pending], out[pending], took[pending])
-        # outcomes of the law are not samples
-        good |= ~uncertain[pending]
-        tally.drawn += int(uncertain[pending].sum())
-        tally.rejected += int((~good).sum())
-        if i == 0:
-            tally.first_rejected += int((~good).sum())
-        pending = pending[~good]
-        if not len(pending):
-            break
-    if len(pending):
-        tally.given_up += len(pending)
-        q_law, v_law, _ = contact.law(q[pending], v[pending], r[pending], slow[pending], rng)
-        out[pending] = mean[pending] = np.hstack([q_law, v_law])
-        cov[pending] = 0.0
-        took = took.copy()
-        took[pending] = 0.0
-    q_new, v_new = out[:, :3], out[:, 3:]
-    # lift poses slightly below the surface onto it
-    deep = took > 0.0
-    if deep.any():
-        q_new[deep, 1] += np.maximum(-contact.body.gap(q_new[deep]), 0.0)
-    return Drawn(mean, cov, q_new, v_new, took, in_range)
+# of state after contact: mean (n, 6) in m, rad and m/s, rad/s, covariance (n, 6, 6); and its duration (n,) in s
+Distribution = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass
@@ -117,14 +39,36 @@ class Sampled:
     draws: int = 20  # most samples per state; 0: the law alone
     deterministic: bool = False  # take the mean instead of a sample
     freedom: float = np.inf  # degrees of freedom of Student's t for samples of the same covariance; ∞: Gaussian
-    tally: Tally = field(default_factory=Tally)
 
     def __call__(
         self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A feasible sample of the outcome."""
-        out = draw(self, q, v, r, slow, rng)
-        return out.q, out.v, out.took
+        mean, cov, took = self.distribution(q, v, r, slow)
+        out = mean.copy()
+        uncertain = np.einsum("nii->n", cov) > 0.0
+        root = np.zeros_like(cov)
+        root[uncertain] = covariance_root(cov[uncertain])
+        pending = np.arange(len(q))
+        for _ in range(self.draws):
+            noise = self.noise(len(pending), rng)
+            out[pending] = mean[pending] + np.einsum("nij,nj->ni", root[pending], noise)
+            good = self.feasible(q[pending], v[pending], r[pending], out[pending], took[pending])
+            # outcomes of the law are not samples
+            pending = pending[~(good | ~uncertain[pending])]
+            if not len(pending):
+                break
+        if len(pending):
+            q_law, v_law, _ = self.law(q[pending], v[pending], r[pending], slow[pending], rng)
+            out[pending] = np.hstack([q_law, v_law])
+            took = took.copy()
+            took[pending] = 0.0
+        q_new, v_new = out[:, :3], out[:, 3:]
+        # lift poses slightly below the surface onto it
+        deep = took > 0.0
+        if deep.any():
+            q_new[deep, 1] += np.maximum(-self.body.gap(q_new[deep]), 0.0)
+        return q_new, v_new, took
 
     def noise(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Samples (n, 6) of mean 0 and covariance 1."""
@@ -137,7 +81,7 @@ class Sampled:
         """The law, without scatter."""
         _, after, _ = self.law(q, v, r, slow, np.random.default_rng(0))
         n = len(q)
-        return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n), np.ones(n, bool)
+        return np.hstack([q, after]), np.zeros((n, 6, 6)), np.zeros(n)
 
     def feasible(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, after: np.ndarray, took: np.ndarray) -> np.ndarray:
         """Mask (n,) of outcomes that neither penetrate nor gain energy."""
@@ -160,36 +104,35 @@ class ScatteredLaw(Sampled):
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """The law's outcome, and A Ξ A' c_n²; slow contacts are certain."""
-        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        mean, cov, took = super().distribution(q, v, r, slow)
         fast = ~slow
         c_n = mean[fast, 4] - v[fast, 1]
         A = wrench_map(r[fast], self.body.k_g)
         cov[np.ix_(fast, [3, 4, 5], [3, 4, 5])] = through_dynamics(A, self.relative * c_n[:, None, None] ** 2)
-        return mean, cov, took, in_range
+        return mean, cov, took
 
 
 @dataclass
 class LearnedImpact(Sampled):
     """A trained contact model of `learners`, for contacts faster than `slowest` (m/s)."""
 
-    trained: ImpactLearner | None = None
+    trained: ImpulseLearner | None = None
     slowest: float = 0.3
 
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """Mean impulse and its covariance, noise included, through the dynamics."""
-        mean, cov, took, in_range = super().distribution(q, v, r, slow)
+        mean, cov, took = super().distribution(q, v, r, slow)
         fast = np.flatnonzero(v[:, 1] + r[:, 0] * v[:, 2] < -self.slowest)
         if not len(fast):
-            return mean, cov, took, in_range
+            return mean, cov, took
         zero = np.zeros(len(fast))
         before = Impacts(
             trial=zero, impact=zero, q=q[fast], v_pre=v[fast], v_post=v[fast], r=r[fast], k_g=self.body.k_g
         )
         out = self.trained.predict(before, covariance=not self.deterministic, noise=True)
         known = np.isfinite(out.v_post).all(1)
-        in_range[fast] = out.in_range
         rows = fast[known]
         mean[rows, 3:] = (out.v_projected if self.deterministic else out.v_post)[known]
         if not self.deterministic:
             cov[np.ix_(rows, [3, 4, 5], [3, 4, 5])] = through_dynamics(out.jacobian, out.covariance)[known]
-        return mean, cov, took, in_range
+        return mean, cov, took

@@ -25,12 +25,8 @@ print(f"{len(impacts)} impacts, {train.sum()} for training")
 write_result(study.split_table(impacts, train), out.split)
 
 both = ("kinetic", "unweighted")
-ensemble = study.ensemble_table(training, study.ALL_LAWS, both, "impulse", settings.bootstrap, stream("bootstrap"))
+ensemble = study.ensemble_table(training, study.ALL_LAWS, both, settings.bootstrap, stream("bootstrap"))
 write_result(ensemble, out.ensemble)
-by_velocity = study.ensemble_table(
-    training, study.ALL_LAWS, ("kinetic",), "velocity", settings.bootstrap, stream("bootstrap velocity")
-)
-write_result(by_velocity, out.ensemble_velocity)
 c = settings.convergence
 convergence = study.convergence_table(training, c.laws, c.sizes, c.subsets, stream("convergence"))
 write_result(convergence, out.convergence)

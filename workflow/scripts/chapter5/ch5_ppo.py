@@ -4,10 +4,12 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.jenga.play.ppo import train_to_files
+from thesis_lib.jenga.play.ppo import train_ppo, write_policy
 from thesis_lib.jenga.play.settings import PpoSettings
 from thesis_lib.jenga.tower.settings import Setup
 
 params = snakemake.params
 settings, setup = PpoSettings.model_validate(params.ppo), Setup.model_validate(params.setup)
-train_to_files(params.sizes, list(snakemake.output), settings, setup, params.seed, say=print)
+policies = train_ppo(params.sizes, settings, params.seed, setup=setup, say=print)
+for size, path in zip(params.sizes, snakemake.output):
+    write_policy(policies[size], path)
