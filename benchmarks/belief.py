@@ -28,7 +28,7 @@ from thesis_lib.residual.throwing.throw import LawImpact, ThrowSettings, simulat
 TRAINED = 450
 ALONE = 40  # particles thrown one at a time
 ASKED = {"law": 10_000, "scattered_law": 10_000, "learned_wrench": 1_000, "contact_map": 1_000}
-FAST = GaussianProcessSettings(restarts=1)
+FAST = GaussianProcessSettings(restarts=1, device="cpu")
 
 
 def throws(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

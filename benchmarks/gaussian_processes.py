@@ -32,7 +32,7 @@ Trainer = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
 
 def ours(x: np.ndarray, y: np.ndarray, starts: int) -> np.ndarray:
     """Log marginal likelihood of each output."""
-    settings = GaussianProcessSettings(restarts=starts, prior=False, robust_rounds=0)
+    settings = GaussianProcessSettings(restarts=starts, prior=False, robust_rounds=0, device="cpu")
     return fit_gaussian_process(x, y, np.random.default_rng(0), settings).log_likelihood
 
 

@@ -251,7 +251,7 @@ LEARNS = PpoSettings(rate=3e-3, segment=10**6)
 @pytest.fixture(scope="module")
 def toy():
     lines = []
-    policies = train_ppo([100, 4000], LEARNS, seed=1, environment=Toy, say=lines.append)
+    policies = train_ppo([100, 4000], LEARNS, seed=1, environment=Toy, device="cpu", say=lines.append)
     return policies, lines
 
 
@@ -280,7 +280,7 @@ SHORT = PpoSettings(segment=60, rollout=32, batch=16)
 
 
 def trained(checkpoints=(50, 150)):
-    return train_ppo(checkpoints, SHORT, seed=0, environment=Toy)
+    return train_ppo(checkpoints, SHORT, seed=0, environment=Toy, device="cpu")
 
 
 def weights(policy) -> np.ndarray:
@@ -340,6 +340,6 @@ def test_impossible_checkpoints_are_refused(checkpoints):
 @pytest.mark.slow
 def test_training_on_towers_runs_and_repeats():
     settings = PpoSettings(rollout=40)
-    first, again = (train_ppo([40], settings, seed=3)[40] for _ in range(2))
+    first, again = (train_ppo([40], settings, seed=3, device="cpu")[40] for _ in range(2))
     np.testing.assert_array_equal(weights(first), weights(again))
     assert (first.episodes["tower"] >= 2000).all()

@@ -78,7 +78,7 @@ def test_without_double_hits_fewer_learned_impulses_are_infeasible():
     rate = {}
     new = impacts(500, np.pi / 4, seed=2)
     for name, some in (("all", given), ("alone", alone)):
-        settings = GaussianProcessSettings()
+        settings = GaussianProcessSettings(device="cpu")
         learner = ImpulseLearner("X1", True, LawBase("mirtich", 0.15, 0.45), True, settings=settings)
         contact = LearnedImpact(BODY, LAW, trained=learner.fit(some, np.random.default_rng(0)), slowest=0.12)
         at = new.q, new.v_pre, new.r

@@ -1,4 +1,4 @@
-"""Covariance matrices of Gaussian processes: against NumPy's plain equations."""
+"""Covariance matrices of Gaussian processes: against NumPy's plain equations, on the processor and on a GPU."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,15 @@ import pytest
 from thesis_lib.residual.learners import covariance
 
 ROUNDING = 1e-10  # relative; the matrices' condition number is about 1e3
+
+
+@pytest.fixture(params=["cpu", "cuda"])
+def device(request):
+    import torch
+
+    if request.param == "cuda" and not torch.cuda.is_available():
+        pytest.skip("no CUDA GPU here")
+    return request.param
 
 
 def _points(n, d=3):
@@ -21,44 +30,44 @@ def _noisy(n):
     return _kernel(z, z) + 0.1 * np.eye(n)
 
 
-def _tensor(values):
+def _tensor(values, device):
     import torch
 
-    return torch.as_tensor(values.copy())
+    return torch.as_tensor(values.copy(), device=device)
 
 
 def _near(found, expected):
-    np.testing.assert_allclose(found.numpy(), expected, rtol=ROUNDING, atol=ROUNDING * np.abs(expected).max())
+    np.testing.assert_allclose(found.cpu().numpy(), expected, rtol=ROUNDING, atol=ROUNDING * np.abs(expected).max())
 
 
-def test_covariance_is_the_kernel_and_never_above_the_variance():
+def test_covariance_is_the_kernel_and_never_above_the_variance(device):
     z, other = _points(40), _points(7)
-    _near(covariance.covariance(_tensor(z), _tensor(other), 2.0), _kernel(z, other))
+    _near(covariance.covariance(_tensor(z, device), _tensor(other, device), 2.0), _kernel(z, other))
     far = 1e4 + z  # where squares of 1e8 cancel
-    K = covariance.covariance(_tensor(far), _tensor(far), 2.0)
+    K = covariance.covariance(_tensor(far, device), _tensor(far, device), 2.0)
     assert float(K.max()) <= 2.0 * (1.0 + 1e-15)
 
 
 @pytest.mark.parametrize("n", [1, 2, 37, 130])
-def test_factor_solution_and_inverse_are_those_of_the_matrix(n):
+def test_factor_solution_and_inverse_are_those_of_the_matrix(n, device):
     K_y, y = _noisy(n), _points(n, 1)[:, 0]
-    L = covariance.factor(_tensor(K_y))
+    L = covariance.factor(_tensor(K_y, device))
     _near(L.tril(), np.linalg.cholesky(K_y))
     expected = np.linalg.inv(K_y)
-    _near(covariance.solve(L, _tensor(y)), expected @ y)
+    _near(covariance.solve(L, _tensor(y, device)), expected @ y)
     k = _points(11, n)
-    _near(covariance.explained(L, _tensor(k)), np.einsum("ij,jk,ik->i", k, expected, k))
+    _near(covariance.explained(L, _tensor(k, device)), np.einsum("ij,jk,ik->i", k, expected, k))
     _near(covariance.inverse_diagonal(L.clone()), np.diag(expected))
     whole = covariance.inverse(L)
     _near(whole.tril(), np.tril(expected))
     B = _points(n, 4)
-    _near(covariance.symmetric_product(whole, _tensor(B)), expected @ B)
-    _near(covariance.product(_tensor(K_y), _tensor(B)), K_y @ B)
+    _near(covariance.symmetric_product(whole, _tensor(B, device)), expected @ B)
+    _near(covariance.product(_tensor(K_y, device), _tensor(B, device)), K_y @ B)
 
 
-def test_a_matrix_that_is_not_positive_definite_is_refused():
+def test_a_matrix_that_is_not_positive_definite_is_refused(device):
     with pytest.raises(np.linalg.LinAlgError, match="not positive definite"):
-        covariance.factor(_tensor(-_noisy(5)))
+        covariance.factor(_tensor(-_noisy(5), device))
 
 
 def test_torch_is_left_out_of_the_work(monkeypatch):

@@ -1,10 +1,16 @@
-"""Gaussian processes: against scikit-learn and GPyTorch, recovery of known hyperparameters."""
+"""Gaussian processes: against scikit-learn and GPyTorch, recovery of known hyperparameters, devices."""
 
 import numpy as np
 import pytest
 
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.learners import gaussian_process
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.residual.learners.gaussian_process import (
+    SAME,
+    SAME_TRAINED,
+    GaussianProcessSettings,
+    fit_gaussian_process,
+)
 from thesis_lib.residual.learners.marginal_likelihood import objective, search
 
 EXACT = 1e-6  # of the outputs' spread: exact methods differ by rounding only
@@ -19,7 +25,7 @@ def _data(n: int = 60, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def process():
-    return fit_gaussian_process(*_data(), np.random.default_rng(1), GaussianProcessSettings())
+    return fit_gaussian_process(*_data(), np.random.default_rng(1), GaussianProcessSettings(device="cpu"))
 
 
 def _sklearn(process, output):
@@ -95,7 +101,7 @@ def test_the_search_ends_at_least_as_high_as_scikit_learns():
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    settings = GaussianProcessSettings(prior=False, restarts=3, robust_rounds=0)
+    settings = GaussianProcessSettings(device="cpu", prior=False, restarts=3, robust_rounds=0)
     process = fit_gaussian_process(*_data(), np.random.default_rng(1), settings)
     for i in range(2):
         kernel = ConstantKernel(1.0, (1e-3, 1e3)) * RBF([1.0] * 3, (0.05, 100.0)) + WhiteKernel(0.1, (1e-6, 4.0))
@@ -121,7 +127,7 @@ def test_known_hyperparameters_are_recovered():
 def test_priors_keep_a_few_measurements_of_noise_from_being_learned_by_heart():
     left = {}
     for prior in (True, False):
-        settings, left[prior] = GaussianProcessSettings(prior=prior), []
+        settings, left[prior] = GaussianProcessSettings(device="cpu", prior=prior), []
         for seed in range(20):
             rng = np.random.default_rng(seed)
             X, Y = rng.normal(size=(12, 5)), rng.normal(size=(12, 1))
@@ -141,7 +147,7 @@ def test_wild_measurements_do_not_decide():
     new = rng.uniform(-2.0, 2.0, (200, 2))
     error, found = {}, {}
     for rounds in (0, 2):
-        settings = GaussianProcessSettings(robust_rounds=rounds)
+        settings = GaussianProcessSettings(device="cpu", robust_rounds=rounds)
         found[rounds] = fit_gaussian_process(X, Y, np.random.default_rng(0), settings)
         error[rounds] = np.abs(found[rounds].predict(new)[0] - np.sin(new[:, :1])).mean()
     assert error[2] < 0.5 * error[0]
@@ -152,7 +158,7 @@ def test_wild_measurements_do_not_decide():
 
 
 def test_equal_seeds_give_equal_processes(process):
-    again = fit_gaussian_process(*_data(), np.random.default_rng(1), GaussianProcessSettings())
+    again = fit_gaussian_process(*_data(), np.random.default_rng(1), GaussianProcessSettings(device="cpu"))
     np.testing.assert_array_equal(again.lengthscale, process.lengthscale)
     X, _ = _data(n=10, seed=4)
     for one, other in zip(process.predict(X), again.predict(X)):
@@ -161,7 +167,7 @@ def test_equal_seeds_give_equal_processes(process):
 
 def test_more_data_than_hyperparameters_need(process):
     X, Y = _data(n=120, seed=7)
-    settings = GaussianProcessSettings(hyperparameter_impacts=60)
+    settings = GaussianProcessSettings(device="cpu", hyperparameter_impacts=60)
     few = fit_gaussian_process(X[:60], Y[:60], np.random.default_rng(0), settings)
     more = fit_gaussian_process(X, Y, np.random.default_rng(0), settings, start=few)
     np.testing.assert_allclose(more.lengthscale * more.x_scale, few.lengthscale * few.x_scale)
@@ -174,7 +180,7 @@ def test_more_data_than_hyperparameters_need(process):
 def test_a_longer_training_set_begins_with_the_weights_of_the_shorter(monkeypatch):
     X, Y = _data(n=120, seed=7)
     Y[::15] += 40.0
-    settings = GaussianProcessSettings()
+    settings = GaussianProcessSettings(device="cpu")
     few = fit_gaussian_process(X[:80], Y[:80], np.random.default_rng(0), settings)
     assert few.weight[:, 0].min() < 0.5
     used = []
@@ -212,6 +218,58 @@ def test_a_feature_that_does_not_vary_is_no_trouble():
 def test_wrong_inputs_are_refused(process, X):
     with pytest.raises(ValueError, match="inputs must"):
         process.predict(X)
+
+
+def _without_gpu(monkeypatch):
+    import torch
+
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+
+
+def test_cuda_without_a_gpu_is_refused(monkeypatch):
+    _without_gpu(monkeypatch)
+    with pytest.raises(UserError, match="device: cuda is set, but no CUDA GPU"):
+        fit_gaussian_process(*_data(), np.random.default_rng(1), GaussianProcessSettings(device="cuda"))
+
+
+def test_without_a_gpu_auto_is_the_cpu(monkeypatch, process):
+    _without_gpu(monkeypatch)
+    found = fit_gaussian_process(*_data(), np.random.default_rng(1), GaussianProcessSettings(device="auto"))
+    assert found.device == "cpu"
+    np.testing.assert_array_equal(found.lengthscale, process.lengthscale)
+
+
+def test_rounding_moves_a_search_by_less_than_a_gpu_may():
+    # the sums of a GPU run in another order; so do those of the same rows in another order
+    X, Y = _data(n=150)
+    order = np.random.default_rng(9).permutation(len(X))
+    settings = GaussianProcessSettings(device="cpu")
+    one, other = (fit_gaussian_process(X[i], Y[i], np.random.default_rng(1), settings) for i in (..., order))
+    new, _ = _data(n=50, seed=3)
+    for a, b in zip(one.predict(new), other.predict(new)):
+        assert (a != b).any()
+        np.testing.assert_allclose(a, b, atol=SAME_TRAINED * Y.std())
+
+
+def test_a_gpu_gives_the_same(process):
+    import torch
+
+    if not torch.cuda.is_available():
+        pytest.skip("no CUDA GPU here")
+    X, Y = _data()
+    new, _ = _data(n=300, seed=3)  # more than are predicted at a time
+    known = type(process)(**{**process.__dict__, "device": "cuda"})
+    settings = GaussianProcessSettings(device="cuda")
+    found, again = (fit_gaussian_process(X, Y, np.random.default_rng(1), settings) for _ in range(2))
+    assert found.device == "cuda"
+    for noise in (False, True):
+        expected = process.predict(new, noise=noise)
+        for one, two, three, four in zip(
+            expected, known.predict(new, noise=noise), found.predict(new, noise=noise), again.predict(new, noise=noise)
+        ):
+            np.testing.assert_allclose(two, one, atol=SAME * Y.std())
+            np.testing.assert_allclose(three, one, atol=SAME_TRAINED * Y.std())
+            np.testing.assert_allclose(four, three, atol=SAME * Y.std())
 
 
 def test_means_alone_are_the_same_and_leave_out_what_variances_need(process, monkeypatch):

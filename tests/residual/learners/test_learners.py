@@ -17,7 +17,7 @@ from thesis_lib.residual.learners.learners import FeasibleLearner, ImpulseLearne
 from thesis_lib.residual.throwing.belief import through_dynamics
 
 LAW = "anitescu_potra_newton"
-FAST = GaussianProcessSettings(restarts=1, iterations=40)
+FAST = GaussianProcessSettings(restarts=1, iterations=40, device="cpu")
 ALL = learners(LAW, FAST)
 
 

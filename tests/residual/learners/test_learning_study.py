@@ -18,7 +18,7 @@ SETTINGS = LearningStudySettings(
     sizes=(10, 40),
     splits=2,
     density_size=40,
-    gaussian_process=GaussianProcessSettings(restarts=1, iterations=20),
+    gaussian_process=GaussianProcessSettings(restarts=1, iterations=20, device="cpu"),
 )
 
 

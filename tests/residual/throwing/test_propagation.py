@@ -139,7 +139,7 @@ def test_samples_with_tails_have_the_covariance_that_is_said():
 
 
 def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
-    settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1))
+    settings = DiceStudySettings(training_contacts=250, process=GaussianProcessSettings(restarts=1, device="cpu"))
     contacts = made_contacts(TRUTH, 500, twist=0.1)
     known, new = contacts.select(np.arange(250)), contacts.select(np.arange(250, 500))
     missed, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0))

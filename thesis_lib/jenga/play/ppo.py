@@ -79,13 +79,15 @@ def train_ppo(
     seed: int = 0,
     *,
     setup: Setup | None = None,
+    device: str = "auto",
     say: Callable[[str], None] | None = None,
     environment: type[PushEnv] = PushEnv,
 ) -> dict[int, PpoPolicy]:
     """The policies of one training at these numbers of samples.
 
-    say: receives progress lines.  The library seeds the global streams of random, numpy and PyTorch.  UserError for
-    checkpoints that do not increase by at least 2; TowerError as in `PushEnv.reset`.
+    device: PyTorch's; "auto" is a GPU if there is one.  say: receives progress lines.  The library seeds the global
+    streams of random, numpy and PyTorch.  UserError for checkpoints that do not increase by at least 2; TowerError
+    as in `PushEnv.reset`.
     """
     settings, setup, say = settings or PpoSettings(), setup or Setup(), say or (lambda line: None)
     torch.set_num_threads(1)
@@ -99,7 +101,7 @@ def train_ppo(
 
     for begin, end in zip([0, *ends], ends):
         env = environment(settings.episode, settings.reward, setup)
-        state = _segment(env, state, begin, end, settings, seed, report)
+        state = _segment(env, state, begin, end, settings, seed, device, report)
         if end in checkpoints:
             policies[end] = PpoPolicy(state)
     return policies
@@ -151,6 +153,7 @@ def _segment(
     end: int,
     settings: PpoSettings,
     seed: int,
+    device: str,
     report: Callable[[int, list[float]], None],
 ) -> State:
     """Train from `begin` to `end` samples, from the state at the end of the previous segment."""
@@ -183,7 +186,7 @@ def _segment(
             clip_range=settings.clip,
             policy_kwargs={"net_arch": list(settings.hidden), "log_std_init": settings.spread},
             seed=int(stream % 2**31),
-            device="cpu",
+            device=device,
         )
     model.set_logger(Logger(folder=None, output_formats=[]))
     if state is not None:

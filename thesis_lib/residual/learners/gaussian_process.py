@@ -11,6 +11,9 @@ Scikit-learn's process, with which the critique tests what is left (`thesis_lib/
 noise σ² for all measurements, or takes one for each as given, but does not fit σ² beside weights w; nor has it priors.
 Its likelihood with gradient takes 5 times as long (450 points of 6 inputs: 36 instead of 7 ms).
 
+GPU and CPU sum in different orders (both in float64; the GPU draws no random numbers).  With the same hyperparameters
+predictions agree within `SAME` of the outputs' spread; after training, whose search stops early, `SAME_TRAINED`.
+
 Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, algorithm 2.1.
 """
 
@@ -20,12 +23,23 @@ from functools import cached_property
 import numpy as np
 import torch
 
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.residual.learners.covariance import covariance, explained, factor, product, solve
 from thesis_lib.residual.learners.marginal_likelihood import noisy, search, starts, weights
 from thesis_lib.residual.learners.settings import GaussianProcessSettings
 
+SAME = 1e-8
+SAME_TRAINED = 1e-4
 SETTLED = 0.003  # of all weight: a change below it calls for no other search (with 0.01 errors moved by up to a fifth)
 ROWS = 256  # predictions at a time: their covariances with 450 impacts fit the processor's cache
+
+
+def device_of(settings: GaussianProcessSettings) -> torch.device:
+    """The device that the settings ask for; raises UserError for CUDA without a GPU."""
+    if settings.device == "cuda" and not torch.cuda.is_available():
+        raise UserError("device: cuda is set, but no CUDA GPU is usable here; set device: auto or cpu.")
+    use_cuda = settings.device != "cpu" and torch.cuda.is_available()
+    return torch.device("cuda" if use_cuda else "cpu")
 
 
 @dataclass(frozen=True)
@@ -44,6 +58,7 @@ class GaussianProcess:
     weight: np.ndarray  # w (n, p) of each measurement, 1 unless it is wild
     log_likelihood: np.ndarray  # nats (p,), of the impacts that gave hyperparameters
     n_hyper: int  # training points that gave the hyperparameters
+    device: str = "cpu"
 
     def predict(self, X: np.ndarray, *, noise: bool = False, variance: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Mean and variance, each (m, p) in the outputs' units, at X (m, d) in the inputs' units.
@@ -60,12 +75,12 @@ class GaussianProcess:
         mean, var = np.empty((len(X), self.y.shape[1])), np.full((len(X), self.y.shape[1]), np.nan)
         for first in range(0, len(X), ROWS):
             rows = slice(first, first + ROWS)
-            at = torch.as_tensor(z[rows])
+            at = torch.as_tensor(z[rows], device=self.device)
             for i, (length, points, L, alpha) in enumerate(self._trained):
                 k = covariance(at / length, points, self.signal[i])
-                mean[rows, i] = product(k, alpha).numpy()
+                mean[rows, i] = product(k, alpha).cpu().numpy()
                 if variance:
-                    var[rows, i] = self.signal[i] - explained(L, k).numpy()
+                    var[rows, i] = self.signal[i] - explained(L, k).cpu().numpy()
         var = np.maximum(var, 0.0) + (self.noise if noise else 0.0)
         return self.y_mean + mean * self.y_scale, var * self.y_scale**2
 
@@ -73,12 +88,12 @@ class GaussianProcess:
     def _trained(self) -> list[tuple[torch.Tensor, ...]]:
         """For each output lengths (d,), data divided by them (n, d), L (n, n) and α (n,)."""
         theta = np.log(np.column_stack([self.lengthscale, self.signal, self.noise]))
-        x, y, weight = (torch.as_tensor(a) for a in (self.x, self.y, self.weight))
+        x, y, weight = (torch.as_tensor(a, device=self.device) for a in (self.x, self.y, self.weight))
         trained = []
         for i in range(y.shape[1]):
             K_y, points, _ = noisy(theta[i], x, weight[:, i])
             L = factor(K_y)
-            trained.append((torch.as_tensor(self.lengthscale[i]), points, L, solve(L, y[:, i])))
+            trained.append((torch.as_tensor(self.lengthscale[i], device=self.device), points, L, solve(L, y[:, i])))
         return trained
 
     def begins(self, X: np.ndarray, Y: np.ndarray) -> bool:
@@ -116,6 +131,7 @@ def fit_gaussian_process(
     if len(X) < 2 or not (np.isfinite(X).all() and np.isfinite(Y).all()):
         raise ValueError(f"training needs at least two finite rows, got {len(X)}")
     settings = settings or GaussianProcessSettings()
+    device = device_of(settings)
     x_mean, x_scale = X.mean(axis=0), _scale(X, X.mean(axis=0))
     y_mean = Y.mean(axis=0) if centred else np.zeros(Y.shape[1])
     y_scale = _scale(Y, y_mean)
@@ -133,17 +149,21 @@ def fit_gaussian_process(
             # from a known answer a drawn start has ended better in 1 of some 1,000 searches, by less than a nat
             count_of = settings.restarts if known is None else 1
             first = starts(d, rng, count_of, None if known is None else known[i])
-            theta[i], value[i] = search(x[:count], output[:count], weight[:count, i], first, settings)
+            theta[i], value[i] = search(x[:count], output[:count], weight[:count, i], first, settings, device)
         for _ in range(settings.robust_rounds):
             before = weight[:, i].copy()
-            weight[:, i] = weights(theta[i], x, output, before)
+            weight[:, i] = weights(theta[i], x, output, before, device)
             if np.abs(weight[:, i] - before).sum() <= SETTLED * len(x):
                 break
             if not fixed:
-                theta[i], value[i] = search(x[:count], output[:count], weight[:count, i], theta[i : i + 1], settings)
+                theta[i], value[i] = search(
+                    x[:count], output[:count], weight[:count, i], theta[i : i + 1], settings, device
+                )
     h = np.exp(theta)
     count = start.n_hyper if fixed else count
-    return GaussianProcess(x, y, x_mean, x_scale, y_mean, y_scale, h[:, :d], h[:, d], h[:, d + 1], weight, value, count)
+    return GaussianProcess(
+        x, y, x_mean, x_scale, y_mean, y_scale, h[:, :d], h[:, d], h[:, d + 1], weight, value, count, str(device)
+    )
 
 
 def _scale(values: np.ndarray, about: np.ndarray) -> np.ndarray:

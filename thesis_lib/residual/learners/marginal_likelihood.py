@@ -56,10 +56,15 @@ def log_bounds(d: int) -> np.ndarray:
 
 
 def search(
-    x: np.ndarray, y: np.ndarray, weight: np.ndarray, starts: np.ndarray, settings: GaussianProcessSettings
+    x: np.ndarray,
+    y: np.ndarray,
+    weight: np.ndarray,
+    starts: np.ndarray,
+    settings: GaussianProcessSettings,
+    device: torch.device,
 ) -> tuple[np.ndarray, float]:
     """Logarithms of the best hyperparameters (d + 2,) and their log marginal likelihood."""
-    data = tuple(torch.as_tensor(np.ascontiguousarray(a)) for a in (x, y, weight))
+    data = tuple(torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
     best = None
     for start in starts:
         optimum = minimize(
@@ -77,12 +82,12 @@ def search(
     return best.x, -best.fun - (log_prior(best.x)[0] if settings.prior else 0.0)
 
 
-def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray, device: torch.device) -> np.ndarray:
     """Weights w (n,) from the distance of each measurement to its leave-one-out prediction; see the module."""
-    X, Y, W = (torch.as_tensor(np.ascontiguousarray(a)) for a in (x, y, weight))
+    X, Y, W = (torch.as_tensor(np.ascontiguousarray(a), device=device) for a in (x, y, weight))
     L = factor(noisy(theta, X, W)[0])
-    alpha = solve(L, Y).numpy()
-    kappa, noise = inverse_diagonal(L).numpy(), np.exp(theta[-1])
+    alpha = solve(L, Y).cpu().numpy()
+    kappa, noise = inverse_diagonal(L).cpu().numpy(), np.exp(theta[-1])
     square = (alpha / kappa) ** 2 / (1.0 / kappa - noise / weight + noise)
     return np.minimum(WILD**2 / np.maximum(square, 1e-300), 1.0)
 
@@ -90,7 +95,7 @@ def weights(theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray)
 def noisy(theta: np.ndarray, x: torch.Tensor, weight: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """K_y (n, n), x divided by the lengths (n, d), and the variances of the noise, σ² W⁻¹ (n,)."""
     t = np.exp(theta)
-    z, noise = x / torch.as_tensor(t[:-2]), t[-1] / weight
+    z, noise = x / torch.as_tensor(t[:-2], device=x.device), t[-1] / weight
     K_y = covariance(z, z, t[-2])
     K_y.diagonal().add_(noise)
     return K_y, z, noise
@@ -131,4 +136,4 @@ def likelihood(theta: np.ndarray, x: torch.Tensor, y: torch.Tensor, weight: torc
     rows = sums[:, -1]
     by_length = (z * z * rows[:, None] - z * sums[:, :-1]).sum(0)
     gradient = torch.cat([by_length, 0.5 * rows.sum()[None], by_noise[None]])
-    return float(value), gradient.numpy()
+    return float(value), gradient.cpu().numpy()

@@ -1,6 +1,6 @@
 """Settings of chapter 4's study of learned contact models."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -17,6 +17,7 @@ class GaussianProcessSettings(Section):
     robust_rounds: int = Field(2, ge=0, description="how often wild impacts get less weight; 0: all count alike")
     iterations: int = Field(100, ge=1, description="most L-BFGS iterations of a start")
     hyperparameter_impacts: int = Field(450, ge=10, description="first impacts that give them; all are conditioned on")
+    device: Literal["auto", "cpu", "cuda"] = Field("auto", description="auto: a CUDA GPU if there is one")
 
 
 class LearningStudySettings(Section):
