@@ -177,3 +177,36 @@ def test_abstractions_that_do_no_better_than_a_guess() -> None:
     assert "“no move” (counts as stuck) 90" in said
     assert "no block" not in said
     assert "not told apart from that of a guess" in said
+
+
+def unseen(new: tuple[int, int], samples: int = 34) -> pd.DataFrame:
+    rows = [("glued", 0.25, new[0], 0 if not new[0] else samples), ("heavy_tool", 0.04, new[1], samples)]
+    return pd.DataFrame(rows, columns=["effect", "p_value", "new_abstraction", "relearned_samples"])
+
+
+def unseen_errors(after: float) -> pd.DataFrame:
+    rows = [
+        (effect, stage, "affected", error, error - 0.1, error + 0.1)
+        for effect in ("glued", "heavy_tool")
+        for stage, error in (("before", 1.0), ("relearned", after))
+    ]
+    return pd.DataFrame(rows, columns=["effect", "stage", "group", "error", "low", "high"])
+
+
+@pytest.mark.parametrize(
+    ("after", "word"), [(0.5, "less than the 1.00"), (0.9, "not told apart from the 1.00"), (1.5, "more than the 1.00")]
+)
+def test_error_after_relearning(after: float, word: str) -> None:
+    said = records()["figure_unseen"].said(unseen((0, 1)), unseen_errors(after))
+    assert "notices a heavier pusher (p = 0.040), but not glue between blocks (p = 0.25)." in said
+    assert word in said
+
+
+def test_nothing_noticed_and_nothing_to_relearn() -> None:
+    none = records()["figure_unseen"].said(unseen((0, 0)), unseen_errors(1.0))
+    assert none == (
+        "The predictive check does not notice glue between blocks (p = 0.25) and a heavier pusher (p = 0.040)."
+    )
+    assert "Too little failed to relearn a heavier pusher" in records()["figure_unseen"].said(
+        unseen((0, 1), samples=0), unseen_errors(1.0)
+    )

@@ -1,11 +1,11 @@
-"""What findings of chapter 5 say that takes computing, and the names of policies."""
+"""What findings of chapter 5 say that takes computing, and the names of policies and effects."""
 
 import math
 from collections.abc import Sequence
 from itertools import groupby
 
 from thesis_lib.records.rows import DataFrame, Row, counted, lies
-from thesis_lib.statistics.wording import listed
+from thesis_lib.statistics.wording import listed, number
 
 POLICIES = {  # as in the legend of figure 5-5 B
     "hma": "HMA",
@@ -24,6 +24,7 @@ POLICIES = {  # as in the legend of figure 5-5 B
 GOAL = 21  # extractions that the thesis expects on an untouched tower
 MOVABLE = 0.47  # thesis, section 5.4.4
 THRESHOLD = 1.0  # mm, fixed on development towers
+EFFECTS = {"glued": "glue between blocks", "slippery": "a slippery layer", "heavy_tool": "a heavier pusher"}
 ABSTRACTIONS = 4  # thesis, figure 5-8
 SURE = 0.95  # belief above which an abstraction counts as settled
 CHANCE = 0.5  # balanced accuracy of a guess
@@ -83,3 +84,14 @@ def settled(beliefs: DataFrame, case: str) -> str:
         steps = [row.step for row in rows]
         parts.append(f"“{name}” from step {steps[0]}" + (" on" if steps[-1] == last else f" to {steps[-1]}"))
     return f"the {case} block is {listed(parts)}" if parts else f"the {case} block is never one abstraction"
+
+
+def effect_name(effect: str) -> str:
+    """An effect of the tower in words."""
+    return EFFECTS.get(effect) or effect.replace("_", " ")
+
+
+def by_check(summary: DataFrame, new: int) -> list[str]:
+    """Effects with p-values for which the predictive check asks for a new abstraction (1) or does not (0)."""
+    rows = summary[summary["new_abstraction"] == new].to_dict("records")
+    return [f"{effect_name(row['effect'])} (p = {number(row['p_value'], digits=2)})" for row in rows]

@@ -55,6 +55,7 @@ rule ch5_towers:
         drawn_by("ch5_towers"),
         movable=f"{CH5}/movable.csv",
         summary=f"{CH5}/movable_summary.csv",
+        fidelity=f"{CH5}/fidelity.csv",
     log:
         "results/logs/ch5_towers.log",
     benchmark:
@@ -65,6 +66,7 @@ rule ch5_towers:
         **needs("ch5_towers"),
     params:
         setup=settings(CONFIG.chapter5.setup),
+        compared=CONFIG.chapter5.towers.compared,
         lib=code_of("ch5_towers"),
     message:
         "Chapter 5: how many blocks can be moved"
@@ -221,6 +223,31 @@ rule ch5_showcase:
         "../scripts/chapter5/ch5_showcase.py"
 
 
+rule ch5_hidden:
+    input:
+        samples=CH5_SETS[0],
+        held_out=f"{CH5}/samples/held_out.csv",
+    output:
+        [f"{CH5}/unseen_{name}.csv" for name in CH5_HIDDEN_TABLES],
+        drawn_by("ch5_hidden"),
+    log:
+        "results/logs/ch5_hidden.log",
+    benchmark:
+        "results/logs/benchmarks/ch5_hidden.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("ch5_hidden"),
+    params:
+        settings=settings(CONFIG.chapter5, "setup", "learner", "hidden", "towers"),
+        seed=CONFIG.seed,
+        lib=code_of("ch5_hidden"),
+    message:
+        "Chapter 5: effects that the learner has never seen"
+    script:
+        "../scripts/chapter5/ch5_hidden.py"
+
+
 rule ch5_findings:
     input:
         tables_read(CH5_FOUND),
@@ -249,5 +276,6 @@ rule chapter5:
         rules.ch5_study.output,
         rules.ch5_model.output,
         rules.ch5_showcase.output,
+        rules.ch5_hidden.output,
         rules.ch5_findings.output,
         chapter_page(5),

@@ -1,10 +1,19 @@
-"""Chapter 5's model: cone and abstractions are drawn as the tables have them."""
+"""Chapter 5's model: cone, abstractions and hidden effects are drawn as the tables have them."""
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.patches import Rectangle
 
-from thesis_lib.figures.chapter5.model import COLORS, MU, MU_RANGE, abstraction_style, figure_5_7, figure_abstractions
+from thesis_lib.figures.chapter5.model import (
+    COLORS,
+    MU,
+    MU_RANGE,
+    abstraction_style,
+    figure_5_7,
+    figure_abstractions,
+    figure_hidden,
+)
 
 NAMES = ["no block", "easy move", "hard move", "no move", "drags tower"]
 FORCE = {"no block": 0.02, "easy move": 0.12, "hard move": 0.7, "no move": 1.9, "drags tower": 1.3}
@@ -44,6 +53,28 @@ def abstractions() -> pd.DataFrame:
             "stuck_share": [0.4, 0.03, 0.22, 0.97, np.nan],
             "stuck": [0, 0, 0, 1, 1],
         }
+    )
+
+
+def hidden() -> tuple[pd.DataFrame, pd.DataFrame]:
+    errors, pushes = [], []
+    rng = np.random.default_rng(2)
+    for effect, where in (("glued_blocks", range(18, 21)), ("slippery_layer", range(24, 27))):
+        for stage, group, error in (
+            ("before", "all", 1.35),
+            ("before", "failing", 2.9),
+            ("relearned", "all", 1.05),
+            ("relearned", "failing", 1.3),
+        ):
+            n = 40 if group == "all" else 6
+            errors.append((effect, stage, group, error, error - 2 / n**0.5 / 2, error + 2 / n**0.5 / 2, n))
+        for block in rng.choice(45, 30, replace=False):
+            fails = int(block in where or rng.uniform() < 0.05)
+            pushes.append((effect, int(block), fails, NAMES[int(rng.integers(1, 5))]))
+        pushes += [(effect, block, 1, "easy move") for block in where]
+    columns = ["effect", "stage", "group", "error", "low", "high", "n"]
+    return pd.DataFrame(errors, columns=columns), pd.DataFrame(
+        pushes, columns=["effect", "block", "fails", "abstraction"]
     )
 
 
@@ -88,3 +119,31 @@ def test_each_abstraction_has_a_bar_in_each_panel():
         assert widths == pytest.approx(table[name].fillna(0.0).tolist())
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert [label.endswith("*") for label in labels] == [False, False, False, True, True]
+
+
+def test_failing_blocks_are_where_the_effect_is():
+    errors, pushes = hidden()
+    figure, drawn = figure_hidden(errors, pushes)
+    right = figure.axes[1]
+    cells = [patch for patch in right.patches if isinstance(patch, Rectangle)]
+    assert len(cells) == 45
+    coloured = {int(3 * cell.get_y() + cell.get_x()) for cell in cells if np.ptp(cell.get_facecolor()[:3]) > 0.05}
+    own = pushes[(pushes["effect"] == "glued_blocks") & (pushes["fails"] == 1)]
+    assert coloured == set(own["block"]) and {18, 19, 20} <= coloured
+    blocks = drawn[(drawn["panel"] == "blocks") & (drawn["effect"] == "glued_blocks")]
+    assert blocks["failed"].sum() == len(own)
+    assert drawn[drawn["panel"] == "error"]["error"].tolist() == errors["error"].tolist()
+
+
+def test_an_effect_without_relearning_or_other_blocks_is_drawn_as_it_is():
+    errors, pushes = hidden()
+    errors = errors.replace({"group": {"all": "others", "failing": "affected"}})
+    alone = errors["effect"] == "glued_blocks"
+    errors = errors[~alone | ((errors["stage"] == "before") & (errors["group"] == "affected"))]
+    figure, _ = figure_hidden(errors, pushes)
+    dots = [[line for line in ax.lines if len(line.get_xdata()) == 1] for ax in figure.axes[::2]]
+    assert list(map(len, dots)) == [1, 4]
+    # no interval leaves a panel
+    assert all(ax.get_ylim()[1] > errors["high"].max() for ax in figure.axes[::2])
+    labels = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"before", "relearned", "fails: easy move", "as predicted", "not pushed"} <= labels

@@ -8,7 +8,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.robot.primitives import Gripper, free_places
 from thesis_lib.jenga.robot.robot import Robot, Sensor, standard_deviations
 from thesis_lib.jenga.robot.samples import STATE, PushSamples
-from thesis_lib.jenga.tower.settings import RobotSettings, SensingSettings
+from thesis_lib.jenga.tower.settings import HiddenEffects, RobotSettings, SensingSettings, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, Tower
 
 X, Y, YAW, F_N, F_T, ADVANCE, TOWER = range(7)
@@ -187,3 +187,18 @@ def test_what_cannot_be_done_is_said():
         Gripper(tower).extract(FREE_BLOCK)
     with pytest.raises(UserError, match="no block is held"):
         Gripper(tower).place(np.random.default_rng(0))
+
+
+@pytest.mark.slow
+def test_a_slippery_layer_and_a_heavy_tool_change_what_is_felt():
+    plain = _pushed(exact_robot(Settled.get()), STUCK_BLOCK, 5)[:, F_N].max()
+    slippery = Tower(SEED, TowerSettings(hidden=HiddenEffects(slippery_layer=STUCK_BLOCK // 3))).settle()
+    assert _pushed(exact_robot(slippery), STUCK_BLOCK, 5)[:, F_N].max() < 0.7 * plain
+    heavy = Tower(SEED, TowerSettings(hidden=HiddenEffects(pusher_mass=0.15))).settle()
+    robot = exact_robot(heavy)
+    _pushed(robot, FREE_BLOCK, 2)
+    sag = robot.arm[2] - heavy.data.geom("tip").xpos[2]
+    light = Settled.get()
+    robot = exact_robot(light)
+    _pushed(robot, FREE_BLOCK, 2)
+    assert sag > 0.3e-3 > abs(robot.arm[2] - light.data.geom("tip").xpos[2])

@@ -10,6 +10,7 @@ from thesis_lib.jenga.robot.movable import comes_out, fractions, hidden_label, i
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples, as_table
 from thesis_lib.jenga.study import collect as collecting
 from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
+from thesis_lib.jenga.study.tower_study import agreement
 from thesis_lib.jenga.tower.settings import CollectSettings, MovableSettings, Setup, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, TowerError, reduce
 
@@ -156,8 +157,9 @@ def test_the_reduced_tower_agrees_with_the_full_one_on_force_and_label():
     tower, settings = Settled.get(), MovableSettings()
     pairs = [[scan(pushed, settings, [block]) for pushed in (tower, reduce(tower, block))] for block in blocks]
     full, reduced = (pd.concat(scans, ignore_index=True) for scans in zip(*pairs))
-    assert np.corrcoef(full["force"], reduced["force"])[0, 1] > 0.98
-    assert (full["movable"] == reduced["movable"]).mean() >= 0.8
+    found = {name: value for _, name, value, _ in agreement("reduced_tower", full, reduced)}
+    assert found["force_correlation"] > 0.98
+    assert found["same_label"] >= 0.8
 
 
 def test_the_tower_is_drawn_with_its_blocks_where_they_are():

@@ -1,5 +1,7 @@
 """Movable shares from scans, and the agreements of simulators on a real tower."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,8 +9,8 @@ import pytest
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_table
 from thesis_lib.jenga.study import tower_study
-from thesis_lib.jenga.study.tower_study import movable_shares, movable_summary, scan_tower
-from thesis_lib.jenga.tower.settings import MovableSettings, Setup
+from thesis_lib.jenga.study.tower_study import fidelity, movable_shares, movable_summary, scan_tower
+from thesis_lib.jenga.tower.settings import MovableSettings, RobotSettings, Setup
 from thesis_lib.jenga.tower.tower import TowerError
 
 
@@ -47,3 +49,40 @@ def test_a_refused_tower_is_counted_and_changes_no_share(tmp_path):
     assert set(movable_summary(shares, scans)["refused"]) == {1}
     with pytest.raises(UserError, match="all 1 test towers were refused"):
         movable_shares({"test": [refused]}, MovableSettings())
+
+
+def test_the_tower_of_the_scan_is_not_pushed_again(monkeypatch):
+    """Only finer and reduced towers are scanned: what the scan found of the full tower is taken from it."""
+    scanned, tower = [], SimpleNamespace(poses=lambda: None)
+
+    def made(pushed, settings, blocks):
+        scanned.append(pushed)
+        return made_scan_of(list(blocks), 2.0)
+
+    monkeypatch.setattr(tower_study, "settled_tower", lambda seed, setup: "finer" if halved(setup) else tower)
+    monkeypatch.setattr(tower_study, "reduce", lambda full, block: f"reduced {block}")
+    monkeypatch.setattr(tower_study, "scan", made)
+    monkeypatch.setattr(tower_study, "comes_out", lambda *_: True)
+    table = fidelity(made_scan_of([3, 5, 7], 1.0), Setup(), compared=2).set_index(["comparison", "quantity"])["value"]
+    assert scanned == ["finer", "reduced 3", "reduced 7"]
+    assert table[("reduced_tower", "force_rmse")] == pytest.approx(1.0)
+
+
+def made_scan_of(blocks: list[int], force: float) -> pd.DataFrame:
+    values = {"force": force + np.array(blocks), "others": 0.1 * np.array(blocks), "movable": 1}
+    return pd.DataFrame({"tower": 0, "block": blocks} | values)
+
+
+def halved(setup: Setup) -> bool:
+    return setup.tower.timestep < Setup().tower.timestep
+
+
+@pytest.mark.slow
+def test_simulators_agree_on_a_few_blocks():
+    setup = Setup(robot=RobotSettings(step_time=0.05))
+    scan = scan_tower(0, 2, setup)
+    assert len(scan) == 2 and scan["layer"].nunique() == 2
+    table = fidelity(scan, setup, compared=45).set_index(["comparison", "quantity"])["value"]
+    assert table[("half_the_time_step", "force_rmse")] < 0.3
+    assert table[("reduced_tower", "force_rmse")] < 0.3
+    assert set(table.index.get_level_values(0)) == {"half_the_time_step", "reduced_tower", "real_extraction"}

@@ -6,7 +6,7 @@ import pytest
 from tower_for_tests import SEED, Settled
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.tower.settings import HealthSettings, TowerSettings
+from thesis_lib.jenga.tower.settings import HealthSettings, HiddenEffects, TowerSettings
 from thesis_lib.jenga.tower.tower import REACHABLE, Tower, TowerError, check, check_standing, draw_sizes
 
 GRAVITY = 9.81
@@ -119,6 +119,17 @@ def test_a_tower_that_still_moves_is_refused():
     tower = Settled.get()
     with pytest.raises(TowerError, match="does not rest"):
         check(tower, HealthSettings(drift=1e-9))
+
+
+def test_glued_blocks_move_as_one():
+    glued = (12, 13, 14)
+    tower = Tower(SEED, TowerSettings(hidden=HiddenEffects(glued=glued)))
+    apart = np.diff([tower.position(block) for block in glued], axis=0)
+    tower.simulate(0.1)
+    now = np.diff([tower.position(block) for block in glued], axis=0)
+    assert np.allclose(np.linalg.norm(apart, axis=1), np.linalg.norm(now, axis=1), atol=1e-9)
+    separate = Settled.get()
+    assert separate.model.nbody == tower.model.nbody + 2
 
 
 def test_errors_are_for_the_user():

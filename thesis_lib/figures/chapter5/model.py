@@ -1,4 +1,4 @@
-"""Figure 5-7 (thesis section 5.5.4), and the abstractions: the learned model of the tower.
+"""Figure 5-7 (thesis section 5.5.4), the abstractions, and hidden effects: the learned model of the tower.
 
     friction cone:  |f_t| ≤ μ f_n,   μ = 0.42 (plastic on wood; 0.35 to 0.5 in the thesis)
 
@@ -11,9 +11,12 @@ from collections import Counter
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, Rectangle
 
 from thesis_lib.figures.planar_drawing import note
 from thesis_lib.figures.style import BLUE, GREEN, GREY, INK, RED, SKY, VIOLET, YELLOW, Drawn, house_style, new_figure
+from thesis_lib.jenga.tower.tower_model import LAYERS, PER_LAYER
 
 MU, MU_RANGE = 0.42, (0.35, 0.5)
 COLORS = {"no block": "#999999", "easy move": GREEN, "hard move": YELLOW, "no move": RED, "drags tower": VIOLET}
@@ -28,13 +31,17 @@ QUANTITIES = {
     "drag": "tower's\nmove (1)",
     "stuck_share": "truth:\nstuck",
 }
+STAGES = {"before": (RED, "o", "before"), "relearned": (BLUE, "s", "relearned")}
+GROUPS = {"all": "all pushes", "failing": "pushes that fail"}
+GROUPS |= {"affected": "blocks with\nthe effect", "others": "other\nblocks"}
+AS_PREDICTED = "#E0E0E0"
 
 
 def abstraction_style(names: list[str]) -> dict[str, tuple[str, object]]:
-    """Colour by the kind of an abstraction, line style by its number among those of its kind."""
+    """Colour by the kind of an abstraction (also of a new one), line style by its number among those of its kind."""
     styles, counts, colors = {}, Counter(), dict(COLORS)
     for name in names:
-        kind = re.sub(r" \d+$", "", name)
+        kind = re.sub(r" \d+$", "", name.removeprefix("new: "))
         color = colors.setdefault(kind, SPARE[(len(colors) - len(COLORS)) % len(SPARE)])
         styles[name] = (color, DASHES[counts[kind] % len(DASHES)])
         counts[kind] += 1
@@ -112,3 +119,71 @@ def figure_abstractions(table: pd.DataFrame) -> Drawn:
     axes[0].set_ylim(len(table) - 0.4, -0.6)
     figure.supxlabel("* counts as stuck, by a rule without truth", fontsize=7, x=0.01, ha="left")
     return figure, table.reset_index(drop=True)
+
+
+@house_style
+def figure_hidden(errors: pd.DataFrame, pushes: pd.DataFrame) -> Drawn:
+    """A hidden effect: one-step error before and after relearning, and the blocks on which predictions fail.
+
+    `errors`: effect, stage (before, relearned), group (see `GROUPS`), error (1), low, high, n (pushes).  `pushes`:
+    effect, block, fails (1: the predictive check fails), abstraction (name of the nearest one).
+    """
+    effects = list(errors["effect"].unique())
+    figure = new_figure(height=0.75 + 2.0 * len(effects))
+    panels = figure.subplots(len(effects), 2, squeeze=False, width_ratios=[1.6, 1])
+    failing = sorted(pushes.loc[pushes["fails"] == 1, "abstraction"].unique())
+    fills = {name: color for name, (color, _) in abstraction_style(failing).items()}
+    tables = []
+    for (left, right), effect in zip(panels, effects):
+        rows = errors[errors["effect"] == effect]
+        _errors(left, rows)
+        left.set_title(effect.replace("_", " "), fontweight="bold")
+        blocks = _map_of_tower(right, pushes[pushes["effect"] == effect], fills)
+        tables += [rows.assign(panel="error"), blocks.assign(panel="blocks", effect=effect)]
+    handles, top = {}, 1.08 * float(errors[["error", "high"]].max().max())
+    for left in panels[:, 0]:
+        left.set(ylim=(0.0, top), ylabel="one-step error\n(in spreads of a change)")
+        handles |= dict(zip(*reversed(left.get_legend_handles_labels())))
+    shown = {f"fails: {name}": fill for name, fill in fills.items()}
+    shown |= {"as predicted": AS_PREDICTED, "not pushed": "white"}
+    handles |= {name: Patch(facecolor=fill, edgecolor=INK) for name, fill in shown.items()}
+    figure.legend(handles.values(), handles.keys(), loc="outside upper left", ncols=4, columnspacing=1.2)
+    columns = ["panel", "effect", "stage", "group", "error", "low", "high", "n", "block", "failed", "abstraction"]
+    return figure, pd.concat(tables, ignore_index=True)[columns]
+
+
+def _errors(ax: Axes, errors: pd.DataFrame) -> None:
+    """Errors of one effect with their intervals, groups side by side."""
+    groups = [group for group in GROUPS if group in set(errors["group"])]
+    for row in errors.itertuples():
+        color, marker, label = STAGES[row.stage]
+        side = -1.0 if row.stage == "before" else 1.0
+        x = groups.index(row.group) + 0.1 * side
+        ax.plot([x, x], [row.low, row.high], color=color, linewidth=1.2)
+        ax.plot(x, row.error, marker, color=color, markersize=5, label=label)
+        look = {"ha": "right" if side < 0 else "left", "va": "center", "fontsize": 7}
+        note(ax, f"{row.error:.2f}", (x, row.error), (6 * side, 0), **look)
+    pushes = errors.groupby("group")["n"].max()
+    ax.set_xticks(range(len(groups)), [f"{GROUPS[group]}\n(n = {pushes[group]:.0f})" for group in groups])
+    ax.set_xlim(-0.6, len(groups) - 0.4)
+
+
+def _map_of_tower(ax: Axes, pushes: pd.DataFrame, fills: dict[str, str]) -> pd.DataFrame:
+    """The 45 blocks that may be pushed, coloured if any push to the block failed; returns the plotted numbers."""
+    rows = []
+    for block, part in pushes.groupby("block"):
+        failing = part.loc[part["fails"] == 1, "abstraction"]
+        rows.append((int(block), len(part), len(failing), failing.mode().iloc[0] if len(failing) else ""))
+    table = pd.DataFrame(rows, columns=["block", "n", "failed", "abstraction"])
+    colors = {row.block: fills[row.abstraction] if row.failed else AS_PREDICTED for row in table.itertuples()}
+    for block in range((LAYERS - 3) * PER_LAYER):
+        layer, place = divmod(block, PER_LAYER)
+        look = {"facecolor": colors.get(block, "white"), "edgecolor": INK, "linewidth": 0.5}
+        ax.add_patch(Rectangle((place, layer), 1, 1, **look))
+    ax.set(xlim=(0, PER_LAYER), ylim=(0, LAYERS - 3), box_aspect=1.6)
+    ax.set_xticks([0.5, 1.5, 2.5], ["side", "middle", "side"])
+    ax.set_yticks([0.5, 4.5, 9.5, 14.5], ["0", "4", "9", "14"])
+    ax.tick_params(length=0)
+    ax.spines[:].set_visible(False)
+    ax.set_ylabel("layer")
+    return table

@@ -1,4 +1,4 @@
-"""Judging the abstractions: their looks, and their agreement with the hidden label.
+"""Judging the abstractions: their looks, their agreement with the hidden label, and the need for a new one.
 
 Stuck or free is decided from the first steps, without truth.  An abstraction counts as stuck if its block moves less
 than half of the advance or drags the tower along (`stuck_group`: `mixture.NO_MOVE`, `mixture.DRAG`; without any force
@@ -8,6 +8,20 @@ there is no block).  A push is stuck if those abstractions hold more than half o
 
 and the adjusted Rand index of abstractions against truth (Hubert and Arabie 1985, doi 10.1007/BF01908075) use `truth`.
 Intervals resample pushes, stuck and free ones separately.
+
+Predictive check (Box): residuals of each sample under the nearest abstraction among those with belief above `PLAUSIBLE`
+from the push so far,
+
+    r_id = (z_id − μ_id)/√var_id,   d²_i = mean_d r²_id,   v_j = mean over push j of (r_i1 … r_i6, log d²_i)
+    D²_j = Σ_d (v_jd − m_d)² / (τ_d² + σ_d²/n_j);   p_j = (1 + reference pushes with D ≥ D_j) / (1 + reference pushes)
+
+with r (n, 6) in the dimensions `learner.SEEN`, and mean m, variance τ² between and σ² within reference pushes of the
+known tower that were not learned from.  A push fails if p_j ≤ `LEVEL`: D is ranked because slips give it no known
+distribution.  Whether all pushes together deviate is tested by permuting both sets, with the mean of D² (the tail
+counts: an effect touches only some blocks).
+
+A new abstraction gets a normal component for the windows of the failing pushes, and a network that starts as their
+nearest one, with the shared prior of all.  Earlier abstractions stay unchanged.
 
 The probability of no move (`no_move`) is, of a learner with abstractions (HMA, MOR), the belief in those that count as
 stuck.  A single network has none; it says what it predicts of the next straight push, by the same rule on the same
@@ -20,17 +34,25 @@ with independent normal m, f and d.  Both are 0 to 1, and the controller charges
 All of these are own choices: the thesis judges abstractions by eye (figure 5-8).
 """
 
+from copy import copy
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pandas as pd
+import torch
 from scipy.special import ndtr
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.jenga.learners.hma import Hma
-from thesis_lib.jenga.learners.learner import Learner, along_pushes, push_groups
-from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE
-from thesis_lib.jenga.robot.samples import F_N, FREE, STUCK, TOWER, UNKNOWN, PushSamples, X
+from thesis_lib.jenga.learners.learner import MIN_SAMPLES, SEEN, Learner, along_pushes, push_groups, windows
+from thesis_lib.jenga.learners.mixture import DRAG, NO_FORCE, NO_MOVE, describe, names_of
+from thesis_lib.jenga.learners.networks import BayesianNetworks, train
+from thesis_lib.jenga.robot.samples import F_N, FREE, STATE, STUCK, TOWER, UNKNOWN, PushSamples, X
 
-RESAMPLES = 1000
+PLAUSIBLE = 0.05  # belief below which an abstraction cannot explain a sample
+LEVEL = 0.05  # of the predictive check, for a push and for all together
+PERMUTATIONS, RESAMPLES = 2000, 1000
+ENOUGH = 20  # reference pushes: with fewer, no p-value of a push can reach the level
 
 
 def stuck_group(learner: Hma) -> np.ndarray:
@@ -97,3 +119,148 @@ def abstraction_table(learner: Hma) -> pd.DataFrame:
         | {name: np.asarray(value) for name, value in learner.look.items()}
         | {"stuck": stuck_group(learner).astype(int)}
     )
+
+
+def residuals(learner: Learner, samples: PushSamples) -> tuple[np.ndarray, np.ndarray]:
+    """r (n, 6) of the module, and the index (n,) of the abstraction nearest to each sample."""
+    residual = np.empty((len(samples), len(SEEN)))
+    nearest = np.empty(len(samples), dtype=int)
+    for now, step, belief, _ in along_pushes(learner, samples):
+        out = learner.predict(*step, belief)
+        each = ((samples.next_state[now][:, None] - out.mean) / np.sqrt(out.var))[..., list(SEEN)]
+        square = np.where(out.weight > PLAUSIBLE, (each**2).mean(axis=2), np.inf)
+        nearest[now] = square.argmin(axis=1)
+        residual[now] = each[np.arange(len(now)), nearest[now]]
+    return residual, nearest
+
+
+@dataclass(frozen=True)
+class PredictiveCheck:
+    """Which pushes the learned abstractions do not explain.
+
+    pushes: a row per push: push, tower, block, layer, side, steps, distance (D), p_value, fails, abstraction (most
+    frequent), worst (the dimension of the state with the largest term of D²).  by_abstraction: a row per abstraction
+    used: name, pushes, number of failures, mean distance.  p_value: of all pushes together.  new_abstraction: whether
+    one is needed.
+    """
+
+    pushes: pd.DataFrame
+    by_abstraction: pd.DataFrame
+    p_value: float
+    new_abstraction: bool
+
+
+def predictive_check(
+    learner: Learner, samples: PushSamples, reference: PushSamples, rng: np.random.Generator
+) -> PredictiveCheck:
+    """Compare predictions with new samples; `reference` are samples of the known tower that were not learned from.
+
+    A new abstraction is needed if all pushes together deviate too much (p_value below `LEVEL`).  UserError for fewer
+    than `ENOUGH` reference pushes.
+    """
+    known, reference_values, within = _per_push(learner, reference)
+    if len(known) < ENOUGH:
+        raise UserError(
+            f"the predictive check needs at least {ENOUGH} reference pushes, got {len(known)}; hold more back."
+        )
+    table, values, _ = _per_push(learner, samples)
+    sizes = known["steps"].to_numpy()
+    square = _square(values, table["steps"].to_numpy(), reference_values, sizes, within)
+    # a reference push is compared with the others only: with itself included it would lie too near
+    reference_square = np.vstack(
+        [
+            _square(reference_values[[j]], sizes[[j]], np.delete(reference_values, j, 0), np.delete(sizes, j), within)
+            for j in range(len(known))
+        ]
+    )
+    known["distance"] = np.sqrt(reference_square.sum(axis=1))
+    table["distance"] = np.sqrt(square.sum(axis=1))
+    table["worst"] = [STATE[SEEN[k]] for k in square[:, : len(SEEN)].argmax(axis=1)]
+    rank = np.searchsorted(np.sort(known["distance"]), table["distance"].to_numpy())
+    table["p_value"] = (1 + len(known) - rank) / (1 + len(known))
+    table["fails"] = (table["p_value"] <= LEVEL).astype(int)
+    both = np.concatenate([table["distance"], known["distance"]]) ** 2
+    shuffled = rng.permuted(np.tile(both, (PERMUTATIONS, 1)), axis=1)[:, : len(table)].sum(axis=1)
+    overall = float((1 + (shuffled >= (table["distance"] ** 2).sum()).sum()) / (1 + PERMUTATIONS))
+    names = getattr(learner, "names", [str(k) for k in range(learner.n_abstractions)])
+    by = (
+        table.groupby("abstraction", as_index=False)
+        .agg(pushes=("push", "size"), failed=("fails", "sum"), distance=("distance", "mean"))
+        .assign(name=lambda part: [names[k] for k in part["abstraction"]])
+    )
+    return PredictiveCheck(table, by, overall, bool(overall < LEVEL))
+
+
+def _square(
+    values: np.ndarray, sizes: np.ndarray, reference: np.ndarray, reference_sizes: np.ndarray, within: np.ndarray
+) -> np.ndarray:
+    """Terms (pushes, 7) of D² for `values` v (pushes, 7), relative to the reference."""
+    between = reference.var(axis=0, ddof=1) - (1.0 / reference_sizes).mean() * within
+    return (values - reference.mean(axis=0)) ** 2 / (np.maximum(between, 0.0) + within / sizes[:, None])
+
+
+def _per_push(learner: Learner, samples: PushSamples) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
+    """A row per push, v (pushes, 7), and the variance (7,) within pushes."""
+    residual, nearest = residuals(learner, samples)
+    values = np.column_stack([residual, np.log((residual**2).mean(axis=1))])
+    rows, means, spread, freedom = [], [], 0.0, 0
+    for group in push_groups(samples):
+        first = group[0]
+        means.append(values[group].mean(axis=0))
+        spread = spread + ((values[group] - means[-1]) ** 2).sum(axis=0)
+        freedom += len(group) - 1
+        where = (samples.push[first], samples.tower[first], samples.block[first], *samples.context[first])
+        rows.append((*where, len(group), np.bincount(nearest[group]).argmax()))
+    names = ["push", "tower", "block", "layer", "side", "steps", "abstraction"]
+    return pd.DataFrame(rows, columns=names), np.array(means), spread / max(freedom, 1)
+
+
+def with_new_abstraction(learner: Hma, samples: PushSamples, rng: np.random.Generator) -> Hma:
+    """A copy of the learner with one more abstraction, learned from `samples` of failing pushes.
+
+    Its share is 1/(K + 1), because the number of blocks that it holds for is unknown.  UserError for fewer than
+    `MIN_SAMPLES` samples, or a learner without a window mixture (one-shot).
+    """
+    if learner.mixture is None:
+        raise UserError("a new abstraction needs the two-step learner (one_shot: false).")
+    if len(samples) < MIN_SAMPLES:
+        raise UserError(f"a new abstraction needs {MIN_SAMPLES} samples of pushes that fail, got {len(samples)}.")
+    config, old, nets = learner.settings, learner.mixture, learner.networks
+    k, c = learner.n_abstractions, len(old.weights)
+    features = windows(samples, config.window)
+    scaled = (features - old.centre) / old.spread
+    cov = np.cov(scaled.T) + config.mixture.regularisation * np.eye(scaled.shape[1])
+    topics = np.zeros((k + 1, c + 1))
+    topics[:k, :c], topics[k, c] = old.topics, 1.0
+    share = 1.0 / (k + 1)
+    weights = np.append(old.weights * (1 - share), share)
+
+    inputs = learner.scaling.inputs(samples.state, samples.action, samples.context)
+    outputs = learner.scaling.outputs(samples.state, samples.next_state)
+    nearest = np.bincount(residuals(learner, samples)[1], minlength=k).argmax()
+    start = BayesianNetworks(
+        nets.settings, [m[[nearest]] for m in nets.mean], [s[[nearest]] for s in nets.log_std], nets.shared
+    )
+    new = train(inputs, outputs, np.ones((len(inputs), 1)), config.network, int(rng.integers(2**31)), start)
+
+    extended = copy(learner)
+    extended.networks = BayesianNetworks(
+        nets.settings,
+        *([torch.cat(pair) for pair in zip(a, b)] for a, b in ((nets.mean, new.mean), (nets.log_std, new.log_std))),
+        nets.shared,
+        [torch.cat(pair, dim=1) for pair in zip(nets.draws, new.draws)],
+    )
+    extended.shares = np.append(learner.shares * (1 - share), share)
+    extended.first = np.append(learner.first * (1 - share), share)
+    extended.mixture = replace(
+        old,
+        weights=weights,
+        means=np.vstack([old.means, scaled.mean(axis=0)]),
+        covariances=np.concatenate([old.covariances, cov[None]]),
+        topics=topics,
+        shares=extended.shares,
+    )
+    look = describe(features, np.ones((len(features), 1)), config.window.force_scale)
+    extended.look = {name: np.append(value, look[name]) for name, value in learner.look.items()}
+    extended.names = [*learner.names, f"new: {names_of(look)[0]}"]
+    return extended

@@ -119,6 +119,7 @@ class TowerChoice(Section):
     development: int = Field(5, ge=1, le=5, description="towers 0, 1, ... on which settings were fixed, scanned")
     test: int = Field(3, ge=1, description="towers of the study that are scanned, too")
     scanned: int = Field(45, ge=3, le=45, description="blocks of each tower that are scanned, evenly spread")
+    compared: int = Field(15, ge=2, le=45, description="of them on tower 0 also finer, reduced and pulled out")
     first_test: int = Field(100, ge=100, description="seed of the first test tower")
     first_training: int = Field(1000, ge=1000, description="seed of the first tower of training samples")
     first_held_out: int = Field(50_000, ge=50_000, description="seed of the first tower of held-out pushes")
@@ -175,6 +176,17 @@ class ShowcaseChoice(Section):
     steering: ControllerSettings = ControllerSettings(stray=3.0, effort=0.01, give_up=1e6)
 
 
+class HiddenChoice(Section):
+    """What the learner has never seen (glued blocks, a slippery layer, a heavier pusher), and how much is measured."""
+
+    effects: tuple[str, ...] = Field(("glued", "slippery", "heavy_tool"), description="hidden effects that are studied")
+    towers: int = Field(3, ge=2, description="towers with the effect; the first half relearns, the others judge")
+    pushes: int = Field(12, ge=4, description="pushes of blocks with the effect, on all these towers")
+    others: int = Field(12, ge=4, description="pushes of other blocks of the same towers, where there are any")
+    pusher_mass: float = Field(0.15, gt=0, description="kg of the heavier tool; own choice")
+    layer: int = Field(6, ge=0, le=13, description="glued blocks and slippery layer; own choice: amid the tower")
+
+
 class ExpertChoice(Section):
     """How many experts a mixture of regressions needs: numbers that are tried beside its own, 2 to 11 (thesis)."""
 
@@ -193,4 +205,5 @@ class Chapter5(Section):
     samples: SampleChoice = SampleChoice()
     games: GameChoice = GameChoice()
     showcase: ShowcaseChoice = ShowcaseChoice()
+    hidden: HiddenChoice = HiddenChoice()
     experts: ExpertChoice = ExpertChoice()

@@ -1,21 +1,23 @@
-"""Tower against thesis: share of movable blocks and its dependence on the threshold.
+"""Tower against thesis: share of movable blocks and its dependence on the threshold; agreement of simulators.
 
     movable  ⇔  in a straight, centred trial push no other block moves more than the threshold, and the block follows
 
-Test towers check the share, with Student's t interval over towers.
+Test towers check the share, with Student's t interval over towers.  The first development tower is compared with half
+the time step, with the reduced tower, and with real extraction.
 
 Source: thesis, section 5.4.4 (47 %).
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.jenga.robot.movable import fractions, scan
+from thesis_lib.jenga.robot.movable import comes_out, fractions, scan
 from thesis_lib.jenga.tower.settings import MovableSettings, Setup
-from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, settled_tower
+from thesis_lib.jenga.tower.tower import REACHABLE, TowerError, reduce, settled_tower
 from thesis_lib.statistics.intervals import student_mean
 
 SCAN = ["tower", "block", "layer", "side", "force", "moved", "others", "movable"]
@@ -58,3 +60,42 @@ def movable_summary(shares: pd.DataFrame, scans: Mapping[str, Sequence[pd.DataFr
         for (name, threshold), part in shares.groupby(["set", "threshold_mm"])
     ]
     return pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n", "refused"])
+
+
+def fidelity(
+    scan_of: pd.DataFrame, setup: Setup, compared: int, say: Callable[[str], None] = lambda _: None
+) -> pd.DataFrame:
+    """Agreement on `compared` evenly spread blocks of one scan: comparison, quantity, value, n (blocks)."""
+    scan_of = scan_of.iloc[spread(len(scan_of), compared)].reset_index(drop=True)
+    seed, rows = int(scan_of["tower"].iloc[0]), []
+    half = setup.tower.model_copy(update={"timestep": setup.tower.timestep / 2.0})
+    finer = settled_tower(seed, setup.model_copy(update={"tower": half}))
+    rows += agreement("half_the_time_step", scan_of, scan(finer, setup.movable, scan_of["block"]))
+    say("half the time step: done")
+    tower, blocks = settled_tower(seed, setup), [int(block) for block in scan_of["block"]]
+    reduced = [scan(reduce(tower, block), setup.movable, [block]) for block in blocks]
+    rows += agreement("reduced_tower", scan_of, pd.concat(reduced, ignore_index=True))
+    say("reduced tower: done")
+    start = tower.poses()
+
+    def harmless(block: int) -> bool:
+        return not setup.robot.is_damage(*tower.perturbation(block, start))
+
+    real = scan_of.assign(extracted=[int(comes_out(tower, block, partial(harmless, block))) for block in blocks])
+    rows.append(("real_extraction", "same_label", float((real["movable"] == real["extracted"]).mean()), len(real)))
+    movable = real[real["movable"] == 1]
+    rows.append(("real_extraction", "movable_that_come_out", float(movable["extracted"].mean()), len(movable)))
+    say("real extraction: done")
+    return pd.DataFrame(rows, columns=["comparison", "quantity", "value", "n"])
+
+
+def agreement(comparison: str, full: pd.DataFrame, other: pd.DataFrame) -> list[tuple]:
+    """Rows of `fidelity` for two scans of the same blocks: peak forces (RMSE in N), other blocks, labels."""
+    force, others = full["force"], other["force"]
+    values = {
+        "force_correlation": np.corrcoef(force, others)[0, 1],
+        "force_rmse": np.sqrt(np.mean((force - others) ** 2)),
+        "others_correlation": np.corrcoef(full["others"], other["others"])[0, 1],
+        "same_label": (full["movable"] == other["movable"]).mean(),
+    }
+    return [(comparison, name, float(value), len(full)) for name, value in values.items()]

@@ -8,6 +8,15 @@ from pydantic import Field, model_validator
 from thesis_lib.foundation.settings import Section
 
 
+class HiddenEffects(Section):
+    """What a learner has never seen; nothing by default."""
+
+    glued: tuple[int, ...] = Field((), description="numbers of blocks that are one body; at most three are meant")
+    slippery_layer: int | None = Field(None, ge=0, le=17, description="layer whose faces have `slippery_friction`")
+    slippery_friction: float = Field(0.1, gt=0, description="of that layer's faces; own choice: waxed wood")
+    pusher_mass: float | None = Field(None, gt=0, description="kg; the arm carries only `tip_mass`: it sags and rubs")
+
+
 class TowerSettings(Section):
     """A tower of 18 layers of three blocks that differ in height only."""
 
@@ -26,6 +35,7 @@ class TowerSettings(Section):
     settling_damping: float = Field(1.0, ge=0, description="N s/m a block, first two thirds of settling; own choice")
     topple_tilt: float = Field(30.0, gt=0, description="degrees from upright at which a block has fallen; own choice")
     topple_drop: float = Field(8e-3, gt=0, description="m, about half a block, at which it has fallen; own choice")
+    hidden: HiddenEffects = Field(HiddenEffects(), description="what differs from what was learned on")
 
 
 class HealthSettings(Section):

@@ -54,10 +54,13 @@ def _geoms(block: int, size: np.ndarray, settings: TowerSettings, pose: np.ndarr
     if pose is not None:
         origin, turn = pose[:3], pose[3:]
     matrix = rotation_matrix(turn)
+    slippery = settings.hidden.slippery_layer == block // PER_LAYER
+    # MuJoCo takes the higher friction of two geoms unless one has priority
+    surface = f' priority="1" friction="{settings.hidden.slippery_friction} .005 .0001"' if slippery else ""
     place = f'size="{_numbers(half)}" pos="{_numbers(origin)}" quat="{_numbers(turn)}"'
-    lines = [f'<geom class="core" name="core{block}" {place}/>']
-    lines += [f'<geom class="foot" pos="{_numbers(origin + matrix @ p)}"/>' for p in feet]
-    lines += [f'<geom class="bumper" pos="{_numbers(origin + matrix @ p)}"/>' for p in bumpers]
+    lines = [f'<geom class="core" name="core{block}" {place}{surface}/>']
+    lines += [f'<geom class="foot" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in feet]
+    lines += [f'<geom class="bumper" pos="{_numbers(origin + matrix @ p)}"{surface}/>' for p in bumpers]
     return "".join(lines)
 
 
@@ -81,11 +84,12 @@ def _slides(name: str) -> str:
     return "".join(f'<joint name="{name}_{n}" type="slide" axis="{axis}"/>' for n, axis in axes.items())
 
 
-def _pusher(robot: RobotSettings) -> tuple[str, str]:
-    damping = 2.0 * np.sqrt(robot.stiffness * robot.tip_mass)
+def _pusher(robot: RobotSettings, settings: TowerSettings) -> tuple[str, str]:
+    mass = settings.hidden.pusher_mass or robot.tip_mass
+    damping = 2.0 * np.sqrt(robot.stiffness * mass)
     body = (
-        f'<body name="tip" gravcomp="1">{_slides("tip")}<geom name="tip" type="sphere" '
-        f'size="{robot.tip_radius}" mass="{robot.tip_mass}" contype="4" conaffinity="0" priority="2" '
+        f'<body name="tip" gravcomp="{robot.tip_mass / mass:.9g}">{_slides("tip")}<geom name="tip" type="sphere" '
+        f'size="{robot.tip_radius}" mass="{mass}" contype="4" conaffinity="0" priority="2" '
         f'friction="{robot.tip_friction} .005 .0001"/></body>'
     )
     drives = "".join(
@@ -134,18 +138,20 @@ def tower_xml(
     """MJCF of a tower with its robot.
 
     sizes: (54, 3), m.  poses: (54, 7), m and quaternions.  `static` blocks are fixed to the world, `lump` blocks form
-    one body.  All others are free bodies.
+    one body, as do the settings' glued blocks.  All others are free bodies.
     """
+    groups = {"static": static, "lump": lump, "glued": frozenset(settings.hidden.glued) - static - lump}
     geoms = {
         name: "".join(_geoms(block, sizes[block], settings, poses[block]) for block in sorted(group))
-        for name, group in (("static", static), ("lump", lump))
+        for name, group in groups.items()
     }
-    bodies = [f'<body name="lump"><freejoint/>{geoms["lump"]}</body>'] if lump else []
-    for block in sorted(set(range(BLOCKS)) - static - lump):
+    bodies = [f'<body name="{name}"><freejoint/>{geoms[name]}</body>' for name in ("lump", "glued") if geoms[name]]
+    single = sorted(set(range(BLOCKS)).difference(*groups.values()))
+    for block in single:
         where = f'pos="{_numbers(poses[block, :3])}" quat="{_numbers(poses[block, 3:])}"'
         geom = _geoms(block, sizes[block], settings, None)
         bodies.append(f'<body name="block{block}" {where}><freejoint/>{geom}</body>')
-    pusher, pusher_drives = _pusher(robot)
+    pusher, pusher_drives = _pusher(robot, settings)
     gripper, gripper_drives = _gripper(robot, settings)
     return f"""<mujoco>
 <compiler angle="radian"/>

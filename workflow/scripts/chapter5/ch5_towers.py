@@ -1,4 +1,4 @@
-"""Share of movable blocks, and its sensitivity."""
+"""Share of movable blocks, its sensitivity, and the agreement of simulators and criteria."""
 
 import sys
 
@@ -20,6 +20,7 @@ shares = study.movable_shares(scans, setup.movable)
 write_result(shares, out.movable)
 summary = study.movable_summary(shares, scans)
 write_result(summary, out.summary)
+write_result(study.fidelity(scans["development"][0], setup, snakemake.params.compared, say=print), out.fidelity)
 folder = Path(out.movable).parent
 save_figure(*figure_movable(shares, summary, setup.movable.threshold_mm), folder / "figure_movable")
 tower = settled_tower(0, setup)
