@@ -70,7 +70,7 @@ def test_a_matrix_that_is_not_positive_definite_is_refused(device):
         covariance.factor(_tensor(-_noisy(5), device))
 
 
-def test_torch_is_left_out_of_the_work(monkeypatch):
+def test_torch_is_left_out_of_the_work_on_the_processor(monkeypatch):
     # with the common kernels its MKL needs several times as long as the BLAS of NumPy and SciPy
     import torch
 
@@ -82,11 +82,11 @@ def test_torch_is_left_out_of_the_work(monkeypatch):
     for name in ("cholesky_inverse", "cholesky_solve", "matmul", "addmm"):
         monkeypatch.setattr(torch, name, refused)
     monkeypatch.setattr(torch.Tensor, "__matmul__", refused)
-    z = _tensor(_points(20))
+    z = _tensor(_points(20), "cpu")
     K = covariance.covariance(z, z, 1.0)
     K.diagonal().add_(0.1)
     L = covariance.factor(K)
     covariance.solve(L, z[:, 0].contiguous())
-    covariance.explained(L, _tensor(_points(5, 20)))
+    covariance.explained(L, _tensor(_points(5, 20), "cpu"))
     covariance.inverse_diagonal(L.clone())
     covariance.symmetric_product(covariance.inverse(L), z)
