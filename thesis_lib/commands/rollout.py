@@ -143,10 +143,10 @@ def as_table(content: Mapping) -> str:
     if "against" in content:
         columns["less the other"] = content["against"]["difference"]
     lines = [f"{content['model']} on {content['dataset']}: {content['contactnets']['n']} tosses"]
-    lines.append("".join([f"{'':<38}", *(f"{name:<28}" for name in columns)]).rstrip())
+    lines.append("".join([f"{'':<38}", *(f"{name:<30}" for name in columns)]).rstrip())
     for group, keys in GROUPS.items():
         for key in keys:
-            cells = (f"{cell(of[group], key):<28}" for of in columns.values())
+            cells = (f"{cell(of[group], key):<30}" for of in columns.values())
             lines.append("".join([f"{f'{group} {key}':<38}", *cells]).rstrip())
     return "\n".join(lines)
 

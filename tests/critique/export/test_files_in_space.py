@@ -61,12 +61,13 @@ MINE = """<mujoco>
   <!-- my box: friction='0.5' is a guess -->
   <option timestep="0.00001" cone="elliptic"   gravity="0 0 -9.81"/>
   <worldbody>
-    <geom type='plane' size="1 1 .1"/>
+    <geom type='plane' name="table" size="1 1 .1"/>
     <body name="box" pos="0 0 .3"><freejoint/>
       <inertial pos="0 0 0" mass="0.3" quat="0.9 0.1 0 0" diaginertia="2e-4 3e-4 3.4e-4"/>
       <geom name = "hull" type="box" size=".05 .04 .03" friction=".5 .005 .0001" />
     </body>
   </worldbody>
+  <contact><pair geom1="hull" geom2="table"/></contact>
 </mujoco>
 """
 
@@ -282,10 +283,16 @@ def test_a_patch_writes_the_whole_tensor_and_leaves_the_rest(tmp_path, capsys):
     command = ["export", f"{tmp_path}/model.json", "--to", "mjcf"]
     assert main([*command, "--patch", str(mine), "--body", "box", "-o", str(better)]) == 0
     said = capsys.readouterr().err
-    for part in ("geom hull: condim", "quat of <inertial>", "scale it by 1.02", "round its edges with 0.003 m"):
+    for part in (
+        "geom hull: condim",
+        "pair in line 11: condim",
+        "quat of <inertial>",
+        "scale it by 1.02",
+        "round its edges with 0.003 m",
+    ):
         assert part in said
     new, truth = better.read_text(), true_rig(model.rig, HIDDEN)
-    kept = [line for line in MINE.split("\n") if "<inertial" not in line and "<geom name" not in line]
+    kept = [line for line in MINE.split("\n") if not re.match(r" *<(inertial|geom name|contact)", line)]
     assert [line for line in new.split("\n") if line in kept] == kept
     body = mujoco.MjModel.from_xml_string(new).body("box")
     axes = rotation_matrix(np.array(body.iquat)[:, None])[..., 0]

@@ -2,8 +2,9 @@
 
 A patch writes numbers that the drops have shown into one body of a file that exists: mass (if given), inertia, centre
 of mass, friction, contact.  It leaves geometry, surface, gravity and options as they are, and says so where the model
-has something about them.  The moment of inertia about the axis across the plane becomes m k²; as the drops show no
-other, the whole tensor of the file is scaled by that factor, so that it stays that of a body.
+has something about them.  In space the tensor becomes that of the model, and the frame of the body must be that of the
+shape.  Of planar drops the moment about the axis across the plane becomes m k²; as they show no other, the whole tensor
+of the file is scaled by that factor, so that it stays that of a body.
 
 Document types are refused: what they declare (entities) could unfold to gigabytes or open other files, and no engine's
 file needs them.  Nothing that the file names is opened.

@@ -111,8 +111,6 @@ def _contact(file: Patch, geom: Element, made: MujocoNumbers, twist: float) -> N
     _numbers(file, which, geom, made, twist, slides=1)
     if not (file.numbers(geom, "priority") or [0.0])[0] > 0.0:
         file.write(f"{which}: priority", [1.0], geom, "priority")
-    if geom.get("condim", "3") in (("1", "3") if twist else ("1",)):
-        file.write(f"{which}: condim", [4.0 if twist else 3.0], geom, "condim")
 
 
 def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, twist: float, slides: int) -> None:
@@ -122,6 +120,8 @@ def _numbers(file: Patch, which: str, element: Element, made: MujocoNumbers, twi
     friction = [made.friction] * slides + ([twist, *rest[1:]] if twist else rest)
     for attribute, values in (("friction", friction), ("solref", made.solref), ("solimp", made.solimp)):
         file.write(f"{which}: {attribute}", values, element, attribute)
+    if element.get("condim", "3") in (("1", "3") if twist else ("1",)):
+        file.write(f"{which}: condim", [4.0 if twist else 3.0], element, "condim")
 
 
 def _options(file: Patch, solid: ExportedBody, made: MujocoNumbers) -> list[str]:
