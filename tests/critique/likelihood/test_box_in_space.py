@@ -98,9 +98,7 @@ def test_every_law_that_holds_in_space_goes_through(name, rng) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "parameter"), [("mirrored_rotation", "mirrored_axis"), ("misread_rotation", "reading")]
-)
+@pytest.mark.parametrize(("name", "parameter"), [("mirrored_rotation", "mirrored_axis"), ("misread_rotation", "reading")])
 def test_starts_with_different_choices_are_fitted_beside_each_other(name, parameter, rng) -> None:
     model = Model(LAW, (EFFECTS[name],), space=SPACE)
     found = fit(model, corner_hits(20, rng), rounds=1)
