@@ -68,10 +68,11 @@ def test_what_is_hidden_is_found_without_a_law(rng, tmp_path):
     off = {name: abs(found["value"][name] - value) for name, value in truth.items()}
     assert {name: value for name, value in off.items() if value > SIGMAS * found["std"][name] + LINEAR} == {}
     # lengths as measured scale Δv, so that c and ρ of the balance are those of a cube as large as stated
-    np.testing.assert_allclose(found["value"][["balance_x", "balance_y", "balance_z"]], C, atol=H * np.abs(TURN).max() + 4e-4)
+    centre = found["value"][["balance_x", "balance_y", "balance_z"]]
+    np.testing.assert_allclose(centre, C, atol=H * np.abs(TURN).max() + 4e-4)
     assert found["value"]["balance_inertia"] == pytest.approx(SCALE * (1.0 + EXCESS) - 1.0, abs=0.04)
     assert found["value"]["level_fall_mean"] < SIGMAS * found["std"]["level_fall_mean"]
-    assert found["value"]["misfit_balanced"] < 0.3 * found["value"]["misfit_stated"]
+    assert found["value"]["misfit_balanced"] < 0.5 * found["value"]["misfit_stated"]
     table = tmp_path / "law_free.csv"
     assert "balance_z" in as_text(dataset, table)
     assert len(pd.read_csv(table)) == len(found)
