@@ -24,6 +24,7 @@ and c are those with the least.  Each half of the tosses is judged by what the o
 |-------------------------------------|------|---------------------------------------------------------------------|
 | fall, fall_stated                   | m/s² | against the normal, of first flights (median); as stated            |
 | level_fall, level_fall_mean         | m/s² | along the table: median of its size; size of its mean               |
+| level_fall_along, _across           | m/s² | its mean in the axes of each throw: ahead, and to the left          |
 | wobble_x, _y, _z                    | m    | centre of mass from the tracked point, by flights                   |
 | rest_height                         | m    | of the tracked point over the table (median)                        |
 | frame_x, _y, _z                     | rad  | turn of the tracked axes against the faces, by rests                |
@@ -114,7 +115,7 @@ def law_free(dataset: Dataset) -> pd.DataFrame:
         raise UserError(f"{dataset.name} has no trajectories: no flight is seen.")
     h, k2, g = float(half[0]), float(G[0, 0]), dataset.gravity
     tosses = _tosses(dataset.trajectories, g)
-    falls, wobbles = _falls(tosses), _wobbles(tosses)
+    (falls, along), wobbles = _falls(tosses), _wobbles(tosses)
     rows: list[tuple] = []
 
     def tell(quantity: str, found: np.ndarray | float, std: np.ndarray | float, unit: str, n: int) -> None:
@@ -127,6 +128,7 @@ def law_free(dataset: Dataset) -> pd.DataFrame:
     tell("fall_stated", g, 0.0, "m/s²", len(falls))
     tell("level_fall", np.median(level), _of_median(level), "m/s²", len(falls))
     tell("level_fall_mean", np.hypot(*falls[:, :2].mean(axis=0)), np.hypot(*_of_mean(falls[:, :2])), "m/s²", len(falls))
+    tell("level_fall_along level_fall_across", along.mean(axis=0), _of_mean(along), "m/s²", len(along))
     c, std = _jackknifed(lambda kept: _wobbling([wobbles[i] for i in kept], fall), np.arange(len(wobbles)))
     tell("wobble_x wobble_y wobble_z", c, std, "m", len(wobbles))
     rests = _rests(tosses)
@@ -176,9 +178,13 @@ def _firsts(tosses: Sequence[_Toss]) -> list[tuple[np.ndarray, np.ndarray, Rotat
     return parts
 
 
-def _falls(tosses: Sequence[_Toss]) -> np.ndarray:
-    """Accelerations (m, 3) in m/s² of first flights."""
-    return np.array([np.linalg.lstsq(np.vander(t, 3), p, rcond=None)[0][0] * 2.0 for t, p, _ in _firsts(tosses)])
+def _falls(tosses: Sequence[_Toss]) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations (m, 3) in m/s² of first flights, and (m, 2) along and across the level direction of the throw."""
+    fits = np.stack([np.linalg.lstsq(np.vander(t, 3), p, rcond=None)[0] for t, p, _ in _firsts(tosses)])
+    a, v = 2.0 * fits[:, 0], fits[:, 1, :2]
+    ahead = v / np.linalg.norm(v, axis=1, keepdims=True)
+    across = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    return a, np.stack([(a[:, :2] * way).sum(axis=1) for way in (ahead, across)], axis=1)
 
 
 def _wobbles(tosses: Sequence[_Toss]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
