@@ -5,10 +5,12 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.critique.proof.store import STORE
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import SpaceHeader
+from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.impacts.law_free_in_space import as_text, law_free
+from thesis_lib.identify.impacts.law_free_in_space import ROWS, as_text, law_free
 
 H, K2, RATE, G = 0.05, 0.0017, 150.0, 9.81
 SCALE, TILT = 0.98, 0.02  # lengths as measured; rad, in another direction in each toss
@@ -82,3 +84,14 @@ def test_a_body_that_is_no_cube_is_refused():
     header = HEADER | {"body": HEADER["body"] | {"shape": {"kind": "box", "half_extents": [H, H, 0.6 * H]}}}
     with pytest.raises(UserError, match="asks for a cube"):
         law_free(Dataset("brick", SpaceHeader.model_validate(header)))
+
+
+@pytest.mark.slow
+def test_the_stored_numbers_are_those_of_the_cube(contactnets_cube_dir):
+    dataset = read_dataset(contactnets_cube_dir).first_trials(300)
+    if dataset.trials.tolist() != list(range(300)):
+        pytest.skip("of tosses 0 to 299 some are missing")
+    stored = pd.read_csv(STORE / ROWS.path).query("dataset == 'contactnets_cube' and trials == 300")
+    found = law_free(dataset).set_index("quantity")
+    stored = stored.set_index("quantity").loc[found.index]
+    np.testing.assert_allclose(stored[["value", "std"]], found[["value", "std"]], rtol=1e-3, atol=1e-6)

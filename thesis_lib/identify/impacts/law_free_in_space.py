@@ -32,6 +32,9 @@ and c are those with the least.  Each half of the tosses is judged by what the o
 | balance_rounding, _x, _y, _z        | m    | rounding and centre of mass, by the balance                         |
 | balance_inertia                     | 1    | I/m over that stated, less 1                                        |
 | misfit_stated, misfit_balanced      | m/s  | mean misfit of the balance with the body as stated, and as found    |
+| friction                            | 1    | tangential over normal impulse, with the body as found (median)     |
+| restitution_slow, _middle, _fast    | 1    | speed of the corner after over before, of the hits by thirds        |
+| speed_slow, _middle, _fast          | m/s  | at which the corner approaches in them                              |
 """
 
 from collections.abc import Callable, Sequence
@@ -77,13 +80,15 @@ class _Toss:
 @dataclass(frozen=True)
 class _Hits:
     """n hits at one corner: trial, lever s, height z of the tracked point in m, attitudes (n, 3, 3), the corner (n, 3)
-    as signs, and the changes of velocity and spin (n, 3)."""
+    as signs, velocity and spin before (n, 3) and their changes (n, 3)."""
 
     trial: np.ndarray
     s: np.ndarray
     z: np.ndarray
     q: np.ndarray
     corner: np.ndarray
+    v: np.ndarray
+    w: np.ndarray
     dv: np.ndarray
     dw: np.ndarray
 
@@ -135,7 +140,7 @@ def law_free(dataset: Dataset) -> pd.DataFrame:
     tell("rest_height", np.median(rests["z"]), _of_median(rests["z"].to_numpy()), "m", len(rests))
     turn, std = _jackknifed(lambda kept: _turned(rests.iloc[kept]), np.arange(len(rests)))
     tell("frame_x frame_y frame_z", turn, std, "rad", len(rests))
-    hits = _hits(tosses, h, fall)
+    hits = _hits(tosses, h, k2, fall)
     tell("half_width_stated", h, 0.0, "m", len(hits.s))
     line, std = _jackknifed(lambda kept: _line(hits.of(kept)), np.arange(len(hits.s)))
     tell("corner_half_width corner_rounding", line, std, "m", len(hits.s))
@@ -149,6 +154,11 @@ def law_free(dataset: Dataset) -> pd.DataFrame:
     halves = [(np.flatnonzero(part), np.flatnonzero(~part)) for part in (even, ~even)]
     seen = np.concatenate([_misfit(_balanced(hits.of(a), h, k2), hits.of(b), h, k2) for a, b in halves])
     tell("misfit_balanced", seen.mean(), _of_mean(seen), "m/s", len(seen))
+    speed, back, friction = _contact(found, hits, h, k2)
+    tell("friction", np.median(friction), _of_median(friction), "1", len(friction))
+    for name, part in zip(("slow", "middle", "fast"), np.array_split(np.argsort(speed), 3)):
+        tell(f"speed_{name}", np.median(speed[part]), _of_median(speed[part]), "m/s", len(part))
+        tell(f"restitution_{name}", np.median(back[part]), _of_median(back[part]), "1", len(part))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -227,7 +237,7 @@ def _turned(rests: pd.DataFrame) -> np.ndarray:
     return _robust(A, (up - face).ravel())
 
 
-def _hits(tosses: Sequence[_Toss], h: float, fall: float) -> _Hits:
+def _hits(tosses: Sequence[_Toss], h: float, k2: float, fall: float) -> _Hits:
     """Hits at one corner of the believed cube between two flights that are seen."""
     rows = []
     signs = np.stack(np.meshgrid([1.0, -1.0], [1.0, -1.0], [1.0, -1.0], indexing="ij"), axis=-1).reshape(-1, 3)
@@ -240,11 +250,10 @@ def _hits(tosses: Sequence[_Toss], h: float, fall: float) -> _Hits:
             q = Rotation.from_rotvec(at["turn"]) * toss.q[first.stop - 2]
             low = q.apply(signs)[:, 2]
             order = np.argsort(low)
-            hard = np.sqrt((at["dv"] ** 2).sum() + (h * at["dw"]) ** 2 @ np.ones(3) / 3.0) > HARD
+            hard = np.sqrt((at["dv"] ** 2).sum() + k2 * (at["dw"] ** 2).sum()) > HARD
             if hard and h * (low[order[1]] - low[order[0]]) > APART:
-                rows.append(
-                    (toss.trial, -low[order[0]], at["p"][2], q.as_matrix(), signs[order[0]], at["dv"], at["dw"])
-                )
+                motion = [at[name] for name in ("v", "w", "dv", "dw")]
+                rows.append((toss.trial, -low[order[0]], at["p"][2], q.as_matrix(), signs[order[0]], *motion))
     return _Hits(*map(np.array, zip(*rows)))
 
 
@@ -265,7 +274,8 @@ def _meeting(toss: _Toss, first: slice, last: slice, fall: float) -> dict[str, n
     for part, middle in zip(parts, (first.stop - 2, last.start + 1)):
         turn = (toss.q[part] * toss.q[middle].inv()).as_rotvec()
         turns.append(np.linalg.lstsq(np.vander(toss.t[part] - t, 2), turn, rcond=None)[0])
-    return {"p": lines[0][1], "dv": dv, "turn": turns[0][1], "dw": turns[1][0] - turns[0][0]}
+    before = {"p": lines[0][1], "v": lines[0][0], "turn": turns[0][1], "w": turns[0][0]}
+    return before | {"dv": dv, "dw": turns[1][0] - turns[0][0]}
 
 
 def _line(hits: _Hits) -> np.ndarray:
@@ -274,8 +284,9 @@ def _line(hits: _Hits) -> np.ndarray:
     return np.array([slope + rho, rho])
 
 
-def _misfit(found: np.ndarray, hits: _Hits, h: float, k2: float) -> np.ndarray:
-    """What no impulse explains (n,) in m/s, of ρ, excess of I/m and c as in `found` (5,)."""
+def _explained(found: np.ndarray, hits: _Hits, h: float, k2: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The best impulse over m (n, 3) in m/s with ρ, excess of I/m and c as in `found` (5,), what it leaves (n, 6) in
+    m/s, and the lever r (n, 3) in m."""
     rho, excess, c = found[0], found[1], found[2:]
     k = np.sqrt(k2 * (1.0 + excess))
     centre = np.einsum("nij,j->ni", hits.q, c)
@@ -285,7 +296,21 @@ def _misfit(found: np.ndarray, hits: _Hits, h: float, k2: float) -> np.ndarray:
     A = np.concatenate([np.broadcast_to(np.eye(3), cross.shape), cross], axis=1)
     y = np.concatenate([dv, k * hits.dw], axis=1)[..., None]
     P = np.linalg.solve(A.swapaxes(1, 2) @ A, A.swapaxes(1, 2) @ y)
-    return np.linalg.norm((y - A @ P)[..., 0], axis=1)
+    return P[..., 0], (y - A @ P)[..., 0], r
+
+
+def _misfit(found: np.ndarray, hits: _Hits, h: float, k2: float) -> np.ndarray:
+    """What no impulse explains (n,) in m/s."""
+    return np.linalg.norm(_explained(found, hits, h, k2)[1], axis=1)
+
+
+def _contact(found: np.ndarray, hits: _Hits, h: float, k2: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each hit (n,) the speed of approach of its corner in m/s, that of departure over it, and |P_t|/P_n."""
+    P, _, r = _explained(found, hits, h, k2)
+    lever = r + np.einsum("nij,j->ni", hits.q, found[2:])  # from the tracked point
+    before = hits.v + np.cross(hits.w, lever)
+    after = hits.v + hits.dv + np.cross(hits.w + hits.dw, lever)
+    return -before[:, 2], -after[:, 2] / before[:, 2], np.hypot(P[:, 0], P[:, 1]) / P[:, 2]
 
 
 def _balanced(hits: _Hits, h: float, k2: float) -> np.ndarray:
