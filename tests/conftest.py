@@ -20,7 +20,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 SEARCH = [ROOT / "data" / "measured", *map(Path, filter(None, [os.environ.get("PUBLISHED_DATA")]))]
-MEASURED = {"raw_folder", "planar_impact_dir", "planar_dice_dir"}  # fixtures: tests that use them are marked `measured`
+# fixtures: tests that use them are marked `measured`
+MEASURED = {"raw_folder", "planar_impact_dir", "planar_dice_dir", "contactnets_cube_dir"}
 # these share critiques that take longest: one process makes them (tests/critique/conftest.py, test_contact_time.py)
 TOGETHER = tuple(f"tests/critique/{room}/" for room in ("commands", "drops", "report", "results", "selection"))
 
@@ -91,3 +92,9 @@ def planar_impact_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def planar_dice_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The measured dice throws as a dataset folder (do not write into it)."""
     return _converted("planar_dice", tmp_path_factory)
+
+
+@pytest.fixture(scope="session")
+def contactnets_cube_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The measured tosses of a cube as a dataset folder (do not write into it)."""
+    return _converted("contactnets_cube", tmp_path_factory)

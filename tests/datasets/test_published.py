@@ -4,6 +4,7 @@ import functools
 import hashlib
 import http.server
 import io
+import json
 import threading
 import zipfile
 
@@ -11,9 +12,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from thesis_lib.commands.datasets import main
 from thesis_lib.datasets import read_dataset
 from thesis_lib.datasets.sources import fetch, published
-from thesis_lib.datasets.sources.published import SOURCES, checksums, convert_published, find_source
+from thesis_lib.datasets.sources.published import SOURCES, checksums, convert_published, find_source, local_file
+from thesis_lib.datasets.sources.published_tosses import EXPERIMENT
 from thesis_lib.foundation.errors import UserError
 
 DICE = "x,z,th,vx,vz,vth\n" + "".join(f"0.{i},0.5,0.25,9,9,9\n" for i in range(10, 30))
@@ -61,6 +64,10 @@ def serve(tmp_path):
     server.shutdown()
     server.server_close()
     thread.join()
+
+
+def _sha(path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def serve_archive(serve, members):
@@ -137,11 +144,49 @@ def test_converting_twice_gives_the_same_bytes(planar_impact_dir, raw_folder, tm
         assert path.read_bytes() == (planar_impact_dir / path.name).read_bytes()
 
 
+@pytest.fixture
+def three_tosses(monkeypatch, tmp_path):
+    """A published set of tosses of which 0, 1 and 4 of 0 to 4 are there, in a box of 0.1 × 0.08 × 0.06 m; its poses."""
+    import torch
+
+    folder = tmp_path / "contactnets_cube" / "tosses_processed"
+    folder.mkdir(parents=True)
+    unit = 9.81 / 200.0
+    stated = {"dt": 0.005, "g": 200.0, "mass": 0.5, "inertia": 0.0005 / unit**2, "mu": 0.3, "restitution": 0.2}
+    stated["vertices"] = [
+        [x * 0.05 / unit, y * 0.04 / unit, z * 0.03 / unit] for x in (1, -1) for y in (1, -1) for z in (1, -1)
+    ]
+    (folder.parent / "experiment.json").write_text(json.dumps(stated))
+    lines, poses = [f"{_sha(folder.parent / 'experiment.json')}  contactnets_cube/{EXPERIMENT}\n"], {}
+    for number in (0, 1, 4):
+        pose = np.tile([0.1, 0.2, 0.3, 0.6, 0.0, 0.8, 0.0, 9.0, 9.0], (20, 1)) + 0.01 * number * np.eye(9)[0]
+        torch.save(torch.tensor(pose[None]), folder / f"{number}.pt")
+        poses[number] = pose
+        lines.append(f"{_sha(folder / f'{number}.pt')}  contactnets_cube/tosses_processed/{number}.pt\n")
+    lines += [f"{'0' * 64}  contactnets_cube/tosses_processed/{number}.pt\n" for number in (2, 3)]
+    monkeypatch.setattr(published, "CHECKSUMS", tmp_path / "sums.txt")
+    (tmp_path / "sums.txt").write_text("".join(lines))
+    return folder, unit, poses
+
+
+def test_tosses_are_as_published(contactnets_cube_dir, raw_folder):
+    """Values of a file, read without torch, and their physics: the poses move as the stored velocities say."""
+    raw, made = raw_folder("contactnets_cube"), read_dataset(contactnets_cube_dir)
+    poses = made.trajectories[made.trajectories["trial"] == 0]
+    held = local_file(raw, "tosses_processed/0.pt").read_bytes()[-8 * 19 * len(poses) :]  # numbers are at its end
+    toss = np.frombuffer(held, "<f8").reshape(-1, 19)
+    unit = 9.81 / json.loads(local_file(raw, EXPERIMENT).read_text())["g"]
+    np.testing.assert_allclose(poses[["x", "y", "z"]], unit * toss[:, :3], rtol=1e-12)
+    np.testing.assert_allclose(poses[["qw", "qx", "qy", "qz"]], toss[:, 3:7], atol=1e-12)
+    moved = made.rate * np.diff(poses["z"]) - unit * toss[1:, 9]
+    assert np.median(np.abs(moved)) < 0.02  # m/s; the stored velocities are smoothed
+
+
 # --- finding and checking -----------------------------------------------------------------------------------
 
 
 def test_checksums_cover_every_file():
-    assert len(checksums("planar_dice")) == 500
+    assert len(checksums("planar_dice")) == 500 and len(checksums("contactnets_cube")) == 571
     assert set(checksums("planar_impact")) == set(SOURCES["planar_impact"].raw)
     assert all(len(digest) == 64 for name in SOURCES for digest in checksums(name).values())
 
@@ -171,6 +216,60 @@ def test_a_changed_file_is_refused_and_nothing_is_written(two_throws, tmp_path):
     assert not (tmp_path / "out").exists()
     with pytest.raises(UserError, match="does not hold the published set"):
         convert_published("planar_dice", tmp_path / "nowhere", tmp_path / "out")
+
+
+def test_any_tosses_are_a_copy_and_the_missing_ones_are_said(three_tosses, tmp_path, capsys):
+    folder, unit, poses = three_tosses
+    (folder / "0.pt").rename(folder.parent / "0.pt")  # without its folder
+    fetched = ["fetch", "contactnets-cube", "--from", str(tmp_path), "--to", str(tmp_path / "m")]
+    assert main(fetched) == 0
+    assert "3 of 5 tosses present; missing: 2 to 3\n" in capsys.readouterr().out
+    made = read_dataset(tmp_path / "m" / "contactnets_cube")
+    assert made.trials.tolist() == [0, 1, 4] and made.rate == 200.0 and made.gravity == 9.81
+    body = made.in_space.body
+    np.testing.assert_allclose(body.shape.half_extents, [0.05, 0.04, 0.03], rtol=1e-12)
+    np.testing.assert_allclose(body.inertia.matrix, 0.0005 * np.eye(3), rtol=1e-11)
+    toss = made.trajectories[made.trajectories["trial"] == 4]
+    np.testing.assert_allclose(toss[["x", "y", "z"]], unit * poses[4][:, :3], rtol=1e-12)
+    np.testing.assert_allclose(toss[["qw", "qx", "qy", "qz"]], poses[4][:, 3:7], atol=1e-15)
+    np.testing.assert_allclose(toss["t"], 0.005 * np.arange(20), rtol=1e-12)
+    # a spoilt file is no copy, and neither is the experiment alone
+    (folder / "4.pt").write_bytes((folder / "4.pt").read_bytes() + b"x")
+    with pytest.raises(UserError, match=r"SHA-256 differs\): tosses_processed/4\.pt"):
+        convert_published("contactnets_cube", tmp_path, tmp_path / "out")
+    for path in (folder / "4.pt", folder / "1.pt", folder.parent / "0.pt"):
+        path.unlink()
+    with pytest.raises(UserError, match=r"are missing: tosses_processed/0\.pt"):
+        convert_published("contactnets_cube", tmp_path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_body_that_is_no_box_is_refused(three_tosses, tmp_path, monkeypatch):
+    folder, _, _ = three_tosses
+    path = folder.parent / "experiment.json"
+    stated = json.loads(path.read_text())
+    stated["vertices"][0][0] *= 1.1
+    path.write_text(json.dumps(stated))
+    lines = (tmp_path / "sums.txt").read_text().splitlines()[1:]
+    (tmp_path / "sums.txt").write_text("\n".join([f"{_sha(path)}  contactnets_cube/{EXPERIMENT}", *lines]))
+    with pytest.raises(UserError, match="not the corners of a box"):
+        convert_published("contactnets_cube", tmp_path, tmp_path / "out")
+
+
+def test_tosses_are_unpacked_from_the_archive_of_their_repository(three_tosses, serve, tmp_path):
+    folder, _, _ = three_tosses
+    content = {f"tosses_processed/{i}.pt": (folder / f"{i}.pt").read_bytes() for i in (0, 1, 4)}
+    content[EXPERIMENT] = (folder.parent / "experiment.json").read_bytes()
+    source = SOURCES["contactnets_cube"]
+    repository, commit = source.archive
+    archive = zip_bytes({f"contact-nets-1/data/{file}": held for file, held in content.items()})
+    serve(f"{repository}/zip/{commit}", archive)
+    with pytest.raises(UserError, match="lacks 2 of 6 files"):  # an archive has all, or it is another one
+        fetch.fetch("contactnets-cube", tmp_path / "m", archive_host=serve.url)
+    (tmp_path / "archive.zip").write_bytes(archive)
+    files = {file: tmp_path / "unpacked" / file for file in content}
+    fetch.unpack(tmp_path / "archive.zip", source, files)
+    assert {file: path.read_bytes() for file, path in files.items()} == content
 
 
 # --- network ------------------------------------------------------------------------------------------------

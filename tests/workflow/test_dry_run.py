@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-MEASURED = ("planar_impact", "planar_dice")
+MEASURED = ("planar_impact", "planar_dice", "contactnets_cube")
 
 
 def jobs(output: str) -> dict[str, int]:
@@ -37,7 +37,7 @@ def test_without_measured_data_the_simulated_drops_remain(checkout, snakemake):
 
 @pytest.mark.slow
 def test_measured_data_in_our_format_are_used_as_they_are(checkout, snakemake):
-    """Two converted sets and the drops: three studies, nothing to convert, and the comparison with the authors."""
+    """Converted sets, two in the plane, and the drops: three studies, nothing to convert, the authors' comparison."""
     for name in MEASURED:
         folder = checkout / "elsewhere" / name
         folder.mkdir(parents=True)

@@ -25,6 +25,7 @@ FETCH_EXAMPLES = """\
 examples:
   python -m thesis_lib datasets fetch planar-impact
   python -m thesis_lib datasets fetch planar-dice --from published/fazeli_planar_dice       without network
+  python -m thesis_lib datasets fetch contactnets-cube       needs the package torch; any of its tosses are a valid copy
 """
 CHECK_EXAMPLES = """\
 examples:
@@ -75,7 +76,7 @@ def build_parser() -> Parser:
         description="Get a published measured set, check the SHA-256 of every file, and convert it.",
         epilog=FETCH_EXAMPLES,
     )
-    fetch.add_argument("name", choices=["planar-impact", "planar-dice"])
+    fetch.add_argument("name", choices=["planar-impact", "planar-dice", "contactnets-cube"])
     fetch.add_argument("--from", dest="source", metavar="DIR", help="local copy to use instead of the network")
     fetch.add_argument("--to", default="data/measured", metavar="DIR", help="where <name>/ goes (default: %(default)s)")
 
@@ -161,9 +162,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _fetch(args: argparse.Namespace) -> int:
     from thesis_lib.datasets.sources.fetch import fetch
 
+    notes: list[str] = []
     with Progress(args.name) as say:
-        folder = fetch(args.name, args.to, args.source, say=say)
-    print(f"{described(folder)}\nwritten to {folder}")
+        folder = fetch(args.name, args.to, args.source, say=say, note=notes.append)
+    print("\n".join((*notes, described(folder), f"written to {folder}")))
     return 0
 
 

@@ -58,6 +58,7 @@ TABLES: dict[str, Callable[[], pd.DataFrame]] = {
     "proof: outcomes": outcomes,
     "proof: summary": summary,
     "direct fits: parameters": direct_fits.parameters,
+    "direct fits: contacts": direct_fits.contacts,
     "arm and wheel: parameters": lambda: mechanisms.within(mechanisms.read()),
     "claims": _claims,
 }

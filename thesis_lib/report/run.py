@@ -31,6 +31,7 @@ DATASETS = {  # those that come with the project; any other is headed by its nam
     "": "",
     "planar_impact": "planar_impact: measured impacts of an ellipse, as published",
     "planar_dice": "planar_dice: measured throws of a die, as published",
+    "contactnets_cube": "contactnets_cube: measured tosses of a cube in space, as published",
     "drops": "drops: simulated, whose law and parameters are known",
     "common": "",
 }

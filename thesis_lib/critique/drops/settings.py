@@ -77,11 +77,15 @@ class CritiqueRun(Section):
     """The critique in the pipeline."""
 
     datasets: tuple[Name, ...] = Field(
-        ("planar_impact", "planar_dice", "drops"), description="to criticise; absent measured ones are left out"
+        ("planar_impact", "planar_dice", "contactnets_cube", "drops"),
+        description="to criticise; absent measured ones are left out",
     )
     effects: dict[Name, tuple[Name, ...]] = Field({}, description="dataset -> effects to switch on instead of choosing")
     max_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
-        {"planar_dice": 150}, description="dataset -> first trials used; others: all"
+        {"planar_dice": 150, "contactnets_cube": 300}, description="dataset -> first trials used; others: all"
+    )
+    max_effects: dict[Name, Annotated[int, Field(ge=0)]] = Field(
+        {"contactnets_cube": 12}, description="dataset -> effects in one model; others: as in `settings`"
     )
     proof: tuple[str, ...] = Field(
         ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),

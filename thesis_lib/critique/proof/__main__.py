@@ -37,13 +37,13 @@ from thesis_lib.critique.proof.next_drops import as_markdown as next_experiment
 from thesis_lib.critique.proof.next_drops import run as run_questions
 from thesis_lib.critique.proof.results import outcomes, recovered
 from thesis_lib.critique.proof.sizes import require_checkout, store_cause_size, stored_factor
-from thesis_lib.critique.proof.store import put_missing, said_of
+from thesis_lib.critique.proof.store import STORE, put_missing, said_of
 from thesis_lib.critique.proof.summary import report
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.command_line import FAILED, Parser, command
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.progress import Progress
-from thesis_lib.identify.impacts import law_free
+from thesis_lib.identify.impacts import law_free, law_free_in_space
 
 SAMPLE = 2  # rows; about 20 s of CPU time each
 # other proofs than that of drops: what their options count, of `cases`
@@ -159,6 +159,14 @@ def _run_fits(options: argparse.Namespace) -> None:
     direct_fits.compute(options.drops or direct_fits.SERIES, options.measured, tell)
 
 
+def _law_free(options: argparse.Namespace) -> None:
+    dataset = read_dataset(options.folder).first_trials(options.trials)
+    if dataset.space.is_plane:
+        tell(law_free.as_text(dataset))
+    else:
+        tell(law_free_in_space.as_text(dataset, STORE / law_free_in_space.ROWS.path if options.store else None))
+
+
 def _parser() -> Parser:
     parser = Parser(
         prog="python -m thesis_lib.critique.proof",
@@ -260,7 +268,12 @@ def _parser() -> Parser:
         add_jobs(one)
     add("space-list", lambda options: space.write_list(), "write config/proof_in_space.csv, what is drawn for each set")
     about = "what measured throws of a body with faces say without any contact law"
-    add("law-free", lambda options: tell(law_free.as_text(read_dataset(options.folder))), about).add_argument("folder")
+    of_law_free = add("law-free", _law_free, about)
+    of_law_free.add_argument("folder")
+    of_law_free.add_argument("--trials", type=int, help="the first ones; default: all")
+    of_law_free.add_argument(
+        "--store", action="store_true", help="of a body in space: keep it in config/proof/law_free.csv"
+    )
     return parser
 
 

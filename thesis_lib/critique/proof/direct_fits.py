@@ -19,6 +19,8 @@ not fitted.  Effects are added in their order.  `run` replaces the rows of some 
 | flat_hits, flat     | m/s  | number and `error` of single hits at which two corners touch at once        |
 | learned, low, high  | m/s  | `questions.floor` of measured drops: `learned`, and the interval of `gain`  |
 | pairs               | m/s  | its bound from pairs                                                        |
+| by_contact          |      | of a hull in space, by kind of contact: `error`, its noise floor, number of judged  |
+|                     |      | hits, and share of all such hits that is used; e.g. "corner=0.1:0.02:90:0.9;…"      |
 | parameters          |      | with standard errors                                                        |
 | code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
@@ -32,15 +34,18 @@ import numpy as np
 import pandas as pd
 
 from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.bodies.solids import CONTACT_KINDS
 from thesis_lib.critique.contacts.bases import BASES
+from thesis_lib.critique.drops.judgement import judge
 from thesis_lib.critique.drops.questions.floor import floor
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.unpredictable import predictable
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.in_space.hits import hard_hits, observe_in_space
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.proof.cases import BODIES, SEEDS, Case, make
-from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, stamped
+from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, numbers_in, numbers_of, stamped
 from thesis_lib.critique.selection.search import split
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.read import read_dataset
@@ -54,9 +59,10 @@ from thesis_lib.statistics.wording import bounded, number
 
 COLUMNS = (
     *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
-    *("flat_hits", "flat", "learned", "low", "high", "pairs", "parameters", *STAMP),
+    *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "parameters", *STAMP),
 )
 HERTZ_TIME = 3e-3  # s
+MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
 FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
 HELD_OUT = 0.3  # of the trials
 SEED = 0
@@ -75,7 +81,7 @@ class Series:
 
     @property
     def is_measured(self) -> bool:
-        return self.source.startswith("planar_")
+        return self.source.startswith(MEASURED)
 
 
 _MUJOCO = ("mirtich", "damped_contact", "convex_contact")
@@ -93,6 +99,8 @@ _DIE_FIELD = (
     "+surface_height"
 )
 _PLATE = "mirtich+mirrored_rotation+surface_patch+tangential_compliance+position_dependent_restitution"
+_CUBE = "length_scale+rounded_corners+com_offset+wrong_inertia+angle_offset"
+_SOFT_CUBE = f"hunt_crossley_hertz_contact+{_CUBE}+velocity_dependent_restitution"
 SERIES = {
     "MuJoCo, ellipse": Series("mujoco", _MUJOCO),
     "MuJoCo, square": Series("mujoco", _MUJOCO, "square"),
@@ -112,6 +120,7 @@ SERIES = {
     "die, all hits of 150 throws": Series(
         "planar_dice", ("mirtich", f"{_DIE}+surface_height", _DIE_FIELD), trials=150, episodes=True
     ),
+    "cube, tosses 0 to 299": Series("contactnets_cube", ("mirtich", f"mirtich+{_CUBE}", _SOFT_CUBE), "", 300, True),
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
 
@@ -148,7 +157,8 @@ def fit_in_steps(world: Drops, model: str) -> Fit:
 def rows(name: str, dataset: Dataset) -> list[dict]:
     """A row for each model of a series."""
     series = SERIES[name]
-    o = observe(dataset, episodes=series.episodes)
+    seen = observe if dataset.space.is_plane else observe_in_space
+    o = seen(dataset, episodes=series.episodes)
     training = judged = o
     if series.is_measured:
         fitted_trials, others = split(np.unique(o.trial), HELD_OUT, generator(SEED, dataset.name))
@@ -160,7 +170,8 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
         about
         | {"model": model, "gain": fitted.score - fits[0].score}
         | _errors(fitted, judged)
-        | (_floor(fitted, judged) if series.is_measured else {})
+        | (_floor(fitted, judged) if series.is_measured and o.space.is_plane else {})
+        | ({} if o.space.is_plane else {"by_contact": numbers_in(by_contact(fitted, o, judged), 6)})
         | {"parameters": "; ".join(told_parameters(fitted))}
         for model, fitted in zip(series.models, fits)
     ]
@@ -184,6 +195,29 @@ def _errors(fitted: Fit, o: Observations) -> dict[str, float]:
     means = {kind: float(judged.error[rows].mean()) if rows.any() else np.nan for kind, rows in kinds.items()}
     whole = {"error": float(judged.error.mean()), "median": float(np.median(judged.error))}
     return whole | {"noise_floor": judged.floor, "flat_hits": int(is_flat.sum())} | means
+
+
+def by_contact(fitted: Fit, o: Observations, judged: Observations) -> dict[str, tuple[float, float, int, float]]:
+    """By kind of contact of a hull in space the error of judged hits and its floor in m/s, their number, and the share
+    of all such hits of `o` that is used."""
+    hits, here = hard_hits(o), hard_hits(judged)
+    found = {}
+    for kind in CONTACT_KINDS:
+        rows = here["row"][(here["kind"] == kind) & (here["row"] >= 0)].to_numpy()
+        judgement = judge(fitted, judged.rows(rows))
+        share = float((hits["row"][hits["kind"] == kind] >= 0).mean())
+        found[kind] = (float(judgement.error.mean()), judgement.floor, len(rows), share)
+    return found
+
+
+def contacts(path: Path = ROWS.path) -> pd.DataFrame:
+    """The stored errors by kind of contact, a row each: drops, model, kind, error, noise_floor, n, used_share."""
+    rows = [
+        (one["drops"], one["model"], kind, *numbers)
+        for one in ROWS.at(path).parsed(dict)
+        for kind, numbers in numbers_of(one["by_contact"]).items()
+    ]
+    return pd.DataFrame(rows, columns=["drops", "model", "kind", "error", "noise_floor", "n", "used_share"])
 
 
 def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:

@@ -10,12 +10,12 @@ import tempfile
 import urllib.error
 import urllib.request
 import zipfile
-from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
 from thesis_lib.datasets.sources.published import (
     SOURCES,
     PublishedSet,
+    Say,
     checksums,
     convert_files,
     convert_published,
@@ -31,27 +31,27 @@ MAX_DOWNLOAD = 1_000_000_000  # bytes; the archive of the dice repository also h
 MAX_MEMBER = 1_000_000  # bytes; a dice file has 24 kB
 CHUNK = 1 << 20
 
-Say = Callable[[str], None]
-
 
 def fetch(
     name: str,
     to: str | Path,
     source_dir: str | Path | None = None,
     say: Say = lambda text: None,
+    note: Say = lambda text: None,
     raw_host: str = RAW_HOST,
     archive_host: str = ARCHIVE_HOST,
 ) -> Path:
-    """Get the published set `name` ('planar-impact', 'planar-dice') and convert it into the folder `<to>/<name>`.
+    """Get the published set `name` ('planar-impact', 'planar-dice', …) and convert it into the folder `<to>/<name>`.
 
     `source_dir` is a local copy to use instead of the network, or its parent folder; `say` is called with lines about
-    the progress.  UserError: no network, a wrong file, or an unsafe archive; nothing is written then.
+    the progress, `note` with what a copy lacks and may lack.  UserError: no network, a wrong file, or an unsafe
+    archive; nothing is written then.
     """
     name = published_name(name)
     out_dir = Path(to) / name
     if source_dir is not None:
         say(f"checking and converting {name} from {source_dir}")
-        return convert_published(name, source_dir, out_dir)
+        return convert_published(name, source_dir, out_dir, note)
     source = SOURCES[name]
     with tempfile.TemporaryDirectory() as folder:
         files = {file: Path(folder) / file for file in checksums(name)}
@@ -73,7 +73,7 @@ def fetch(
                 f"another machine and run: python -m thesis_lib datasets fetch {name.replace('_', '-')} --from DIR"
             ) from error
         say(f"checking and converting {len(files)} files")
-        return convert_files(name, files, out_dir)
+        return convert_files(name, files, out_dir, note)
 
 
 def download(url: str, path: Path, say: Say = lambda text: None, limit: int = MAX_DOWNLOAD) -> None:
@@ -110,10 +110,12 @@ def unpack(archive: Path, source: PublishedSet, files: dict[str, Path]) -> None:
                 path = PurePosixPath(info.filename)
                 if path.is_absolute() or ".." in path.parts or re.search(r"[\\:\x00]", info.filename):
                     raise UserError(f"The archive holds the unsafe name {info.filename!r}; it was not unpacked.")
-                if len(path.parts) == 3 and path.parts[1] == source.inside and path.name in files:
+                _, _, inside = str(path).partition("/")
+                file = inside.removeprefix(f"{source.inside}/")
+                if file != inside and file in files:
                     if info.file_size > MAX_MEMBER:
                         raise UserError(f"{path.name} in the archive claims {info.file_size:,} bytes; not unpacked.")
-                    members[path.name] = info
+                    members[file] = info
             if missing := sorted(set(files) - set(members)):
                 raise UserError(
                     f"The archive lacks {len(missing)} of {len(files)} files (first: {source.inside}/{missing[0]})."
@@ -123,6 +125,7 @@ def unpack(archive: Path, source: PublishedSet, files: dict[str, Path]) -> None:
                     content = member.read(MAX_MEMBER + 1)  # the claimed size may be a lie
                 if len(content) > MAX_MEMBER:
                     raise UserError(f"{name} in the archive is larger than {MAX_MEMBER:,} bytes; not unpacked.")
+                files[name].parent.mkdir(parents=True, exist_ok=True)
                 files[name].write_bytes(content)
     except UserError:
         raise

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from thesis_lib.bodies.mesh import SUFFIXES
-from thesis_lib.datasets.sources.published import SOURCES, checksums, find_source
+from thesis_lib.datasets.sources.published import SOURCES, find_source, source_files
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.regular_file import is_file
 
@@ -40,7 +40,7 @@ class Located:
     @property
     def source_files(self) -> list[str]:
         """The published files that are converted."""
-        return [str(Path(self.source) / name) for name in checksums(self.name)] if self.source else []
+        return list(map(str, source_files(self.name, self.source))) if self.source else []
 
 
 def locate(name: str, search: Sequence[str | Path]) -> Located:

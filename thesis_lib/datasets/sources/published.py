@@ -1,14 +1,16 @@
-"""The two published measured sets of Fazeli et al.: where they are, their checksums, and their conversion.
+"""Published measured sets: where they are, their checksums, and the conversion of the two of Fazeli et al.
 
-| name            | origin (repository at commit)                      | what                                      |
-|-----------------|----------------------------------------------------|-------------------------------------------|
-| `planar_impact` | mcubelab/planar-impact-dataset, f24a7e3 (states:   | first impact of 1718 drops of an ellipse; |
-|                 | 31b1787), Nima-Fazeli/contact_models_and_data,     | all 2000 drops with quality flags         |
-|                 | fac1be5                                            |                                           |
-| `planar_dice`   | Nima-Fazeli/residual-pybullet-public, 8f4f221      | 500 throws of a square at 250 Hz          |
+| name               | origin (repository at commit)                      | what                                      |
+|--------------------|----------------------------------------------------|-------------------------------------------|
+| `planar_impact`    | mcubelab/planar-impact-dataset, f24a7e3 (states:   | first impact of 1718 drops of an ellipse; |
+|                    | 31b1787), Nima-Fazeli/contact_models_and_data,     | all 2000 drops with quality flags         |
+|                    | fac1be5                                            |                                           |
+| `planar_dice`      | Nima-Fazeli/residual-pybullet-public, 8f4f221      | 500 throws of a square at 250 Hz          |
+| `contactnets_cube` | DAIRLab/contact-nets, c3dc21c (BSD-3-Clause)       | 570 tosses of a cube in space at 148 Hz   |
 
-Neither repository states a licence, so this project holds no copy of the data, only the SHA-256 of each file.  Values
-are converted as published: no sign is changed, no angle unwrapped, no y moved to touch the surface.
+The first three repositories state no licence, so this project holds no copy of the data, only the SHA-256 of each file,
+and treats the fourth alike.  Values are converted as published: no sign is changed, no angle unwrapped, no y moved to
+touch the surface.  `thesis_lib/datasets/sources/published_tosses.py` converts the tosses.
 
 The two publications of the impacts differ: vy_post in all_drops.csv (2017-02) is 3 g/250 s = 0.11772 m/s lower than in
 impacts.csv (2017-11) for each of the 1718 drops in both; all other columns are equal to the last bit.  The stored
@@ -17,6 +19,7 @@ impulses (p_true, w_true) belong to impacts.csv.
 
 import hashlib
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,9 +30,12 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import STATE
 from thesis_lib.datasets.format.write import write_dataset
+from thesis_lib.datasets.sources import published_tosses
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
 from thesis_lib.foundation.regular_file import is_file, read_bytes
+
+Say = Callable[[str], None]
 
 CHECKSUMS = Path(__file__).with_name("published_sha256.txt")
 LAWS = ("drumwright_shell", "anitescu_potra_poisson", "anitescu_potra_newton", "mirtich", "wang_mason", "whittaker")
@@ -48,6 +54,7 @@ class PublishedSet:
     raw: dict[str, str]  # our file name -> owner/repository/commit/path, for files fetched one by one
     archive: tuple[str, str] | None = None  # owner/repository and commit of an archive to fetch instead
     inside: str = ""  # folder in the archive that holds the files
+    needed: tuple[str, ...] = ()  # with any of the others these files are a valid copy; (): all of them are needed
 
 
 SOURCES = {
@@ -69,6 +76,13 @@ SOURCES = {
         archive=("Nima-Fazeli/residual-pybullet-public", "8f4f2218d4c6d52ef30004592b14a988d624593f"),
         inside="dice-data-processed",
     ),
+    "contactnets_cube": PublishedSet(
+        folders=("contactnets_cube", "contact-nets/data"),
+        raw={},
+        archive=("DAIRLab/contact-nets", "c3dc21c94577ff4ed99123f0b00bfe57bb2d1d90"),
+        inside="data",
+        needed=(published_tosses.EXPERIMENT,),
+    ),
 }
 
 
@@ -82,33 +96,50 @@ def published_name(name: str) -> str:
 
 
 def checksums(name: str) -> dict[str, str]:
-    """File name -> SHA-256 (hex) of every source file of a published set."""
+    """File name -> SHA-256 (hex) of every source file of a published set; names are paths below its folder."""
     lines = (line.split() for line in CHECKSUMS.read_text(encoding="ascii").splitlines())
-    return {path.split("/")[1]: digest for digest, path in lines if path.startswith(f"{name}/")}
+    return {path.partition("/")[2]: digest for digest, path in lines if path.startswith(f"{name}/")}
 
 
 def find_source(name: str, base: str | Path) -> Path | None:
     """The folder with the published files: `base` itself or a known folder in it; None if there is none."""
-    base, first = Path(base), next(iter(checksums(name)))
+    base, first = Path(base), next(iter((*SOURCES[name].needed, *checksums(name))))
     candidates = [base, *(base / folder for folder in SOURCES[name].folders)]
-    return next((folder for folder in candidates if is_file(folder / first)), None)
+    return next((folder for folder in candidates if is_file(local_file(folder, first))), None)
 
 
-def convert_published(name: str, source_dir: str | Path, out_dir: str | Path) -> Path:
-    """Convert the files in `source_dir` (or a known folder in it) into `out_dir`; UserError for any other file."""
+def local_file(folder: str | Path, file: str) -> Path:
+    """Where a published file lies in a local copy: in its folder as published or, if it is not there, without it."""
+    as_published = Path(folder, file)
+    return as_published if is_file(as_published) else Path(folder, as_published.name)
+
+
+def source_files(name: str, folder: str | Path) -> list[Path]:
+    """The files of a local copy that a conversion reads, whether or not those that are needed are there."""
+    needed = SOURCES[name].needed
+    files = {file: local_file(folder, file) for file in checksums(name)}
+    return [path for file, path in files.items() if not needed or file in needed or is_file(path)]
+
+
+def convert_published(name: str, source_dir: str | Path, out_dir: str | Path, note: Say = lambda text: None) -> Path:
+    """Convert the files in `source_dir` (or a known folder in it) into `out_dir`; UserError for any other file.
+
+    `note` receives a line about files that a copy lacks and may lack.
+    """
     name = published_name(name)
     folder = find_source(name, source_dir)
     if folder is None:
+        first = (*SOURCES[name].needed, *checksums(name))[0]
         raise UserError(
-            f"{source_dir} does not hold the published set {name}: no {next(iter(checksums(name)))} in it. "
+            f"{source_dir} does not hold the published set {name}: no {first} in it. "
             "Give the folder with the files as published."
         )
-    return convert_files(name, {path: (folder / path) for path in checksums(name)}, out_dir)
+    return convert_files(name, {path: local_file(folder, path) for path in checksums(name)}, out_dir, note)
 
 
-def convert_files(name: str, files: dict[str, Path], out_dir: str | Path) -> Path:
+def convert_files(name: str, files: dict[str, Path], out_dir: str | Path, note: Say = lambda text: None) -> Path:
     """Check every SHA-256, then convert; `files` maps the names in the checksum list to paths."""
-    content, missing, wrong = {}, [], []
+    content, missing, wrong, needed = {}, [], [], SOURCES[name].needed
     for file, digest in checksums(name).items():
         if not is_file(files[file]):
             missing.append(file)
@@ -116,14 +147,25 @@ def convert_files(name: str, files: dict[str, Path], out_dir: str | Path) -> Pat
         content[file] = read_bytes(files[file], MAX_BYTES)
         if hashlib.sha256(content[file]).hexdigest() != digest:
             wrong.append(file)
-    for bad, what in ((missing, "missing"), (wrong, "not the published ones (SHA-256 differs)")):
+    optional = [file for file in missing if needed and file not in needed]
+    lacking = [file for file in missing if file not in optional]
+    if not lacking and not wrong and not set(content) - set(needed):
+        lacking = optional
+    for bad, what in ((lacking, "missing"), (wrong, "not the published ones (SHA-256 differs)")):
         if bad:
             more = f" and {len(bad) - 4} more" if len(bad) > 4 else ""
             raise UserError(
                 f"Files of {name} are {what}: {', '.join(bad[:4])}{more}. Nothing was written. "
                 f"Get them again: python -m thesis_lib datasets fetch {name.replace('_', '-')}"
             )
-    return {"planar_impact": _convert_impact, "planar_dice": _convert_dice}[name](content, Path(out_dir))
+    if optional:
+        note(published_tosses.absent_tosses(len(files) - len(needed), optional))
+    convert = {
+        "planar_impact": _convert_impact,
+        "planar_dice": _convert_dice,
+        "contactnets_cube": published_tosses.convert_tosses,
+    }
+    return convert[name](content, Path(out_dir))
 
 
 def _convert_impact(content: dict[str, bytes], out_dir: Path) -> Path:

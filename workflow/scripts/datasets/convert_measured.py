@@ -8,4 +8,4 @@ from pathlib import Path
 
 from thesis_lib.datasets.sources.published import convert_published
 
-convert_published(snakemake.wildcards.dataset, snakemake.params.source, Path(snakemake.output[0]).parent)
+convert_published(snakemake.wildcards.dataset, snakemake.params.source, Path(snakemake.output[0]).parent, note=print)
