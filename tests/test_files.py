@@ -30,7 +30,8 @@ WRITERS = {
     "json.dump": set(),
     # into /proc, and under a name of its own
     "write_text": {"thesis_lib/foundation/isolated.py", "thesis_lib/foundation/provenance.py"},
-    "write_bytes": {"thesis_lib/datasets/sources/fetch.py"},  # into a temporary folder
+    # into a temporary folder
+    "write_bytes": {"thesis_lib/datasets/sources/fetch.py", "thesis_lib/datasets/sources/published_tosses.py"},
     "copyfile": set(),
     "copy2": set(),
 }

@@ -100,7 +100,6 @@ _DIE_FIELD = (
 )
 _PLATE = "mirtich+mirrored_rotation+surface_patch+tangential_compliance+position_dependent_restitution"
 _CUBE = "length_scale+rounded_corners+com_offset+wrong_inertia+angle_offset"
-_SOFT_CUBE = f"hunt_crossley_hertz_contact+{_CUBE}+velocity_dependent_restitution"
 SERIES = {
     "MuJoCo, ellipse": Series("mujoco", _MUJOCO),
     "MuJoCo, square": Series("mujoco", _MUJOCO, "square"),
@@ -120,7 +119,7 @@ SERIES = {
     "die, all hits of 150 throws": Series(
         "planar_dice", ("mirtich", f"{_DIE}+surface_height", _DIE_FIELD), trials=150, episodes=True
     ),
-    "cube, tosses 0 to 299": Series("contactnets_cube", ("mirtich", f"mirtich+{_CUBE}", _SOFT_CUBE), "", 300, True),
+    "cube, tosses 0 to 299": Series("contactnets_cube", ("mirtich", f"mirtich+{_CUBE}"), trials=300, episodes=True),
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
 
