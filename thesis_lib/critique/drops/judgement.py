@@ -142,6 +142,15 @@ def channel_is_material(better: Judgement, worse: Judgement, channel: str, setti
     return bool(np.isfinite(before)) and settings.matters(before, after, floor)
 
 
+def is_buried(judged: Judgement, least: float) -> bool:
+    """Whether the median hit errs by more than `least` times noise, and the mean of all by less than `least` floors.
+
+    A few episodes, whose outcome hangs on the start, then make the means.
+    """
+    error, floor = judged.misfit(IMPACT.name)
+    return judged.excess > least and error < least * floor
+
+
 def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
     """Channels in which one model errs more than another one by an amount that matters.
 

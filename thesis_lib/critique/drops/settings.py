@@ -47,6 +47,13 @@ class CritiqueSettings(SearchSettings):
         description="median error over noise, and mean squares of the other channels, up to which slopes show whether "
         "a candidate is worth a fit: far from the truth they mean little",
     )
+    buried_excess: float = Field(
+        2.0,
+        ge=1,
+        description="median error over noise beyond which, in space, a fall of this ratio counts as material where the "
+        "mean error is less than so many noise floors: a few episodes in which noise is large make up both means, and "
+        "hide what an effect does to all other hits",
+    )
     reserve_excess: float = Field(
         1.2,
         ge=1,

@@ -17,7 +17,14 @@ from thesis_lib.critique.contacts.bases import BASES, RESERVE, RESERVE_IN_SPACE
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, OF_FRICTION
 from thesis_lib.critique.contacts.kinds import BRIEF
 from thesis_lib.critique.contacts.model import Model, inward
-from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, joined, judge, spoilt_channels
+from thesis_lib.critique.drops.judgement import (
+    Judgement,
+    channel_is_material,
+    is_buried,
+    joined,
+    judge,
+    spoilt_channels,
+)
 from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.channels import IMPACT, SLIDE, concerned
@@ -199,7 +206,15 @@ class Drops(World[Effect, Fit, Judgement]):
             channels.add("meet")  # where a contact begins decides where it ends
         if any(p.of for p in candidate.parameters):
             channels.add("impact")  # a μ that served slides, too, erred in the velocities
-        return any(channel_is_material(better, worse, channel, settings) for channel in channels)
+        if any(channel_is_material(better, worse, channel, settings) for channel in channels):
+            return True
+        least = self.settings.buried_excess
+        return (
+            not self.space.is_plane
+            and IMPACT.name in channels
+            and is_buried(worse, least)
+            and settings.matters(worse.excess, better.excess, 1.0)
+        )
 
     def includes(self, candidate: str, other: str) -> bool:
         return other in self.candidates[candidate].includes

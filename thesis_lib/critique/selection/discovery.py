@@ -171,13 +171,13 @@ def judge_held_out(
             smaller = held_out.judge(training.fit(final.base, others, final.values, "near"))
             without[step.effect.name] = smaller
             idle = not by_hand and not held_out.is_material(ladder[-1][2], smaller, step.effect, confirming)
-            if idle or held_out.errs_more(ladder[-1][2], smaller, settings):
+            if idle or held_out.is_vetoed(ladder[-1][2], smaller, settings):
                 spoiled[i] = ladder[-1][2], smaller
                 alone.append(i)
             else:
                 # an error that this rung has raised, not an earlier one
-                rungs = [than for _, _, than in ladder[: i + 1] if held_out.errs_more(ladder[i + 1][2], than, settings)]
-                if worse := [than for than in rungs if not held_out.errs_more(ladder[i][2], than, settings)]:
+                rungs = [than for _, _, than in ladder[: i + 1] if held_out.is_vetoed(ladder[i + 1][2], than, settings)]
+                if worse := [than for than in rungs if not held_out.is_vetoed(ladder[i][2], than, settings)]:
                     spoiled[i] = ladder[i + 1][2], worse[0]
         steps = discovery.steps
         if by_hand:
