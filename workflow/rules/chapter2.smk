@@ -2,7 +2,8 @@
 CH2 = "results/chapter2"
 CH2_SHAPES = ("block", "ellipse")
 CH2_HIDDEN_TABLES = ("effects", "parameters", "summary", "forces")
-CH2_MEASURED = [name for name in SOURCES if DATASETS[name].present]
+CH2_SETS = [name for name, source in SOURCES.items() if source.dimensions == 2]
+CH2_MEASURED = [name for name in CH2_SETS if DATASETS[name].present]
 CH2_CLAIMED = [
     f"{CH2}/{table}.csv"
     for table in (
@@ -287,7 +288,7 @@ rule ch2_measured_ratios:
     resources:
         **needs("ch2_measured_ratios"),
     params:
-        absent=[name for name in SOURCES if name not in CH2_MEASURED],
+        absent=[name for name in CH2_SETS if name not in CH2_MEASURED],
         lib=code_of("ch2_measured_ratios"),
     message:
         "Chapter 2: m/I from measured data against the authors' value"

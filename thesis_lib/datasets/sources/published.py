@@ -55,6 +55,7 @@ class PublishedSet:
     archive: tuple[str, str] | None = None  # owner/repository and commit of an archive to fetch instead
     inside: str = ""  # folder in the archive that holds the files
     needed: tuple[str, ...] = ()  # with any of the others these files are a valid copy; (): all of them are needed
+    dimensions: int = 2  # in which the body moves
 
 
 SOURCES = {
@@ -82,6 +83,7 @@ SOURCES = {
         archive=("DAIRLab/contact-nets", "c3dc21c94577ff4ed99123f0b00bfe57bb2d1d90"),
         inside="data",
         needed=(published_tosses.EXPERIMENT,),
+        dimensions=3,
     ),
 }
 
