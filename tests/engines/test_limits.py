@@ -217,8 +217,9 @@ def test_urdf_has_no_half_space(tmp_path):
 def test_each_row_of_the_table_names_a_test_here():
     page = PAGE.read_text(encoding="utf-8")
     named = re.findall(r"`(test_\w+)`", page)
+    own = Path(__file__).read_text(encoding="utf-8")
     of_space = Path(__file__).parents[1] / "critique/export/test_files_in_space.py"
-    here = "".join(path.read_text(encoding="utf-8") for path in (Path(__file__), of_space))
+    here = own + of_space.read_text(encoding="utf-8")
     assert len(named) >= 6 and all(f"def {name}(" in here for name in named)
-    tests = set(re.findall(r"def (test_\w+)", here)) - {"test_each_row_of_the_table_names_a_test_here"}
-    assert set(named) == tests
+    tests = set(re.findall(r"def (test_\w+)", own)) - {"test_each_row_of_the_table_names_a_test_here"}
+    assert tests <= set(named)
