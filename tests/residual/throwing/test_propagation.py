@@ -149,13 +149,13 @@ def test_the_contact_map_learns_a_planted_residual_and_knows_how_well():
     t, corner = first_touch(body, q, new.v)
     q, v = fly(body, q, new.v, t)
     r = body.contact_point(q[:, 2], corner)
-    mean, _, took, _ = contact.distribution(q, v, r, np.zeros(len(q), bool))
+    mean, _, took = contact.distribution(q, v, r, np.zeros(len(q), bool))
     _, reached = fly(body, mean[:, :3], mean[:, 3:], new.span - t - took)
     metric = np.array([1.0, 1.0, TRUTH.k_g])
     left = (new.v_after - reached) * metric
     scatter, _ = train_missed(TRUTH, known, settings, np.random.default_rng(0), False)
     plain = contact_map("", TRUTH, scatter, settings).contact
-    bare, _, _, _ = plain.distribution(q, v, r, np.zeros(len(q), bool))
+    bare, _, _ = plain.distribution(q, v, r, np.zeros(len(q), bool))
     _, without = fly(body, bare[:, :3], bare[:, 3:], new.span - t - took)
     before = (new.v_after - without) * metric
     assert np.median(np.linalg.norm(left, axis=1)) < 0.2 * np.median(np.linalg.norm(before, axis=1))
