@@ -17,7 +17,7 @@ dataset = read_dataset(params.folder).first_trials(params.max_trials)
 found = criticise(
     dataset,
     effects=params.effects,
-    settings=CritiqueSettings.model_validate(params.settings | most),
+    settings=CritiqueSettings.model_validate({**params.settings, **most}),
     arcs=ArcSettings.model_validate(params.arcs),
     seed=params.seed,
     say=print,
