@@ -1,5 +1,7 @@
 """Engines as laws of bodies in space: they agree with our own integration of the same contact, and find their truth."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,10 +10,11 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.engine_contact import IN_SPACE, STAND_INS, engine_law, lacks
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
-from thesis_lib.critique.engines.compare import held_out_error
+from thesis_lib.critique.engines.compare import held_out_error, require_models
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
+from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
@@ -65,6 +68,13 @@ def test_an_engine_has_the_contact_of_the_law_that_stands_for_it(engine, name, r
 def test_what_an_engine_in_space_lacks_is_named():
     effects = [EFFECTS[name] for name in ("com_offset", "torsional_friction", "position_dependent_friction", "lens")]
     assert lacks("mujoco", effects, SPACE) == ["torsional_friction"]
+
+
+def test_impacts_without_a_contact_time_are_refused_before_minutes_pass():
+    stated = SimpleNamespace(space=SPACE, gravity=9.81, has_angle=True, impacts=[1])
+    with pytest.raises(UserError, match="does not show how long contacts last"):
+        require_models(stated, ("laws", "mujoco"))  # pyright: ignore[reportArgumentType]
+    require_models(stated, ("laws",))  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.slow

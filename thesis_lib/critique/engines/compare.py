@@ -76,6 +76,11 @@ def require_models(dataset: Dataset, names: Sequence[str]) -> None:
         raise UserError(
             f"--models has no {listed(lacking)} for bodies in space; {listed([LAWS, *IN_SPACE])} can be compared there."
         )
+    if not dataset.space.is_plane and dataset.impacts is not None and set(names) - {LAWS}:
+        raise UserError(
+            "--models compares engines in space by trajectories: impacts.csv does not show how long contacts last. "
+            "Give trajectories.csv alone, or compare laws."
+        )
 
 
 def compare_models(
