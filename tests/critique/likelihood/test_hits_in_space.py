@@ -10,7 +10,10 @@ from tosses import simulate_tosses
 
 from thesis_lib.bodies.solids import Box, Sphere, contact_kind
 from thesis_lib.critique.likelihood.in_space.hits import beside, jump, observe_in_space
+from thesis_lib.critique.likelihood.in_space.left_out import has_another_hit, off_free_motion
 from thesis_lib.datasets import dataset_of
+from thesis_lib.datasets.flights.beside_hits import fit_windows
+from thesis_lib.datasets.flights.rounding import contact_guard
 from thesis_lib.datasets.format.frames import surface_frames
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.samples import ArcSettings
@@ -170,3 +173,44 @@ def test_hits_that_follow_too_soon_are_episodes_between_two_flights(tossed):
     assert np.mean(np.array(inside) >= 2) > 0.5 and np.mean(np.array(inside) >= 1) > 0.98
     same = np.flatnonzero(found.span == 0.0)
     assert set(zip(found.trial[same], found.impact[same])) <= set(zip(tossed.found.trial, tossed.found.impact))
+
+
+@pytest.mark.parametrize("offset, gravity", [((0.0, 0.0, 0.0), 9.81), ((2e-3, 0.0, 6e-3), 9.6)])
+def test_what_all_hits_share_is_no_misfit_of_flights(offset, gravity):
+    rng, n, noise = np.random.default_rng(4), 60, (1e-4, 1e-3)
+    G, tau = np.eye(3) * 1e-3, np.tile(np.arange(-12, 13) / 150.0 + 1e-3, (n, 1))
+    side = np.stack([tau < 0.0, tau > 0.0], axis=1)
+    spin, v = rng.uniform(-8.0, 8.0, (2, n, 3)), rng.uniform(-1.0, 1.0, (2, n, 3))
+    turn = np.where(tau[..., None] < 0.0, spin[0][:, None], spin[1][:, None]) * tau[..., None]
+    turn += noise[1] * rng.standard_normal(turn.shape)
+    attitude = Rotation.from_rotvec(turn.reshape(-1, 3)) * Rotation.random(n, rng=rng)[np.repeat(np.arange(n), 25)]
+    place = np.where(tau[..., None] < 0.0, v[0][:, None], v[1][:, None]) * tau[..., None]
+    place += attitude.apply(offset).reshape(n, 25, 3) - 0.5 * gravity * tau[..., None] ** 2 * [0.0, 0.0, 1.0]
+    place += noise[0] * rng.standard_normal(place.shape)
+    pose = np.concatenate([place, attitude.as_quat(scalar_first=True).reshape(n, 25, 4)], axis=2)
+    fitted = fit_windows(pose, tau, side, G, noise)
+    off, dof = off_free_motion(fitted, pose, tau, side, G, 9.81, noise, 0.0)
+    assert np.median(off / dof, axis=0) == pytest.approx(1.0, abs=0.15)
+    another, grown, _ = has_another_hit(off, dof)
+    assert not another.any() and grown == pytest.approx(1.0, abs=0.15)
+
+
+def test_hits_that_are_rarely_clean_leave_the_noise_as_it_is():
+    rng, dof = np.random.default_rng(0), np.full((500, 2), 40.0)
+    clean = np.arange(500) < 80
+    off = rng.chisquare(40.0, (500, 2)) * np.where(clean, 1.0, rng.uniform(20.0, 200.0, 500))[:, None]
+    another, grown, slack = has_another_hit(off, dof)
+    assert (another == ~clean).all()
+    assert grown == pytest.approx(1.0, abs=0.2) and slack == pytest.approx(4.0)
+    assert has_another_hit(3.0 * rng.chisquare(40.0, (500, 2)), dof)[1] == pytest.approx(3.0, rel=0.1)
+
+
+@pytest.mark.parametrize("tau", [0.0, 2e-3])
+def test_round_corners_are_no_contacts_that_last(tau):
+    rng = np.random.default_rng(1)
+    normal = np.abs(Rotation.random(300, rng=rng).as_matrix()[:, 2])
+    speed = rng.uniform(0.5, 1.5, 300) * normal.sum(axis=1)  # a corner has the shorter lever
+    sunk = 5e-3 * (normal.sum(axis=1) - 1.0) + tau * speed + 1e-4 * rng.standard_normal(300)
+    shape = np.column_stack([np.ones(300), normal])
+    assert contact_guard(sunk, speed) > 5e-4 + 1.5 * tau
+    assert contact_guard(sunk, speed, shape) == pytest.approx(1.5 * tau, abs=2e-4)

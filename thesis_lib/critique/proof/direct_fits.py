@@ -119,7 +119,12 @@ SERIES = {
     "die, all hits of 150 throws": Series(
         "planar_dice", ("mirtich", f"{_DIE}+surface_height", _DIE_FIELD), trials=150, episodes=True
     ),
-    "cube, tosses 0 to 299": Series("contactnets_cube", ("mirtich", f"mirtich+{_CUBE}"), trials=300, episodes=True),
+    "cube, tosses 0 to 299": Series(
+        "contactnets_cube",
+        ("mirtich", f"mirtich+{_CUBE}", f"hunt_crossley_hertz_contact+{_CUBE}"),
+        trials=300,
+        episodes=True,
+    ),
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
 

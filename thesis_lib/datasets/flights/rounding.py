@@ -28,6 +28,7 @@ from thesis_lib.datasets.flights.windows import sides_of, windows_around
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.samples import ArcSettings, Samples
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.statistics.spread import robust_std
 
 EDGES = np.array([0, 1, 2, 3, 4, 6, 8, 12, 16, 24])  # sampling intervals from the impact
 _BEYOND = 32  # the edge after the last
@@ -43,6 +44,7 @@ _SPREADS = 3.30, 2.74  # standard errors of ln F times √n from the densities o
 _CONTACT = 1.5  # τ; contacts end before
 LONGEST = 5e-3  # s; a guard for longer contacts must be seen in the samples
 LEAST_SUNK, MOST_SUNK = 20, 400  # impacts that say how fast contacts let arcs sink
+SUNK_ODD = 3.0  # robust standard deviations from which on an impact has no say in the shape
 _EXACT = 1e-2  # mean square of e below which samples have no noise
 _MEDIANS = 0.4549, 1.3863  # of chi² with 1 and 2 degrees of freedom
 
@@ -192,17 +194,25 @@ def rounding_warning(
     return (f"{why} Samples within {1e3 * guard:.3g} ms of an impact belong to no flight and are not used.",)
 
 
-def contact_guard(sunk: np.ndarray, speed: np.ndarray) -> float:
+def contact_guard(sunk: np.ndarray, speed: np.ndarray, shape: np.ndarray | None = None) -> float:
     """Time in s from an impact within which samples may lie in its contact, as long as the arcs say that it lasts.
 
     Contacts let arcs meet the lower the faster they are, τ = −∂φ_n/∂(|v_n|/√K_nn); a wrong height does not.  A camera
     of 250 Hz has a sample in a contact now and then: too rarely for `guard_of`, but it bends the mean of hundreds.
     0 with fewer than `LEAST_SUNK` impacts, or if τ is not clear of 0 (Theil-Sen, 95 %).
 
-    `sunk` (n,) is −φ_n in m where the arcs meet, `speed` (n,) is |v_n|/√K_nn in m/s.
+    `sunk` (n,) is −φ_n in m where the arcs meet, `speed` (n,) is |v_n|/√K_nn in m/s.  `shape` (n, c) are columns by
+    which a wrong shape would sink a body, by the point that touches: a corner, say, that is round.  Points differ in
+    speed, too, so that neither counts for more than these columns leave of it.
     """
-    if len(sunk) < LEAST_SUNK:
+    if len(sunk) < LEAST_SUNK + (0 if shape is None else shape.shape[1]):
         return 0.0
+    if shape is not None:
+        both = np.stack([sunk, speed], axis=1)
+        both = both - shape @ np.linalg.lstsq(shape, both, rcond=None)[0]
+        usual = np.abs(both[:, 0]) <= SUNK_ODD * robust_std(both[:, 0])
+        fitted = np.linalg.lstsq(shape[usual], np.stack([sunk, speed], axis=1)[usual], rcond=None)[0]
+        sunk, speed = (np.stack([sunk, speed], axis=1) - shape @ fitted).T
     some = np.unique(np.linspace(0, len(sunk) - 1, MOST_SUNK).astype(int))
     slope, _, low, _ = np.array(theilslopes(sunk[some], speed[some])).tolist()
     return min(_CONTACT * slope, LONGEST) if low > 0.0 else 0.0

@@ -37,12 +37,13 @@ IMPROBABLE = 1e-6  # of χ² of places and turns of a flight
 @dataclass(frozen=True)
 class Poses:
     """N measured poses of a body and how well they are known: one sigma of a place in m, of a component of a turn in
-    rad."""
+    rad; and by how many times more than that χ² of a free flight may grow (`slack`)."""
 
     samples: Samples
     states: State
     rig: Rig
     noise: tuple[float, float]
+    slack: float = 1.0
 
     def side(
         self, row: np.ndarray, count: np.ndarray, way: int, at: np.ndarray, clear: np.ndarray | bool = True
@@ -65,7 +66,7 @@ class Poses:
         if not np.all(clear):
             fitted, less = self._supported(fitted, state, left, bend, ~np.broadcast_to(clear, len(row)))
             off, dof = off - less, dof - 3.0 * (less > 0.0)
-        return fitted, off < chi2.isf(IMPROBABLE, np.maximum(dof, 1.0))
+        return fitted, off < self.slack * chi2.isf(IMPROBABLE, np.maximum(dof, 1.0))
 
     def _supported(
         self, fitted: SideLines, state: State, left: np.ndarray, bend: np.ndarray, rows: np.ndarray

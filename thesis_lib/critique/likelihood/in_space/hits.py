@@ -48,7 +48,7 @@ from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.contact import contact_at
 from thesis_lib.mechanics.inertia import mobility
-from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import robust_std
 
@@ -117,7 +117,9 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     if abs(lag) > settings.guard:
         return observe_in_space(dataset, settings.model_copy(update={"guard": CLEARLY * abs(lag)}), episodes)
     told += lag_warning(lag)
-    second_hit, grown = has_another_hit(*off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag))
+    second_hit, grown, slack = has_another_hit(
+        *off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
+    )
     reason[rows[second_hit]] = "second_hit"
     lines = State.of(fitted.value[:, 0], fitted.slope[:, 0], trial[rows], t[rows], space=SPACE)
     first = _under_gravity(lines, fitted.bow[:, 0], rig)
@@ -141,7 +143,8 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
         speeds = np.stack([-first.velocity[2], rebound], axis=1)[bounces]
         reason[rolls(speeds, rows[bounces], trial) & np.isin(reason, ("", "second_hit"))] = "no_bounce"
     kept = reason[rows] == ""
-    lasts = contact_guard(-off_by[kept], approach_speed(first.select(np.flatnonzero(kept)), rig))
+    touching_first = first.select(np.flatnonzero(kept))
+    lasts = contact_guard(-off_by[kept], approach_speed(touching_first, rig), _of_shape(touching_first, rig))
     if lasts > CLEARLY * settings.guard:
         return observe_in_space(dataset, settings.model_copy(update={"guard": lasts}), episodes)
     inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
@@ -157,7 +160,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     hits = Hits(trial, t + windows.t_0, reason == "")
     seen, touching = (noise[0] * sigma[0], noise[1] * sigma[-1]), _touching(off_by[kept])
     all_hits = pd.DataFrame({"trial": trial, "impact": ordinals(trial), "t": t + windows.t_0, "reason": reason})
-    poses = Poses(samples, states, rig, seen)
+    poses = Poses(samples, states, rig, seen, float(slack.max()))
     nearby = seen_beside(poses, all_hits, touching[1] if kept.any() else 0.0, settings)
     single = Observations(
         rig=rig,
@@ -217,6 +220,13 @@ def approach_speed(state: State, rig: Rig) -> np.ndarray:
     of_turns = mobility(SPACE, np.asarray(rig.tensor), state.attitude)
     at = contact_at(SPACE, state.velocity, state.spin, rig.lowest(state), of_turns)
     return np.abs(at.v_n) / np.sqrt(at.K_nn)
+
+
+def _of_shape(state: State, rig: Rig) -> np.ndarray:
+    """Columns (n, 8) by which a wrong shape sinks bodies: 1, height of the centre, the surface's normal in axes of the
+    body, and the sizes of its components."""
+    normal = rotation_matrix(state.attitude)[2]
+    return np.concatenate([np.ones((1, len(state))), -rig.lowest(state)[2:], normal, np.abs(normal)]).T
 
 
 def hard_hits(o: Observations) -> pd.DataFrame:

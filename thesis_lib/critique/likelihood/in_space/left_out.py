@@ -7,14 +7,19 @@ import numpy as np
 from scipy.stats import chi2
 
 from thesis_lib.datasets.flights.beside_hits import turns_off
-from thesis_lib.datasets.flights.lines import SideLines, lines_through
-from thesis_lib.mechanics.space import SPACE
+from thesis_lib.datasets.flights.lines import SideLines, lines_through, norm
+from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.statistics.spread import MEDIAN, robust_std
 
 FEWEST = 3  # hits that show a lag
 SURE = 3.0  # standard errors by which it is there
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
-CLEAN = 0.25  # share of the hits that have no other one in their window, at least
+CLEAN = 0.25  # share of the hits that usually have no other one in their window
+SLACK = 4.0  # of χ², for slow errors, where fewer are clean
+CLEANEST = 0.05  # share of the hits that have no other one in their window, at least
+CHANCE = 1e-3  # of χ² of a hit that is as clean as those
+UNSEEN, UNKNOWN_GRAVITY = 0.1, 1.0  # m and m/s², one sigma of what all hits share before they are seen
+ODD, ROUNDS = 3.0, 5  # misfits of a clean hit, from which on one has no say in that; fits of it
 LATE = 1e-3  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
 RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
 
@@ -31,20 +36,31 @@ def off_free_motion(
 ) -> tuple[np.ndarray, np.ndarray]:
     """χ² (n, 2) by which places and turns miss free motion on both sides and its meeting, and degrees of freedom (n,).
 
-    The places may not meet along Δv, which the instant takes up, and turns that come `lag` in s behind them meet later.
+    What all hits share, another centre of mass or gravity, counts as no misfit.  The places may not meet along Δv,
+    which the instant takes up, and turns that come `lag` in s behind them meet later.
     """
     off, dof = np.zeros((len(tau), 2)), 3.0 * used.sum((1, 2)) - 10.0  # 12 parameters, 2 of the places meet
     if not len(tau):
         return off, off
     fall = 0.5 * gravity * np.array([0.0, 0.0, 1.0])
-    places = lines_through(used * 1.0, tau, pose[:, :, :3] + fall * (tau**2)[..., None])
-    off[:, 0] = (used[..., None] * places.residual**2).sum((1, 2, 3)) / noise[0] ** 2
+    side = used * 1.0
+    places = lines_through(side, tau, pose[:, :, :3] + fall * (tau**2)[..., None])
+    miss, dv = (part[:, 1] - part[:, 0] for part in (places.value, places.slope))
+    along = dv / np.maximum(norm(dv), 1e-9)[:, None]
+    place = np.sqrt(fitted.cov[:, :, [0, 2, 4], [0, 2, 4]].sum(axis=1).mean(axis=1))
+
+    def in_sigmas(residual: np.ndarray, miss: np.ndarray) -> np.ndarray:
+        inside = (used[..., None] * residual).reshape(len(tau), -1, 3, residual.shape[-1] // 3) / noise[0]
+        miss = miss.reshape(len(tau), 3, -1)
+        aside = miss - along[:, :, None] * np.einsum("ni,nik->nk", along, miss)[:, None]
+        return np.concatenate([inside.reshape(len(tau), -1, miss.shape[2]), aside / place[:, None, None]], axis=1)
+
+    common = lines_through(side, tau, _common_paths(pose, tau))
+    left = in_sigmas(places.residual, miss)[..., 0]
+    left = _without_common(left, in_sigmas(common.residual, common.value[:, 1] - common.value[:, 0]), dof)
+    off[:, 0] = (left**2).sum(axis=1)
     for side in (0, 1):
         off[:, 1] += turns_off(fitted, side, pose, tau, used, G) / noise[1] ** 2
-    miss, dv = (part[:, 1] - part[:, 0] for part in (places.value, places.slope))
-    aside = miss - (miss * dv).sum(1, keepdims=True) / np.maximum((dv * dv).sum(1, keepdims=True), 1e-9) * dv
-    place = fitted.cov[:, :, [0, 2, 4], [0, 2, 4]].sum(axis=1).mean(axis=1)
-    off[:, 0] += (aside**2).sum(axis=1) / place
     turn, spun = _turned(fitted)
     turn += lag * spun
     of_turn = fitted.cov[:, :, 6::2, 6::2].sum(axis=1)
@@ -52,17 +68,53 @@ def off_free_motion(
     return off, np.stack([dof, dof + 1.0], axis=1)
 
 
-def has_another_hit(off: np.ndarray, dof: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether the samples beside hits (n,) are not those of two free flights, and by how much more than noise (2,) all
-    squares of places and turns have grown; from what `off_free_motion` returns."""
+def _common_paths(pose: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """How places (n, W, 3 · 6) move that the centre of mass is 1 m elsewhere, by axis of the body, and that gravity
+    differs by 1 m/s², by axis of the surface; each place has one value for each of these six."""
+    axes = np.moveaxis(rotation_matrix(np.moveaxis(pose[:, :, 3:], -1, 0)), (0, 1), (2, 3))
+    falls = 0.5 * (tau**2)[..., None, None] * np.eye(3)
+    return np.concatenate([axes, falls], axis=3).reshape(*tau.shape, -1)
+
+
+def _without_common(off: np.ndarray, paths: np.ndarray, dof: np.ndarray) -> np.ndarray:
+    """Misfits (n, r) without what one centre of mass and one gravity of all hits explain by `paths` (n, r, 6).
+
+    Neither is known yet, and would pass for noise.
+    """
+    prior, left = np.diag(np.repeat([UNSEEN, UNKNOWN_GRAVITY], 3) ** -2.0), off
+    for _ in range(ROUNDS):
+        size = (left**2).sum(axis=1) / dof
+        kept = size <= ODD * np.quantile(size, CLEANEST)
+        X, y = paths[kept].reshape(-1, paths.shape[2]), off[kept].ravel()
+        left = off - paths @ np.linalg.solve(X.T @ X + prior, X.T @ y)
+    return left
+
+
+def _of_clean(off: np.ndarray, dof: np.ndarray) -> float:
+    """Median of χ² over degrees of freedom (n,) among the hits that differ from the cleanest ones by chance alone."""
+    ratio, limit = off / dof, chi2.isf(CHANCE, dof) / dof
+    grown = float(np.quantile(ratio, CLEANEST))
+    for _ in range(ROUNDS):
+        grown = max(float(np.median(ratio[ratio <= grown * limit])), grown)
+    return grown
+
+
+def has_another_hit(off: np.ndarray, dof: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Whether the samples beside hits (n,) are not those of two free flights, by how much more than noise (2,) all
+    squares of places and turns have grown, and by how much more (2,) they still may in a free flight.
+
+    From what `off_free_motion` returns.
+    """
     if not len(off):
-        return np.zeros(0, bool), np.ones(2)
+        return np.zeros(0, bool), np.ones(2), np.ones(2)
     # noise beyond what is believed shows in all hits, another hit in many: boxes that land on an edge rattle
-    grown = np.maximum(np.quantile(off / dof, CLEAN, axis=0), 1.0)
+    grown = np.array([max(_of_clean(*one), 1.0) for one in zip(off.T, dof.T)])
     # a filter leaves as much noise in a line, but in fewer degrees of freedom
     free = np.quantile(off / chi2.ppf(CLEAN, dof), CLEAN, axis=0)
-    off, dof = off / grown, dof * np.minimum(free, 1.0)
-    return np.any(off > chi2.isf(IMPROBABLE, dof), axis=1), grown
+    # slow errors of a camera are more than noise says, too, and less than another hit, where hits are rarely clean
+    slack = np.clip(np.quantile(off / dof, CLEAN, axis=0) / grown, 1.0, SLACK)
+    off, dof = off / (slack * grown), dof * np.minimum(free, 1.0)
+    return np.any(off > chi2.isf(IMPROBABLE, dof), axis=1), grown, slack
 
 
 def rolls(speeds: np.ndarray, at: np.ndarray, trial: np.ndarray) -> np.ndarray:
