@@ -158,63 +158,83 @@ def _in_cone(Q, c, mu, lever, start):
 
 
 @compiled
-def _on_edges(Q, c, free, g):
-    """g (n,) with Q g = c where `free`, else 0, by elimination; Q (n, n) is positive definite."""
-    n = len(c)
-    M, x = np.zeros((n, n)), np.zeros(n)
+def _on_edges(P, c, free, g, M, x):
+    """g with P g = c where `free`, else 0, by elimination; P (n, n) is positive definite, M and x room for it."""
+    n, m = len(P), 0
     for i in range(n):
-        M[i, i] = 1.0
+        g[i] = 0.0
         if free[i]:
-            x[i] = c[i]
-            for j in range(n):
+            x[m], k = c[i], 0
+            for j in range(i + 1):
                 if free[j]:
-                    M[i, j] = Q[i, j]
-    for i in range(n):
-        for j in range(i + 1, n):
+                    M[m, k] = P[i, j]
+                    k += 1
+            m += 1
+    # the lower triangle becomes that of P = L D Lᵀ
+    for i in range(m):
+        for j in range(i + 1, m):
             share = M[j, i] / M[i, i]
-            for k in range(i, n):
-                M[j, k] -= share * M[i, k]
+            for k in range(j, m):
+                M[k, j] -= share * M[k, i]
             x[j] -= share * x[i]
-    for i in range(n - 1, -1, -1):
-        g[i] = x[i]
-        for j in range(i + 1, n):
-            g[i] -= M[i, j] * g[j]
-        g[i] /= M[i, i]
+    for i in range(m - 1, -1, -1):
+        for j in range(i + 1, m):
+            x[i] -= M[j, i] * x[j]
+        x[i] /= M[i, i]
+    k = 0
+    for i in range(n):
+        if free[i]:
+            g[i] = x[k]
+            k += 1
 
 
 @compiled
-def _pyramid(Q, c, mu, lever, regular):
-    """f (f_1, f_2, f_n, τ) = Σ g_i e_i of g ≥ 0 that minimise ½ fᵀ Q f − fᵀ c + ½ `regular` Σ g_i², e_i the edges.
-
-    The signs of g and of its slopes are put right one at a time, the first that is wrong each time (Murty 1974).
-    """
-    if mu <= 0.0:  # all edges are the normal
-        return 0.0, 0.0, max(c[2], 0.0) / Q[2, 2], 0.0
+def _of_edges(Q, mu, lever, regular, P):
+    """Into P (n, n), for n edges, the matrix of ½ fᵀ Q f + ½ `regular` Σ g_i² of f = Σ g_i e_i; n."""
     n = 6 if lever > 0.0 else 4
-    P, d, g, free = np.empty((n, n)), np.empty(n), np.empty(n), np.ones(n, np.bool_)
     for i in range(n):
         a, x = _edge(i, mu, lever)
-        d[i], row = c[2] + x * c[a], Q[2, 2] + x * Q[a, 2]
+        row = Q[2, 2] + x * Q[a, 2]
         for j in range(i + 1):
             b, y = _edge(j, mu, lever)
             P[i, j] = P[j, i] = row + y * (Q[2, b] + x * Q[a, b])
         P[i, i] += regular
+    return n
+
+
+@compiled
+def _pyramid(P, c, mu, lever, free, g, d, M, x):
+    """f (f_1, f_2, f_n, τ) = Σ g_i e_i of g ≥ 0 that minimise ½ gᵀ P g − fᵀ c, with P (n, n) of `_of_edges`.
+
+    The signs of g and of its slopes are put right one at a time, the first that is wrong each time (Murty 1974), from
+    the edges that are `free` at first.  g, d, x (n,) and M (n, n) are room.
+    """
+    n = len(P)
+    for i in range(n):
+        a, y = _edge(i, mu, lever)
+        d[i] = c[2] + y * c[a]
     for _ in range(MOST):
-        _on_edges(P, d, free, g)
+        _on_edges(P, d, free, g, M, x)
         wrong = -1
         for i in range(n - 1, -1, -1):
+            if free[i]:
+                if g[i] < 0.0:
+                    wrong = i
+                continue
             slope = d[i]
             for j in range(n):
                 slope -= P[i, j] * g[j]
-            if (g[i] < 0.0) if free[i] else (slope > CLOSE * abs(d[i])):
+            if slope > CLOSE * abs(d[i]):
                 wrong = i
         if wrong < 0:
             break
         free[wrong] = not free[wrong]
+    f_n = 0.0
     for i in range(n):
         g[i] = max(g[i], 0.0)
+        f_n += g[i]
     twist = lever * (g[4] - g[5]) if n > 4 else 0.0
-    return mu * (g[0] - g[1]), mu * (g[2] - g[3]), g.sum(), twist
+    return mu * (g[0] - g[1]), mu * (g[2] - g[3]), f_n, twist
 
 
 @compiled
@@ -241,50 +261,61 @@ def _compliance(W, r, A):
 
 
 @compiled
-def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers, Bs, Ks, forces):
+def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers, Bs, Ks, forces, room):
     """Forces and couples about the normal per mass of convex contacts, into `forces` (p, 4), which holds those of the
     step before.
 
     As in the plane: they are those of velocities in the middle of a step of h from `v`, `omega`; a and alpha (3,) are
-    the accelerations of the body without contact, and are changed.
+    the accelerations of the body without contact, and are changed.  `room` is that of `_room`.
     """
+    (As, Qs, Ps, cs, free), (c, u, d, M), (g, x, y, N) = room
     p = len(depths)
     pressing = 0
-    A, Q, c, u, M, d = np.empty((4, 4)), np.empty((4, 4)), np.empty(4), np.empty(4), np.empty((3, 3)), np.empty(3)
     for k in range(p):
         if depths[k] <= 0.0:
             forces[k] = 0.0
             continue
         pressing += 1
-        f = forces[k]
-        _accelerate(f[0], f[1], f[2], f[3], rs[k], W, a, alpha)
+        r, f, B, mu, lever, A, Q = rs[k], forces[k], Bs[k], mus[k], levers[k], As[k], Qs[k]
+        _accelerate(f[0], f[1], f[2], f[3], r, W, a, alpha)
+        _compliance(W, r, A)
+        half = 1.0 + 0.5 * B * h
+        for i in range(4):
+            for j in range(4):
+                Q[i, j] = half * A[i, j]
+        cs[k, 0] = -B * (v[0] + omega[1] * r[2] - omega[2] * r[1])
+        cs[k, 1] = -B * (v[1] + omega[2] * r[0] - omega[0] * r[2])
+        cs[k, 2] = Ks[k] * depths[k] - B * (v[2] + omega[0] * r[1] - omega[1] * r[0])
+        cs[k, 3] = -B * omega[2]
+        if kind == PYRAMID:
+            _of_edges(Q, mu, lever, 2.0 * mu * mu * rho, Ps[k])
+            free[k] = True
+        else:
+            along = rho / ratio
+            about = along * mu * mu / (lever * lever) if lever > 0.0 else np.inf
+            Q[0, 0], Q[1, 1], Q[2, 2], Q[3, 3] = Q[0, 0] + along, Q[1, 1] + along, Q[2, 2] + rho, Q[3, 3] + about
     for _ in range(SWEEPS if pressing > 1 else 1):
         moved, total = 0.0, 0.0
         for k in range(p):
             if depths[k] <= 0.0:
                 continue
-            r, f, B, mu, lever = rs[k], forces[k], Bs[k], mus[k], levers[k]
-            _compliance(W, r, A)
+            r, f, B, mu, lever, A, Q = rs[k], forces[k], Bs[k], mus[k], levers[k], As[k], Qs[k]
             u[0], u[1] = a[0] + alpha[1] * r[2] - alpha[2] * r[1], a[1] + alpha[2] * r[0] - alpha[0] * r[2]
             u[2], u[3] = a[2] + alpha[0] * r[1] - alpha[1] * r[0], alpha[2]
-            half = 1.0 + 0.5 * B * h
-            c[0] = -B * (v[0] + omega[1] * r[2] - omega[2] * r[1])
-            c[1] = -B * (v[1] + omega[2] * r[0] - omega[0] * r[2])
-            c[2] = Ks[k] * depths[k] - B * (v[2] + omega[0] * r[1] - omega[1] * r[0])
-            c[3] = -B * omega[2]
+            half, c[3] = 1.0 + 0.5 * B * h, 0.0
             for i in range(4 if lever > 0.0 else 3):
                 u[i] -= A[i, 0] * f[0] + A[i, 1] * f[1] + A[i, 2] * f[2] + A[i, 3] * f[3]
-                c[i] -= half * u[i]
-                Q[i, 0], Q[i, 1], Q[i, 2], Q[i, 3] = half * A[i, 0], half * A[i, 1], half * A[i, 2], half * A[i, 3]
-            largest = max(A[0, 0], A[1, 1])
+                c[i] = cs[k, i] - half * u[i]
             if kind == PYRAMID:
-                f_1, f_2, f_n, twist = _pyramid(Q, c, mu, lever, 2.0 * mu * mu * rho)
+                n = 6 if lever > 0.0 else 4
+                if mu > 0.0:
+                    f_1, f_2, f_n, twist = _pyramid(Ps[k, :n, :n], c, mu, lever, free[k], g, x, N, y)
+                else:  # all edges are the normal
+                    f_1, f_2, f_n, twist = 0.0, 0.0, max(c[2], 0.0) / Q[2, 2], 0.0
             else:
-                along = rho / ratio
-                about = along * mu * mu / (lever * lever) if lever > 0.0 else np.inf
-                Q[0, 0], Q[1, 1], Q[2, 2], Q[3, 3] = Q[0, 0] + along, Q[1, 1] + along, Q[2, 2] + rho, Q[3, 3] + about
                 # sticking: at the middle of a step that resolves it, or it would swing; else at its end
-                later = 0.0 if B * h * largest < half * largest + along else 0.5 * B * h
+                largest = max(A[0, 0], A[1, 1])
+                later = 0.0 if B * h * largest < half * largest + rho / ratio else 0.5 * B * h
                 f_1, f_2, f_n, twist = _sticking(Q, A, c, u, later, lever, M, d)
                 slip = (f_1 * f_1 + f_2 * f_2) / max(mu, LEAST) ** 2
                 if f_n < 0.0 or slip + (twist / lever if lever > 0.0 else 0.0) ** 2 > f_n * f_n:
@@ -296,6 +327,23 @@ def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers,
             total += f_n
         if moved <= SETTLED * (total + 1e-12):
             break
+
+
+@compiled
+def _room(p):
+    """What `_convex` works in, of p contacts, of one of them, and of the edges of a pyramid."""
+    matrices = (
+        np.empty((p, 4, 4)),
+        np.empty((p, 4, 4)),
+        np.empty((p, 6, 6)),
+        np.empty((p, 4)),
+        np.ones((p, 6), np.bool_),
+    )
+    return (
+        matrices,
+        (np.empty(4), np.empty(4), np.empty(3), np.empty((3, 3))),
+        (np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6))),
+    )
 
 
 @compiled
@@ -465,6 +513,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
     push, depths, deepest, carried = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
     parts, d_1, d_2 = np.ones(p), 0.0, 0.0
     mu, levers, Bs, Ks, rolled = np.zeros(p), np.zeros(p), np.zeros(p), np.zeros(p), np.zeros((p, 2))
+    room = _room(p)
     for i in range(n):
         h, t = step[i], 0.0
         q[0], q[1], q[2], q[3] = 1.0, 0.0, 0.0, 0.0
@@ -518,7 +567,7 @@ def integrate(force, r_0, points, friction, body, outline, velocity, spin, step,
                     Bs[k], Ks[k] = B * (1.0 + share * rhos[i]), (SPEED / lengths[k, i]) ** 2 * (1.0 + share * rhos[i])
                 a[:] = accelerations[:, i]
                 _times(W, couples[:, i], alpha)
-                _convex(kind, h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, levers, Bs, Ks, forces)
+                _convex(kind, h, rhos[i], ratios[i], v, omega, a, alpha, W, r, depths, mu, levers, Bs, Ks, forces, room)
                 for k in range(p):
                     push[k] = h * forces[k, 2]
                     pressing += push[k] > 0.0

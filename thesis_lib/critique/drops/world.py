@@ -27,7 +27,7 @@ from thesis_lib.critique.drops.judgement import (
 )
 from thesis_lib.critique.drops.planar.sliding import of_motion
 from thesis_lib.critique.drops.settings import CritiqueSettings
-from thesis_lib.critique.likelihood.channels import IMPACT, SLIDE, concerned
+from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, SLIDE, concerned
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import (
     ENOUGH_SINGLE,
@@ -181,8 +181,13 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def is_vetoed(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
         # what slides may have a friction of its own, and a wrong base that of the hits by chance
-        alone = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
-        return not alone.issuperset(spoilt_channels(judged, than, settings))
+        forgiven = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
+        near = self.settings.near_noise
+        if judged.integrated and judged.excess > near and settings.matters(than.excess, judged.excess, 1.0):
+            # where a contact ends follows from velocities that are still wrong, if less so, and was wrong before
+            wrong = (name for name, square in than.sigmas.items() if square > near)
+            forgiven |= {name for name in wrong if CHANNELS[name].of_contact and not self.space.is_plane}
+        return not forgiven.issuperset(spoilt_channels(judged, than, settings))
 
     def acting_on(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> list[Effect]:
         spoilt = {*spoilt_channels(judged, than, settings)} - {IMPACT.name}  # velocities are what bases are for
