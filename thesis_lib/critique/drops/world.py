@@ -38,6 +38,7 @@ from thesis_lib.critique.likelihood.fit import (
     Noise,
     fit,
     fit_each,
+    fit_parts,
     jumps,
 )
 from thesis_lib.critique.likelihood.observations import Observations
@@ -133,16 +134,16 @@ class Drops(World[Effect, Fit, Judgement]):
         return judge(fitted, self.observations)
 
     def cross_validate(self, fitted: Fit, folds: np.ndarray) -> Judgement:
-        tasks, unseen, noise = [], [], []
-        known = fitted.whitening if fitted.whitening.observations is self.observations else None
-        for k in np.unique(folds):
-            others, inside = (self.observations.select(self.trials[rows]) for rows in (folds != k, folds == k))
-            tasks.append((others, fitted.values))
-            unseen.append(inside)
-            rows = np.isin(self.observations.trial, self.trials[folds != k])
-            noise.append((known.S[rows], known.sigma_m) if known else None)
-        fits = fit_each(fitted.model, tasks, 1, noise)
-        return joined([judge(fit, inside) for fit, inside in zip(fits, unseen)])
+        o, known = self.observations, fitted.whitening if fitted.whitening.observations is self.observations else None
+        inside = [self.trials[folds == k] for k in np.unique(folds)]
+        others = [self.trials[folds != k] for k in np.unique(folds)]
+        if known and not self.space.is_plane:
+            fits = fit_parts(known, fitted.values, others)
+        else:
+            tasks = [(o.select(trials), fitted.values) for trials in others]
+            rows = [np.isin(o.trial, trials) for trials in others]
+            fits = fit_each(fitted.model, tasks, 1, [(known.S[r], known.sigma_m) for r in rows] if known else ())
+        return joined([judge(fit, o.select(trials)) for fit, trials in zip(fits, inside)])
 
     def leaves_an_error(self, judged: Judgement) -> bool:
         # beside a contact that takes time there is only what is worse, unless it is far from noise

@@ -184,11 +184,29 @@ def fit_each(
 
     `noise` is that of the first round of each, where it is known well enough.
     """
+    return _step_by_step(
+        [
+            _fitting(model, observations, start, rounds, known)
+            for (observations, start), known in zip_longest(tasks, noise)
+        ]
+    )
+
+
+def fit_parts(whitening: Whitening, start: Mapping[str, float], parts: Sequence[np.ndarray]) -> list[Fit]:
+    """Fit the model of a fit to each of several parts of its trials once more, from where that ended.
+
+    S stays that of all trials, and only σ_m follows the fits: in space it takes as long as a fit, and hardly differs.
+    """
+    return _step_by_step([_fitting_part(whitening.of(trials), start) for trials in parts])
+
+
+Search = Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], Fit]
+
+
+def _step_by_step(each: Sequence[Search]) -> list[Fit]:
+    """The results of several searches, which share their calls."""
     fits: dict[int, Fit] = {}
-    searches = {
-        i: _fitting(model, observations, start, rounds, known)
-        for i, ((observations, start), known) in enumerate(zip_longest(tasks, noise))
-    }
+    searches = dict(enumerate(each))
     asked = {i: next(search) for i, search in searches.items()}
     while asked:
         answers = together(list(asked.values()))
@@ -198,37 +216,54 @@ def fit_each(
             except StopIteration as end:
                 fits[i] = end.value
                 del asked[i]
-    return [fits[i] for i in range(len(tasks))]
+    return [fits[i] for i in range(len(each))]
 
 
 def _fitting(
     model: Model, observations: Observations, start: Mapping[str, float], rounds: int, noise: Noise | None
-) -> Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], Fit]:
+) -> Search:
     """Fit from one start: a generator that yields the points it needs and is sent their whitened residuals."""
     values = {name: float(start.get(name, p.null)) for name, p in model.parameters.items()}
-    free = model.fitted_parameters
+    for k in range(rounds):
+        given = noise if k == 0 else None
+        whitening = Whitening(model, observations, *given) if given else Whitening.at(model, values, observations)
+        wider = WIDER if jumps(model) and len(observations.single) < ENOUGH_SINGLE else ()
+        values = yield from _round(whitening, values, ENOUGH if rounds > 1 else NEAR, wider)
+    return _fitted(Whitening.at(model, values, observations), values)
+
+
+def _fitting_part(whitening: Whitening, start: Mapping[str, float]) -> Search:
+    """The same at a known S, once."""
+    values = yield from _round(whitening, start, NEAR)
+    return _fitted(whitening.settled(values), values)
+
+
+def _round(
+    whitening: Whitening, values: Mapping[str, float], enough: float, wider: Sequence[float] = ()
+) -> Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], dict[str, float]]:
+    """The values that are most probable at a known S and σ_m, from others."""
+    model, free = whitening.model, whitening.model.fitted_parameters
     low, high = (np.array([getattr(p, bound) for p in free.values()]) for bound in ("low", "high"))
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
-    unseen = model.unseen(observations.rig)  # stays 0
-    wider = WIDER if jumps(model) and len(observations.single) < ENOUGH_SINGLE else ()
-    for k in range(rounds):
-        values |= dict(zip(free, x.tolist()))
-        given = noise if k == 0 else None
-        whitening = Whitening(model, observations, *given) if given else Whitening.at(model, values, observations)
-        search = levenberg_marquardt(x, low, high, step, ENOUGH if rounds > 1 else NEAR, wider)
-        points = next(search)
-        while points:
-            found = yield whitening, [{**values, **dict(zip(free, point.tolist()))} for point in points]
-            try:
-                rows = (unseen @ point for point in points)
-                points = search.send(
-                    [np.concatenate([*(robust(part).ravel() for part in z), u]) for z, u in zip(found, rows)]
-                )
-            except StopIteration as end:
-                x, points = end.value, []
-    values |= dict(zip(free, x.tolist()))
-    whitening = Whitening.at(model, values, observations)
+    unseen = model.unseen(whitening.observations.rig)  # stays 0
+    search = levenberg_marquardt(x, low, high, step, enough, wider)
+    points = next(search)
+    while points:
+        found = yield whitening, [{**values, **dict(zip(free, point.tolist()))} for point in points]
+        try:
+            rows = (unseen @ point for point in points)
+            points = search.send(
+                [np.concatenate([*(robust(part).ravel() for part in z), u]) for z, u in zip(found, rows)]
+            )
+        except StopIteration as end:
+            x, points = end.value, []
+    return {**values, **dict(zip(free, x.tolist()))}
+
+
+def _fitted(whitening: Whitening, values: dict[str, float]) -> Fit:
+    """The fit that ended at `values`."""
+    model, observations = whitening.model, whitening.observations
     score = float(sum(part.sum() for part in whitening.log_scores(values)))
     return Fit(model, values, score, len(observations), whitening)
 
