@@ -252,8 +252,28 @@ def test_an_effect_that_the_data_do_not_ask_for_is_no_finding(told):
     assert "leaves out" not in text and "faulty" not in text and "no effect in the library" not in text
     assert "were not tried" in text
     both = summary({**told, "effects": [told["effects"][0], effects[0]]})
-    assert "leaves out: tangential restitution;" in both[0] and "ask for it." in both[1]
+    assert "leaves out: tangential restitution, e_t = 0.405 (0.399 to 0.411); with it" in both[0]
+    assert both[1].startswith("Use model.json") and "ask for it." in both[2]
     assert told["effects"][0]["clears"] is True
+
+
+def test_sizes_are_said_in_the_units_that_people_read_and_what_to_do_follows(told):
+    """Of the displaced mass c_x and c_z are certain, c_y is 0 within its interval; a bound has no size."""
+    of = {"c_x": (4.98e-4, 3.6e-6), "c_y": (2e-6, 4e-6), "c_z": (-0.003, 2e-5)}
+    mass = {"name": "com_offset", "family": "geometry", "clears": True}
+    mass["parameters"] = {name: {"value": value, "std": std, "unit": "m"} for name, (value, std) in of.items()}
+    told = {**told, "effects": [{**told["effects"][0], **mass}]}
+    first, then = summary(told)[:2]
+    assert "c_x = 0.498 (0.491 to 0.505) mm and c_z = −3.000 (−3.039 to −2.961) mm; with it" in first
+    assert (
+        then == "Correct the centre of mass in dataset.yaml and in your simulator, or use model.json for predictions."
+    )
+    turned = {"name": "angle_offset", "family": "measurement"}
+    turned["parameters"] = {"d_theta": {"value": 0.0175, "std": 1e-4, "unit": "rad"}}
+    first = summary({**told, "effects": [{**told["effects"][0], **turned}]})[0]
+    assert "d_theta = 1.003 (0.991 to 1.014)°; correct the camera" in first
+    bound = {"d_theta": {"value": 0.01, "std": None, "unit": "rad", "bound": "lower", "range": [0.0, 1.0]}}
+    assert "d_theta =" not in summary({**told, "effects": [{**told["effects"][0], **turned, "parameters": bound}]})[0]
 
 
 def test_the_law_that_fits_with_the_effects_is_named(hidden_impacts):

@@ -1,11 +1,18 @@
 """Sentences on single effects of diagnosis.json: what they are taken for, and what speaks against them."""
 
+import math
 from collections.abc import Mapping
 
 from thesis_lib.critique.drops.words import alternatives_listed
 from thesis_lib.critique.likelihood.channels import CHANNELS
 from thesis_lib.effects import EFFECTS
-from thesis_lib.statistics.wording import bounded, formatted, listed, number
+from thesis_lib.effects.effect import parameters_in
+from thesis_lib.mechanics.space import SPACE
+from thesis_lib.statistics.wording import bounded, ends, estimate, formatted, listed, number
+
+READ_IN = {"m": (" mm", 1e3), "s": (" ms", 1e3), "rad": ("°", 180.0 / math.pi)}  # what people measure of a small one
+SMALL = 0.1  # of the SI unit
+MOST_SIZES = 3  # in a sentence; all of them stand in the table
 
 
 def effects_found(content: Mapping, clears: bool = True) -> list[Mapping]:
@@ -21,6 +28,39 @@ def is_fault(effect: Mapping) -> bool:
 def is_at_end(effect: Mapping) -> bool:
     """Whether the data only bound the size of an effect."""
     return any(p.get("bound") for p in effect["parameters"].values())
+
+
+def sizes(effect: Mapping) -> str:
+    """c_x = 0.498 (0.491 to 0.505) mm: the parameters that differ from those of no effect, with 95 % intervals.
+
+    "" if none has a size of its own, as a bound, a place or a choice.  Of many the most certain ones.
+    """
+    of = EFFECTS[effect["name"]]
+    declared = {p.name: p for p in (*of.parameters, *parameters_in(of, SPACE))}
+    certain = {}
+    for name, found in effect["parameters"].items():
+        p, value, std = declared.get(name), found["value"], found.get("std")
+        if (
+            p is None
+            or found.get("bound")
+            or p.discrete is not None
+            or p.along
+            or p.of
+            or not std
+            or not math.isfinite(std)
+        ):
+            continue
+        low, high = ends(value, std)
+        if not low <= p.null <= high:
+            certain[name] = abs(value - p.null) / std
+    chosen = sorted(certain, key=lambda name: -certain[name])[:MOST_SIZES]
+    said = []
+    for name in filter(chosen.__contains__, certain):
+        found = effect["parameters"][name]
+        unit, factor = READ_IN.get(found["unit"], ("", 1.0)) if abs(found["value"]) < SMALL else ("", 1.0)
+        unit = unit or f" {found['unit']}" * (found["unit"] != "1")
+        said.append(f"{name} = {estimate(factor * found['value'], factor * found['std'])}{unit}")
+    return listed(said)
 
 
 def speed(value: float) -> str:
@@ -82,7 +122,7 @@ def faults(content: Mapping) -> list[str]:
     if measured := list(filter(is_fault, found)):
         doubtful = any(EFFECTS[n].family != "measurement" for e in measured for n in e["indistinguishable_from"])
         sentences.append(
-            f"The measurements {'may be' if doubtful else 'look'} faulty: {listed([named(e) for e in measured])}; "
+            f"The measurements {'may be' if doubtful else 'look'} faulty: {sized(measured)}; "
             "correct the camera or its calibration before reading anything else here as physics."
         )
     for effect in found:
@@ -116,6 +156,19 @@ def why_not(effect: Mapping, it: str = "it") -> str:
         "immaterial": f"{it} can be seen, but no error falls by an amount that matters",
         "spoils": f"with {it} another error rises by an amount that matters",
     }[effect.get("fails") or "chance"]
+
+
+def sized(effects: list[Mapping]) -> str:
+    """Their names, each with its size."""
+    return listed([f"{named(e)}{size and f', {size}'}" for e in effects for size in [sizes(e)]])
+
+
+def what_to_do(effects: list[Mapping]) -> str:
+    """What a reader does about effects that have a name, as a sentence."""
+    wrong = list(dict.fromkeys(EFFECTS[e["name"]].denies for e in effects))
+    if all(wrong) and wrong:
+        return f"Correct the {listed(wrong)} in dataset.yaml and in your simulator, or use model.json for predictions."
+    return "Use model.json, which holds all of this, for predictions, or export it to your simulator."
 
 
 def named(effect: Mapping) -> str:

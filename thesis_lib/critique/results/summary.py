@@ -1,8 +1,8 @@
 """The verdict and what to do, in a few sentences from the content of diagnosis.json.
 
 Their order: what the body does that no impact law does, faults of the measurement and possible ones, impacts left out,
-the verdict, effects that only stand in for a cause, effects switched on by hand without support in the data, single
-impacts with large errors, and what to do next.
+the verdict with the sizes of what is missing, what to do, effects that only stand in for a cause, effects switched on
+by hand without support in the data, single impacts with large errors.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,9 +22,11 @@ from thesis_lib.critique.results.effect_sentences import (
     is_fault,
     named,
     rejected,
+    sized,
     speed,
     stands_in,
     switched_on,
+    what_to_do,
 )
 from thesis_lib.critique.results.titles import addition_title, origin_text
 from thesis_lib.critique.selection.settings import SearchSettings, search_ended
@@ -58,13 +60,15 @@ def summary(content: Mapping) -> list[str]:
     more = [*map(stands_in, [e for e in found if e["stand_in"]]), *said([e for e in found if not e["stand_in"]])]
     more += [*map(at_its_end, filter(is_at_end, found)), *map(rejected, content["rejected"])]
     more += [*_friction(content), *_contact_time(content), *switched_on(content), *_origins(content)]
-    more += [*worst(content["error"]), *above_noise(content), *_judged(content)[1:]]
-    return [*headline(content), *more, *search_ended(content["search"], "critique.settings")]
+    more += [*worst(content["error"]), *above_noise(content)]
+    return [*headline(content), *_judged(content)[1:], *more, *search_ended(content["search"], "critique.settings")]
 
 
 def _judged(content: Mapping) -> list[str]:
     """The verdict in a sentence, and what to do."""
-    return {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}[content["verdict"]](content)
+    of_verdict = {"adequate": _adequate, "effects": _effects, "unexplained": _unexplained}
+    first, *others = of_verdict[content["verdict"]](content)
+    return [first[0].upper() + first[1:], *others]
 
 
 def above_noise(content: Mapping) -> list[str]:
@@ -137,7 +141,7 @@ def _effects(content: Mapping) -> list[str]:
     if physics:
         many = any(len(e["indistinguishable_from"]) > NAMED for e in physics)
         lacks = "leaves something out, and these data cannot tell what" if many else "leaves out"
-        first = f"{law} {lacks}: {listed([named(e) for e in physics])}; {_with(content, found)} {fall}."
+        first = f"{law} {lacks}: {sized(physics)}; {_with(content, found)} {fall}."
     else:
         most = "describes most impacts" if content["error"]["worst"] else "is enough"
         first = f"With this put right, {then} {most}: {fall}."
@@ -150,7 +154,7 @@ def _effects(content: Mapping) -> list[str]:
             return [first, *[left] * rest["significant"], first_of_all]
         if any((e.get("could_be") or {}).get("causes") for e in found):
             return [first, "Find out which of its causes it is before you use model.json for predictions."]
-        return [first, "Use model.json, which holds all of this, for predictions."]
+        return [first, what_to_do(found)]
     if content["next_experiment"]["states"]:
         return [first, "To tell the named candidates apart, measure at the states listed under the next experiment."]
     return [first, "What would tell the named candidates apart stands under the next experiment."]
