@@ -140,7 +140,8 @@ def test_an_effect_in_a_file_of_the_users_is_found_with_the_installed_package_al
     assert "FAIL" not in printed and "checks pass" in printed
 
     critique = (*program, "critique", "my_drops", "-q", "--json")
-    alone = json.loads(run(*critique, "-o", "alone", folder=tmp_path, path=installed))
+    by_library = "import json, thesis_lib.critique as c; print(json.dumps(c.criticise('my_drops').to_dict()))"
+    alone = json.loads(run(sys.executable, "-c", by_library, folder=tmp_path, path=installed))
     own = json.loads(run(*critique, "-o", "own", "--effects", "my_effects.py", folder=tmp_path, path=installed))
     assert name not in json.dumps(alone)
     assert [effect["name"] for effect in own["effects"]] == [name] and own["verdict"] == "effects"

@@ -26,6 +26,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
 
 
+@pytest.fixture
+def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Critiques are saved without their pictures, which take longer than all else that is saved."""
+    monkeypatch.setattr("thesis_lib.figures.critique.pictures.pictures", lambda *args: {})
+
+
 @pytest.fixture(scope="session")
 def nothing_hidden() -> DropsCritique:
     return criticise_drops(simulated("nothing_hidden", 1), rng=np.random.default_rng(0))

@@ -167,7 +167,7 @@ BY_PLACE = [{"restitution_slope": 0.5}, {"orientation_restitution": 0.2}]
 )
 def test_first_impacts_agree_with_our_own_integrator(engine, shape, hidden):
     """Two integrators, two contact models: the same flights, and the same rebounds."""
-    body, own = BODIES[shape], first(run("own", 15, BODIES[shape], hidden=hidden, contact=RIGID[engine]))
+    body, own = BODIES[shape], first(run("own", 12, BODIES[shape], hidden=hidden, contact=RIGID[engine]))
     made, own = made_with(engine, shape, **hidden).set_index("trial"), own.set_index("trial")
     assert list(made.index) == list(own.index) and len(made) >= 10
     np.testing.assert_allclose(made[["t", *POSE]], own[["t", *POSE]], atol=2e-6)
@@ -188,7 +188,7 @@ def test_first_impacts_agree_with_our_own_integrator(engine, shape, hidden):
 @cache
 def made_with(engine, shape, **hidden):
     rigid = RIGID[engine] | ({"impedance": 0.9999} if engine == "mujoco" else {})
-    return first(run(engine, 15, BODIES[shape], hidden=hidden, contact=rigid))
+    return first(run(engine, 12, BODIES[shape], hidden=hidden, contact=rigid))
 
 
 # --- camera, end and randomness ---

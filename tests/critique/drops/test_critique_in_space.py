@@ -45,7 +45,7 @@ def content(**changes):
     return {"schema": 2, "body": body | changes, "rate": 240.0, "noise": noise}
 
 
-def tossed(trials=40, seed=5, **hidden):
+def tossed(trials=28, seed=5, **hidden):
     """Tosses of a body that is not as believed: `hidden` are keys of `body`."""
     header = SpaceHeader.model_validate(content(**hidden))
     (frame,) = surface_frames(header)
@@ -157,6 +157,7 @@ def test_hits_drawn_from_a_model_differ_from_it_by_their_noise(observed, rng):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_what_is_saved_predicts_further_hits(centre_hidden, tmp_path):
     out = tmp_path / "critique"
     written = centre_hidden.save(out)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
@@ -18,6 +19,8 @@ from thesis_lib.simulate.rig.hidden_causes import (
 )
 
 BODIES = {"ellipse": ELLIPSE_BODY, "square": SQUARE}
+# all effects are asked, fewer are fitted with every law
+SMALL = CritiqueSettings(folds=2, finalists=2, rivals=1, max_effects=2)
 SIGMAS = 4.0  # of a fitted parameter; two in 16,000 are further off
 
 
@@ -25,7 +28,7 @@ def drops(shape: str, **hidden: float) -> Dataset:
     made = simulate_compliant_drops(
         BODIES[shape],
         PROOF_RELEASE,
-        120,
+        60,
         contact=CompliantContact(),
         hidden=HiddenCauses.model_validate(hidden),
         noise=RIG_NOISE,
@@ -35,7 +38,7 @@ def drops(shape: str, **hidden: float) -> Dataset:
 
 
 def criticised(dataset: Dataset) -> DropsCritique:
-    return criticise_drops(dataset, rng=np.random.default_rng(3))
+    return criticise_drops(dataset, rng=np.random.default_rng(3), settings=SMALL)
 
 
 def named(critique: DropsCritique) -> list[str]:

@@ -13,6 +13,7 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
@@ -147,7 +148,8 @@ def test_the_verdict_does_not_depend_on_where_numbers_begin():
     data = simulated("sloping", 34, restitution_slope=0.5)
     n = len(np.unique(data.trajectories["trial"]))
     both = (data, elsewhere(data, x=3.0, t=1e3, trials=by_date(n)))
-    here, there = (criticise_drops(one, rng=np.random.default_rng(4)) for one in both)
+    small = CritiqueSettings(folds=2, finalists=2, max_effects=1)
+    here, there = (criticise_drops(one, rng=np.random.default_rng(4), settings=small) for one in both)
     assert isinstance(here, DropsCritique) and isinstance(there, DropsCritique)
     assert [step.effect.name for step in here.discovery.steps] == ["position_dependent_restitution"]
     assert [step.effect.name for step in there.discovery.steps] == ["position_dependent_restitution"]

@@ -44,8 +44,9 @@ def test_few_hits_say_restitution():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_a_verdict_names_nothing_that_is_not_hidden(tmp_path):
-    critique = criticise(tossed(40, seed=2))
+    critique = criticise(tossed(25, seed=2))
     found = critique.to_dict()
     assert found["verdict"] == "adequate" and not found["effects"]
     assert abs(found["base_model"]["parameters"]["epsilon"]["value"] - TRUTH["epsilon"]) < 0.01

@@ -146,6 +146,7 @@ def test_a_model_of_a_mesh_keeps_its_mesh(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_impacts_alone_are_criticised(tmp_path):
     head = content()
     found = criticise(dataset_of(head, impacts=noisy(hits(head, 25), np.random.default_rng(1))))

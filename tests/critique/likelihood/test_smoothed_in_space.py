@@ -1,6 +1,7 @@
 """Samples in space that a filter smoothed, long contacts, attitudes that come late: what is left out, and the noise."""
 
 import re
+from functools import cache
 
 import numpy as np
 import pytest
@@ -48,12 +49,18 @@ def test_samples_within_a_long_contact_belong_to_no_flight():
     assert np.quantile(nearest[0], 0.1) < 1.2e-3 < np.min(nearest[1])
 
 
+@cache
+def rolling(lag):
+    """The hits of a ball whose attitudes come `lag` s late."""
+    hidden = {"time_lag.lag": lag} if lag else {}
+    made = simulate_tosses("ball", "sphere", hidden, drops=30, contact_time=5e-4)
+    return observe_in_space(made, episodes=False)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [8e-3, -8e-3])
 def test_attitudes_that_come_late_are_left_out_beside_a_hit_and_are_no_noise(lag):
-    hidden = ({}, {"time_lag.lag": lag})
-    tosses = (simulate_tosses("ball", "sphere", one, drops=30, contact_time=5e-4) for one in hidden)
-    plain, late = (observe_in_space(made, episodes=False) for made in tosses)
+    plain, late = rolling(0.0), rolling(lag)
     way = "behind" if lag > 0.0 else "ahead of"
     assert not plain.found.warnings
     assert any(re.match(rf"At hits orientations come (7|8)\.?\d* ms {way} pos", text) for text in late.found.warnings)

@@ -32,11 +32,12 @@ def library() -> Iterator[None]:
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     effect = effect_of(next(term for term in all_terms() if term.name == HIDDEN))
     folder = tmp_path_factory.mktemp("drops") / "hidden"
-    write_dataset(injected_impacts("hidden", 150, 3, effect, {f"{HIDDEN}.a": SIZE}), folder)
+    write_dataset(injected_impacts("hidden", 100, 3, effect, {f"{HIDDEN}.a": SIZE}), folder)
     return folder
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_from_unexplained_to_a_law_that_has_a_form(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

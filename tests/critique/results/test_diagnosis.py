@@ -27,8 +27,8 @@ from thesis_lib.mechanics.space import PLANE
 from thesis_lib.statistics.wording import number
 
 LEAST_RISE = 0.25  # of the noise floor: the setting material_floor
-DRAWS = 40
-LEAST_POWER = 0.6  # 80 % is aimed at; 40 draws at 80 % give fewer than 60 % once in 700 times
+DRAWS = 24
+LEAST_POWER = 0.54  # 80 % is aimed at; 24 draws at 80 % give fewer than 13 once in 1,000 times
 MOST_BY_CHANCE = 0.3  # at a quarter of the size the power is near that of chance, 1 %
 
 

@@ -135,7 +135,7 @@ def test_flights_are_found_where_most_of_a_recording_is_rest():
 
 def test_rests_on_one_face_leave_open_which_face_it_is_and_the_turn_about_it():
     header = rig("box 3:2:1", 6)
-    table = at_rest(header, tossed(header, 24, 6, before_hits=True), np.tile([0.0, 0.0, 1.0], (24, 1)), 6)
+    table = at_rest(header, tossed(header, 12, 6, before_hits=True), np.tile([0.0, 0.0, 1.0], (12, 1)), 6)
     found = found_in(header, table)
     (about,) = [re.findall(r"-?\d\.\d\d", said) for said in found.open if said.startswith("the turn about")]
     assert sorted(np.abs([float(part) for part in about[:3]])) == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
@@ -175,7 +175,7 @@ def test_a_turned_world_turns_gravity_and_table_and_not_the_pose():
 
 def test_init_writes_the_pose_and_the_fall_of_a_camera(tmp_path, capsys):
     header = rig("box 5:4:3", 4)
-    tossed(header, 40, 4).to_csv(tmp_path / "log.csv", index=False)
+    tossed(header, 20, 4).to_csv(tmp_path / "log.csv", index=False)
     options = ["--quaternion", "wxyz", "--columns", "q1=qw,q2=qx,q3=qy,q4=qz", "--shape", "box:0.1,0.08,0.06"]
     assert main(["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "made"), *options]) == 0
     printed = capsys.readouterr().out
