@@ -255,10 +255,7 @@ class Search(Generic[E, F, J]):
             best_slope = max(quick, key=lambda name: tests.gain[name])
             others = [name for name, fit in quick.items() if world.misjudged(fit.effects[-1])]
             names += [name for name in dict.fromkeys([best_slope, *others]) if name not in names]
-        near = {
-            name: world.fit(shortlist.base or fit.base, fit.effects, fit.values, "near")
-            for name, fit in ((name, quick[name]) for name in names)
-        }
+        near = {name: self.near_fit(quick[name], fitted, shortlist.base) for name in names}
         near |= self.simpler_fits(near, quick, fitted)
         # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
@@ -293,6 +290,13 @@ class Search(Generic[E, F, J]):
                     others = self.evidence.alternatives(name, gains, tests, judgements)
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
         return None, below, unasked
+
+    def near_fit(self, quick: F, fitted: F, base: str | None) -> F:
+        """The fit that is judged; on a `base` of whose limit the quick fit is, from where the model stands."""
+        if base is None:
+            return self.world.fit(quick.base, quick.effects, quick.values, "near")
+        start = quick.values if self.world.turns_bases(quick.effects[-1]) else {**quick.values, **fitted.values}
+        return self.world.fit(base, quick.effects, start, "near")
 
     def simpler_fits(self, near: Mapping[str, F], quick: Mapping[str, F], fitted: F) -> dict[str, F]:
         """Fits with effects that the best one is at some of its parameters, from where that one ends, if better."""
