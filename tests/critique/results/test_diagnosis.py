@@ -75,8 +75,9 @@ def test_nothing_hidden_is_adequate_and_says_what_would_have_shown(told_nothing)
     assert told_nothing["verdict"] == "adequate" and told_nothing["effects"] == []
     assert told_nothing["error"]["flight"]["base"] < 1.3
     sound = {**told_nothing["remaining"], "significant": False}  # by chance it may be
-    verdict, lasting, *_ = summary({**told_nothing, "remaining": sound})
-    assert "adequate" in verdict and lasting.startswith("Contacts last about 1 ms (standard error 0.0")
+    verdict, to_do, lasting, *_ = summary({**told_nothing, "remaining": sound})
+    assert "adequate" in verdict and "lists how small an effect these data could have shown" in to_do
+    assert lasting.startswith("Contacts last about 1 ms (standard error 0.0")
     sizes = {entry["name"]: entry["smallest"] for entry in told_nothing["detectable"]}
     assert set(sizes) == set(effects_in(PLANE)) - {entry["name"] for entry in told_nothing["not_testable"]}
     assert 0.0 < sizes["tangential_restitution"]["e_t"] < 1.0
