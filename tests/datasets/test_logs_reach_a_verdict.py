@@ -11,13 +11,13 @@ from thesis_lib.datasets import read_dataset
 from thesis_lib.simulate.rig.hidden_causes import HiddenCauses
 
 OFFSET = 1e-3  # m, of the centre of mass along the body's x axis
-NEAR = 2e-4  # m; some four standard errors from the impacts of 50 drops
+NEAR = 2e-4  # m; some five standard errors from the impacts of 80 drops
 
 
 @pytest.mark.slow
 def test_a_take_of_motion_capture_tells_where_the_centre_of_mass_is(tmp_path):
     """One long export in millimetres, y up, of drops in a plane 4° off the vertical, with noise and lost samples."""
-    recorded = take(50, up="y", hidden=HiddenCauses(com_offset_x=OFFSET), duration=0.6)
+    recorded = take(80, up="y", hidden=HiddenCauses(com_offset_x=OFFSET), duration=0.6)
     log = write_motive(recorded, tmp_path / "take.csv", units="Millimeters", lost=0.02)
     body = ("--body", "plate", "--shape", "ellipse:0.035,0.025", "--k-g", "0.019235")
     assert main(["init", str(log), "-o", str(tmp_path / "drops"), *body]) == 0

@@ -184,20 +184,21 @@ def test_drawn_rests_and_slides_are_those_of_the_model():
 
 @pytest.mark.slow
 def test_a_turned_frame_is_named_through_rests():
-    data, settings = that_end_at_rest(OFFSET), CritiqueSettings(channels=("rest",), folds=2, finalists=2, rivals=1)
+    data, settings = that_end_at_rest(OFFSET), CritiqueSettings(channels=("rest",), episodes=False)
     critique = criticise_drops(data, rng=np.random.default_rng(1), settings=settings)
     content = diagnosis(critique, np.random.default_rng(0))
     assert [effect["name"] for effect in content["effects"]] == ["angle_offset"]
     assert "rest" in content["effects"][0]["material_in"] and content["error"]["rest"]["augmented"] < 1.5
     final = critique.ladder[-1][1]
     assert abs(final.values["angle_offset.d_theta"] - OFFSET) < 3.0 * final.std["angle_offset.d_theta"]
-    not_asked = criticise_drops(data, rng=np.random.default_rng(1), effects=())
+    plain = CritiqueSettings(episodes=False)
+    not_asked = criticise_drops(data, rng=np.random.default_rng(1), settings=plain, effects=())
     assert "rest" not in diagnosis(not_asked, np.random.default_rng(0))["error"]
 
 
 @pytest.mark.slow
 def test_a_friction_of_slides_alone_is_named():
-    settings = CritiqueSettings(channels=BOTH, episodes=False, folds=2, finalists=2)
+    settings = CritiqueSettings(channels=BOTH, episodes=False)
     critique = criticise_drops(that_end_at_rest(sliding=0.22), rng=np.random.default_rng(1), settings=settings)
     final = critique.ladder[-1][1]
     assert [effect.name for effect in final.effects] == ["sliding_friction"] and critique.verdict == "effects"

@@ -54,7 +54,7 @@ def _push(learner: Hma, abstraction: int, steps: int):
 def test_sampler_agrees_with_the_exact_filter() -> None:
     learner = linear_learner()
     readings, actions, context = _push(learner, 1, 2)
-    settings = NutsSettings(warm_up=200, draws=300)
+    settings = NutsSettings(warm_up=300, draws=500)
     posterior = Sampler(learner, settings).sample(readings, actions, context, np.random.default_rng(1))
     assert posterior.r_hat < 1.02 and posterior.ess > 200 and posterior.divergences == 0
     bank = KalmanBank(learner.at_mean(), context, learner.noise, readings[0])
