@@ -12,7 +12,7 @@ from tests.fuzz.readers import READERS
 from tests.fuzz.sandbox import ACCEPTED, FAILED, REFUSED, SECRET, Pool, Task
 from thesis_lib.foundation.errors import UserError
 
-INPUTS = 120
+INPUTS = 250
 SEED = 7
 LIMIT = 0.5  # s of processor time in the tests of the sandbox itself
 

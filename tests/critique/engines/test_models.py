@@ -195,7 +195,7 @@ def found():
     contact, rng = MujocoContact(mu=0.2, epsilon=0.6, contact_time=T), np.random.default_rng(3)
     hidden = MujocoCauses(com_offset_x=OFFSET)
     given = {"engine": DropsInMujoco(), "contact": contact, "hidden": hidden}
-    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 30, noise=RIG_NOISE, rng=rng, **given)
+    made = simulate_compliant_drops(SQUARE, PROOF_RELEASE, 48, noise=RIG_NOISE, rng=rng, **given)
     dataset = Dataset("squares", made.header, made.trajectories)
     settings = CritiqueSettings(episodes=False, folds=2, finalists=2, max_effects=1)
     judged = criticise_drops(dataset, rng=np.random.default_rng(0), settings=settings)
