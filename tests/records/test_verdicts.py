@@ -56,7 +56,8 @@ def test_missing_effect_and_the_fall_of_the_error_to_the_noise() -> None:
 @pytest.mark.parametrize("law", BASES)
 def test_every_law_that_a_critique_may_end_with_has_its_title(law: str) -> None:
     content = diagnosis("adequate", []) | {"base_model": {"name": law}, "augmented_model": {"name": law}}
-    assert verdict(content).startswith(f"{BASES[law].title} is adequate")
+    title = BASES[law].title
+    assert verdict(content).startswith(f"{title[0].upper()}{title[1:]} is adequate")
 
 
 def test_error_that_does_not_fall_and_stays_above_the_noise() -> None:

@@ -123,9 +123,9 @@ def test_what_the_data_cannot_tell_from_a_stand_in_may_be_the_cause():
     step = replace(sure.discovery.steps[0], alternatives=("contact_torque", "wrong_inertia"))
     doubtful = replace(sure, discovery=replace(sure.discovery, steps=(step,)))
     assert doubtful.verdict == "effects" and doubtful.stand_ins["wrong_inertia"].instead == ("contact_torque",)
-    first, second, *_ = diagnosis(doubtful, np.random.default_rng(0))["summary"]
+    first, *others = diagnosis(doubtful, np.random.default_rng(0))["summary"]
     assert f"{EFFECTS['contact_torque'].title} (fitted as wrong inertia)" in first
-    assert "which contradicts nothing that is stated" in second
+    assert sum("which contradicts nothing that is stated" in sentence for sentence in others) == 1
 
 
 def test_what_effects_deny_can_be_stated():
