@@ -11,7 +11,7 @@ Shared by effects; not an effect itself.  A tracker that sums measured rates tim
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -53,12 +53,15 @@ class WholeTosses:
         at = np.clip(np.searchsorted(known, trial), 0, len(known) - 1)
         return np.where(known[at] == trial, self.touched[at], np.inf)
 
+    @cached_property
+    def _in_one_row(self) -> tuple[np.ndarray, float, np.ndarray]:
+        """Numbers of the trials, the length of each in s, and the times (N,) of all frames, trial after trial."""
+        known, length = np.unique(self.trial), float(np.max(self.t, initial=0.0)) + 1.0
+        return known, length, np.clip(np.searchsorted(known, self.trial), 0, len(known) - 1) * length + self.t
+
     def over(self, state: State, scale: float) -> np.ndarray:
         """E (4, n) at the instants of states, for rates that are reported times 1 + `scale`; 1 where nobody knows."""
-        E = _summed(self, float(scale))
-        # frames in one row, trial after trial
-        known, length = np.unique(self.trial), float(np.max(self.t, initial=0.0)) + 1.0
-        row = np.clip(np.searchsorted(known, self.trial), 0, len(known) - 1) * length + self.t
+        E, (known, length, row) = _summed(self, float(scale)), self._in_one_row
         of = np.searchsorted(known, state.trial)
         at = of * length + np.clip(state.t, 0.0, length - 1.0)
         last = np.clip(np.searchsorted(row, at, side="right") - 1, 0, len(row) - 1)

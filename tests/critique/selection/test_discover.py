@@ -81,9 +81,9 @@ def test_an_effect_that_a_later_one_makes_superfluous_leaves_again():
     assert checks.evidence.superfluous([left], []) is None
 
 
-def test_refits_stretch_the_null_of_the_score_test_little(monkeypatch):
-    monkeypatch.setattr(evidence, "REFITS", 40)
+def test_refits_stretch_the_null_of_the_score_test_little():
     world, rng = Drops(table_only()), np.random.default_rng(0)
+    world.refits = 40
     fitted = world.fit("anitescu_potra_newton", ())
     effect = EFFECTS["wrong_inertia"]
     tests = scan(world.slopes(fitted, [effect]), 999, rng)

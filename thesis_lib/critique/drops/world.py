@@ -57,6 +57,7 @@ from thesis_lib.mechanics.space import Space
 # it its force
 REFINED = RESERVE[:1]
 ONE_LAW = ("mirtich",)
+REFITS_IN_SPACE = 49  # each takes seconds, and their mean is as sure as a seventh of it: enough beside a threshold
 ROUNDING = 1e-6  # standard deviations; what changes residuals by less has no slope
 
 
@@ -74,6 +75,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self.observations, self.rivals = observations, self.settings.rivals
         # in space hits are so precise that most rigid laws fail by the time that contacts take
         self.asks_reserve_first = not observations.space.is_plane
+        self.refits = type(self).refits if observations.space.is_plane else REFITS_IN_SPACE
         self.always = (*of_motion(observations), *observations.written)
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
         of_space = CANDIDATE_LAWS if self.space.is_plane else LAWS_IN_SPACE

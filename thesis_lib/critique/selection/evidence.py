@@ -15,7 +15,6 @@ from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, Slopes, World
 from thesis_lib.foundation.randomness import generator
 
-REFITS = 199  # of data drawn without the effect, if its gain is near the null
 # an effect that predicts no better or spoils an error leaves; with "immaterial" also one that lowers none by an amount
 # that matters
 Drop = Literal["none", "useless", "immaterial"]
@@ -63,21 +62,21 @@ class Evidence(Generic[E, F, J]):
             yield from ((name, judgements) for name in sorted(part, key=lambda name: -judgements[name].total))
 
     def stretch_of_null(self, fitted: F, effect: E, tests: Scan, *stream: str, gain: float = np.inf) -> float:
-        """Mean gain of `REFITS` full refits to data drawn without the effect, over that of the score test; at least 1.
+        """Mean gain of `World.refits` full refits to data without the effect, over that of the score test; at least 1.
 
         The mean gain of the score test is half the number of its columns (Bartlett's correction).  Where the refits so
         far make `gain` in nats chance, whatever the others gain, none follows, and a lower bound is returned.
         """
         gains, stretch, rng = [], 1.0, generator(self.seed, *stream)
         expected = 0.5 * max(tests.basis[effect.name].shape[1], 1)
-        for _ in range(REFITS):
+        for _ in range(self.world.refits):
             drawn = self.world.drawn(fitted, rng)
             if drawn is None:
                 return 1.0
             plain = drawn.fit(fitted.base, fitted.effects, fitted.values, "quick")
             with_it = drawn.fit(fitted.base, (*fitted.effects, effect), plain.values, "quick")
             gains.append(max(with_it.score - plain.score, 0.0))
-            stretch = max(1.0, float(np.sum(gains)) / REFITS / expected)
+            stretch = max(1.0, float(np.sum(gains)) / self.world.refits / expected)
             if tests.p_value(gain / stretch) > self.settings.alpha:
                 break
         return stretch

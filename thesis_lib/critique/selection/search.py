@@ -206,9 +206,8 @@ class Search(Generic[E, F, J]):
 
     def worth_a_fit(self, fitted: F, judged: J, candidates: Sequence[E], tests: Scan) -> list[E]:
         """Candidates whose score test is large enough, and all that act on what is left."""
-        least = self.least_gain(tests)
-        told = self.world.leaves_little
-        return [e for e in candidates if tests.gain[e.name] >= least or not told(fitted, judged, e)]
+        least, leaves_little = self.least_gain(tests), self.world.leaves_little
+        return [e for e in candidates if tests.gain[e.name] >= least or not leaves_little(fitted, judged, e)]
 
     def least_gain(self, tests: Scan) -> float:
         """Nats below which a candidate is not worth a fit."""
@@ -229,6 +228,8 @@ class Search(Generic[E, F, J]):
         quick = {e.name: with_effect(first, e) for e in candidates}
         ranked = self.ranked(quick, fitted)
         turned = [name for name in ranked[rivalled:] if world.turns_bases(quick[name].effects[-1])]
+        # one that fits far worse with the best base is wrong with all of them
+        turned = [n for n in turned if rivals and world.quick_gain(quick[n], [first]) > -self.settings.close]
         for name in [*ranked[:rivalled], *turned] if rivals else []:
             others = [with_effect(f, quick[name].effects[-1]) for f in rivals]
             quick[name] = max([quick[name], *others], key=lambda fit: fit.score)

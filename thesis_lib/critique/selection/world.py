@@ -106,6 +106,7 @@ class World(ABC, Generic[E, F, J]):
         trials: numbers of the trials, ascending.
         unit: "impact" or "window".
         resamples: draws of null distributions and of the bootstrap.
+        refits: fits to data drawn without an effect whose gain is near the null.
     """
 
     candidates: Mapping[str, E]
@@ -117,6 +118,7 @@ class World(ABC, Generic[E, F, J]):
     trials: np.ndarray
     unit: str
     resamples: int = 999
+    refits: int = 199
 
     @abstractmethod
     def fit(
