@@ -12,6 +12,7 @@ from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.statistics.spread import MEDIAN, robust_std
 
 FEWEST = 3  # hits that show a lag
+SUREST, ENOUGH = 0.2, 12  # share of the hits whose changes of spin are known best, and how many of them show it well
 SURE = 3.0  # standard errors by which it is there
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that usually have no other one in their window
@@ -152,16 +153,18 @@ def _turned(fitted: SideLines) -> tuple[np.ndarray, np.ndarray]:
 def lag_of_attitudes(fitted: SideLines) -> float:
     """Time in s by which attitudes change their course later than places do, 0 where that is not clear.
 
-    Attitudes that come a time L late miss each other by −L Δω where the places meet.  Samples taken meanwhile belong to
-    neither flight.
+    Attitudes that come a time L late miss each other by −L Δω where the places meet, as seen best at hits whose Δω is
+    known best.  Samples taken meanwhile belong to neither flight.
     """
     turn, spun = _turned(fitted)
-    square = (spun**2).sum(axis=1)
-    strong = square >= np.median(square) if len(square) else np.zeros(0, bool)
-    if strong.sum() < FEWEST:
+    square = np.maximum((spun**2).sum(axis=1), 1e-9)
+    # between quick hits windows are so short that the samples of another flight hide a lag
+    unsure = np.trace(fitted.cov[:, :, 7::2, 7::2].sum(axis=1), axis1=1, axis2=2) / square
+    sure = np.argsort(unsure, kind="stable")[: max(round(SUREST * len(unsure)), ENOUGH)]
+    if len(sure) < FEWEST:
         return 0.0
-    late = -(turn * spun).sum(axis=1)[strong] / np.maximum(square[strong], 1e-9)
-    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(strong.sum())
+    late = -((turn * spun).sum(axis=1) / square)[sure]
+    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(len(sure))
     return middle if abs(middle) > max(SURE * error, LATE) else 0.0
 
 
