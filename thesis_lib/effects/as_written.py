@@ -1,12 +1,14 @@
-"""Attitudes as a file has them, where motions were found with another reading of its quaternions.
+"""Attitudes as a file has them, where motions were found with another reading or another clock of its quaternions.
 
-Not a candidate effect: what is sought along a wrong path is not found, so that hits and flights of a body are found
-with the reading with which it falls (`RELABELLINGS` are those that effects stand for).  Which reading is right remains
-a question to the models: `AsWritten` leads each from the states that were found to those of the file.
+Not candidate effects: what is sought along a wrong path is not found, so that hits and flights of a body are found with
+the reading with which it falls (`RELABELLINGS` are those that effects stand for), and with attitudes that change their
+course when places do.  Which reading and which clock are right remains a question to the models: `AsWritten` and
+`AsStamped` lead each from the states that were found to those of the file.
 
-| on paper | in code | unit | shape  |                                                    |
-|----------|---------|------|--------|----------------------------------------------------|
-| P        | `P`     | 1    | (4, 4) | of the file's numbers, as in `relabelled_rotation` |
+| on paper | in code | unit | shape  |                                                     |
+|----------|---------|------|--------|-----------------------------------------------------|
+| P        | `P`     | 1    | (4, 4) | of the file's numbers, as in `relabelled_rotation`  |
+| L        | `lag`   | s    |        | by which attitudes come later in the file           |
 """
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from thesis_lib.effects import mirrored_rotation, misread_rotation
 from thesis_lib.effects.effect import ONLY_SPACE, Effect
 from thesis_lib.effects.relabelled_rotation import relabelled
+from thesis_lib.effects.time_lag import TimeLag
 
 RELABELLINGS = {
     f"{effect.name}, {p.said(option)}": by_option[round(option)]
@@ -45,3 +48,25 @@ class AsWritten(Effect):
 
     def to_measured(self, state, p, rig):
         return relabelled(state, self.P.T, rig)
+
+
+class AsStamped(TimeLag):
+    """What every model believes of states whose attitudes the file has a time L later."""
+
+    name = "as_stamped"
+    title = "orientations as they are stamped"
+    equation = "R_file(t + L) = R(t)"
+    parameters = ()
+    dimensions = ONLY_SPACE
+
+    def __init__(self, lag: float) -> None:
+        self.lag = {"lag": -lag}
+
+    def to_true(self, state, p, rig):
+        return super().to_true(state, self.lag, rig)
+
+    def to_measured(self, state, p, rig):
+        return super().to_measured(state, self.lag, rig)
+
+    def meet(self, jump, before, after, p):
+        return super().meet(jump, before, after, self.lag)

@@ -21,8 +21,10 @@ from thesis_lib.critique.likelihood.in_space.instants import (
     first_sample,
     noise_of_samples,
     readable,
+    with_attitudes_later,
 )
 from thesis_lib.critique.likelihood.in_space.left_out import (
+    LATE,
     has_another_hit,
     lag_of_attitudes,
     lag_warning,
@@ -43,6 +45,7 @@ from thesis_lib.datasets.format.samples import ArcSettings, make_samples
 from thesis_lib.datasets.impacts.found import found_in_space, ordinals
 from thesis_lib.datasets.impacts.spin import unseen_spin
 from thesis_lib.datasets.space.flights import too_slow
+from thesis_lib.effects.as_written import AsStamped
 from thesis_lib.effects.effect import Rig
 from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
@@ -56,16 +59,20 @@ FEWEST = 3  # samples on either side of a hit
 SPREAD = 3.0  # robust standard deviations of the gap at hits
 UPWARDS = 5  # of values and slopes of all channels: the slope of n
 SURE = 3.0  # standard errors by which a surface pushes a body away
+MOST_LAGS = 4  # steps to the lag of orientations; each one leaves a tenth of it
 CLEARLY = 1.1  # of the guard, by which contacts last longer
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
 
-def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True) -> Observations:
+def observe_in_space(
+    dataset: Dataset, settings: ArcSettings | None = None, episodes: bool = True, lags: tuple[float, ...] = ()
+) -> Observations:
     """Observations of the hits of a dataset in space, as impacts.csv states them, else as trajectories show them.
 
     What cannot be used has a reason in `found`.
 
     `episodes`: also hits that follow each other too quickly to see the flight between (`episodes_in_space`).
+    `lags`: times in s by which orientations were found to come later than positions, each after those before it.
 
     Raises:
         UserError: there are several surfaces, the tracked frame is unknown and cannot be found, or a body other
@@ -83,6 +90,8 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     dataset, settings = settled(dataset), settings or ArcSettings(min_window=FEWEST)
     header = dataset.in_space
     whole, written, told = readable(dataset)
+    if late := sum(lags):
+        whole, written = with_attitudes_later(whole, late), (*written, AsStamped(late))
     (frame,) = surface_frames(header)
     states, rig = frame.seen(body_states(tracked_states(whole), header)), rig_of(dataset)
     clock = Header.model_validate(  # what detection asks of a dataset in the plane: a third coordinate is in m, too
@@ -113,10 +122,12 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     pose, tau = np.moveaxis(states.pose[:, index], 0, -1), windows.t[rows] - t[rows, None]
     used, G = side[rows] > 0.0, header.body.inertia_per_mass
     fitted = fit_windows(pose, tau, used, G, noise)
-    lag = lag_of_attitudes(fitted)
-    if abs(lag) > settings.guard:
-        return observe_in_space(dataset, settings.model_copy(update={"guard": CLEARLY * abs(lag)}), episodes)
-    told += lag_warning(lag)
+    lag = lag_of_attitudes(fitted) if dataset.has_angle else 0.0
+    if abs(lag) > (LATE if lags else settings.guard) and len(lags) < MOST_LAGS:
+        # an attitude between two samples is of neither flight where there was a hit between them
+        guard = max(settings.guard, sampling_interval(samples))
+        return observe_in_space(dataset, settings.model_copy(update={"guard": guard}), episodes, (*lags, lag))
+    told += lag_warning(late + lag)
     second_hit, grown, slack = has_another_hit(
         *off_free_motion(fitted, pose, tau, used, G, dataset.gravity, noise, lag)
     )
@@ -146,7 +157,7 @@ def observe_in_space(dataset: Dataset, settings: ArcSettings | None = None, epis
     touching_first = first.select(np.flatnonzero(kept))
     lasts = contact_guard(-off_by[kept], approach_speed(touching_first, rig), _of_shape(touching_first, rig))
     if lasts > CLEARLY * settings.guard:
-        return observe_in_space(dataset, settings.model_copy(update={"guard": lasts}), episodes)
+        return observe_in_space(dataset, settings.model_copy(update={"guard": lasts}), episodes, lags)
     inner = samples.t[index[kept]]  # of the samples used: the last before and the first after
     edges = {
         "start": np.where(used[kept, 0], inner, -np.inf).max(axis=1, initial=-np.inf),

@@ -36,6 +36,7 @@ from thesis_lib.mechanics.state import State
 from thesis_lib.statistics.spread import MAD_TO_STD
 
 MEANS, SMOOTHED = 3, 2.0  # samples in a mean, and how much more noise than that of samples shows a filter
+GAP = 1.5  # sampling intervals, above which nothing is known between two samples
 ROUNDS = 4  # steps to the instant of a hit; each one moves it by a tenth of a frame at most after the first
 
 
@@ -61,6 +62,23 @@ def readable(dataset: Dataset) -> tuple[pd.DataFrame, tuple[AsWritten, ...], tup
         told.append(f"as they are written, quaternions let no body fall freely; hits and flights are found with {name}")
         return table.assign(**dict(zip(QUATERNION, (q @ P).T))), (AsWritten(P),), tuple(told)
     return table, (), tuple(told)
+
+
+def with_attitudes_later(table: pd.DataFrame, lag: float) -> pd.DataFrame:
+    """Rows, by trial and time, with the attitudes a time `lag` in s later, between those of two samples; without the
+    rows for which there are none."""
+    trial, t, q = table["trial"].to_numpy(), table["t"].to_numpy(float), table[list(QUATERNION)].to_numpy(float).T
+    number, step = np.unique(trial, return_inverse=True)[1], np.diff(t)
+    length = float(np.ptp(t)) + 2.0 * abs(lag) + 1.0
+    row = number * length + t - t.min()
+    first = np.clip(np.searchsorted(row, row + lag, side="right") - 1, 0, len(row) - 2)
+    share = (row + lag - row[first]) / np.maximum(row[first + 1] - row[first], 1e-12)
+    most = GAP * float(np.median(step[number[1:] == number[:-1]]))
+    seen = (number[first] == number) & (number[first + 1] == number) & (step[first] < most)
+    seen &= (share >= 0.0) & (share <= 1.0)
+    before, after = q[:, first[seen]], q[:, first[seen] + 1]
+    between = SPACE.attitude_after(before, share[seen] * SPACE.turn_between(before, after))
+    return table[seen].assign(**dict(zip(QUATERNION, between)))
 
 
 def _as_taken(table: pd.DataFrame, header: SpaceHeader) -> tuple[pd.DataFrame, tuple[str, ...]]:

@@ -14,6 +14,7 @@ from thesis_lib.statistics.spread import MEDIAN, robust_std
 FEWEST = 3  # hits that show a lag
 SUREST, ENOUGH = 0.2, 12  # share of the hits whose changes of spin are known best, and how many of them show it well
 SURE = 3.0  # standard errors by which it is there
+OFTEN = 0.3  # share of those hits that show it on one side
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that usually have no other one in their window
 SLACK = 4.0  # of χ², for slow errors, where fewer are clean
@@ -154,7 +155,7 @@ def lag_of_attitudes(fitted: SideLines) -> float:
     """Time in s by which attitudes change their course later than places do, 0 where that is not clear.
 
     Attitudes that come a time L late miss each other by −L Δω where the places meet, as seen best at hits whose Δω is
-    known best.  Samples taken meanwhile belong to neither flight.
+    known best.
     """
     turn, spun = _turned(fitted)
     square = np.maximum((spun**2).sum(axis=1), 1e-9)
@@ -164,8 +165,16 @@ def lag_of_attitudes(fitted: SideLines) -> float:
     if len(sure) < FEWEST:
         return 0.0
     late = -((turn * spun).sum(axis=1) / square)[sure]
-    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(len(sure))
-    return middle if abs(middle) > max(SURE * error, LATE) else 0.0
+    of_turn = np.trace(fitted.cov[:, :, 6::2, 6::2].sum(axis=1), axis1=1, axis2=2) / square
+    seen = np.abs(late) > np.maximum(SURE * np.sqrt((of_turn[sure] + late**2 * unsure[sure]) / 3.0), LATE)
+    # where the tracked point is off the centre, attitudes that come late make hits of their own, at which none does
+    for times in (late, late[seen & (late > 0.0)], late[seen & (late < 0.0)]):
+        if len(times) < max(FEWEST, OFTEN * len(sure)):
+            continue
+        middle, spread = float(np.median(times)), float(robust_std(times - np.median(times)))
+        if abs(middle) > max(SURE * MEDIAN * spread / np.sqrt(len(times)), LATE):
+            return middle
+    return 0.0
 
 
 def lag_warning(lag: float) -> tuple[str, ...]:
@@ -175,5 +184,6 @@ def lag_warning(lag: float) -> tuple[str, ...]:
     where = "behind" if lag > 0.0 else "ahead of"
     return (
         f"At hits orientations come {1e3 * abs(lag):.2g} ms {where} positions, as if they had a clock or a filter of "
-        "their own. Samples within that time of a hit belong to no flight and are not used.",
+        "their own. Hits and flights are found with orientations at the instants of positions; models are compared "
+        "with the times that the file states.",
     )
