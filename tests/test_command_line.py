@@ -134,7 +134,7 @@ def told(words: list[str], capsys, code: int = 0):
     assert main(words) == code
     out, err = capsys.readouterr()
     assert err == ""
-    return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    return json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
 
 
 def test_effects_and_figures_are_json(capsys, monkeypatch):

@@ -80,5 +80,5 @@ def test_equal_runs_give_equal_pages(results):
 
 def test_a_spoilt_picture_is_named(results):
     (results / "chapter3/drops/figure_3_8.png").write_bytes(b"GIF89a")
-    with pytest.raises(CorruptFileError, match=r"drops/figure_3_8.png is no picture; delete it"):
+    with pytest.raises(CorruptFileError, match=r"drops/figure_3_8.png is not a picture; delete it"):
         written(results)

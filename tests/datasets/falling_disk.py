@@ -1,4 +1,4 @@
-"""Drops of a disk in small time steps, for tests of flights in air and of contacts that are no impacts.
+"""Drops of a disk in small time steps, for tests of flights in air and of contacts that are not impacts.
 
 All trials move at once; the contact is an impulse with restitution, or a spring with a damper.  Nothing of thesis_lib
 is used but the header and the dataset.

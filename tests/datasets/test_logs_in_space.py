@@ -218,14 +218,14 @@ def edited(path, out, old: str, new: str):
     ("form", "old", "new", "message"),
     [
         ("motive", "Coordinate Space,Global", "Coordinate Space,Local", "export it in the Global coordinate space"),
-        ("motive", "Length Units,Meters", "Length Units,Feet", "'Feet' is no known unit of length"),
+        ("motive", "Length Units,Meters", "Length Units,Feet", "'Feet' is not a known unit of length"),
         ("motive", "Rotation Type,Quaternion", "Rotation Type,Magic", "Rotation Type 'Magic' is unknown"),
         ("motive", ",Name,", ",Nom,", "has no lines 'Type', 'Name'"),
         ("motive", "\n100,0.400000,", "\n100,0.400000,x", "row 108, column 3: 'x"),
         ("vicon", "Segments\n250", "Segments\nfast", "row 2: expected the rate of the block 'segments' in Hz"),
         ("vicon", "Frame,Sub Frame,RX", "Sub Frame,Frame,RX", "row 4: expected the columns of 'segments'"),
-        ("vicon", "deg,deg,deg", "grad,grad,grad", "'grad' is no unit of RX"),
-        ("vicon", "mm,mm,mm", "in,in,in", "'in' is no known unit of length"),
+        ("vicon", "deg,deg,deg", "grad,grad,grad", "'grad' is not a unit of RX"),
+        ("vicon", "mm,mm,mm", "in,in,in", "'in' is not a known unit of length"),
     ],
 )
 def test_exports_of_another_kind_are_refused(tmp_path, logs, capsys, form, old, new, message):

@@ -233,7 +233,7 @@ def test_any_tosses_are_a_copy_and_the_missing_ones_are_said(three_tosses, tmp_p
     np.testing.assert_allclose(toss[["x", "y", "z"]], unit * poses[4][:, :3], rtol=1e-12)
     np.testing.assert_allclose(toss[["qw", "qx", "qy", "qz"]], poses[4][:, 3:7], atol=1e-15)
     np.testing.assert_allclose(toss["t"], 0.005 * np.arange(20), rtol=1e-12)
-    # a spoilt file is no copy, and neither is the experiment alone
+    # neither a spoilt file nor the experiment alone is a copy
     (folder / "4.pt").write_bytes((folder / "4.pt").read_bytes() + b"x")
     with pytest.raises(UserError, match=r"SHA-256 differs\): tosses_processed/4\.pt"):
         convert_published("contactnets_cube", tmp_path, tmp_path / "out")

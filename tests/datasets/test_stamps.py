@@ -53,7 +53,7 @@ def test_stamps_of_a_clock_stay_as_they_are(flights: Flights) -> None:
     ):
         samples, made, said = restored(flights, t)
         assert made is samples and said == ""
-    kept = np.random.default_rng(3).random(len(flights.t)) > 0.05  # lost pictures alone are no stamps of arrival
+    kept = np.random.default_rng(3).random(len(flights.t)) > 0.05  # lost pictures alone do not make stamps of arrival
     samples, made, said = restored(flights, flights.t, kept)
     assert made is samples and said == ""
 

@@ -37,7 +37,7 @@ def test_a_zero_has_no_minus_sign(value, as_, text):
         ("{{ ratio(", "{{ other(", "'other' is undefined"),
         ('"ratio", ",', '"weight", ",', "weight"),
         ("variant == '", "variant = '", "cannot assign"),
-        (STORED, "../secrets.csv", "no file of the repository"),
+        (STORED, "../secrets.csv", "neither a file of the repository"),
         (", \"variant == 'mirrored_rotation'\"", "", "leaves 4 rows for 'ratio', not one"),
         ('",.0f"', '"x"', "format code"),
         ("{% endfor %}", "", "endfor"),

@@ -155,7 +155,7 @@ def test_a_file_that_cannot_be_used_says_why(tmp_path, text, says):
 
 def test_paths_that_are_no_programs_are_refused(tmp_path):
     assert "does not exist" in refusal(tmp_path / "gone.py")
-    assert "no Python file" in refusal(written(tmp_path, own_files.EFFECT, "own.txt"))
+    assert "not a Python file" in refusal(written(tmp_path, own_files.EFFECT, "own.txt"))
     assert "a name that reports could not show" in refusal(written(tmp_path, own_files.EFFECT, "o\nwn.py"))
     (tmp_path / "folder.py").mkdir()
     assert "is a folder" in refusal(tmp_path / "folder.py")

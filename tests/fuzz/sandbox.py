@@ -88,7 +88,7 @@ class _Watch:
 
 
 def _absolute(path: object) -> str:
-    """Absolute path without following links; "" for what is no path, such as a file that is open already."""
+    """Absolute path without following links; "" for anything but a path, such as a file that is open already."""
     return str(Path.cwd() / os.fsdecode(path)) if isinstance(path, str | bytes | os.PathLike) else ""
 
 

@@ -64,7 +64,7 @@ def test_check_fails_when_a_status_changes_and_again_when_it_returns(command, ed
     assert "published 0.062, ours 0.0721" in text
 
     assert command("update") == 0
-    assert command("check") == 0  # an honest deviation, once committed, is no failure
+    assert command("check") == 0  # an honest deviation, once committed, does not fail
     edit_table("0.0721,0.002", "0.065,0.002")
     capsys.readouterr()
     assert command("check") == 1

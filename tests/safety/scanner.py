@@ -7,7 +7,7 @@
 | torch   | `torch.load` without `weights_only=True`; `torch.hub`                                              |
 | numpy   | `np.load` and friends with `allow_pickle`                                                          |
 | eval    | `eval`, `exec`, `compile`, and expressions that pandas or SymPy evaluate, unless written in the source |
-| code    | running a file of Python that is no module of the project                                          |
+| code    | running a file of Python from outside the project                                                  |
 | shell   | `os.system` and friends, `shell=True`, a subprocess whose command is one string                    |
 | mktemp  | `tempfile.mktemp`: a name that another process can take first                                      |
 | archive | unpacking to paths that the archive chooses                                                        |

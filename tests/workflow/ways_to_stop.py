@@ -89,7 +89,7 @@ def _as_in_a_terminal() -> None:
 
 
 def job_of(process: psutil.Process) -> str | None:
-    """Rule (name of the script) of a job's process; None where it is no job."""
+    """Rule (name of the script) of a job's process; None for any other process."""
     match = re.search(r"\.snakemake/scripts/tmp\w+\.(\w+)\.py", " ".join(process.cmdline()))
     return match and match[1]
 

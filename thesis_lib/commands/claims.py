@@ -12,7 +12,7 @@ What each command does
   check   compares the results with the thesis (config/claims/), the statuses found with the committed ones
           (config/claims_expected.yaml), and each figure's numbers with its stored copy (config/figures/<scale>/).
           Exit status: 0 all as committed; 1 something changed or could not be compared; 2 a mistake in the input.
-          A claim that deviates from the thesis, and is committed as deviating, is no failure.
+          A claim that deviates from the thesis, and is committed as deviating, does not fail.
   update  commits this run's statuses and figure copies. Look at the difference (git diff) before you commit it.
   page    writes claims.csv and claims.html into the results folder.
 

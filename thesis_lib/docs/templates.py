@@ -71,7 +71,7 @@ def _read(name: str) -> pd.DataFrame:
     path = ((KEPT if name.startswith("results/") else ROOT) / name).resolve()
     if not path.is_relative_to(ROOT) or not path.is_file():
         kept = "; a table of results/ is kept by python -m thesis_lib.docs --results results"
-        raise UserError(f"{name!r} is no file of the repository, and none of {', '.join(TABLES)}{kept}.")
+        raise UserError(f"{name!r} is neither a file of the repository nor one of {', '.join(TABLES)}{kept}.")
     return pd.read_csv(path)
 
 

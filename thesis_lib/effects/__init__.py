@@ -46,7 +46,7 @@ def effects_in(space: Space) -> dict[str, Effect]:
 
 
 def require_known(names: Iterable[str], walls: Sequence[Wall] | None = None) -> None:
-    """Refuse names that are no effect's; where the `walls` of the rig are given, those at other walls, too.
+    """Refuse names that no effect has; where the `walls` of the rig are given, those at other walls, too.
 
     Raises:
         UserError: the first of them, with the names of all effects or walls.

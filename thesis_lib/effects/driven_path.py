@@ -25,7 +25,7 @@ from thesis_lib.effects.effect import Impulse
 from thesis_lib.effects.impulse_path import STEPS, NormalPath, added, friction, whole_impulse
 from thesis_lib.mechanics.contact import Contact
 
-LARGEST = 1.0  # of |l|/k and |s|: what exceeds the normal force is no correction of a contact any more
+LARGEST = 1.0  # of |l|/k and |s|: what exceeds the normal force no longer corrects a contact
 HIGHEST = 20.0  # of f
 Moment = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of v_t (n,) in m/s and ω (n,) in rad/s
 

@@ -262,7 +262,7 @@ class Effect:
         needs_angle: whether only the angle or the spin shows it, or an unknown spin before the impact mimics it.
         needs_history: whether it depends on what was before a hit, so that whole tosses must be recorded.
         needs_one_surface: whether it has no meaning between walls, as it is about gravity or a place along one surface.
-        includes: names of other effects that it is at some of its parameters: it is no alternative to them.
+        includes: names of other effects that it is at some of its parameters: it does not compete with them.
         breaks_mirror: whether it tells left from right, so that a mirrored drop has not the mirrored outcome.
         bends: whether the camera reports a parabola as another kind of curve: its map is not linear in the pose.
         even: whether what it adds to the acceleration in flight depends on angle and spin alone, and changes no spin.

@@ -71,7 +71,7 @@ def read_file(path: str | Path, *, data: Iterable[str | Path] = (), say: Say) ->
     require_outside_of_data(path, data)
     if path.suffix != ".py":
         raise FileProblem(
-            path, "is no Python file (.py)", "give the file with your effects; --effect NAME takes a name"
+            path, "is not a Python file (.py)", "give the file with your effects; --effect NAME takes a name"
         )
     if len(path.name) > MAX_NAME or not path.name.isprintable() or "\\" in path.name:
         raise FileProblem(path, "has a name that reports could not show", "give it a short, plain one")
@@ -116,7 +116,7 @@ def _run(code: bytes, filename: str, name: str) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # classes look their module up
     try:
-        with contextlib.redirect_stdout(sys.stderr):  # what it prints is no result
+        with contextlib.redirect_stdout(sys.stderr):  # what it prints does not belong to the result
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # a program can raise anything
         del sys.modules[name]

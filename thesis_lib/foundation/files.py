@@ -203,7 +203,7 @@ def six_digits(value: Any) -> Any:
 def read_json(path: str | Path) -> dict:
     """Read a JSON object that this program wrote.
 
-    UserError if the file is missing; CorruptFileError if it is not JSON, holds NaN or a repeated key, or is no object.
+    UserError if the file is missing; CorruptFileError if it holds NaN, a repeated key, or anything but a JSON object.
     """
     path = Path(path)
     with _named(path):
@@ -215,7 +215,7 @@ def read_json(path: str | Path) -> dict:
 
 
 def _no_number(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
+    raise ValueError(f"{name} is not a number of JSON")
 
 
 def _each_once(pairs: list[tuple[str, object]]) -> dict:

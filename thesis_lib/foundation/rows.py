@@ -104,7 +104,7 @@ class Rows:
             return [make(dict(zip(header, cells, strict=True))) for cells in lines]
         except (ValueError, KeyError, TypeError, csv.Error) as error:
             raise CorruptFileError(
-                f"{self.path}, line {lines.line_num}, is no row of this table ({type(error).__name__}: "
+                f"{self.path}, line {lines.line_num}, is not a row of this table ({type(error).__name__}: "
                 f"{str(error)[:200]}); delete the line and run it again with {self.command}."
             ) from error
 

@@ -3,7 +3,7 @@
 The total energy g (y − y_rest) + (v_x² + v_y² + k² ω²)/2 per unit mass should fall at an impact and be conserved until
 the trial's next one.  Each arc conserves its energy by construction, so the test compares two arcs, fitted to separate
 samples at either end of a flight; flights too short for that are left out.  Both statements use all impacts, so that
-the test does not select its data.  The ellipse impacts are no evidence for the fall: the authors kept only drops whose
+the test does not select its data.  The ellipse impacts say nothing about the fall: the authors kept only drops whose
 contact-space energy falls.
 """
 

@@ -167,7 +167,7 @@ def _form(cells: pd.DataFrame, path: str | Path, figure: Figure) -> list[str]:
     wanted = _columns(figure)
     problems = [f"column {name} is missing in {path}" for name in wanted if name not in cells.columns]
     extra = [name for name in cells.columns if name not in wanted]
-    problems += [f"column {name} of {path} has no tolerance and is no key" for name in extra]
+    problems += [f"column {name} of {path} has no tolerance and is not a key" for name in extra]
     if cells.empty:
         problems.append(f"{path} has no rows")
     for name in () if problems else figure.number_columns:

@@ -133,7 +133,7 @@ def _image(file: Path, alt: str) -> Markup:
     """An embedded PNG with its size, so that a page does not jump while it loads; CorruptFileError for other files."""
     content = read_bytes(file, LARGEST)
     if not content.startswith(b"\x89PNG") or len(content) < PNG_SIZE.size:
-        raise CorruptFileError(f"{file} is no picture; delete it and run again.")
+        raise CorruptFileError(f"{file} is not a picture; delete it and run again.")
     width, height = (round(size / DENSITY) for size in PNG_SIZE.unpack_from(content))
     return element("image", base64.b64encode(content).decode("ascii"), " ".join(alt.split()), width, height)
 

@@ -29,7 +29,7 @@ EACH = pytest.mark.parametrize("name, sign", [("lens", 1.0), ("lens", -1.0), ("m
 
 
 def model_of(name: str, sign: float) -> tuple[Model, dict[str, float], dict[str, float]]:
-    """With linear drag, too, so that the true flight is no parabola either."""
+    """With linear drag, too, so that the true flight is not a parabola either."""
     p = CASES[name] | ({"k_1": sign * CASES[name]["k_1"]} if name == "lens" else {})
     model = Model(LAWS["mirtich"], (EFFECTS["linear_drag"], EFFECTS[name]))
     drag = {"linear_drag.c_v": 0.1, "linear_drag.c_w": 0.0}

@@ -70,7 +70,7 @@ def test_wear_is_found_however_releases_are_numbered(numbers):
     data = elsewhere(injected_impacts("worn", N, 31, "wear", {"wear.w": -0.002}), trials=numbers)
     o, gain, found = fitted(data, "wear")
     assert gain > CLEAR
-    if np.ptp(numbers) == N - 1:  # a month's end is no release: by date the drift of a number is another
+    if np.ptp(numbers) == N - 1:  # the end of a month is not a release: by date the drift of a number is another
         true = counted_from(
             replace(o.rig.reference, trial=o.rig.reference.trial - numbers[0]), TRUE | {"wear.w": -0.002}
         )

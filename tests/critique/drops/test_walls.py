@@ -1,4 +1,4 @@
-"""Between walls: which wall differs, and how, is found; an unknown spin is no cause, and hides none that it cannot."""
+"""Between walls: which wall differs, and how, is found; an unknown spin neither passes for a cause nor hides one."""
 
 import numpy as np
 import pytest

@@ -244,7 +244,7 @@ BAD = {
         '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>',
         "type",
     ),
-    "of a reader of other files": ("sdf", MJCF, "is no SDF file: it begins with <mujoco>"),
+    "of a reader of other files": ("sdf", MJCF, "is not a file of SDF: it begins with <mujoco>"),
     "another body": ("mjcf", MJCF.replace('"block"', '"cube"'), "has no body named 'block'.*cube, post"),
     "two bodies": ("mjcf", MJCF.replace('"post"', '"block"'), "has 2 body named 'block' .lines 8, 9."),
     "an include": ("mjcf", '<mujoco><include file="b.xml"/><worldbody/></mujoco>', "includes other files"),

@@ -51,7 +51,7 @@ def test_rows_of_parallel_runs_are_kept_by_their_key(tmp_path):
         ["mujoco", 2, "drake"],
     ]
     store.path.write_text("engine\nmujoco\n")
-    with pytest.raises(UserError, match=r"line 1, is no row of this table.*does not have the columns"):
+    with pytest.raises(UserError, match=r"line 1, is not a row of this table.*does not have the columns"):
         store.table()
 
 

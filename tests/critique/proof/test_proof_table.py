@@ -146,7 +146,7 @@ class TestBadStores:
     )
     def test_a_row_that_cannot_be_read_is_named(self, table, old, new):
         table.write_text(table.read_text().replace(old, new, 1))
-        with pytest.raises(CorruptFileError, match=r"law\.csv, line [12], is no row of this table"):
+        with pytest.raises(CorruptFileError, match=r"law\.csv, line [12], is not a row of this table"):
             outcomes(table.parent)
 
     def test_so_is_one_that_stands_twice_and_a_table_of_other_columns(self, table):

@@ -444,7 +444,7 @@ def test_no_model_to_use_where_something_is_left_or_an_effect_is_at_an_end_of_it
 
 
 def test_what_is_left_depends_on_nothing_that_cannot_be_learned(hidden_impacts):
-    """A channel far from noise alone is no reason to name states."""
+    """States are not named for a channel far from noise alone."""
     strict = hidden_impacts.settings.model_copy(update={"excess_scatter": 1e-3})
     for p_value, after in ((0.185, 0.05), (0.005, 0.2)):
         left = replace(

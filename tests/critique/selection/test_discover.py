@@ -44,7 +44,7 @@ def test_an_injected_effect_is_named_with_its_size(hidden_impacts):
     key = "tangential_restitution.e_t"
     fitted = hidden_impacts.discovery.fitted
     assert abs(fitted.values[key] - 0.4) < 4.0 * fitted.std[key]
-    # what was taken is no candidate any more
+    # what was taken has left the candidates
     assert "tangential_restitution" in first.scan.gain
     assert "tangential_restitution" not in hidden_impacts.discovery.last_scan.gain
 

@@ -296,7 +296,7 @@ def test_the_bootstraps_standard_error_is_that_of_a_mean():
 
 @pytest.mark.slow
 def test_the_study_of_simulated_throws(recorded):
-    """Held-out throws are no training throws, all columns are explained, and the shown throws are held out."""
+    """No held-out throw is a training throw, all columns are explained, and the shown throws are held out."""
     dataset, hits, _, _ = recorded
     _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
     _, corner = first_touch(MODEL.body, contacts.q, contacts.v)

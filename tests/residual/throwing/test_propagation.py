@@ -89,7 +89,7 @@ def test_a_sample_that_ends_below_the_surface_is_lifted_onto_it():
     gap = BODY.gap(after)
     on_it, above = np.abs(gap) < 1e-12, gap > 1e-12
     assert (on_it | above).all()
-    assert min(on_it.mean(), above.mean()) > 0.3  # a dent of a millimetre is no reason to draw again
+    assert min(on_it.mean(), above.mean()) > 0.3  # a dent of a millimetre does not ask for another draw
 
 
 def test_the_wrench_map_is_what_an_impulse_does():

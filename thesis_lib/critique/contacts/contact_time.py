@@ -51,7 +51,7 @@ OF_FRICTION = {
     PyramidDamper: (OF_PYRAMID,),
     PressureField: (STICTION_TOLERANCE,),
 }
-LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact is no spring under a mass
+LEAST_MOBILITY = 0.25  # b; less is a jam, in which a contact does not act as a spring under a mass
 TURNED = 0.25  # of t̄ Δω: turning of the body until the impulse acts, beyond that of the arc before
 
 

@@ -25,7 +25,7 @@ from thesis_lib.mechanics.state import State
 MOST_HITS = 12  # a body that hits more often has come to rest
 LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
 LATEST = 8e-3  # s
-LONGEST = 2e-2  # s; longer contacts are no hits
+LONGEST = 2e-2  # s; longer contacts do not count as hits
 STEP = 1e-3  # s; a corner 0.05 m from the centre that turns with 60 rad/s is off a straight line by 0.02 mm
 NEWTON = 3  # steps to the instant of a touch within a step: the gap to 1 nm
 LARGEST = 400_000  # contact points of paths that share a number of steps
@@ -36,7 +36,7 @@ _NOW = 1e-9  # s
 
 @dataclass(frozen=True)
 class EpisodeOutcome:
-    """What follows from n states: the true state at the end, hits (n,), and masks of what is no sequence of impacts."""
+    """What follows from n states: the true state at the end, hits (n,), and masks of what cannot be impacts."""
 
     after: State
     hits: np.ndarray

@@ -124,7 +124,7 @@ class DropsCritique:
         return None if by is None else (by, float(own.epsilon.min()), float(own.epsilon.max()))
 
 
-# for these small matrices BLAS threads are no faster, and their number changes last digits
+# BLAS threads do not speed up these small matrices, and their number changes last digits
 @threadpool_limits.wrap(limits=1)
 def criticise_drops(
     dataset: Dataset,

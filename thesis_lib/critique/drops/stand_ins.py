@@ -24,7 +24,7 @@ from thesis_lib.effects import EFFECTS
 
 @dataclass(frozen=True)
 class StandIn:
-    """Why an effect is no cause: what it denies, by how many standard errors, and effects that may be the cause."""
+    """Why an effect cannot be the cause: what it denies, by how many standard errors, and what else may be."""
 
     denies: str
     standard_errors: float

@@ -253,7 +253,7 @@ class Drops(World[Effect, Fit, Judgement]):
         weights = np.concatenate([np.repeat(weight(z), z.shape[1]) for z in here(fitted.values)])
 
         def slope(whitening: Whitening, values: Mapping[str, float], name: str, step: float) -> np.ndarray:
-            # one by one: points that go together differ by what an iteration leaves, which is no slope
+            # one by one: points that go together differ by what an iteration leaves, and not by a slope
             change = whitening.stacked({**values, name: values[name] + step}) - base
             return weights * change / step if np.abs(change).max(initial=0.0) > ROUNDING else 0.0 * change
 

@@ -64,7 +64,7 @@ class Patch:
     """A user's file with the edits made in it; `changed` and `left` are lines for the terminal."""
 
     def __init__(self, path: str | Path, plane: BodyAxes) -> None:
-        """Read the file; UserError if it cannot be read, is no XML, has a document type, or nests too deeply."""
+        """Read the file; UserError if it cannot be read, is not XML, has a document type, or nests too deeply."""
         self.path, self.plane = path, plane
         self.changed: list[str] = []
         self.left: list[str] = []

@@ -57,7 +57,7 @@ def _value(target: str) -> str:
 
 def _link(file: Patch, name: str, target: str) -> Element:
     if file.root.tag != ROOTS[target]:
-        raise UserError(f"{file.path} is no {target.upper()} file: it begins with <{file.root.tag}>.")
+        raise UserError(f"{file.path} is not a file of {target.upper()}: it begins with <{file.root.tag}>.")
     return file.named(file.root.iter("link"), name, "link")
 
 

@@ -55,7 +55,7 @@ def points_of(file: Patch, geoms: list[Element], solid: ExportedBody) -> int:
 
 def _body(file: Patch, name: str) -> Element:
     if file.root.tag != "mujoco":
-        raise UserError(f"{file.path} is no MJCF file: it begins with <{file.root.tag}>, not <mujoco>.")
+        raise UserError(f"{file.path} is not an MJCF file: it begins with <{file.root.tag}>, not <mujoco>.")
     try:
         return file.named(file.root.iterfind("worldbody//body"), name, "body")
     except UserError as error:
@@ -131,7 +131,7 @@ def _options(file: Patch, solid: ExportedBody, made: MujocoNumbers) -> list[str]
     try:
         step, ratio = float(options.get("timestep", "0.002")), float(options.get("impratio", "1"))
     except ValueError as error:
-        raise UserError(f"{file.path}: timestep or impratio in <option> is no number.") from error
+        raise UserError(f"{file.path}: timestep and impratio in <option> must be numbers.") from error
     if step > coarsest:
         asked.append(f"option timestep {n(step)}: a contact of {n(solid.contact_time)} s needs {n(coarsest)} or less")
     if (has := options.get("cone", "pyramidal")) != (wanted := mjcf.cone(solid)):

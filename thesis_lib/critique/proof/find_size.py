@@ -1,7 +1,7 @@
 """The size of what is hidden at which what it adds to the misfit is 3 times the floor.
 
-Where the contact of a source is no rigid law, its misfit E_0 with nothing hidden is above the floor already.  What is
-hidden then adds to it as squares add, so that at ratio R
+Where a source has another contact than a rigid law, its misfit E_0 with nothing hidden is above the floor already.
+What is hidden then adds to it as squares add, so that at ratio R
 
     E² − E_0² = (R² − 1) floor²        (E = R floor where E_0 is the floor)
 

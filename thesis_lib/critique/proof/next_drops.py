@@ -27,7 +27,7 @@ config/proof/next_experiment.csv has a row per question, in the order of the pla
 | wrong_random, wrong_chosen |      | 1 if they settle it wrongly, else 0                                              |
 | code, made                 |      | as in `store`                                                                    |
 
-Causes whose two effects differ in no impact at all (a moving surface, a drifting camera) are no such question: there
+Causes whose two effects differ in no impact at all (a moving surface, a drifting camera) are left out: there
 the critique proposes no release, which `test_no_release_is_proposed_where_none_would_tell` holds.
 """
 

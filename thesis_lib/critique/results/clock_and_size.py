@@ -24,7 +24,7 @@ from thesis_lib.statistics.wording import number, percent
 
 ON_EARTH = (9.78, 9.83)  # m/s², from the equator to the poles at sea level (WGS 84: 9.7803 to 9.8322)
 BELIEVED = (9.7, 9.9)  # m/s²: a dataset that states such a gravity means free fall
-SEEN = 2.0  # standard errors beyond `ON_EARTH` from which gravity is no free fall
+SEEN = 2.0  # standard errors beyond `ON_EARTH` from which gravity cannot be free fall
 AGREE = 3.0  # standard errors within which inertia goes with the square of the size
 DERIVED = 1e-6  # relative: `datasets init` writes at least six digits
 

@@ -75,7 +75,7 @@ class Shortlist(Generic[F]):
 class Path(Generic[E, F, J]):
     """How far a search has come, and as it was before a base of the reserve was taken (`simpler`).
 
-    `unasked`: effects with significant quick fits that were no finalists, where none of the finalists entered.
+    `unasked`: effects with significant quick fits that did not become finalists, where none of the finalists entered.
     `ended`: whether no effect enters; `shortlist`: what the next step chooses from, where that is known.
     """
 

@@ -258,7 +258,7 @@ class Search(Generic[E, F, J]):
             names += [name for name in dict.fromkeys([best_slope, *others]) if name not in names]
         near = {name: self.near_fit(quick[name], fitted, shortlist.base) for name in names}
         near |= self.simpler_fits(near, quick, fitted)
-        # relative to the best base without the effect: a rival that fits better by itself is no gain of the effect
+        # relative to the best base without the effect: a rival that fits better by itself does not count for the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
         gains |= {name: fit.score - best.score for name, fit in near.items()}
         below = None

@@ -17,7 +17,7 @@ from thesis_lib.statistics.spread import MAD_TO_STD
 
 BEFORE, AFTER, STEPS = 12, 48, 61  # samples beside the kick by which heights are alike, and points among them
 COARSE = 20.0  # σ, and
-NEAR = 3e-3  # m: heights that differ by more on a common grid are no copies
+NEAR = 3e-3  # m: heights that differ by more on a common grid are not copies
 KICK = 0.5  # m/s
 SHARED = 0.8  # σ; a copy on the same stamps differs by rounding, one between them by part of its noise
 MOVES = 30.0  # σ by which heights must vary in the window: bodies at rest are all alike

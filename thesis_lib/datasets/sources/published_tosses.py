@@ -76,7 +76,7 @@ def _number(file: str) -> int:
 
 
 def _experiment(content: bytes) -> tuple[SpaceHeader, float, float]:
-    """Header, unit of lengths in m and time step in s; UserError if the body is no box."""
+    """Header, unit of lengths in m and time step in s; UserError if the body is not a box."""
     stated = json.loads(content)
     unit = G / float(stated["g"])
     vertices = np.array(stated["vertices"], dtype=float)

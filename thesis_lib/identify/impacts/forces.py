@@ -45,7 +45,7 @@ METHODS = ("arcs", "arcs_link")
 THESIS = {"mean": -12.12, "std": 31.59, "average": 135.0}  # N: error of the peak, and the peak; section 2.5
 LEVELS = {68: 0.994457883209753, 95: Z95}  # %: two-sided normal quantiles
 NOT_DETECTED = "not_detected"
-_LONGEST = 4.0  # contact times after which an unfinished contact is no impact
+_LONGEST = 4.0  # contact times after which an unfinished contact does not count as an impact
 _FINE = 200  # steps of force and response between the sensor's samples; 50 would miss 0.3 mN s of changing friction
 
 

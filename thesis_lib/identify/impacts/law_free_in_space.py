@@ -109,7 +109,7 @@ def as_text(dataset: Dataset, store: Path | None = None) -> str:
 def law_free(dataset: Dataset) -> pd.DataFrame:
     """What tosses of a box say without a law, one quantity a row (`COLUMNS`).
 
-    UserError without trajectories, for a body that is no box, or whose inertia is not the same about every axis.
+    UserError without trajectories, for a body other than a box, or one whose inertia is not the same about every axis.
     """
     header = dataset.in_space
     G = header.body.inertia_per_mass

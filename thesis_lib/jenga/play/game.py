@@ -244,7 +244,7 @@ def write_game(game: Game, path: str | Path) -> None:
 
 
 def read_game(path: str | Path) -> Game:
-    """Read what `write_game` wrote; UserError if the file is missing, CorruptFileError if it is no finished game."""
+    """Read what `write_game` wrote; UserError if the file is missing, CorruptFileError if its game has not ended."""
     value = read_json(path)
     try:
         if value.pop("schema") != SCHEMA:

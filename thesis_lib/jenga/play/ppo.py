@@ -114,7 +114,7 @@ def write_policy(policy: PpoPolicy, path: str | Path) -> None:
 
 
 def read_policy(path: str | Path) -> PpoPolicy:
-    """A policy that `write_policy` wrote; UserError if the file is missing, CorruptFileError if it is no policy."""
+    """A policy that `write_policy` wrote; UserError if the file is missing, CorruptFileError if it holds none."""
     path = Path(path)
     if not path.is_file():
         raise UserError(f"{path} does not exist; train PPO first.")

@@ -121,7 +121,7 @@ class PushEnv(gymnasium.Env):
         try:
             _, self._reading = robot.push_step(asked.offset / MM, asked.heading)
         except TowerError:
-            # a collapse may be too violent for the solver: that is a fall; other breakdowns are no fault of the policy
+            # a collapse may be too violent for the solver: that is a fall; other breakdowns are not the policy's fault
             fell = bool(np.isfinite(tower.data.qpos).all() and tower.fallen().size)
             return self._end(-self.reward.fall, FELL) if fell else self._end(0.0, BROKEN)
         x = robot.state()[X]

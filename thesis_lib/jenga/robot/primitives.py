@@ -74,7 +74,7 @@ class Gripper:
             reason = LOST
         else:
             reason = self._damage(block, before)
-        # a held block may hang askew: that is no fall
+        # a held block may hang askew without falling
         ends = tower.toppled(block) or (reason == LOST and block in tower.fallen())
         if reason == LOST:
             self.let_go()

@@ -38,7 +38,7 @@ ROWS_AND_PLACES = {
     True: (
         "parts of the error",
         "The map over the energy disc shows what each impact did: the centre is the dead stop, the circle keeps all "
-        "energy at the contact, the lowest point is no impulse, the highest complete reversal.",
+        "energy at the contact, the lowest point is zero impulse, the highest complete reversal.",
     ),
     False: (
         "parts of the error, along the slip before impact (tangential), across it (lateral), along the normal, and the "

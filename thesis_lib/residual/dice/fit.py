@@ -41,7 +41,7 @@ MECHANISMS = {
     "flat": {"flat": 0.3, "flat_dashpot": 0.3},  # o(θ)
 }
 ALL = tuple(MECHANISMS)
-MATERIAL = 0.02  # of the error on unseen contacts: less is no reason for a mechanism (the dice's two take off 20 %)
+MATERIAL = 0.02  # of the error on unseen contacts: less does not justify a mechanism (the dice's two take off 20 %)
 TOUCHES = 1e-5  # m, clearance given to a body that already touches at the last sample of a flight
 
 

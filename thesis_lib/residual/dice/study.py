@@ -93,7 +93,7 @@ def dice_study(
 
     `hits` are trial and t (s) of all detected hits (arcs.csv), `impacts` the isolated measured ones (impacts.csv);
     `critique` is the critique's model (model.json), None omits it.  `say` is called with a line for each part.
-    Raises UserError if the shape is no square, or the critique's model has effects that throws do not know.
+    Raises UserError if the shape is not a square, or the critique's model has effects that throws do not know.
     """
     side = side_of(dataset)
     dataset = dataset.first_trials(settings.throws)

@@ -39,7 +39,7 @@ WITHOUT_ELEMENT = (
     *(f"{what}_{shape}" for what in ("restitution", "friction") for shape in ("patch", "bump", "step")),
 )
 SUPPORTED: tuple[str, ...] = tuple(name for name in CAUSES if name not in WITHOUT_ELEMENT)
-# the contact of each surface; in Drake's own it is Hunt and Crossley's dissipation that loses energy, so that it is no
+# the contact of each surface; in Drake's own it is Hunt and Crossley's dissipation that loses energy, so that it is not
 # hidden cause, and a hydroelastic body has sharp edges and no stiffness to compare a tangential one with
 SURFACES: dict[str, tuple[str, ...]] = {
     "pad": SUPPORTED,

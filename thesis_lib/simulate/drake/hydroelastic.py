@@ -60,7 +60,7 @@ def solid_shape(body: Body, grown: float) -> Shape:
     """The thick body, `grown` by a factor.
 
     Raises:
-        UserError: a polygon that is no rectangle about its origin, with sides along its axes.
+        UserError: a polygon other than a rectangle about its origin, with sides along its axes.
     """
     shape = body.shape
     if isinstance(shape, Ellipse | Disk):

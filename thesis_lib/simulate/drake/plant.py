@@ -100,8 +100,8 @@ def drop_plant(
     """Diagram of one body in flight, or over the plate.
 
     `body` and `gravity` (m/s²) are as believed; only the friction of `contact` is used.  Without a `surface` there
-    is no plate, but a log of the flight.  `air` goes from the plant's state to a generalised force on it; None: as in
-    `m`.
+    is a log of the flight instead of a plate.  `air` goes from the plant's state to a generalised force on it; None: as
+    in `m`.
     """
     builder = DiagramBuilder()
     if surface is None:

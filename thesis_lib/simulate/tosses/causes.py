@@ -27,7 +27,7 @@ import numpy as np
 
 LATER = 0.03  # s after the first touch of a toss; what touches then belongs to a later hit
 SUPPORTED = 0.015  # s without a hit, after which a body that touches is supported
-HIT = 0.1  # m/s of approach: a slower touch is no hit
+HIT = 0.1  # m/s of approach: a slower touch does not count as a hit
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ class TossedWorld:
         """Points (k, 3) in m in axes of the shape, and the radius of the balls about them.
 
         Raises:
-            UserError: the body is no ball, box, capsule or sharp hull.
+            UserError: the body is not a ball, box, capsule or sharp hull.
         """
         solid = self.rig.body.solid
         if isinstance(solid, Sphere):

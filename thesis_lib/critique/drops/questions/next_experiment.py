@@ -12,7 +12,7 @@ in the states A add, if the other model is true,
 States are chosen in turn, `REPEATS` impacts each, so that the sum of this over either model being true grows most (the
 T-optimum of Atkinson and Fedorov 1975, doi 10.1093/biomet/62.1.57).  Whitening is by the median covariance S of the
 final model's residual, scatter included.  What is told of a state is the |d_i − J_i δ| that is left, the smaller of
-both.  Effects that are on or off are no rivals by score test: a first-order test says nothing about a step.
+both.  Effects that are on or off do not compete by score test: a first-order test says nothing about a step.
 
 `shows` "misfit": something remains that no effect explains.  States around which the final model's own root mean square
 misfit is largest, in units of noise.

@@ -2,10 +2,10 @@
 
     z_i = e_i / √(trace of the kinetic covariance of e_i)
 
-is the error of impact i over that predicted by noise and mean scatter, so that a region of large noise is no region of
-failure.  A rule is one interval of one feature, or two.  Its score is the rank sum of z inside against outside.  Its
-p-value is the share of permutations of z in which *any* rule scores as high.  Flights have their own rules and p-values
-over the state at mid-flight.
+is the error of impact i over that predicted by noise and mean scatter, so that a region of large noise does not pass
+for one of failure.  A rule is one interval of one feature, or two.  Its score is the rank sum of z inside against
+outside.  Its p-value is the share of permutations of z in which *any* rule scores as high.  Flights have their own
+rules and p-values over the state at mid-flight.
 
 Rules are found on all impacts, because there are few.  A region's errors are those of held-out impacts if at least
 `FEWEST_HELD_OUT` lie inside and as many outside (`on`: "held_out"), else of all ("all").

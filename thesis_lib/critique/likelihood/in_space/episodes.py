@@ -1,4 +1,4 @@
-"""Episodes in space: all that happens between two motions that are seen (`clear_flights`), if it is no single hit.
+"""Episodes in space: all that happens between two motions that are seen (`clear_flights`), unless it is a single hit.
 
 Hits with too few samples between them are put together as in the plane (`datasets/impacts/episodes.py`).  Two hits
 between two samples look like one.  They are found by the corners: the flight before, followed on, touches the

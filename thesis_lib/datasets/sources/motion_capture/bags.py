@@ -250,7 +250,7 @@ def _check_database(path: Path) -> None:
     for kind, name, sql in made:
         computed = kind == "table" and re.search(r"\bAS\b|\bVIRTUAL\b", str(sql), re.IGNORECASE)
         if kind not in ("table", "index") or computed:
-            raise ValueError(f"'{str(name)[:40]}' in it is no plain table")
+            raise ValueError(f"'{str(name)[:40]}' in it is not a plain table")
 
 
 def _check_chunks(path: Path) -> None:

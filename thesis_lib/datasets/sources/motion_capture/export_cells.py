@@ -81,7 +81,7 @@ def lost_zeros(cells: np.ndarray, notes: list[str]) -> None:
 def length_unit(path: Path, text: str, where: str) -> float:
     """Factor from a unit of length, as exports name it, to m; UserError for an unknown one."""
     if text.lower() not in LENGTHS:
-        raise UserError(f"{path}, {where}: '{text[:40]}' is no known unit of length ({', '.join(LENGTHS)}).")
+        raise UserError(f"{path}, {where}: '{text[:40]}' is not a known unit of length ({', '.join(LENGTHS)}).")
     return LENGTHS[text.lower()]
 
 

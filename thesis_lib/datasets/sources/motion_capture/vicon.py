@@ -91,7 +91,7 @@ def read_vicon(path: Path, body: str | None, rotation: str | None, notes: list[s
     place, turn = ({axis: n for (of, axis), n in bodies[chosen].items() if of == kind} for kind in "tr")
     unit = found.units[turn["x"]].lower()
     if "w" not in turn and unit not in ANGLES:
-        raise UserError(f"{path}, line of units: '{unit[:40]}' is no unit of RX; expected deg or rad.")
+        raise UserError(f"{path}, line of units: '{unit[:40]}' is not a unit of RX; expected deg or rad.")
     scale, degrees = length_unit(path, found.units[place["x"]], "line of units"), ANGLES.get(unit, False)
     return motion_of_body(path, found.rows, t, place, turn, chosen, scale, rotation or "XYZ", notes, degrees)
 

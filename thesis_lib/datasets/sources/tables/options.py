@@ -169,7 +169,7 @@ def parse_numbers(text: str, many: int, mistake: str) -> list[float]:
 
 def parse_direction(text: str, option: str) -> np.ndarray:
     """'z', '-y' or '0.1,0,1' -> a unit vector (3,); UserError for anything else."""
-    mistake = f"{option}: '{text}' is no direction; give an axis such as z or -y, or three numbers X,Y,Z."
+    mistake = f"{option}: '{text}' is not a direction; give an axis such as z or -y, or three numbers X,Y,Z."
     sign, name = (-1.0, text[1:]) if text.startswith("-") and text[1:] in AXES else (1.0, text)
     vector = sign * np.array(AXES.get(name) or parse_numbers(text, 3, mistake))
     if not 1e-9 < (length := np.linalg.norm(vector)) < 1e9:
