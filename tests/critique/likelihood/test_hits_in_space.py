@@ -1,7 +1,5 @@
 """Hits found in the trajectories of a tossed box are those that were, within their covariance."""
 
-import re
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -175,18 +173,6 @@ def test_hits_that_follow_too_soon_are_episodes_between_two_flights(tossed):
     assert np.mean(np.array(inside) >= 2) > 0.5 and np.mean(np.array(inside) >= 1) > 0.98
     same = np.flatnonzero(found.span == 0.0)
     assert set(zip(found.trial[same], found.impact[same])) <= set(zip(tossed.found.trial, tossed.found.impact))
-
-
-@pytest.mark.parametrize(("frames", "where"), [(3, "behind"), (-3, "ahead of")])
-def test_a_lag_of_several_frames_is_found_where_hits_follow_quickly(tossed, frames, where):
-    table = tossed.dataset.trajectories
-    late = table.groupby("trial")[list(QUATERNION)].shift(frames)
-    shifted = table.assign(**late).dropna()
-    found = observe_in_space(replace(tossed.dataset, trajectories=shifted), episodes=False)
-    said = [re.search(r"orientations come ([\d.]+) ms (.*?) positions", text) for text in found.found.warnings]
-    (lag,) = filter(None, said)
-    assert float(lag[1]) == pytest.approx(1e3 * abs(frames) / tossed.dataset.rate, rel=0.12) and lag[2] == where
-    assert not any("orientations come" in text for text in tossed.found.found.warnings)
 
 
 @pytest.mark.parametrize("offset, gravity", [((0.0, 0.0, 0.0), 9.81), ((2e-3, 0.0, 6e-3), 9.6)])

@@ -25,6 +25,7 @@ from thesis_lib.critique.likelihood.in_space.instants import (
 )
 from thesis_lib.critique.likelihood.in_space.left_out import (
     LATE,
+    REST,
     has_another_hit,
     lag_of_attitudes,
     lag_warning,
@@ -122,8 +123,8 @@ def observe_in_space(
     pose, tau = np.moveaxis(states.pose[:, index], 0, -1), windows.t[rows] - t[rows, None]
     used, G = side[rows] > 0.0, header.body.inertia_per_mass
     fitted = fit_windows(pose, tau, used, G, noise)
-    lag = lag_of_attitudes(fitted) if dataset.has_angle else 0.0
-    if abs(lag) > (LATE if lags else settings.guard) and len(lags) < MOST_LAGS:
+    lag = lag_of_attitudes(fitted, REST if lags else LATE) if dataset.has_angle else 0.0
+    if abs(lag) > (0.0 if lags else settings.guard) and len(lags) < MOST_LAGS:
         # an attitude between two samples is of neither flight where there was a hit between them
         guard = max(settings.guard, sampling_interval(samples))
         return observe_in_space(dataset, settings.model_copy(update={"guard": guard}), episodes, (*lags, lag))

@@ -14,7 +14,6 @@ from thesis_lib.statistics.spread import MEDIAN, robust_std
 FEWEST = 3  # hits that show a lag
 SUREST, ENOUGH = 0.2, 12  # share of the hits whose changes of spin are known best, and how many of them show it well
 SURE = 3.0  # standard errors by which it is there
-OFTEN = 0.3  # share of those hits that show it on one side
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
 CLEAN = 0.25  # share of the hits that usually have no other one in their window
 SLACK = 4.0  # of χ², for slow errors, where fewer are clean
@@ -22,7 +21,7 @@ CLEANEST = 0.05  # share of the hits that have no other one in their window, at 
 CHANCE = 1e-3  # of χ² of a hit that is as clean as those
 UNSEEN, UNKNOWN_GRAVITY = 0.1, 1.0  # m and m/s², one sigma of what all hits share before they are seen
 ODD, ROUNDS = 3.0, 5  # misfits of a clean hit, from which on one has no say in that; fits of it
-LATE = 1e-3  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
+LATE, REST = 1e-3, 3e-4  # s; arcs that air or a tilt bends meet some 0.2 ms beside the hit
 RISE = 0.15  # m/s between hits of a ball; a wrong centre of mass moves speeds by some 0.05 m/s
 
 
@@ -151,8 +150,8 @@ def _turned(fitted: SideLines) -> tuple[np.ndarray, np.ndarray]:
     return turn, fitted.slope[:, 1, 3:] - fitted.slope[:, 0, 3:]
 
 
-def lag_of_attitudes(fitted: SideLines) -> float:
-    """Time in s by which attitudes change their course later than places do, 0 where that is not clear.
+def lag_of_attitudes(fitted: SideLines, least: float = LATE) -> float:
+    """Time in s by which attitudes change their course later than places do, 0 where not clear or below `least`.
 
     Attitudes that come a time L late miss each other by −L Δω where the places meet, as seen best at hits whose Δω is
     known best.
@@ -165,16 +164,8 @@ def lag_of_attitudes(fitted: SideLines) -> float:
     if len(sure) < FEWEST:
         return 0.0
     late = -((turn * spun).sum(axis=1) / square)[sure]
-    of_turn = np.trace(fitted.cov[:, :, 6::2, 6::2].sum(axis=1), axis1=1, axis2=2) / square
-    seen = np.abs(late) > np.maximum(SURE * np.sqrt((of_turn[sure] + late**2 * unsure[sure]) / 3.0), LATE)
-    # where the tracked point is off the centre, attitudes that come late make hits of their own, at which none does
-    for times in (late, late[seen & (late > 0.0)], late[seen & (late < 0.0)]):
-        if len(times) < max(FEWEST, OFTEN * len(sure)):
-            continue
-        middle, spread = float(np.median(times)), float(robust_std(times - np.median(times)))
-        if abs(middle) > max(SURE * MEDIAN * spread / np.sqrt(len(times)), LATE):
-            return middle
-    return 0.0
+    middle, error = float(np.median(late)), MEDIAN * float(robust_std(late - np.median(late))) / np.sqrt(len(sure))
+    return middle if abs(middle) > max(SURE * error, least) else 0.0
 
 
 def lag_warning(lag: float) -> tuple[str, ...]:
