@@ -59,12 +59,12 @@ def rolling(lag):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [8e-3, -8e-3])
-def test_attitudes_that_come_late_are_left_out_beside_a_hit_and_are_no_noise(lag):
+def test_attitudes_that_come_late_are_taken_later_and_add_no_noise(lag):
     plain, late = rolling(0.0), rolling(lag)
     way = "behind" if lag > 0.0 else "ahead of"
     assert not plain.found.warnings
     assert any(re.match(rf"At hits orientations come (7|8)\.?\d* ms {way} pos", text) for text in late.found.warnings)
     nearest = [np.median(np.abs(o.nodes).min(axis=(1, 2))) for o in (plain, late)]
-    assert nearest[0] < 3e-3 and nearest[1] > 6e-3
+    assert nearest[0] < 3e-3 and nearest[1] < 6e-3  # half a frame, and one more beside a hit
     spread = [np.sqrt(np.median(np.einsum("nsii->nsi", o.cov)[:, 0, [1, 7]], axis=0)) for o in (plain, late)]
-    assert np.all(spread[1] < 2.0 * spread[0]) and len(late) > 0.5 * len(plain)  # velocity and spin
+    assert np.all(spread[1] < 2.0 * spread[0]) and len(late) > 0.9 * len(plain)  # velocity and spin
