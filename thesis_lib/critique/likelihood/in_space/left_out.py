@@ -11,7 +11,7 @@ from thesis_lib.datasets.flights.lines import SideLines, lines_through, norm
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.statistics.spread import MEDIAN, robust_std
 
-FEWEST = 3  # hits that show a lag
+FEWEST = 6  # hits that show a lag
 SUREST, ENOUGH = 0.2, 12  # share of the hits whose changes of spin are known best, and how many of them show it well
 SURE = 3.0  # standard errors by which it is there
 IMPROBABLE = 1e-6  # of χ² without another hit in the window
