@@ -377,7 +377,8 @@ def with_episodes(single: Observations, episodes: Mapping[str, np.ndarray], tabl
     order = np.lexsort((np.concatenate([single.t, t]), np.concatenate([single.trial, trial])))
     arrays = {name: np.concatenate([getattr(single, name), episodes[name]])[order] for name in ROWS}
     held = {(i, k) for i, first, last in table[["trial", "impact", "last"]].to_numpy() for k in range(first, last + 1)}
-    still_out = left_out[[pair not in held for pair in zip(left_out["trial"], left_out["impact"])]]
+    out = np.array([pair not in held for pair in zip(left_out["trial"], left_out["impact"])], bool)
+    still_out = left_out[out]
     return replace(single, **arrays, found=replace(single.found, left_out=still_out.reset_index(drop=True)))
 
 
