@@ -60,7 +60,7 @@ FEWEST = 3  # samples on either side of a hit
 SPREAD = 3.0  # robust standard deviations of the gap at hits
 UPWARDS = 5  # of values and slopes of all channels: the slope of n
 SURE = 3.0  # standard errors by which a surface pushes a body away
-MOST_LAGS = 4  # steps to the lag of orientations; each one leaves a tenth of it
+MOST_LAGS = 4  # steps to the lag of orientations; each one leaves less than half of it
 CLEARLY = 1.1  # of the guard, by which contacts last longer
 TO_PLANE = [0, 2, 1]  # t_1, n, t_2: detection takes the second coordinate as the height
 
