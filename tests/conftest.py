@@ -4,7 +4,10 @@ Measured data are not ours to pass on: tests that need them are skipped where th
 as published, in the folder that the variable PUBLISHED_DATA names.
 """
 
+import argparse
 import os
+import re
+import zlib
 
 # as in the pipeline, and before numpy reads it; on a busy machine threads of BLAS and torch wait for each other
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -39,10 +42,28 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
     return ByFile(config, log)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def _part(text: str) -> tuple[int, int]:
+    """(K, N) of "K/N"; raises ArgumentTypeError."""
+    if not (found := re.fullmatch(r"([1-9]\d*)/([1-9]\d*)", text)) or int(found[1]) > int(found[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is not K/N with K from 1 to N, as in 1/3")
+    return int(found[1]), int(found[2])
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--slow-part", type=_part, metavar="K/N", help="of the slow tests the K-th of N parts; together N parts are all"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         if MEASURED & set(getattr(item, "fixturenames", ())):
             item.add_marker("measured")
+    if part := config.getoption("slow_part"):
+        k, n = part
+        other = {i for i in items if i.get_closest_marker("slow") and zlib.crc32(i.nodeid.encode()) % n != k - 1}
+        config.hook.pytest_deselected(items=list(other))
+        items[:] = [item for item in items if item not in other]
     if "PYTEST_XDIST_WORKER" in os.environ:
         slow = {item.path for item in items if item.get_closest_marker("slow")}
         items.sort(key=lambda item: item.path not in slow)

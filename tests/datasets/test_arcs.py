@@ -163,6 +163,7 @@ def test_correlated_noise_widens_the_covariance():
     assert LOOSE_CHI2[0] < chi2_per_dof(errors(f, found)[0][:, 3:], found.impacts.cov[:, 3:, 3:]) < LOOSE_CHI2[1]
 
 
+@pytest.mark.slow
 def test_stray_acceleration_is_estimated_and_widens_the_covariance():
     """Each flight has its own acceleration along x, 1 m/s²; x does not enter the geometry of the hits."""
     f = fly(ellipse_header(), np.random.default_rng(9), 250)

@@ -136,6 +136,7 @@ def test_check_as_json(tmp_path, capsys):
     assert facts["problems"][0]["what"] == "the folder does not exist"
 
 
+@pytest.mark.slow
 def test_command_line_from_a_shell(tmp_path):
     folder = write(tmp_path / "drops", impacts=impacts())
     command = [sys.executable, "-m", "thesis_lib", "datasets"]

@@ -69,6 +69,7 @@ def test_noise_is_estimated_from_the_arcs(found: FoundImpacts):
     np.testing.assert_allclose(found.impacts.r[:, 1], -(found.impacts.q[:, 1] - 0.012), atol=2e-3)
 
 
+@pytest.mark.slow
 def test_header_noise_is_compared_with_the_arcs():
     flights = fly(ellipse_header(), np.random.default_rng(23), 60)
     cases = ((3e-4, False, 3e-4), (3.4e-4, False, 3.4e-4), (4.2e-4, True, 3e-4), (1e-2, True, 3e-4))
@@ -140,6 +141,7 @@ def test_single_sample_glitch_is_masked_and_reported(flights: Flights, found: Fo
     assert any("glitches" in text for text in other.warnings)
 
 
+@pytest.mark.slow
 def test_a_gross_contradiction_is_refused_with_its_factor_and_cause(flights: Flights):
     poses = pd.DataFrame(np.c_[flights.t, flights.q], columns=["t", "x", "y", "theta"])
     poses.insert(0, "trial", flights.trial)

@@ -21,6 +21,7 @@ def init(tmp_path, frame, *options: str) -> tuple[int, object]:
     return code, read_dataset(tmp_path / "made") if code == 0 else None
 
 
+@pytest.mark.slow
 def test_tosses_stay_in_space(tmp_path, capsys):
     frame = flights(trials=12)
     code, made = init(
@@ -34,6 +35,7 @@ def test_tosses_stay_in_space(tmp_path, capsys):
     assert "the tracked frame is taken to be that of the shape" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["rows", "blocks", "before", "behind"])
 def test_of_several_bodies_in_a_table_one_is_named(tmp_path, capsys, form):
     frame, options = flights(trials=12), ["--quaternion", "wxyz", *SHAPE, "--force"]
@@ -58,6 +60,7 @@ def test_of_several_bodies_in_a_table_one_is_named(tmp_path, capsys, form):
     np.testing.assert_allclose(made.trajectories[["t", "x", "y", "z"]], frame[["t", "x", "y", "z"]], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_units_and_the_axis_that_is_up_are_found_or_given(tmp_path, capsys):
     frame = flights(trials=12)
     log = frame.assign(x=1e3 * frame["y"], y=1e3 * frame["z"], z=1e3 * frame["x"])
@@ -85,6 +88,7 @@ def test_another_order_of_the_quaternion_is_refused_with_the_option(tmp_path, ca
     assert code == 2 and "It does with --quaternion xyzw" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lost", [np.nan, 0.0])
 @pytest.mark.parametrize("cut", [False, True])
 def test_where_the_orientation_is_lost_the_position_stays(tmp_path, capsys, lost, cut):
@@ -142,6 +146,7 @@ def test_a_planar_table_has_no_body_in_space(tmp_path, capsys):
     assert "a box is a body in space" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_ball_and_a_mesh(tmp_path):
     frame = flights(trials=12)
     code, ball = init(tmp_path, frame.drop(columns=Q), "--shape", "sphere:0.03")
@@ -153,6 +158,7 @@ def test_a_ball_and_a_mesh(tmp_path):
     assert (tmp_path / "made" / "body.stl").exists()
 
 
+@pytest.mark.slow
 def test_an_open_mesh_needs_what_is_believed_of_its_mass(tmp_path, capsys):
     frame = flights(trials=12)
     (tmp_path / "open.obj").write_bytes(mesh((50.0, 40.0, 30.0), closed=False))
@@ -180,6 +186,7 @@ def test_what_is_too_slow_for_flights_is_refused_with_that_reason(tmp_path, caps
     assert too_slow(60.0) == ""
 
 
+@pytest.mark.slow
 def test_one_long_recording_is_cut_into_tosses(tmp_path):
     """Each toss is followed by a pause at rest on the table, after which the next one begins."""
     parts, start = [], 0.0

@@ -127,6 +127,7 @@ def test_a_planar_table_is_cut_on_demand(tmp_path, recorded, capsys):
     same_drops(tmp_path, recorded)
 
 
+@pytest.mark.slow
 def test_trials_are_those_of_the_log_and_of_its_files(tmp_path, recorded):
     """A column of trials, and a file each, are not cut; both give the samples of the drops as they are."""
     during = recorded.drop >= 0

@@ -165,6 +165,7 @@ def test_hits_must_lie_on_the_surface_and_approach_it():
     assert "millimetres or centimetres per second" in said(impacts=impacts().assign(vz_pre=-2000.0))
 
 
+@pytest.mark.slow
 def test_check_prints_what_is_in_a_set_in_space(tmp_path, capsys):
     folder = write(tmp_path / "drops", header(), trajectories=flights(), impacts=impacts(8))
     assert main(["check", str(folder)]) == 0
@@ -213,6 +214,7 @@ def test_whatever_the_numbers_are_a_set_is_described_or_refused(spoilt):
         assert "flights" in summary_text(made)
 
 
+@pytest.mark.slow
 def test_bodies_that_are_held_first_or_caught_are_named_with_the_time(tmp_path, capsys):
     frame = flights(trials=10)  # all end above the table
     parts = []

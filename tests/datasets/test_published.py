@@ -218,6 +218,7 @@ def test_a_changed_file_is_refused_and_nothing_is_written(two_throws, tmp_path):
         convert_published("planar_dice", tmp_path / "nowhere", tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_any_tosses_are_a_copy_and_the_missing_ones_are_said(three_tosses, tmp_path, capsys):
     folder, unit, poses = three_tosses
     (folder / "0.pt").rename(folder.parent / "0.pt")  # without its folder

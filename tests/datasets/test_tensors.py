@@ -27,6 +27,7 @@ def init(tmp_path, *options: str) -> int:
     return main(["init", *map(str, options), "-o", str(tmp_path / "made"), "--force"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("legacy", [False, True])
 def test_a_folder_of_tosses(tmp_path, legacy, capsys):
     assert init(tmp_path, saved(tmp_path / "tosses", legacy), "--columns", COLUMNS, *OPTIONS) == 0
@@ -38,6 +39,7 @@ def test_a_folder_of_tosses(tmp_path, legacy, capsys):
     np.testing.assert_allclose(turned, 1.0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_what_is_no_toss_is_refused(tmp_path, capsys, monkeypatch):
     folder = saved(tmp_path / "tosses")
     columns = ["--columns", COLUMNS]

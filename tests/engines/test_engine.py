@@ -39,6 +39,7 @@ def of(name, body, n, **options):
     return ENGINES[name](body, n, **({"contact": made} | options))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [HiddenCauses(), HIDDEN], ids=["nothing", "hidden"])
 @pytest.mark.parametrize("name", ENGINES)
 def test_impacts_are_those_of_the_engines_own_drops(name, hidden):

@@ -57,6 +57,7 @@ def test_all_pictures_are_there_with_explained_numbers_and_one_sentence(drawn):
         assert len(table) and len(figure.get_suptitle()) > 20, name
 
 
+@pytest.mark.slow
 def test_no_title_leaves_its_figure(drawn):
     for name, (figure, _) in drawn.items():
         house_style(figure.draw_without_rendering)()

@@ -63,6 +63,7 @@ def _burn(seconds: float) -> None:
         pass
 
 
+@pytest.mark.slow
 def test_the_sandbox_finds_bad_readers_and_goes_on(tmp_path, monkeypatch):
     """Each bad reader is told by its fault, and the one after it is read as if nothing had been."""
     monkeypatch.setattr(sandbox, "CPU_LIMIT", LIMIT)

@@ -184,6 +184,7 @@ class TestDatasets:
         },
     )
 
+    @pytest.mark.slow
     @few
     @given(st.builds(operator.or_, bodies, surroundings))
     def test_a_header_comes_back(self, folder, content):
@@ -213,6 +214,7 @@ class TestDatasets:
 
 
 class TestTypedFiles:
+    @pytest.mark.slow
     @few
     @given(st.data())
     def test_a_configuration_with_any_value_anywhere_is_read_or_refused(self, folder, data):

@@ -42,6 +42,7 @@ def first_contact(drops):
     return truth, ForcePlate(SETTINGS).contact(q, v, truth["t"]), v, after
 
 
+@pytest.mark.slow
 def test_integral_of_the_force_is_the_change_of_momentum(drops):
     truth, history, _, _ = first_contact(drops)
     assert history.impulse == pytest.approx(truth[["c_t", "c_n"]].to_numpy(float), abs=STEP_FORCE)
@@ -65,6 +66,7 @@ def test_sensor_is_read_on_its_own_clock(drops):
     assert ticks == pytest.approx(np.round(ticks), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_impulses_are_unbiased_and_stated_errors_hold(rows):
     table, left_out = rows
     arcs = table[table["method"] == "arcs"]
@@ -77,6 +79,7 @@ def test_impulses_are_unbiased_and_stated_errors_hold(rows):
     assert 1e-5 < arcs["c_n_std"].median() < 5e-4
 
 
+@pytest.mark.slow
 def test_estimator_finds_the_noise_that_it_is_not_told():
     stated = []
     for noise in (Noise(position=3e-4, angle=3e-3), Noise(position=3e-5, angle=3e-4)):

@@ -56,6 +56,7 @@ def test_a_body_without_faces_is_refused():
         at_rest(replace(lying(np.zeros(2)), header=Header.model_validate({"schema": 1, "body": ELLIPSE_BODY})))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("contact_time", "most"), [(2e-5, 0.015), (1e-3, 0.05)])
 def test_a_body_that_is_lighter_in_rotation_is_so_at_every_angle(monkeypatch, contact_time, most):
     """But for contacts of 1 ms, in which the body turns, up to 4 % far from flat."""

@@ -140,6 +140,7 @@ def test_interval_covers_the_truth_of_simulated_drops(rng):
     assert mirrored["scale"] > 5.0
 
 
+@pytest.mark.slow
 def test_impacts_that_were_found_before_give_the_same(rng):
     drops = dataset(Body(shape=SHAPE, mass=0.0364, radius_of_gyration=0.0215), HiddenCauses(), rng, 20)
     found = find_impacts(drops)

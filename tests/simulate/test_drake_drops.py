@@ -28,6 +28,7 @@ pad = partial(run, "pad")
 # --- over a pad ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("epsilon", [0.3, 0.55, 0.9, 1.0])
 def test_restitution_depends_neither_on_speed_nor_on_the_lever(epsilon):
     contact = {"epsilon": epsilon, "mu": 0.0}
@@ -50,6 +51,7 @@ def test_drakes_own_dissipation_makes_restitution_fall_with_speed():
     assert (np.diff(ratio[np.argsort(speed)]) < 0.0).all()
 
 
+@pytest.mark.slow
 def test_tighter_error_control_changes_little():
     def after(accuracy):
         given = {"engine": DropsInDrake(accuracy=accuracy), "contact": CompliantContact(contact_time=BRIEF)}

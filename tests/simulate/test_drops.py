@@ -99,6 +99,7 @@ def test_plant_refuses_what_would_end_the_process():
 # --- flight ---
 
 
+@pytest.mark.slow
 def test_arcs_are_ballistic_before_and_after_the_first_impact(many):
     p, first = poses(many), many.impacts[many.impacts["impact"] == 0]
     second = many.impacts[many.impacts["impact"] == 1].set_index("trial")["t"].reindex(first["trial"]).to_numpy()
@@ -192,6 +193,7 @@ def test_mirrored_releases_give_mirrored_drops():
 # --- support ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [ELLIPSE_BODY, DISK_BODY, SQUARE_BODY], ids=["ellipse", "disk", "square"])
 @pytest.mark.parametrize("epsilon", [0.0, 0.5, 1.0])
 def test_no_drop_sinks(body, epsilon):
@@ -203,6 +205,7 @@ def test_no_drop_sinks(body, epsilon):
     assert (out.trials["status"] == DropStatus.DONE).all()
 
 
+@pytest.mark.slow
 def test_a_plastic_disk_slides_under_coulomb_friction_then_rolls():
     mu, vx = 0.05, 1.0
     out = run(1, DISK_BODY, at(vx=vx), mu=mu, epsilon=0.0, duration=1.2)
@@ -279,6 +282,7 @@ def test_a_drop_is_the_same_whatever_the_number_of_drops():
     np.testing.assert_allclose(poses(more)[:7], poses(few), atol=CONTACT_TIME)
 
 
+@pytest.mark.slow
 def test_noise_is_what_was_asked_for_and_leaves_the_truth_alone():
     clean, noisy = run(40), run(40, noise=Noise(position=3e-4, angle=3e-3))
     error = poses(noisy) - poses(clean)

@@ -122,6 +122,7 @@ def test_a_low_pass_reaches_a_step_after_its_time_constant():
     assert x[20] == pytest.approx(1.0 - np.exp(-1.0), abs=0.03) and x[-1] > 0.999
 
 
+@pytest.mark.slow
 def test_a_recording_of_an_engine_reads_back_and_equal_seeds_are_equal(tmp_path):
     quiet = Sensors(velocity=1e-3)
     made = [simulate_recording("w", "wheel", "payload", "mujoco", seed=3, trials=4, sensors=quiet) for _ in range(2)]

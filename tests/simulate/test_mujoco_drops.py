@@ -50,6 +50,7 @@ def test_smaller_time_steps_converge():
     assert largest[2] < 3e-3  # m/s; 200 steps, the default, are within the rig's noise of 0.01
 
 
+@pytest.mark.slow
 def test_friction_by_place_and_a_moving_plate_act_on_the_slip():
     """Where it slides throughout, the friction impulse is μ c_n with the μ of the place, against the slip."""
     slope = first(run(40, contact={"mu": 0.05}, hidden={"friction_slope": 2.0}))
@@ -122,6 +123,7 @@ def test_the_loose_mass_swings_at_its_frequency_after_an_impact():
     assert np.std(left) < 0.02 * np.std(ring) and np.std(ring) > 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [{}, {"wear": 0.3, "friction_slope": 0.5, "loose_mass": 0.2}])
 def test_results_do_not_depend_on_the_number_of_threads(hidden, monkeypatch):
     one = run(7, noise=RIG, hidden=hidden)

@@ -171,6 +171,7 @@ def test_rod_sticks_with_its_first_end_then_slides_on_the_second():
     assert np.abs(record.v[-1]).max() < 1e-9 and np.abs(record.q[-1, [1, 2]]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_support_converges_with_the_time_step():
     """A rocking ellipse that rolls: the pose at 0.5 s to first order, the gap to second."""
 

@@ -26,6 +26,7 @@ from thesis_lib.simulate.tosses.world import TossedWorld
 simulate_tosses = partial(toss_in, engine=MujocoTosses())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_an_example_in_space_reads_back_without_a_doubt(tmp_path, shape, capsys):
     out = tmp_path / shape
@@ -38,6 +39,7 @@ def test_an_example_in_space_reads_back_without_a_doubt(tmp_path, shape, capsys)
     np.testing.assert_allclose(facts.fall, [0.0, 0.0, -9.81], atol=0.3)
 
 
+@pytest.mark.slow
 def test_hits_of_a_box_take_energy_and_happen_at_the_surface():
     made = simulate_tosses("box", drops=8, seed=2)
     found = observe_in_space(made)
@@ -117,12 +119,14 @@ def bounced(height, contact_time, **hidden):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_what_a_hit_returns_does_not_hang_on_where_in_a_step_it_begins():
     height = 0.1 + 0.1 * np.random.default_rng(0).random(16)
     returned, fall = bounced(height, 3e-3)[0], np.sqrt(height)
     assert np.std(returned - np.polyval(np.polyfit(fall, returned, 1), fall)) < 1e-3  # 4e-3 with 40 steps in a contact
 
 
+@pytest.mark.slow
 def test_only_later_hits_have_a_later_restitution_in_each_toss_and_after_a_short_contact():
     first, later = bounced(np.linspace(0.1, 0.2, 5), 3e-4, **{"later_restitution.d": -0.3})
     np.testing.assert_allclose(first, first[0], rtol=5e-3)

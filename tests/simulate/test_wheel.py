@@ -32,6 +32,7 @@ def test_it_rolls_down_without_slip_spoke_after_spoke():
     assert record.q[-1, 0] > 10.0 and record.v[-1, 2] < 0
 
 
+@pytest.mark.slow
 def test_limit_cycle_is_reached_to_first_order_in_the_time_step():
     errors = []
     for h in (4e-3, 2e-3, 1e-3):

@@ -21,6 +21,7 @@ def outputs(output: str) -> str:
     return " ".join(re.findall(r"output: (.*)", output))
 
 
+@pytest.mark.slow
 def test_without_measured_data_the_simulated_drops_remain(checkout, snakemake):
     done = snakemake(checkout, "-n", "--config", "seed=7")
     assert done.returncode == 0, done.stdout
@@ -62,6 +63,7 @@ def test_an_overlay_reaches_the_jobs_and_studied_datasets_are_a_choice(checkout,
     assert "Simulating 77 drops" in done.stdout
 
 
+@pytest.mark.slow
 def test_wrong_configuration_is_refused_without_a_traceback(checkout, snakemake):
     overlay = "drops: {n: many}\nchapter3: {bootstraps: 3, topography: {law: mirtch}}\n"
     (checkout / "overlay.yaml").write_text(overlay)

@@ -85,6 +85,7 @@ def test_errors_are_those_of_held_out_impacts_only(results):
     assert not {trial for trial, _ in training} & {trial for trial, _ in held_out}
 
 
+@pytest.mark.slow
 def test_tables_count_what_was_trained_on_and_what_was_judged(results):
     train = results["split"]["train"]
     for name in ("n_train", "n_held_out"):

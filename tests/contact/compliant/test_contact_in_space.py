@@ -191,6 +191,7 @@ def test_a_central_contact_in_space_has_the_restitution_and_the_time_of_its_forc
         assert "crossley" not in name or elapsed == pytest.approx(lasting, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lever", [0.0, 0.006])
 @pytest.mark.parametrize(("impratio", "d"), [(1.0, 0.9), (50.0, 0.999)])
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])

@@ -63,6 +63,7 @@ def wait_for(condition: Callable[[], bool]) -> bool:
     return condition()
 
 
+@pytest.mark.slow
 def test_each_bad_dataset_is_listed_with_its_reason_and_stops_no_other(folders, tmp_path):
     out, said = tmp_path / "out", []
     paths = folders("good_a", *REASONS, "good_b", "good_c")

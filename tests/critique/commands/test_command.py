@@ -103,6 +103,7 @@ def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(no_pictures, d
     assert "Switched on by you: wrong inertia; these data do not ask for it" in shown.out
 
 
+@pytest.mark.slow
 def test_predict_uses_the_model_of_the_run(run_folder, tmp_path, capsys):
     states = pd.DataFrame(
         {"x": 0.0, "y": 0.03, "theta": [0.3, -0.3], "vx": [0.5, -0.5], "vy": -2.0, "omega": [5.0, -5.0]}
@@ -245,6 +246,7 @@ def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hi
     assert not (tmp_path / "flights.csv").exists() or (tmp_path / "flights.csv").read_text() != "old"
 
 
+@pytest.mark.slow
 def test_the_public_face_is_the_function_whatever_was_imported_before():
     code = (
         "from thesis_lib.critique.drops.criticise import DropsCritique\n"

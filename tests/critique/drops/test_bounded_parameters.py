@@ -46,6 +46,7 @@ def sticking():
     return criticise_drops(dataset, rng=np.random.default_rng(0), settings=NO_SEARCH), ratio
 
 
+@pytest.mark.slow
 def test_friction_of_drops_that_never_slip_is_a_lower_bound(sticking):
     critique, ratio = sticking
     content = diagnosis(critique, np.random.default_rng(0))

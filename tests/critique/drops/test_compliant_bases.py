@@ -129,6 +129,7 @@ def usual(contact: MujocoContact, drops: int) -> Dataset:
 DEFAULT = {"impedance": 0.9, "deep_impedance": 0.95, "impratio": 1.0, "steps": 100}
 
 
+@pytest.mark.slow
 def test_mujoco_s_usual_impedance_is_fitted():
     o = observe(usual(MujocoContact(contact_time=8e-4, **DEFAULT), 40))
     fitted = fit(Model(BASES["convex_contact"], takes_time=True), o)
@@ -169,6 +170,7 @@ def test_hertz_is_named_where_contacts_are_long():
     assert judged.discovery.bases["hertz_contact"].score > judged.discovery.bases["mirtich"].score + 100.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "exponent"), [("ellipse", 1.5), ("square", 1.0)])
 def test_a_spring_along_the_surface_is_that_of_the_simulated_contact(shape, exponent):
     body = {"ellipse": ELLIPSE_BODY, "square": SQUARE}[shape]
@@ -216,6 +218,7 @@ def test_in_short_contacts_a_spring_along_the_surface_is_the_impulse_of_its_effe
     assert np.abs(after.v[:, :2] - limit.v[:, :2]).mean() < 0.01
 
 
+@pytest.mark.slow
 def test_simulators_put_the_force_in_the_middle_of_the_overlap():
     quiet = Noise(position=0.1 * RIG_NOISE.position, angle=0.1 * RIG_NOISE.angle)
     slow = MujocoContact(contact_time=3e-3)

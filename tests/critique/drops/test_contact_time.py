@@ -90,6 +90,7 @@ def test_duration_of_a_half_sine_is_twice_its_centroid():
     assert duration(1.0, 0.0) == pytest.approx(np.pi / 2)  # a quarter of a sine, all of it loading
 
 
+@pytest.mark.slow
 def test_fit_finds_the_contact_time_with_an_honest_error():
     model, true = Model(LAW, takes_time=True), TRUTH | {"tau": 5e-4}
     z = []

@@ -194,6 +194,7 @@ def test_episodes_alone_say_restitution_by_their_fit_only(observed):
     assert few.restitution == (fitted.values["epsilon"], fitted.std["epsilon"])
 
 
+@pytest.mark.slow
 def test_few_hits_say_restitution(tmp_path):
     found = criticise(tossed(6))
     content = found.to_dict()

@@ -235,6 +235,7 @@ def test_an_episode_that_goes_with_the_square_of_the_angle_scatters_with_the_squ
     assert np.abs(S[:, 0, 1]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_episodes_sharpen_the_same_coefficients():
     fits = {episodes: fit(MODEL, observed(episodes=episodes)) for episodes in (False, True)}
     for name in ("mu", "epsilon", "tau"):

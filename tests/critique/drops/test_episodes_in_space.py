@@ -95,6 +95,7 @@ def tossed():
     return observe_in_space(simulate_tosses("tosses", "box", "nothing", drops=25, seed=1))
 
 
+@pytest.mark.slow
 def test_most_hits_of_a_box_are_used_and_those_in_episodes_count(tossed):
     hits = hard_hits(tossed)
     share = (hits["row"] >= 0).groupby(hits["kind"]).mean()

@@ -117,6 +117,7 @@ def test_a_parabola_through_a_long_flight_with_drag_is_predicted():
     assert np.abs(flights.residuals(bind(model, values, RIG))).max() < 5e-3 * dragged
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cause", "shape", "contact_time", "without"),
     [("linear_drag", "ellipse", 1e-3, 1.2), ("time_lag", "square", 3e-4, 2.5), ("com_offset_x", "ellipse", 1e-3, 1.5)],

@@ -96,6 +96,7 @@ def test_covariance_of_residuals_is_that_of_synthetic_data(effect):
     assert np.median(np.trace(whitened, axis1=1, axis2=2)) / S.shape[1] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_errors_of_fitted_coefficients_are_as_large_as_they_are_said_to_be():
     z, repeats = [], 24
     for seed in range(repeats):

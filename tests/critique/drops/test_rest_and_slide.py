@@ -125,6 +125,7 @@ def test_a_channel_concerns_the_effects_that_change_what_it_compares():
         assert set(effect.channels) <= set(CHANNELS)
 
 
+@pytest.mark.slow
 def test_slides_tell_friction():
     data = that_end_at_rest()
     o = observe(data, channels=("slide",))

@@ -84,6 +84,7 @@ def test_an_inertia_that_nobody_measured_may_be_the_cause():
     assert not any("stands in" in sentence for sentence in told("lighter", None)["summary"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", ["lighter", "spun"])
 def test_an_inertia_that_was_measured_is_no_cause(cause):
     d = told(cause, SURE)

@@ -71,6 +71,7 @@ def test_fits_that_go_together_are_those_alone(observations):
         assert fitted.values == pytest.approx(alone.values, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_first_round_may_take_the_noise_of_the_model_without_the_effect(observations):
     """It ends where the effect's own noise leads, or better: a start off the null errs, and takes that for scatter."""
     smaller = Drops(observations).fit("mirtich", (), effort="near")

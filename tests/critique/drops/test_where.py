@@ -82,6 +82,7 @@ def test_a_region_that_held_out_impacts_do_not_show_is_not_told():
         assert region["error_inside"] > region["error_outside"]
 
 
+@pytest.mark.slow
 def test_errors_without_structure_give_no_region():
     false = 0
     for seed in range(SEEDS):

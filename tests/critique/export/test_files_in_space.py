@@ -247,6 +247,7 @@ def test_what_no_file_can_hold_is_said():
         exported(space_model(), "mjcf", depth=0.1)
 
 
+@pytest.mark.slow
 def test_a_hull_is_its_corners(tmp_path):
     """Of a mesh, grown about the believed centre of mass: in MuJoCo as a mesh, in Drake as balls."""
     corners = 10.0 * np.array([[0, 0, 0], [8, 0, 0], [0, 6, 0], [0, 0, 5], [8, 6, 5]])

@@ -66,6 +66,7 @@ def as_believed():
     return observe_in_space(tossed())
 
 
+@pytest.mark.slow
 def test_what_a_right_model_leaves_is_noise_of_unit_variance(as_believed):
     z = left(as_believed)
     assert len(z) > TRIALS
@@ -78,6 +79,7 @@ def test_what_a_right_model_leaves_is_noise_of_unit_variance(as_believed):
     assert not len(as_believed.flights.bent)
 
 
+@pytest.mark.slow
 def test_frames_may_be_lost_so_that_steps_differ():
     kept = 0.7
     dataset = tossed(seed=2)
@@ -86,11 +88,13 @@ def test_frames_may_be_lost_so_that_steps_differ():
     assert robust_std(z, None) == pytest.approx(1.0, abs=NEAR * np.sqrt(1000.0 / z.size))
 
 
+@pytest.mark.slow
 def test_noise_beyond_what_is_stated_widens_the_accelerations():
     o = observe_in_space(tossed(noise=(4e-4, 6e-3)))
     assert robust_std(left(o), None) == pytest.approx(1.0, abs=NEAR)
 
 
+@pytest.mark.slow
 def test_a_flight_with_a_hit_that_nobody_detected_is_left_out():
     dataset = tossed(seed=3)
     table = dataset.trajectories.copy()
@@ -102,6 +106,7 @@ def test_a_flight_with_a_hit_that_nobody_detected_is_left_out():
     assert len(found) == len(whole) - 1 and found.bent.tolist() == [whole.trial[i]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "hidden", "true"),
     [
@@ -119,6 +124,7 @@ def test_flights_alone_find_what_is_wrong_in_them(effect, hidden, true):
     assert robust_std(left(o, effect, **fitted), None) == pytest.approx(1.0, abs=NEAR)
 
 
+@pytest.mark.slow
 def test_lengths_that_are_too_long_show_in_gravity():
     dataset = tossed(seed=5)
     table = dataset.trajectories

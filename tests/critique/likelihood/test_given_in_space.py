@@ -128,6 +128,7 @@ def test_a_ball_without_orientation_and_what_is_refused():
         observe_in_space(dataset_of(two, impacts=hits(content(), 2)))
 
 
+@pytest.mark.slow
 def test_a_model_of_a_mesh_keeps_its_mesh(tmp_path):
     shape = write_mesh(tmp_path / "data")  # the same box
     head = content(body={"shape": shape, "homogeneous": True, "mass": 0.25})

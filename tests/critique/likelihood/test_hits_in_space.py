@@ -64,6 +64,7 @@ def tossed(request):
     )
 
 
+@pytest.mark.slow
 def test_motions_beside_a_hit_are_true_within_their_covariance(tossed):
     assert tossed.alone.sum() > 60
     for side in (0, 1):
@@ -144,6 +145,7 @@ def test_what_cannot_be_searched_is_said(tossed):
         observe_in_space(several)
 
 
+@pytest.mark.slow
 def test_a_tracked_frame_that_nobody_knows_is_found(tossed):
     header, table = tossed.dataset.header.model_copy(update={"tracked": None}), tossed.dataset.trajectories
     found = observe_in_space(type(tossed.dataset)("d", header, table), episodes=False)

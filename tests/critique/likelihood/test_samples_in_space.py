@@ -25,10 +25,12 @@ def observed(table: pd.DataFrame):
     return observe_in_space(dataset_of(HEAD, trajectories=table), episodes=False)
 
 
+@pytest.mark.slow
 def test_nothing_is_changed_where_nothing_is_wrong(tossed):
     assert observed(tossed).found.warnings == ()
 
 
+@pytest.mark.slow
 def test_stamps_of_arrival_give_way_to_those_of_the_pictures(tossed):
     rng, right = np.random.default_rng(0), observed(tossed)
     late = tossed.assign(t=tossed["t"] + np.minimum(rng.exponential(2e-3, len(tossed)), 4e-3))

@@ -161,6 +161,7 @@ def test_null_counts_the_candidates(models, plans):
     assert np.mean([tests.p_value(gain) for gain in alone]) > 0.6  # one candidate alone must do better than chance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "truth"), FOUND)
 def test_hidden_effect_is_found_first_and_its_size_recovered(kind, truth, critiques):
     found, _ = critiques(kind, truth)

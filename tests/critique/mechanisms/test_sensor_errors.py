@@ -41,6 +41,7 @@ def test_the_cameras_clock_is_found_from_the_gap():
     assert moved == pytest.approx(late - 1e-3, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_delayed_sensors_leave_unit_noise_only_when_their_clocks_are_fitted():
     trials, model, sampling = arm(**ALONE)
     late = camera_delay(trials, model, sampling.delay)
@@ -51,6 +52,7 @@ def test_delayed_sensors_leave_unit_noise_only_when_their_clocks_are_fitted():
     assert np.mean(without.z**2) > 2.0
 
 
+@pytest.mark.slow
 def test_what_sensors_leave_open_widens_the_prediction():
     """Judged windows have the log density of noise plus the spread of the sensors' errors, up to its constant."""
     trials, model, sampling = arm()

@@ -26,6 +26,7 @@ def square() -> Dataset:
     return Dataset("square", made.header, made.trajectories)
 
 
+@pytest.mark.slow
 def test_effects_are_added_and_judged_on_other_trials(monkeypatch, square):
     models = ("mirtich", "mirtich+angle_offset")
     monkeypatch.setitem(SERIES, "square", Series("planar_square", models, episodes=True))

@@ -77,6 +77,7 @@ def test_a_dataset_goes_through_critique_and_comparison_into_a_row(tmp_path, mon
     assert abs(computed["mu"] - MU) < 5.0 * computed["mu_std"] and computed["ratio_before"] >= 1.0
 
 
+@pytest.mark.slow
 def test_a_case_is_made_the_same_each_time_and_hides_its_cause():
     one, two, plain = (
         make(EngineCase("mujoco", "ellipse", truth, 1), drops=4)

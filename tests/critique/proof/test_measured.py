@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from thesis_lib.critique.drops.stand_ins import StandIn
 from thesis_lib.critique.proof.measured import COLUMNS, ROWS, as_markdown, row, store
 from thesis_lib.foundation.rows import STAMP
 
 
+@pytest.mark.slow
 def test_a_row_says_what_the_critique_says(hidden_impacts, tmp_path):
     told = row(hidden_impacts, "all", "searched")
     assert (*told, *STAMP) == COLUMNS and told["effects"] == "tangential_restitution" and told["verdict"] == "effects"

@@ -91,6 +91,7 @@ def test_a_launcher_meets_the_states_within_its_scatter() -> None:
     assert first.loc[first["trial"] % 2 == 0, "x"].mean() == pytest.approx(0.7 * 2.2 / 9.81, abs=0.03)
 
 
+@pytest.mark.slow
 def test_like_is_compared_with_like() -> None:
     """No drop tells a moving surface from a drifting camera, also where contacts take time."""
     dataset, _ = make(Case("mechanism", "plate_velocity", 0, 50, ratio=1.5))

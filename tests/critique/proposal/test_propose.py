@@ -44,10 +44,12 @@ def proposal(hidden: DropsCritique) -> Proposal:
     return found
 
 
+@pytest.mark.slow
 def test_the_critique_alone_does_not_explain_it(hidden: DropsCritique) -> None:
     assert hidden.verdict == "unexplained" and hidden.is_structured
 
 
+@pytest.mark.slow
 def test_the_hidden_term_is_proposed_with_its_size(proposal: Proposal) -> None:
     (one,) = proposal.terms
     assert one.term.name == HIDDEN and one.step.p_value <= 0.01 and one.step.gain[1] > 0.0
@@ -71,12 +73,14 @@ def test_what_had_stood_in_for_it_leaves(hidden: DropsCritique, proposal: Propos
     assert path.dropped == {"contact_torque"}
 
 
+@pytest.mark.slow
 def test_the_held_out_trials_may_strike_a_term(hidden: DropsCritique, proposal: Proposal) -> None:
     """Held-out trials on which the model without it is as good: those of drops with nothing hidden."""
     other = replace(hidden, held_out=criticised(HIDDEN, 0.0).held_out)
     assert propose(other, np.random.default_rng(0)) is None
 
 
+@pytest.mark.slow
 def test_the_same_stream_gives_the_same_proposal(hidden: DropsCritique, proposal: Proposal) -> None:
     again = propose(hidden, np.random.default_rng(0))
     assert again is not None and again.fitted.values == proposal.fitted.values
@@ -114,6 +118,7 @@ def test_the_regression_finds_it_in_every_half(hidden: DropsCritique) -> None:
     assert tests.p_value(tests.gain[HIDDEN]) <= 0.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0])
 def test_nothing_is_proposed_where_nothing_is_hidden(seed: int) -> None:
     """Asked for though the critique would not ask."""

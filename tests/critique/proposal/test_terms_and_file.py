@@ -21,6 +21,7 @@ FAST = [check for check in EFFECT_CHECKS if check.name not in (COMPOSES, DESCRIB
 FIXED = {"speed", "trial"}  # groups over a fixed scale: 1 m/s, 100 releases
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["epsilon", "mu", "direction", "couple"])
 def test_every_term_is_an_effect(target: str) -> None:
     """Each factor alone, and a third of the products: all are made in the same way."""

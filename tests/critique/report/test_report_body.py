@@ -74,6 +74,7 @@ def test_a_view_has_right_handed_axes_and_shows_half_of_a_closed_body():
     assert [path.count("Z") for path in paths.values()] == [3, 3]
 
 
+@pytest.mark.slow
 def test_hits_stand_off_their_contact_points_along_the_normal(critique, body):
     """Where the solid's support says that a plane touches it, and beyond the plane of some face."""
     html, numbers = body

@@ -57,6 +57,7 @@ def test_the_format_has_every_key_of_the_design(told, told_nothing):
     assert set(told_nothing["next_experiment"]["states"][0]) == {"vx", "vy", "omega", "theta"}
 
 
+@pytest.mark.slow
 def test_the_hidden_effect_is_named_with_its_size(told):
     assert told["verdict"] == "effects"
     (effect,) = told["effects"]

@@ -149,6 +149,7 @@ def lasting(law: str, body: Body, tau: float, n: int = 30) -> tuple[Model, dict[
     return model, values, made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", [ELLIPSE_BODY, SQUARE], ids=["ellipse", "square"])
 @pytest.mark.parametrize("law", ["mirtich", "compliant_contact"])
 def test_contacts_last_as_long_as_the_model_says(law, body):

@@ -68,6 +68,7 @@ def test_means_medians_and_intervals_over_tosses():
     assert content["final_face"] == {"share": None, "n": 0, "interval": {}, "start": "first_flight"}
 
 
+@pytest.mark.slow
 def test_the_first_flight_gives_the_release_within_its_covariance():
     model = space_model(**COMPLIANT, **{"linear_drag.c_v": 0.3, "linear_drag.c_w": 0.2, "time_lag.lag": 0.004})
     made = simulate_in_space(model, 40, duration=0.5, rng=np.random.default_rng(5))
@@ -86,6 +87,7 @@ def test_the_first_flight_gives_the_release_within_its_covariance():
     assert (np.einsum("nii->ni", stored.cov) > np.einsum("nii->ni", found.cov)).all()
 
 
+@pytest.mark.slow
 def test_the_true_model_is_at_the_floor_and_another_one_worse(simulated):
     model, data = simulated
     rng = np.random.default_rng
@@ -119,6 +121,7 @@ def test_a_toss_of_another_simulator_comes_out_at_the_floor_with_what_it_hides()
     assert plain > 2.0 * true
 
 
+@pytest.mark.slow
 def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     model, data = simulated
     model.save(tmp_path / "model.json")

@@ -116,6 +116,7 @@ def test_hits_and_flights_give_the_pose_within_its_uncertainty(shape, seed):
     assert_right(header, found_in(header, tossed(header, 40, seed)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["box 3:2:1", "cube"])
 def test_rests_on_several_faces_give_it_without_a_hit(shape):
     header = rig(shape, 5)
@@ -133,6 +134,7 @@ def test_flights_are_found_where_most_of_a_recording_is_rest():
     assert_right(header, found_in(header, table))
 
 
+@pytest.mark.slow
 def test_rests_on_one_face_leave_open_which_face_it_is_and_the_turn_about_it():
     header = rig("box 3:2:1", 6)
     table = at_rest(header, tossed(header, 12, 6, before_hits=True), np.tile([0.0, 0.0, 1.0], (12, 1)), 6)
@@ -147,6 +149,7 @@ def test_rests_on_one_face_leave_open_which_face_it_is_and_the_turn_about_it():
         settled(dataset_of(content, trajectories=table))
 
 
+@pytest.mark.slow
 def test_an_unknown_pose_of_a_dataset_is_settled():
     header = rig("box 5:4:3", 2)
     content = header.model_dump(mode="json", by_alias=True, exclude_none=True) | {"tracked": "unknown"}
@@ -159,6 +162,7 @@ def test_an_unknown_pose_of_a_dataset_is_settled():
         settled(few)
 
 
+@pytest.mark.slow
 def test_a_turned_world_turns_gravity_and_table_and_not_the_pose():
     header, turn = rig("box 5:4:3", 3), Rotation.from_rotvec([0.5, 1.5, -1.0])
     table = tossed(header, 30, 3)
@@ -173,6 +177,7 @@ def test_a_turned_world_turns_gravity_and_table_and_not_the_pose():
     np.testing.assert_allclose(second.normal, turn.apply(first.normal), atol=5e-4)
 
 
+@pytest.mark.slow
 def test_init_writes_the_pose_and_the_fall_of_a_camera(tmp_path, capsys):
     header = rig("box 5:4:3", 4)
     tossed(header, 20, 4).to_csv(tmp_path / "log.csv", index=False)

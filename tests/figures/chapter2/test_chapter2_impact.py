@@ -8,6 +8,7 @@ from thesis_lib.figures.chapter2.impact import figure_2_15, figure_measured_rati
 from thesis_lib.identify.impacts.forces import ImpactForces, drop_ellipses, shown_impact, study_impact_forces
 
 
+@pytest.mark.slow
 def test_figure_2_15_holds_one_impulse_in_three_ways():
     settings = ImpactForces(drops=3)
     drops = drop_ellipses(settings, np.random.default_rng(1))

@@ -16,6 +16,7 @@ def forces():
     return identify(wheel_record(q[0], v[0], 280, DEFAULT), wheel(), w.mu, w.epsilon, 40.0, rng)
 
 
+@pytest.mark.slow
 def test_figure_2_11_holds_forces_and_impulses(forces):
     figure, table = figure_2_11(forces)
     truth = table[table["series"] == "truth"]

@@ -73,6 +73,7 @@ def test_table_says_what_counts_as_stuck(all_kinds: Hma) -> None:
     assert table["share"].sum() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_residuals_of_known_pushes_have_unit_scale(naive: Hma, reference) -> None:
     residual, nearest = residuals(naive, reference)
     # half of the squares of a unit normal lie below 0.45; the nearest of several abstractions is nearer
@@ -91,6 +92,7 @@ def test_check_is_quiet_about_more_of_the_same(naive: Hma, reference) -> None:
     assert np.mean(failed) < 0.15  # 0.05 by rank among 45 reference pushes, each set of known pushes its own
 
 
+@pytest.mark.slow
 def test_unknown_effect_is_found_where_it_is_and_learned(naive: Hma, reference) -> None:
     samples, label = make_samples(700, np.random.default_rng(20))
     check = predictive_check(naive, samples, reference, np.random.default_rng(9))
@@ -120,6 +122,7 @@ def test_unknown_effect_is_found_where_it_is_and_learned(naive: Hma, reference) 
     assert 0.5 * (own[drag].mean() + (~own[~drag]).mean()) > 0.7
 
 
+@pytest.mark.slow
 def test_new_abstraction_leaves_the_old_learner_alone(naive: Hma, reference) -> None:
     before = naive.networks.arrays()[0].copy()
     k = naive.n_abstractions

@@ -35,6 +35,7 @@ def trained():
     return train(x, y, np.ones((600, 1)), SETTINGS, seed=1)
 
 
+@pytest.mark.slow
 def test_steps_are_those_of_torchs_adam() -> None:
     x = torch.randn(20, 3, generator=torch.Generator().manual_seed(0))
     ours, theirs = ([torch.ones(3, 2, requires_grad=True), torch.ones(2, requires_grad=True)] for _ in range(2))
@@ -55,6 +56,7 @@ def test_steps_are_those_of_torchs_adam() -> None:
         torch.testing.assert_close(one, other)
 
 
+@pytest.mark.slow
 def test_law_and_its_noise_are_recovered(trained: BayesianNetworks) -> None:
     x, mean, _, sigma = _law(400, np.random.default_rng(1))
     predicted, variance = trained.predict(x)
@@ -130,6 +132,7 @@ def test_divergence_against_torch() -> None:
     torch.testing.assert_close(divergence(shared, mean, log_std, [scale], FAST), expected)
 
 
+@pytest.mark.slow
 def test_abstraction_without_data_falls_back_on_what_all_share() -> None:
     rng = np.random.default_rng(3)
     x, mean, y, _ = _law(300, rng)

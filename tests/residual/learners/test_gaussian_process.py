@@ -73,6 +73,7 @@ def _gpytorch(process):
     return Theirs(), x, y
 
 
+@pytest.mark.slow
 def test_likelihood_is_that_of_scikit_learn_and_of_gpytorch(process):
     import gpytorch
     import torch
