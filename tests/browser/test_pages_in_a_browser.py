@@ -109,6 +109,19 @@ def test_pointing_at_an_impact_shows_its_ellipse(visit, pages):
     assert page.locator("[aria-selected=true]").count() == 1
 
 
+def test_switches_show_what_each_choice_of_effects_leaves(visit, pages):
+    page = visit(pages["critique"]).page
+    box, said = page.locator(".switches input").first, page.locator(".switches output")
+    sizes = "points => points.reduce((sum, point) => sum + Number(point.getAttribute('r')), 0)"
+    points = page.locator("figure.impacts [role=option]")
+    drawn, without, size = points.first.get_attribute("fill"), said.inner_text(), points.evaluate_all(sizes)
+    box.check()
+    assert said.inner_text() != without and points.evaluate_all(sizes) < 0.9 * size
+    box.uncheck()
+    assert (points.first.get_attribute("fill"), said.inner_text()) == (drawn, without)
+    assert points.evaluate_all(sizes) == pytest.approx(size)
+
+
 def test_the_ellipse_is_drawn_where_its_numbers_say(visit, pages):
     page = visit(pages["critique"]).page
     data = json.loads(page.locator("figure.impacts script").text_content())
@@ -140,6 +153,8 @@ def test_the_keyboard_reaches_every_impact(visit, pages):
         return page.evaluate(f"document.activeElement.getAttribute('{name}')")
 
     page.locator("figure.impacts .keys").click()  # tab goes on from here
+    page.keyboard.press("Tab")
+    assert focused("type") == "checkbox"
     page.keyboard.press("Tab")
     assert focused("role") == "option"
     first = shown(page)

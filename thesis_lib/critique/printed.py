@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 
 from thesis_lib.critique.engines.compare import bounded_text, model_sentences, row_title
-from thesis_lib.critique.results.titles import counted_from, origin_text
-from thesis_lib.statistics.wording import bounded
+from thesis_lib.critique.results.titles import counted_from, handy_unit, origin_text
+from thesis_lib.statistics.wording import bounded, carried
 
 STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad", "x": " m"}
 
@@ -71,7 +71,12 @@ def _value(p: Mapping) -> str:
     unit = "" if p["unit"] == "1" else f" {p['unit']}"
     if p.get("bound"):
         return bounded(p, unit.strip())
-    return f"{p['value']:.4g} ± {p['std']:.2g}{unit}" if p["std"] else f"{p['value']:.4g}{unit}"
+    if not p["std"]:
+        return f"{p['value']:.4g}{unit}"
+    factor, unit = handy_unit(p["value"], p["unit"])
+    value, std = factor * p["value"], factor * p["std"]
+    decimals = carried(std)
+    return f"{value:z.{decimals}f} ± {std:.{decimals}f}{'' if unit == '1' else f' {unit}'}"
 
 
 def _models(rows: Sequence[Mapping]) -> list[str]:

@@ -6,6 +6,7 @@ page and pictures are computed when they are first asked for, and once: the orde
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
 from thesis_lib.critique.printed import diagnosis_text
+from thesis_lib.critique.results.choices import choices_table
 from thesis_lib.critique.results.findings import Findings, few_findings, findings
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
@@ -80,7 +82,7 @@ class Critique:
 
         self._say("writing tables, pictures and report")
         content = self._diagnosis(self._write_proposal(folder, proposal))
-        found = Findings(content, self._findings.tables, self._findings.regions, self._findings.model)
+        found = replace(self._findings, diagnosis=content)
         write_critique(found, self._contents(found), folder)
         return content
 
@@ -186,6 +188,16 @@ class OfDrops(Critique):
         self.models = compare_models(self.found, models, self._say)
         self.__dict__.pop("_findings", None)
         return self.models
+
+    @property
+    def choices(self) -> pd.DataFrame:
+        """Held-out error with each choice of the effects found and of their closest rival, as choices.csv holds it.
+
+        Columns effects (joined by +), law, error, error_low, error_high (m/s, 95 %); no rows in space, without an
+        effect, or with more than three.
+        """
+        found = self._findings.tables.get("choices")
+        return choices_table([]) if found is None else found.copy()
 
     @property
     def effects(self) -> tuple[str, ...]:

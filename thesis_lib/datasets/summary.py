@@ -224,10 +224,12 @@ def _detection_lines(part: dict, stated: dict, given: bool) -> list[str]:
     def counts(of: dict[str, int]) -> str:
         return f"{sum(of.values())} (" + ", ".join(f"{name} {count}" for name, count in of.items()) + ")" if of else "0"
 
+    quick = "second_hit" in part["left_out"]
     lines = [
         f"detection   {part['used']} impacts of the trajectories can be used"
         + (" (impacts.csv is used in their place)" if given else ""),
-        f"  left out  {counts(part['left_out'])}",
+        f"  left out  {counts(part['left_out'])}"
+        + ("; a critique also uses those that follow each other quickly, as episodes" if quick and not given else ""),
         f"  flags     {counts(part['flagged'])}",
     ]
     if part["glitches"]:

@@ -133,4 +133,27 @@ for (const figure of document.querySelectorAll("figure.impacts")) {
     points[next].focus();
   });
   show(points.length - 1);
+
+  // switches: the map shows what each choice of effects leaves of the errors
+  const panelOfSwitches = figure.querySelector(".switches");
+  if (panelOfSwitches) {
+    const { choices, top, radii, colors } = JSON.parse(figure.querySelector("script").textContent);
+    const boxes = [...panelOfSwitches.querySelectorAll("input")];
+    const said = panelOfSwitches.querySelector("output");
+    const of = figure.querySelector(".of");
+    const update = () => {
+      const one = choices.find(({ on }) => on.every((is, i) => is === boxes[i].checked));
+      said.textContent = one.text;
+      of.textContent = boxes.some((box) => box.checked) ? "error with these:" : "error of the base law:";
+      points.forEach((point, i) => {
+        const share = Math.sqrt(Math.min(one.errors[i] / top, 1));
+        point.setAttribute("r", (radii[0] + (radii[1] - radii[0]) * share).toFixed(1));
+        point.setAttribute("fill", colors[Math.round((colors.length - 1) * share)]);
+      });
+      ring.setAttribute("r", Number(points[chosen].getAttribute("r")) + 4);
+    };
+    panelOfSwitches.hidden = false;
+    panelOfSwitches.addEventListener("change", update);
+    update();
+  }
 }

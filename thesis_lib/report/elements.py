@@ -12,7 +12,7 @@ from thesis_lib.critique.results.titles import handy_unit, symbol
 from thesis_lib.figures.style import png_of
 from thesis_lib.pages import element
 from thesis_lib.statistics.intervals import Z95
-from thesis_lib.statistics.wording import bounded, number
+from thesis_lib.statistics.wording import bounded, carried, fixed, number
 
 _UNIT = re.compile(r"(?<=[\d\]]) (?=(?:%|m/s|mm|mrad|rad|rad/s|m|1/s|s|nats|sigma)(?![\w]))")
 
@@ -63,8 +63,8 @@ def interval(low: float | None, high: float | None, unit: str = "") -> str:
     """A 95 % interval in brackets, to the digits in which its ends differ; '' if it is unknown."""
     if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
         return ""
-    digits = _digits(low, high)
-    return f"[{number(low, digits)}, {number(high, digits)}]{'' if unit in ('', '1') else f' {unit}'}"
+    ends = [fixed(end, carried(high - low)) if high > low else number(end) for end in (low, high)]
+    return f"[{ends[0]}, {ends[1]}]{'' if unit in ('', '1') else f' {unit}'}"
 
 
 def estimate(value: float, std: float, unit: str = "") -> str:
@@ -74,7 +74,7 @@ def estimate(value: float, std: float, unit: str = "") -> str:
     low, high = value - Z95 * std, value + Z95 * std
     scale, unit = handy_unit(max(abs(low), abs(high)), unit)
     value, low, high = scale * value, scale * low, scale * high
-    return f"{number(value, _digits(low, high))} {interval(low, high, unit)}"
+    return f"{fixed(value, carried(high - low))} {interval(low, high, unit)}"
 
 
 def sized(p: Mapping) -> str:
@@ -98,8 +98,7 @@ def plus_minus(value: float, std: float) -> str:
     half = Z95 * std
     if not np.isfinite(half) or half <= 0.0:
         return number(value)
-    places = int(np.clip(1 - np.floor(np.log10(half)), 0, 9))
-    return f"{value:.{places}f} ± {half:.{places}f}".replace("-", "−")
+    return f"{fixed(value, carried(half))} ± {fixed(half, carried(half))}"
 
 
 def percent(share: float | None) -> str:
@@ -109,11 +108,3 @@ def percent(share: float | None) -> str:
     if 0.0 < abs(share) < 0.0005:
         return "less than 0.1 %"
     return f"{100.0 * share:.1f} %" if 0.0 < abs(share) < 0.095 else f"{100.0 * share:.0f} %"
-
-
-def _digits(low: float, high: float) -> int:
-    largest, width = max(abs(low), abs(high)), abs(high - low)
-    if width == 0.0 or largest == 0.0:
-        return 3
-    # the last digit shown is worth a fortieth to a quarter of the width
-    return int(np.clip(np.floor(np.log10(largest)) - np.floor(np.log10(width / 4.0)) + 1, 3, 6))

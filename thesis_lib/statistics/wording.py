@@ -40,10 +40,18 @@ def interval(value: float, low: float, high: float, unit: str = "") -> str:
     width = abs(high - low)
     if not math.isfinite(value) or not math.isfinite(width) or width == 0.0:
         return number(value, unit=unit)
-    decimals = max(0, 1 - math.floor(math.log10(width)))
-    # + 0.0: a number that rounds to zero has no sign
-    shown = [f"{round(x, decimals) + 0.0:,.{decimals}f}".translate(MINUS) for x in (value, low, high)]
+    shown = [fixed(x, carried(width)) for x in (value, low, high)]
     return f"{shown[0]} ({shown[1]} to {shown[2]})" + (f"{NBSP}{unit}" if unit else "")
+
+
+def carried(width: float) -> int:
+    """Decimals of numbers that are known within an interval of this `width` > 0: two digits of it."""
+    return max(0, 1 - math.floor(math.log10(width)))
+
+
+def fixed(value: float, decimals: int) -> str:
+    """−1,240.50: a number with so many decimals; one that rounds to zero has no sign."""
+    return f"{value:z,.{decimals}f}".translate(MINUS)
 
 
 def estimate(value: float, std: float, unit: str = "") -> str:

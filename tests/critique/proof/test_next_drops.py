@@ -100,7 +100,7 @@ def test_like_is_compared_with_like() -> None:
     assert {step.effect.name, *step.alternatives} == {"moving_surface", "sensor_drift"}
     assert critique.ladder[-1][1].model.takes_time
     found = next_experiment(critique, np.random.default_rng(0))
-    assert found["states"] == [] and "No release within reach would tell" in found["why"]
+    assert found["states"] == [] and "No release within reach would decide it" in found["why"]
 
 
 def test_stored_questions_are_settled_with_half_as_many_drops() -> None:

@@ -16,11 +16,11 @@ def test_rows_head_their_table_and_no_rows_give_no_table():
 
 
 def test_numbers_show_their_uncertainty():
-    assert estimate(0.2496, 0.0023) == "0.250 [0.245, 0.254]"
+    assert estimate(0.2496, 0.0023) == "0.2496 [0.2451, 0.2541]"
     assert estimate(0.11994, 3e-5) == "0.11994 [0.11988, 0.12000]"
     assert estimate(1.0, 0.0, "rad") == "1.00 rad"
-    assert estimate(4.995e-4, 1.3e-6, "m") == "0.500 [0.497, 0.502] mm"
-    assert estimate(1.8e-6, 1.2e-6, "m") == "0.00180 [−0.000552, 0.00415] mm"
+    assert estimate(4.995e-4, 1.3e-6, "m") == "0.4995 [0.4970, 0.5020] mm"
+    assert estimate(1.8e-6, 1.2e-6, "m") == "0.0018 [−0.0006, 0.0042] mm"
     assert amount(0.0358, "rad") == "35.8 mrad"
     assert plus_minus(0.24961, 0.00233) == "0.2496 ± 0.0046"
     assert interval(0.10859, 0.15625, "m/s") == "[0.109, 0.156] m/s"

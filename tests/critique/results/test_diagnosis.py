@@ -163,7 +163,7 @@ def test_the_next_experiment_tells_named_candidates_apart(hidden_impacts):
     assert "tangential restitution" in found["why"] and EFFECTS["moving_surface"].title in found["why"]
     assert 3 <= len(found["states"]) <= 5
     assert found["sigmas"] == sorted(found["sigmas"], reverse=True) and found["sigmas"][0] > 3.0
-    assert "a single one tells" in found["why"]
+    assert "a single one decides" in found["why"]
     measured = np.abs(hidden_impacts.observations.slope[:, 0]).max(axis=0)
     for state in found["states"]:
         assert state["vy"] < 0.0

@@ -7,7 +7,7 @@ verdict, and `recording` what flights and rests show by themselves.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,8 @@ from thesis_lib.critique.drops.few_impacts import LAW, FewImpacts
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.likelihood.channels import ALWAYS
 from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.results.candidates import candidates
+from thesis_lib.critique.results.choices import Choice, choices, choices_table
 from thesis_lib.critique.results.diagnosis import diagnosis, left_out, parameters
 from thesis_lib.critique.results.saved_in_space import saved_in_space
 from thesis_lib.critique.results.saved_model import SavedModel, saved
@@ -160,12 +162,14 @@ class Findings:
     tables: by the name of their file.
     regions: content of where.json, None where regions are not looked for.
     model: content of model.json, None of a mechanism and of a mesh in space.
+    choices: in the plane the model with each choice of the effects that were found and of their closest rival.
     """
 
     diagnosis: dict
     tables: dict[str, pd.DataFrame]
     regions: dict | None = None
     model: SavedModel | None = None
+    choices: Sequence[Choice] = ()
 
 
 def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataFrame | None = None) -> Findings:
@@ -179,8 +183,13 @@ def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataF
     if models is not None:
         made["models"] = models
         content["models"] = json.loads(models.to_json(orient="records"))
+    if len(tried := candidates(critique)):
+        made["candidates"] = tried
+    switched = choices(critique, tried) if critique.space.is_plane else []
+    if switched:
+        made["choices"] = choices_table(switched)
     model = _saved(critique.ladder[-1][1], critique.observations.rig, critique.dataset, critique.source)
-    return Findings(content, made, regions, model)
+    return Findings(content, made, regions, model, switched)
 
 
 def few_findings(few: FewImpacts) -> Findings:

@@ -21,6 +21,7 @@ from thesis_lib.contact.space import contact_space, measured_impulse, residual_c
 from thesis_lib.critique.contacts.contact_time import BASE_PARAMETERS, CONTACT_TIME
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.features import slip_axes
+from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.comparison import Comparison
@@ -59,17 +60,22 @@ def law_errors(critique: DropsCritique) -> tuple[pd.DataFrame, np.ndarray]:
     Columns: model, error, error_low, error_high (m/s), gain, gain_low, gain_high (nats per impact over the base law).
     """
     base = critique.laws[critique.discovery.base]
-    trials = base.trials
-    n, m = len(base.score), len(trials)
-    rows = []
-    for name, judged in critique.laws.items():
-        difference = judged.by_trial(trials) - base.by_trial(trials)
-        gain = float(difference.sum() / n)
-        half = Z95 * np.sqrt(m * difference.var(ddof=1)) / n if m > 1 else np.nan
-        rows.append((name, *clustered_mean(judged.error, judged.trial), gain, gain - half, gain + half))
+    rows = [
+        (name, *clustered_mean(judged.error, judged.trial), *gain_an_impact(judged, base))
+        for name, judged in critique.laws.items()
+    ]
     table = pd.DataFrame(rows, columns=["model", "error", "error_low", "error_high", "gain", "gain_low", "gain_high"])
     best = np.min(np.stack([judged.error for judged in critique.laws.values()]), axis=0)
     return table.sort_values("error", kind="stable", ignore_index=True), best
+
+
+def gain_an_impact(judged: Judgement, base: Judgement) -> tuple[float, float, float]:
+    """Log score an impact in nats that a model gains over another one, with the 95 % interval over trials."""
+    trials, n = base.trials, len(base.score)
+    difference = judged.by_trial(trials) - base.by_trial(trials)
+    gain, m = float(difference.sum() / n), len(trials)
+    half = Z95 * np.sqrt(m * difference.var(ddof=1)) / n if m > 1 else np.nan
+    return gain, gain - half, gain + half
 
 
 def parameter_table(critique: DropsCritique) -> pd.DataFrame:

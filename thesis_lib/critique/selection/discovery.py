@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Generic, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, World
 from thesis_lib.statistics.bootstrap import bootstrap_gain
 
+KEPT = 12  # fits of the first step that are remembered: enough for a picture
 # no better than chance; no error falls by an amount that matters; an error rises by one
 Failure = Literal["chance", "immaterial", "spoils"]
 
@@ -70,13 +72,18 @@ class Shortlist(Generic[F]):
     base: str | None = None
     alike: tuple[str, ...] | None = None
 
+    def best(self) -> "Shortlist[F]":
+        """The same with the `KEPT` best fits."""
+        return replace(self, quick=dict(islice(self.quick.items(), KEPT)))
+
 
 @dataclass
 class Path(Generic[E, F, J]):
     """How far a search has come, and as it was before a base of the reserve was taken (`simpler`).
 
-    `unasked`: effects with significant quick fits that did not become finalists, where none of the finalists entered.
-    `ended`: whether no effect enters; `shortlist`: what the next step chooses from, where that is known.
+    `first`: the best of what the first step chose from.  `unasked`: effects with significant quick fits that did not
+    become finalists, where none of the finalists entered.  `ended`: whether no effect enters; `shortlist`: what the
+    next step chooses from, where that is known.
     """
 
     base: str
@@ -84,7 +91,7 @@ class Path(Generic[E, F, J]):
     judged: J
     steps: list[Step[E, F, J]] = field(default_factory=list)
     dropped: set[str] = field(default_factory=set)
-    first_scan: Scan | None = None
+    first: Shortlist[F] | None = None
     below: F | None = None
     unasked: tuple[str, ...] = ()
     ended: bool = False
@@ -109,7 +116,8 @@ class Discovery(Generic[E, F, J]):
 
     Attributes:
         bases: by name, the fit without effects; base: name of the best.
-        first_scan, last_scan: score tests at the best base and at the final model.
+        first: the best of what the first step chose from; None if there was nothing to choose.
+        last_scan: score tests at the final model.
         below: fit with a significant but immaterial effect, at which the search ended.
         not_testable: name -> why.
         limit: the setting at which the search ended although more may be found; rejected: by the held-out trials.
@@ -118,12 +126,17 @@ class Discovery(Generic[E, F, J]):
     bases: dict[str, F]
     base: str
     steps: tuple[Step[E, F, J], ...]
-    first_scan: Scan
+    first: Shortlist[F] | None
     last_scan: Scan
     below: F | None
     not_testable: Mapping[str, str]
     limit: Literal["max_effects", "finalists"] | None = None
     rejected: tuple[Rejected[E, F, J], ...] = ()
+
+    @property
+    def first_scan(self) -> Scan:
+        """Score tests at the best base."""
+        return self.first.tests if self.first else self.last_scan
 
     @property
     def fitted(self) -> F:

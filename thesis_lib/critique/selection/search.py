@@ -92,7 +92,6 @@ class Search(Generic[E, F, J]):
             self.refine(path, "useless" if fixed is None else "none")
         rest = [e for e in world.candidates.values() if e not in path.fitted.effects]
         last_scan = self.evidence.scan(path.fitted, rest, "last null")
-        first_scan = path.first_scan or last_scan
         limit = None
         if fixed is None and len(path.steps) >= self.settings.max_effects:
             more = max(last_scan.gain.values(), default=0.0)
@@ -100,7 +99,7 @@ class Search(Generic[E, F, J]):
         elif path.unasked:
             limit = "finalists"
         return Discovery(
-            self.plain, path.base, tuple(path.steps), first_scan, last_scan, path.below, world.not_testable, limit
+            self.plain, path.base, tuple(path.steps), path.first, last_scan, path.below, world.not_testable, limit
         )
 
     def extend(self, path: Path[E, F, J], with_reserve: bool = True) -> Path[E, F, J]:
@@ -116,7 +115,7 @@ class Search(Generic[E, F, J]):
             path.shortlist = None
             fitted, judged, number = path.fitted, path.judged, len(path.steps) + 1
             quick, contenders = shortlist.quick, shortlist.contenders
-            path.first_scan = path.first_scan or shortlist.tests
+            path.first = path.first or shortlist.best()
             # a base of the reserve is asked for where the best effect leaves an error, too
             best = next(iter(quick.values()), fitted)
             leaves = with_reserve and not forced and world.leaves_an_error(judged) and bases.leaves_an_error(best)

@@ -19,6 +19,7 @@ from thesis_lib.critique.drops.words import reason_text
 from thesis_lib.critique.engines.compare import WITH, WITHOUT, model_sentences, model_title
 from thesis_lib.critique.results.tables import left_out_impacts
 from thesis_lib.figures.critique import errors
+from thesis_lib.figures.critique.candidates import draw_candidates
 from thesis_lib.figures.critique.residuals import BINS, draw_flights, draw_residuals
 from thesis_lib.figures.critique.where import axis_label, draw_where
 from thesis_lib.figures.planar_drawing import note, turned
@@ -226,7 +227,7 @@ def draw_models(table: pd.DataFrame) -> Drawn:
     return figure, table
 
 
-NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "ladder", "parameters")
+NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "candidates", "ladder", "parameters")
 
 
 @house_style
@@ -235,9 +236,9 @@ def pictures(
 ) -> dict[str, Drawn]:
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
-    `tables`: `ladder`, `comparison` (IRB bound), `budget` and `models`; `where`: content of where.json.  The pictures
-    of the error budget and of flights are left out without table `budget` or enough flights, that of models without
-    its table.
+    `tables`: `ladder`, `comparison` (IRB bound), `candidates`, `budget` and `models`; `where`: content of where.json.
+    The picture of flights is left out without enough of them, those of candidates, error budget and models without
+    their tables.
     """
     tables = tables or {}
     drawn: dict[str, Drawn | None] = {"data": draw_data(critique), "laws": errors.draw_laws(critique)}
@@ -246,6 +247,7 @@ def pictures(
     drawn |= {"where": draw_where(critique, where), "residuals": draw_residuals(critique)}
     if len(critique.observations.flights) > BINS:
         drawn["flights"] = draw_flights(critique)
+    drawn["candidates"] = draw_candidates(critique, tables.get("candidates"))
     drawn |= {"ladder": errors.draw_ladder(critique, tables), "parameters": errors.draw_parameters(critique)}
     if "models" in tables:
         drawn["models"] = draw_models(tables["models"])

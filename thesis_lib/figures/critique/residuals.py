@@ -59,10 +59,11 @@ class Residuals:
 
 
 @house_style
-def draw_residuals(critique: DropsCritique) -> Drawn:
+def draw_residuals(critique: DropsCritique) -> Drawn | None:
     """Residuals in the contact frame against the features on which they depend most, before and after the effects.
 
-    In space they are those along the slip before impact (tangential), across it (lateral) and along the normal.
+    None where no feature explains `LITTLE` of a component.  In space they are those along the slip before impact
+    (tangential), across it (lateral) and along the normal.
     """
     o = critique.observations.single
     values = {kind: contact_residuals(fitted, o) for kind, fitted in _fits(critique).items()}
@@ -73,21 +74,25 @@ def draw_residuals(critique: DropsCritique) -> Drawn:
     table = features(critique.ladder[0][1], o)
     components = {name: f"{name} {symbol}\n(m/s)" for name, symbol in symbols.items()}
     shown = Residuals(components, {name: axis_label(name) for name in table}, table, values)
+    if not (sentence := _strongest(shown)):
+        return None
     figure, rows = _panels(shown)
-    set_title(figure, _strongest(shown) or "The residuals of the base law depend on no single feature of the state")
+    set_title(figure, sentence)
     return figure, rows
 
 
 @of_the_plane(lambda: None)
 @house_style
-def draw_flights(critique: DropsCritique) -> Drawn:
-    """Residual accelerations of flights, in units of noise, against the state at mid-flight."""
+def draw_flights(critique: DropsCritique) -> Drawn | None:
+    """Residual accelerations of flights, in units of noise, against the state at mid-flight; None as above."""
     o = critique.observations
     values = {kind: flying.relative_residuals(fitted, o.flights, o.rig) for kind, fitted in _fits(critique).items()}
     table = flying.flight_features(critique.ladder[0][1], o.flights, o.rig)
     units = {name: "" if unit == "1" else f" ({unit})" for name, unit in flying.FLIGHT_UNITS.items()}
     components = {name: f"{name}\n(over noise)" for name in ("horizontal", "vertical", "angular")}
     shown = Residuals(components, {name: FLIGHT_LABEL[name] + units[name] for name in table}, table, values)
+    if not _strongest(shown):
+        return None
     figure, _ = _panels(shown)
     set_title(figure, flights_sentence(critique, shown))
     return figure, flying.flight_table(critique)
@@ -99,16 +104,20 @@ def _fits(critique: DropsCritique) -> dict:
 
 
 def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
-    """A row of panels for each component, a column for each feature; returns the plotted means, a row for each bin."""
+    """A row of panels for each component that depends on a feature, a column for each such feature.
+
+    Returns the plotted means, too, a row for each bin.
+    """
     shares, before = shown.shares, shown.values["before"]
     names = features_to_show(shares)
-    figure = new_figure(height=4.6)
-    axes = figure.subplots(len(shown.components), len(names), sharex="col", sharey="row", squeeze=False)
+    kept = [(i, name) for i, name in enumerate(shown.components) if shares.loc[name].max() >= LITTLE]
+    figure = new_figure(height=1.2 + 1.15 * len(kept))
+    axes = figure.subplots(len(kept), len(names), sharex="col", sharey="row", squeeze=False)
     rows = []
-    for i, (component, label) in enumerate(shown.components.items()):
+    for row, (i, component) in enumerate(kept):
         spread = np.quantile(np.abs(before[:, i]), 0.97) or 1.0  # what is not measured has no residual
         for j, name in enumerate(names):
-            ax = axes[i, j]
+            ax = axes[row, j]
             ax.axhline(0.0, color=GREY, linewidth=0.7, zorder=0)
             x = shown.table[name].to_numpy(float)
             ax.plot(x, before[:, i], ".", color="0.75", markersize=1.6, zorder=1, rasterized=True)
@@ -118,13 +127,13 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
                 ax.errorbar(binned["x"], binned["mean"], yerr=Z95 * binned["std"], **look)
                 rows.append(binned.assign(component=component, feature=name, series=kind))
             ax.set(ylim=(-1.25 * spread, 1.25 * spread), xlim=np.quantile(x, [0.005, 0.995]))
-            look = {"ha": "right", "va": "top", "fontsize": 6.5, "bbox": white_box(0.5, 0.8)}
-            text = f"explains {100 * shares.loc[component, name]:.0f} %"
-            ax.annotate(text, (0.98, 0.97), xycoords="axes fraction", **look)
+            if (share := shares.loc[component, name]) >= LITTLE:
+                look = {"ha": "right", "va": "top", "fontsize": 6.5, "bbox": white_box(0.5, 0.8)}
+                ax.annotate(f"explains {100 * share:.0f} %", (0.98, 0.97), xycoords="axes fraction", **look)
             ax.locator_params(nbins=5)
-            if i == len(shown.components) - 1:
-                ax.set_xlabel(shown.labels[name])
-        axes[i, 0].set_ylabel(label)
+        axes[row, 0].set_ylabel(shown.components[component])
+    for ax, name in zip(axes[-1], names):
+        ax.set_xlabel(shown.labels[name])
     figure.align_ylabels(axes[:, 0])
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure, pd.concat(rows, ignore_index=True)[["component", "feature", "series", "x", "mean", "std", "n"]]
@@ -140,17 +149,20 @@ def dependences(residual: np.ndarray, table: pd.DataFrame, components: Sequence[
 
 
 def features_to_show(shares: pd.DataFrame) -> list[str]:
-    """The feature on which each component depends most, strongest first, then the next strongest features."""
+    """The feature on which each component depends most, strongest first, then the next strongest features.
+
+    None that explains less than `LITTLE` of every component.
+    """
     best = shares.max(axis=1).sort_values(ascending=False, kind="stable")
     first = [shares.loc[component].idxmax() for component in best.index if best[component] >= LITTLE]
-    rest = shares.max(axis=0).sort_values(ascending=False, kind="stable").index
-    return list(dict.fromkeys([*first, *rest]))[:SHOWN_FEATURES]
+    rest = shares.max(axis=0).sort_values(ascending=False, kind="stable")
+    return list(dict.fromkeys([*first, *rest.index[rest >= LITTLE]]))[:SHOWN_FEATURES]
 
 
 def flights_sentence(critique: DropsCritique, shown: Residuals) -> str:
     """How far flights miss the prediction, and the feature on which that depends most."""
     first, last = (float(np.sqrt(critique.ladder[i][2].sigmas["flight"])) for i in (0, -1))
-    sentence = _strongest(shown) or "The residuals in flight depend on no single feature of the state"
+    sentence = _strongest(shown)
     if not np.isfinite(first):  # no flight is held out
         return sentence
     text = f"Held-out flights miss the base law by {number(first, 2)} times the noise"

@@ -9,10 +9,11 @@ from numbers that the page holds as JSON.
 | ellipse at α = 1 | `axes`, `angle`           | `unit`, degrees   | semi-axes, and the major one from t to n        |
 | v_t⁺ = 0, v_n⁺ = 0 | `sticking`, `compression` | degrees         | directions of the two lines through the centre  |
 | c = (c_t, c_n)   | `measured`, `base`, `final` | `unit`          | point impulse nearest to each velocity change   |
+|                  | `choices`                 | m/s               | errors with each choice of effects              |
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -28,11 +29,14 @@ from thesis_lib.critique.drops.planar.of_the_plane import of_the_plane
 from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.fit import Fit
-from thesis_lib.critique.results.titles import plain
+from thesis_lib.critique.proposal.effect_file import capital
+from thesis_lib.critique.results.choices import Choice
+from thesis_lib.critique.results.titles import effect_title, law_title, plain
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
 from thesis_lib.pages import FOLDER, render
 from thesis_lib.report.elements import percent
+from thesis_lib.statistics.intervals import clustered_mean
 from thesis_lib.statistics.wording import number
 
 SCRIPT: Path = FOLDER / "impacts.js"
@@ -43,11 +47,15 @@ EDGE = 0.005  # quantile at which the map ends; what lies beyond is drawn on its
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM, MARGIN = 420, 380, 66, 34, 46, 12  # of the map
 SMALL, LARGE = 2.0, 7.0  # radius of a point without error, and of one at the end of the scale
 COLORS = matplotlib.colormaps["cividis_r"]
+SHADES = 32  # of these that the script has
 
 
 @of_the_plane(Markup)
-def explorer(critique: DropsCritique, where: Mapping) -> Markup:
-    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction."""
+def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] = ()) -> Markup:
+    """Map of the impacts and the panel of one energy ellipse; empty if no impact has a prediction.
+
+    With `choices` the reader switches effects on and off, and sees what is left of the errors.
+    """
     o, base, final = critique.observations.single, critique.ladder[0][1], critique.ladder[-1][1]
     residuals = {"base": velocity_left(base.on(o))}
     if len(critique.ladder) > 1:
@@ -65,8 +73,11 @@ def explorer(critique: DropsCritique, where: Mapping) -> Markup:
         f"trial {impact['trial']}, impact {impact['impact']}, error {number(impact['errors'][0])} m/s"
         for impact in numbers["impacts"]
     ]
+    if choices:
+        numbers |= _switched(critique, choices, errors["base"][shown], shown)
     return render(
         TEMPLATE,
+        switches=_titles(critique, choices[-1].effects) if choices else [],
         map=_map(x, y, errors["base"][shown], labels),
         axes=[plain(axis_label(name)) for name in over],
         finding=finding,
@@ -143,6 +154,32 @@ def _numbers(critique: DropsCritique, base: Fit, residuals: Mapping, errors: Map
     return {"unit": axis.unit, "impacts": impacts}
 
 
+def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarray, rows: np.ndarray) -> dict:
+    """What the script colours the map by: each choice with its held-out error, and its error at each impact `rows`."""
+    o, names, noise = critique.observations.single, choices[-1].effects, critique.ladder[-1][2].floor
+    floor = f"; noise alone makes {number(noise)} m/s" if np.isfinite(noise) else ""
+    told = []
+    for one in choices:
+        error = velocity_error(velocity_left(one.fitted.on(o)), o.rig.k_told)[rows]
+        mean, low, high = (number(x) for x in clustered_mean(one.judged.error, one.judged.trial))
+        text = f"{capital(law_title(one.fitted.base))}: held-out error {mean} ({low} to {high}) m/s{floor}"
+        on = [name in one.effects for name in names]
+        told.append({"on": on, "text": text, "errors": _rounded(np.nan_to_num(error, posinf=0.0))})
+    colors = [to_hex(COLORS(share)) for share in np.linspace(0.0, 1.0, SHADES)]
+    return {"choices": told, "top": _top(base), "radii": [SMALL, LARGE], "colors": colors}
+
+
+def _titles(critique: DropsCritique, effects: Sequence[str]) -> list[str]:
+    """What each switch is for."""
+    found = {step.effect.name for step in critique.discovery.steps}
+    return [effect_title(name) if name in found else f"closest rival: {effect_title(name)}" for name in effects]
+
+
+def _top(error: np.ndarray) -> float:
+    """Error in m/s at the end of the scale of the map."""
+    return max(float(np.quantile(error, DARK)), 1e-12)
+
+
 def _rounded(value: np.ndarray) -> list | float:
     """Four significant digits: a hundredth of a pixel."""
     if value.ndim:
@@ -152,7 +189,7 @@ def _rounded(value: np.ndarray) -> list | float:
 
 def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> dict:
     """Map for impacts.html, in pixels: frame, ticks, key, and a point per impact, the worst last."""
-    top = max(float(np.quantile(error, DARK)), 1e-12)
+    top = _top(error)
     right, low = WIDTH - MARGIN, HEIGHT - BOTTOM
     px, x_ticks = scale(x, LEFT, right)
     py, y_ticks = scale(y, low, TOP)

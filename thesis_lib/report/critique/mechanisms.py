@@ -60,7 +60,7 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
         "2. Where it fails": ("where", where, *shown),
         "3. Which effect is missing": ("which", _effects(d)),
         "4. What adding it does" if d["effects"] else "4. Nothing was added": ("added", _added(d)),
-        "What could not be told, and what would tell": ("untold", untold),
+        "What remains open, and how to decide it": ("open", untold),
         "What these data could have shown": ("power", _detectable(d)),
     }
     return critique_page(d, contents, "force")

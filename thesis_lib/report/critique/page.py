@@ -6,7 +6,7 @@ written from the numbers of diagnosis.json, where.json and the tables, so that t
 The page needs no network, its text no script, and equal content gives equal bytes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.proposal.effect_file import capital
+from thesis_lib.critique.results.choices import Choice
 from thesis_lib.critique.results.effect_sentences import possible_faults
 from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.numbers import ladder_table, law_errors
@@ -46,7 +47,7 @@ def contents(critique: DropsCritique, findings: Findings) -> Contents:
     drawn = pictures(critique, findings.tables, findings.regions)
     images = {name: png_of(figure) for name, (figure, _) in drawn.items()}
     of_findings = (findings.diagnosis, findings.regions or {}, findings.tables)
-    return Contents(report_html(critique, *of_findings, drawn, images), drawn, images)
+    return Contents(report_html(critique, *of_findings, drawn, images, findings.choices), drawn, images)
 
 
 def report_html(
@@ -56,11 +57,12 @@ def report_html(
     made: Mapping[str, pd.DataFrame],
     pictures: Mapping[str, Drawn],
     images: Mapping[str, bytes] | None = None,
+    choices: Sequence[Choice] = (),
 ) -> str:
     """The whole page, from the contents of diagnosis.json and where.json, tables by file stem, and pictures by name.
 
-    `images`: pictures as PNG by name, where they have been made.  The parts for missing
-    tables and pictures are left out.
+    `images`: pictures as PNG by name, where they have been made.  `choices`: models between which the reader switches.
+    The parts for missing tables and pictures are left out.
     """
     captions = tables.captions(critique)
     images = images or {}
@@ -79,7 +81,7 @@ def report_html(
             *(budget(made), drawn.get("budget")),
         ),
         "2. Where the base law fails": (
-            *("where", where_it_fails(where), drawn.get("where"), impacts.explorer(critique, where)),
+            *("where", where_it_fails(where), drawn.get("where"), impacts.explorer(critique, where, choices)),
             *(
                 tables.regions_table(where),
                 drawn.get("residuals") and residuals(),
@@ -89,17 +91,17 @@ def report_html(
             tables.tests_table(where),
         ),
         "3. Which effect is missing": (
-            *("which", effects.effects(d), tables.effects_table(d), tables.evidence_table(d)),
+            *("which", effects.effects(d), drawn.get("candidates"), tables.effects_table(d), tables.evidence_table(d)),
             effects.remaining(critique, d),
         ),
         "A term that is proposed": ("proposed", effects.proposed(d)),
         "4. What adding it does" if d["effects"] else "4. Nothing was added": (
             *("added", effects.ladder_text(critique, d, ladder), drawn.get("ladder"), effects.moved(critique)),
-            *(drawn.get("parameters"), tables.parameters_table(critique)),
+            *(tables.choices_table(made.get("choices")), drawn.get("parameters"), tables.parameters_table(critique)),
         ),
         "Tosses, measured and predicted": ("replay", replay.replay(critique)),
         "Which model is right": ("models", tables.models(made.get("models")), drawn.get("models")),
-        "What could not be told, and what would tell": ("untold", effects.untold(d), following(d)),
+        "What remains open, and how to decide it": ("open", effects.untold(d), following(d)),
         "What these data could have shown": ("power", power(d), tables.detectable_table(d)),
         "Tables": ("tables", tables.comparison_table(made, models), tables.left_out_table(d)),
         "Sources": ("sources", bullets(sources(d))),
@@ -240,8 +242,8 @@ def where_it_fails(where: Mapping) -> Markup:
             f"(p = {number(r['p_value'], 2)}, counting all rules that were tried)."
         )
     used = (
-        "Maps, residuals and rules of this section use all impacts, those of training too; the errors told of a region "
-        "are those of held-out impacts where at least 30 lie inside and outside it (column “errors of” of the table)."
+        "Maps, residuals and rules of this section use all impacts, those of training too; the errors given for a "
+        "region are those of held-out impacts where at least 30 lie inside and outside it (“errors of” in the table)."
     )
     if flights := where.get("flight_regions"):
         r = flights[0]

@@ -79,6 +79,9 @@ def captions(critique: DropsCritique) -> dict[str, str]:
         "flights, training and held out. Rows: its parts; columns: the states at mid-flight on which it depends most; "
         "velocities are those of the centre of mass. Grey: single flights of the base law; lines: means in eight bins "
         "with 95 % intervals. Long flights show what the noise of short ones hides.",
+        "candidates": "What each effect gains alone on held-out trials, with the law that suits it best and its 95 % "
+        "interval; linear near zero, logarithmic beyond. Shown are those that fitted the training trials best. Dashed: "
+        "what the best of all candidates gains by chance in 5 % of the cases, on the training trials.",
         "ladder": "Mean held-out error with its 95 % interval after each added effect, on a logarithmic axis, with "
         f"noise floor and bounds as lines.{misfits}",
         "models": "Left: mean held-out error of each model with its 95 % interval, on a logarithmic axis. Right: its "
@@ -143,9 +146,9 @@ def evidence_table(d: Mapping) -> Markup:
         rows.append((effect_title(e["name"]), *words, "rejected"))
     caption = (
         "Agreement of the evidence: whether the held-out misfit of each channel falls, stays or rises with a candidate "
-        "by an amount that matters; –: it says nothing there"
+        "by an amount that matters; –: this channel does not concern it"
     )
-    return table(caption, ("candidate", *(CHANNELS[name].short for name in shown), "so it is"), rows)
+    return table(caption, ("candidate", *(CHANNELS[name].short for name in shown), "status"), rows)
 
 
 def regions_table(where: Mapping) -> Markup:
@@ -208,6 +211,21 @@ def parameters_table(critique: DropsCritique) -> Markup:
     return table("Parameters before and after [95 % interval]", columns, rows, numeric=(2, 3))
 
 
+def choices_table(found: pd.DataFrame | None) -> Markup:
+    """Held-out error with each choice of the effects found and of their closest rival; nothing without a table."""
+    if found is None:
+        return Markup()
+    rows = [
+        (
+            " and ".join(effect_title(name) for name in str(r.effects).split(" + ")) if r.effects else "no effect",
+            *(law_title(str(r.law)), f"{number(r.error)} {interval(r.error_low, r.error_high)}"),
+        )
+        for r in found.itertuples()
+    ]
+    caption = "The model with each choice of the effects found and their closest rival, fitted anew"
+    return table(caption, ("effects", "law", "held-out error [95 %] (m/s)"), rows, numeric=(2,))
+
+
 def comparison_table(tables: Mapping[str, pd.DataFrame], fits: Mapping[str, Fit]) -> Markup:
     """Held-out errors of laws, bounds and baseline; `fits` are the models, by name."""
     rows = []
@@ -245,22 +263,24 @@ def left_out_table(d: Mapping) -> Markup:
 
 
 def detectable_table(d: Mapping) -> Markup:
-    """Smallest detectable size of each effect."""
-    rows = []
+    """Smallest detectable size of each effect; below the table those of which no size would have been seen."""
+    rows, unseen = [], []
     for e in d["detectable"]:
         declared, parts = _declared(e["name"]), []
         for name, size in e["smallest"].items():
             p = declared.get(name)
             if p is not None and p.discrete is not None:
                 parts.append("would show" if size is not None else "would not show")
-            elif size is None:
-                parts.append(f"{symbol(name)}: none within its bounds")
-            else:
+            elif size is not None:
                 parts.append(f"{symbol(name)} = {amount(size, p.unit if p else '', 2)}")
+        if not parts:
+            unseen.append(effect_title(e["name"]))
+            continue
         family = EFFECTS[e["name"]].family if e["name"] in EFFECTS else ""
         rows.append((effect_title(e["name"]), _family(family), "; ".join(parts), *_set_by(e)))
     columns = ("effect", "family", "smallest size", "set by", "drops for half of it")
-    return table("Smallest effects that would have been found", columns, rows, numeric=(4,))
+    none = f"No size within its bounds would have been found of {listed(unseen)}." if unseen else ""
+    return table("Smallest effects that would have been found", columns, rows, numeric=(4,)) + paragraph(none)
 
 
 def _set_by(entry: Mapping) -> tuple[str, str]:

@@ -88,7 +88,7 @@ def next_experiment(critique: DropsCritique, rng: np.random.Generator) -> dict:
         return _nothing("No other effect can be tested with impacts of this rig.")
     effect = EFFECTS[max(gain, key=lambda name: gain[name])]
     rival = fit(final.model.with_effect(effect), critique.training, final.values, rounds=1)
-    why = f"Of the effects that the data do not ask for, “{effect.title}” comes nearest."
+    why = f"No other effect is needed; “{effect.title}” is the one that these data rule out least."
     return _compared(critique, final, rival, why, rng)
 
 
@@ -100,7 +100,7 @@ def tell_apart(critique: DropsCritique, final: Fit, chosen: Effect, other: Effec
     why = f"These data cannot tell “{chosen.title}” from “{other.title}”."
     checks = [CHECKS[effect.name] for effect in (chosen, other) if effect.name in CHECKS]
     if "impact" not in chosen.channels and "impact" not in other.channels:
-        return _nothing(" ".join([why, "Neither changes an impact, so no release tells them apart.", *checks]))
+        return _nothing(" ".join([why, "Neither changes an impact, so no release can tell them apart.", *checks]))
     return _compared(critique, final, fit(model, critique.training, kept), why, rng, checks)
 
 
@@ -112,18 +112,18 @@ def _compared(
     advice = " ".join(["", *checks])
     rows, differences = _design(states, pairs)
     if not len(rows) or differences.max() <= 0:
-        return _nothing(f"{why} No release within reach would tell: their predictions after impact agree.{advice}")
+        return _nothing(f"{why} No release within reach would decide it: their predictions after impact agree.{advice}")
     largest = differences[0]
     repeats = (CLEAR / largest) ** 2
     if repeats > TOO_MANY * len(critique.observations):
         return _nothing(
-            f"{why} No release within reach would tell: their predictions after impact differ by at most "
+            f"{why} No release within reach would decide it: their predictions after impact differ by at most "
             f"{largest:.2g} standard deviations of noise and scatter.{advice}"
         )
-    often = "a single one tells" if repeats <= 1 else f"about {int(np.ceil(repeats))} impacts there would tell"
+    often = "a single one decides" if repeats <= 1 else f"about {int(np.ceil(repeats))} impacts there would decide"
     why = (
         f"{why} At these states before impact the two predictions differ by up to {largest:.2g} standard deviations of "
-        f"noise and scatter in a single impact, wherever their parameters go: {often}.{advice}"
+        f"noise and scatter in a single impact, whatever their parameters: {often}.{advice}"
     )
     return _proposed(why, "difference", states[rows], differences)
 

@@ -1,0 +1,74 @@
+"""Which effect is missing: what each of the first candidates gains alone on held-out trials, and what became of it."""
+
+import textwrap
+
+import numpy as np
+import pandas as pd
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
+
+from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.results.candidates import ALIKE, FOUND, OTHER, REJECTED
+from thesis_lib.critique.results.titles import effect_title
+from thesis_lib.figures.critique.errors import error_dots, set_title
+from thesis_lib.figures.style import BLUE, GREY, RED, YELLOW, Drawn, house_style, new_figure
+from thesis_lib.statistics.wording import listed, number
+
+COLORS = {FOUND: BLUE, ALIKE: YELLOW, REJECTED: RED, OTHER: GREY}
+LABEL_WIDTH, WHY_WIDTH = 34, 44  # characters a line
+LINEAR = 0.1  # nats an impact, up to which the axis is linear
+FAR_BELOW = -1.0  # nats an impact, where the axis ends below
+EXTREMES = (("gain_low", "min"), ("gain_high", "max"))
+TICKS = (-1.0, -0.1, 0.0, 0.1, 1.0, 10.0, 100.0)
+
+
+@house_style
+def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Drawn | None:
+    """Gain of each candidate with its 95 % interval, and beside it what speaks against it; None without a table.
+
+    `table`: that of `thesis_lib.critique.results.candidates`.
+    """
+    if table is None or table.empty:
+        return None
+    y = np.arange(len(table))
+    figure = new_figure(height=1.5 + 0.27 * len(table))
+    ax, text = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [1.25, 1.0]})
+    ax.axvline(0.0, color=GREY, linewidth=0.8)
+    chance = float(np.quantile(critique.discovery.first_scan.null, 1.0 - critique.settings.alpha))
+    ax.axvline(chance / len(critique.training), color=GREY, linestyle=(0, (4, 2)), linewidth=1.0)
+    for i, row in table.iterrows():
+        one = table.loc[[i]]
+        ends = (one[name].clip(lower=FAR_BELOW) for name in ("gain", "gain_low", "gain_high"))
+        error_dots(ax, *ends, y[[i]], color=COLORS[row["standing"]])
+        said = textwrap.fill(row["why"] or row["standing"], WHY_WIDTH)
+        text.text(0.0, i, said, va="center", fontsize=6.5, color="black" if row["standing"] == FOUND else "0.35")
+    text.set_axis_off()
+    ax.set_xscale("symlog", linthresh=LINEAR, linscale=0.7)
+    low, high = (float(table[name].clip(lower=FAR_BELOW).agg(end)) for name, end in EXTREMES)
+    ax.set(xlim=(min(1.3 * low, -0.5 * LINEAR), max(1.3 * high, LINEAR)), ylim=(len(table) - 0.5, -0.5))
+    ticks = [t for t in TICKS if ax.get_xlim()[0] <= t <= ax.get_xlim()[1]]
+    ax.set_xticks(ticks, [f"{t:g}".replace("-", "−") for t in ticks])
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.set_yticks(y, [textwrap.fill(effect_title(name), LABEL_WIDTH) for name in table["effect"]])
+    ax.set_xlabel("gain over the best law alone (nats an impact, held out)")
+    shown = [name for name in COLORS if (table["standing"] == name).any()]
+    handles = [Line2D([], [], marker="o", linestyle="", color=COLORS[name], label=name) for name in shown]
+    handles.append(Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="what the best gains by chance"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    set_title(figure, candidates_sentence(table))
+    return figure, table
+
+
+def candidates_sentence(table: pd.DataFrame) -> str:
+    """How far the effects that were found lead the others; not all of them need be among the first candidates."""
+    found, others = table[table["standing"] == FOUND], table[table["standing"] != FOUND]
+    if found.empty:
+        gain, title = number(table["gain"][0], 2), effect_title(table["effect"][0])
+        return f"Of all effects “{title}” gains most, {gain} nats an impact: too little to be added"
+    names = listed([f"“{effect_title(name)}”" for name in found["effect"]])
+    gains = listed([number(gain, 2) for gain in found["gain"]])
+    each = " each" if len(found) > 1 else ""
+    sentence = f"{names} alone{each} gains {gains} nats an impact on held-out trials"
+    if others.empty:
+        return sentence
+    return f"{sentence}; next comes “{effect_title(others['effect'].iloc[0])}” with {number(others['gain'].iloc[0], 2)}"
