@@ -28,7 +28,7 @@ def test_without_a_cause_no_candidate_predicts_better(nothing_hidden: DropsCriti
     table = candidates(nothing_hidden)
     assert (table["standing"] == OTHER).all() and table["gain"].max() < 0.2
     drawn = draw_candidates(nothing_hidden, table)
-    assert drawn is not None and "too little to be added" in drawn[0].get_suptitle().replace("\n", " ")
+    assert drawn is not None and ", but " in drawn[0].get_suptitle().replace("\n", " ")
     assert np.isfinite(drawn[1][["gain", "gain_low", "gain_high"]]).all(axis=None)
 
 

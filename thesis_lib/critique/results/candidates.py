@@ -56,7 +56,7 @@ def _standing(
         return OTHER, "lowers no error by an amount that matters"
     if discovery.steps:
         return OTHER, f"too little is left for it with {listed([effect_title(s.effect.name) for s in discovery.steps])}"
-    return OTHER, "no more than the best of all candidates gains by chance"
+    return OTHER, "gains no more than the best of all does by chance"
 
 
 def _spoils(channels: tuple[str, ...]) -> str:

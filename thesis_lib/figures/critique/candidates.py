@@ -63,8 +63,9 @@ def candidates_sentence(table: pd.DataFrame) -> str:
     """How far the effects that were found lead the others; not all of them need be among the first candidates."""
     found, others = table[table["standing"] == FOUND], table[table["standing"] != FOUND]
     if found.empty:
-        gain, title = number(table["gain"][0], 2), effect_title(table["effect"][0])
-        return f"Of all effects “{title}” gains most, {gain} nats an impact: too little to be added"
+        first = table.iloc[0]
+        title, gain = effect_title(first["effect"]), number(first["gain"], 2)
+        return f"Of all effects “{title}” gains most, {gain} nats an impact, but {first['why']}"
     names = listed([f"“{effect_title(name)}”" for name in found["effect"]])
     gains = listed([number(gain, 2) for gain in found["gain"]])
     each = " each" if len(found) > 1 else ""
