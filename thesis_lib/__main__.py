@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def help_text() -> str:
-    """What --help prints."""
+    """Text that --help prints."""
     groups = [
         "\n".join([f"{title}:", *(f"  {name:<10} {what}" for name, (_, _, what) in group.items())])
         for title, group in COMMANDS.items()

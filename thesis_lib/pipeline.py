@@ -227,7 +227,7 @@ def latest_log(since: float) -> str:
 
 
 def explain(code: int, log: str, interrupted: bool = False) -> str:
-    """What stopped Snakemake, in words, and what to do; `code` is its exit code."""
+    """Message on what stopped Snakemake, and on what to do; `code` is its exit code."""
     failed = [
         (rule, (re.search(r"^    log: (\S+)", block, re.MULTILINE) or ["", ""])[1])
         for rule, block in re.findall(r"^Error in rule (\w+):\n((?:    .*\n?)+)", log, re.MULTILINE)

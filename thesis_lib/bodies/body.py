@@ -1,4 +1,4 @@
-"""What is known of a rig: the body that is dropped, the surface that it meets, the noise of its measurements."""
+"""A rig as its owner knows it: the body that is dropped, the surface that it meets, the noise of its measurements."""
 
 import math
 from typing import Annotated

@@ -205,7 +205,7 @@ class Corner:
         return np.repeat(np.arange(len(self.polygon.corners)), self._bodies)
 
     def contact_point(self, theta: np.ndarray) -> np.ndarray:
-        """That corner of the body turned by `theta` (n,), from the body origin: r (n, 2) in m."""
+        """Contact point r (n, 2) in m from the body origin: the chosen corner of the body turned by `theta` (n,)."""
         self._turn(theta)
         return self._turned
 

@@ -1,4 +1,4 @@
-"""What is believed of a rig in space: the body, how its tracked frame lies in it, the surfaces, the noise.
+"""A rig in space as its owner believes it: the body, its tracked frame, the surfaces, the noise.
 
 | on paper | in code                      | unit | shape  | axes                                                    |
 |----------|------------------------------|------|--------|---------------------------------------------------------|
@@ -111,7 +111,7 @@ class SolidBody(Section):
 
     @property
     def solid(self) -> Solid:
-        """What touches a surface; of a mesh its convex hull."""
+        """Solid that touches a surface; of a mesh its convex hull."""
         return self.shape.solid if isinstance(self.shape, Mesh) else self.shape
 
     @property

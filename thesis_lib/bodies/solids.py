@@ -341,7 +341,7 @@ Primitive = Annotated[Sphere | Ellipsoid | Box | Cylinder | Capsule, Field(discr
 
 
 def contact_kind(solid: Solid, attitude: np.ndarray) -> np.ndarray:
-    """What of the sharp solid hits a level surface at attitudes (4, n): "corner", "edge", "face", "" of a smooth one.
+    """Part of the sharp solid that hits a level surface at attitudes (4, n): "corner", "edge", "face", "" if smooth.
 
     An edge has two corners within `LEVELLED` of the lowest one, a face three or more.
     """

@@ -35,7 +35,7 @@ class Symmetry:
 
     @cached_property
     def turns(self) -> list[np.ndarray]:
-        """Those (3, 3) by right angles, that by 0 first."""
+        """Rotations (3, 3) by right angles, the identity first."""
         signed = (
             np.eye(3)[list(order)] * np.array(signs)[:, None]
             for order in itertools.permutations(range(3))

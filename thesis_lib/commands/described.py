@@ -1,4 +1,4 @@
-"""What a folder with a dataset or a recording holds, as `datasets check` and its like print it."""
+"""A folder with a dataset or a recording, described as `datasets check` and similar commands print it."""
 
 import json
 from pathlib import Path
@@ -27,7 +27,7 @@ def described(folder: str | Path, as_json: bool = False, compare: bool = False) 
 
 
 def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
-    """What a critique would use of a dataset in space, ready for JSON.
+    """Hits of a dataset in space that a critique would use, ready for JSON.
 
     Keys `used`, `trials`, `by_contact`, `left_out` (reason -> kind of contact -> count), `elsewhere` (trial and time in
     s of what hits off the surface), `warnings`, `tracked` (a sentence, or none); `why`, where nothing can be used.

@@ -42,7 +42,7 @@ def add_option(parser: argparse.ArgumentParser) -> None:
 
 
 def load_additions(files: Sequence[str], data: Iterable[str | Path] = ()) -> list[dict[str, str]]:
-    """What installed packages offer and what the files hold, for JSON; that files run is said on stderr before.
+    """Effects and laws of installed packages and of the files, for JSON; before files are run, stderr says so.
 
     Files must not lie in the folders `data`.  UserError as in `thesis_lib.extensions.loading.load`.
     """

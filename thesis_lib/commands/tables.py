@@ -91,7 +91,7 @@ def find_figure(asked: str) -> Figure:
 
 
 def as_dictionary(figure: Figure, results: Path) -> dict:
-    """What --json prints for a figure."""
+    """Dictionary that --json prints for a figure."""
     return {
         "figure": figure.short,
         "chapter": figure.chapter,

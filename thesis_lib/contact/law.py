@@ -1,4 +1,4 @@
-"""What an impact law is: a name, an impulse for (contact, μ, ε), in the plane or in space too, and its promises.
+"""Interface of an impact law: a name, an impulse for (contact, μ, ε), in the plane or in space, and its promises.
 
 A law never fails in silence: every impact gets a status.  `Law.impulse` broadcasts, so that a whole grid of parameters
 (G, 1) against n impacts (n,) is one call; calling the law itself checks its input first.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # numba comes with it
 
 
 class Status(enum.IntEnum):
-    """What a law made of an impact."""
+    """Outcome of a law for one impact."""
 
     OK = 0
     NOT_APPROACHING = 1  # v_n ≥ 0 before impact: there is nothing to resolve, the impulse is zero
@@ -174,7 +174,7 @@ def _check(v_pre: np.ndarray, r: np.ndarray, mass: float, mu: np.ndarray, epsilo
 
 
 def _mobility(mass: float, k_g: float | None, inertia: np.ndarray | None, n: int) -> np.ndarray | float:
-    """What a couple turns: 1/(m k²) in the plane, (3, 3, n) in space."""
+    """Angular velocity per unit of couple: 1/(m k²) in the plane, (3, 3, n) in space."""
     if inertia is None:
         if not (k_g is not None and mass > 0 and k_g > 0 and np.isfinite(mass) and np.isfinite(k_g)):
             raise ValueError(f"mass and k_g must be positive, got mass={mass}, k_g={k_g}")

@@ -38,7 +38,7 @@ TURN = 0.1  # rad a step: what the errors above belong to; they fall with its fo
 
 
 class Restitution(enum.StrEnum):
-    """What ends an impact."""
+    """Condition that ends an impact."""
 
     NEWTON = "v_n = −ε v_n0"
     POISSON = "p = (1 + ε) p_c"

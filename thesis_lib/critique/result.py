@@ -1,4 +1,4 @@
-"""What `criticise` returns: the verdict to read, to compute with, to write down, and to draw.
+"""Result of `criticise`: the verdict to read, to compute with, to write down, and to draw.
 
 A `Critique` is one of three kinds, `OfDrops`, `OfFewImpacts` and `OfMechanism`, which answer the same calls.  Numbers,
 page and pictures are computed when they are first asked for, and once: the order of the calls changes none of them.
@@ -34,7 +34,7 @@ Say = Callable[[str], None]
 
 
 class Critique:
-    """What is known of one dataset or recording after its critique.
+    """Result of the critique of one dataset or recording.
 
     Attributes:
         name: of the dataset.

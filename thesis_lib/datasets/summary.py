@@ -1,4 +1,4 @@
-"""What a dataset holds and which impacts are detected in it, as numbers and as text, for the check command."""
+"""Contents of a dataset and the impacts detected in it, as numbers and as text, for the check command."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -89,7 +89,7 @@ def _surroundings(header: SpaceHeader) -> dict:
 
 
 def _motion(facts: MotionFacts, samples: int) -> dict:
-    """What the samples say of gravity and of the orientations."""
+    """Facts on gravity and on the orientations, from the samples."""
     return {
         "flights": facts.flights,
         "fall": None if facts.fall is None else facts.fall.tolist(),
@@ -173,7 +173,7 @@ def _range_lines(ranges: dict[str, list[float]]) -> list[str]:
 
 
 def _verdict_lines(dataset: Dataset, detection: FoundImpacts | None) -> list[str]:
-    """What a critique can say of so few impacts; nothing if they are enough for a verdict, or none."""
+    """Lines on impacts that are too few for a verdict; none if there are enough, or no impact."""
     if dataset.impacts is not None:
         trial, more = dataset.impacts["trial"].to_numpy(), []
     elif detection is not None:
@@ -195,7 +195,7 @@ def _no_verdict(impacts: int, trials: int) -> str:
 
 
 def _hit_lines(hits: dict) -> list[str]:
-    """What of the hits of a body in space a critique can use, and what it finds of the tracked frame."""
+    """Lines on the hits of a body in space that a critique can use, and on its tracked frame."""
     lines = [f"tracked     {hits['tracked']}"] if hits["tracked"] else []
     if "why" in hits:
         return [*lines, f"critique    none: {hits['why']}"]

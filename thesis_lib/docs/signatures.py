@@ -88,7 +88,7 @@ def states(rig: Rig, **changed: np.ndarray) -> State:
 
 
 def change(effect: Effect, state: State, channel: str) -> np.ndarray:
-    """What an effect adds to what a channel of `PREDICTED` predicts, in SI.
+    """Change that an effect makes in the prediction of a channel of `PREDICTED`, in SI.
 
     Δ(v_x, v_y, k ω) (n, 3) of the velocity after impact, Δ(a_x, a_y, k α) (n, 3) of the acceleration in flight, Δa_x
     (n, 1) of a body that slides on the surface, Δφ_n (n, 1) of the gap.

@@ -41,7 +41,7 @@ EFFECTS: dict[str, Effect] = _Library(_load())
 
 
 def effects_in(space: Space) -> dict[str, Effect]:
-    """Those of `EFFECTS` that live in the plane, or in space."""
+    """Effects of `EFFECTS` that live in the given space."""
     return {name: effect for name, effect in EFFECTS.items() if space.dimension in effect.dimensions}
 
 

@@ -29,7 +29,7 @@ RELABELLINGS = {
 
 
 class AsWritten(Effect):
-    """What every model believes of states whose attitudes are Pᵀ times those of the file."""
+    """Part of every model of states whose attitudes are Pᵀ times those of the file."""
 
     name = "as_written"
     family = "measurement"
@@ -51,7 +51,7 @@ class AsWritten(Effect):
 
 
 class AsStamped(TimeLag):
-    """What every model believes of states whose attitudes the file has a time L later."""
+    """Part of every model of states whose attitudes the file has a time L later."""
 
     name = "as_stamped"
     title = "orientations as they are stamped"

@@ -1,4 +1,4 @@
-"""What a candidate physical effect is: a name, an equation, parameters, and the stages at which it acts.
+"""Interface of a candidate physical effect: a name, an equation, parameters, and the stages at which it acts.
 
 The prediction of an impact goes through these stages.  An effect overrides the hooks of those at which it acts, so that
 any set of effects can be on at once; at its null parameters it changes nothing:
@@ -101,7 +101,7 @@ class Parameter:
         return () if self.discrete is None else (self.discrete, *self.choices)
 
     def said(self, value: float) -> str:
-        """What the value of a discrete parameter stands for: one of its `words`, or "on"; of `choices` its number."""
+        """Meaning of the value of a discrete parameter: one of its `words`, or "on"; of `choices` its number."""
         if self.words and value in self.options:
             return self.words[self.options.index(value)]
         return f"on ({value:g})" if value in self.choices else "on"
@@ -130,7 +130,7 @@ ORIGIN = Reference()
 
 @dataclass(frozen=True)
 class Rig:
-    """What is believed of body and rig: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
+    """Body and rig as believed: shape, radius of gyration k_g (m), gravity (m/s²), surface height (m).
 
     In space `tensor` (3, 3), or (3, 3, n) of n bodies, is the inertia per mass in m² along the axes of the body, k_g
     the root of its mean principal moment, and `down` (3,) the direction of gravity in the axes of the surface, None
@@ -186,7 +186,7 @@ class Rig:
         return state.turned(self.tracked.origin[:, None])
 
     def turned(self, state: State, attitude: np.ndarray, spin: np.ndarray) -> State:
-        """What follows from the same motion of the tracked point with another attitude and spin of the body."""
+        """State with another attitude and spin of the body, from the same motion of the tracked point."""
         moved = state.changed(attitude=attitude, spin=spin)
         if self.tracked is None:
             return moved
@@ -229,7 +229,7 @@ class Impulse:
 
     @classmethod
     def planar(cls, c_t: np.ndarray, c_n: np.ndarray, couple: np.ndarray) -> "Impulse":
-        """That with these components (n,); the couple turns counter-clockwise."""
+        """Planar impulse with these components (n,); the couple turns counter-clockwise."""
         return cls((c_t, c_n), couple)
 
     @property
@@ -326,7 +326,7 @@ class Effect:
         return state
 
     def to_measured(self, state: State, p: Parameters, rig: Rig) -> State:
-        """What the camera reports of a true state; the inverse of `to_true`."""
+        """Measured state of a true one; the inverse of `to_true`."""
         return state
 
     def meet(self, jump: np.ndarray, before: State, after: State, p: Parameters) -> np.ndarray:
@@ -384,7 +384,7 @@ class Effect:
         return a
 
     def arc(self, tau: np.ndarray, state: State, p: Parameters, rig: Rig) -> np.ndarray | None:
-        """What the true path has beyond pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
+        """Deviation of the true path from pose + velocity τ + acceleration τ²/2, at times τ (n, W) from `state`.
 
         (d + turns, n, W) in m, rad; None if the acceleration is practically constant over a tenth of a second.  What
         the camera bends (`bends`) follows from its map.

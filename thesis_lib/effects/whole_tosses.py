@@ -1,4 +1,4 @@
-"""What a recording says of whole tosses, for effects that depend on what was before: first touches, summed turns.
+"""Whole tosses of a recording, for effects that depend on what was before: first touches, summed turns.
 
 Shared by effects; not an effect itself.  A tracker that sums measured rates times 1 + s from the first frame on reports
 

@@ -1,4 +1,4 @@
-"""What a physics engine is to a critique: the state before an impact in, the state after it out, batched.
+"""Interface of a physics engine to a critique: the state before an impact in, the state after it out, batched.
 
 An engine only presses: it steps bodies that touch with its own contact, through one model that all of them share.  What
 engines have in common is here.  A contact begins where the gap φ_n of the undeformed body is 0 and ends where it is 0
@@ -50,7 +50,7 @@ class Press(Protocol):
 
 @dataclass(frozen=True)
 class EngineResult:
-    """What an engine makes of n states.
+    """Result of an engine for n states.
 
     Attributes:
         q: (n, 3) poses of the body's origin at the end, m and rad.

@@ -1,4 +1,4 @@
-"""What a physics engine is to a critique of bodies in space: states at first touch in, states off the surface out.
+"""Interface of a physics engine to a critique in space: states at first touch in, states off the surface out.
 
 An engine presses bodies with points that touch the plane z = 0, from touch until the body is off; what is in common to
 all engines is here, as `thesis_lib/engines/engine.py` has it for the plane.  A body leaves within a step, and is flown

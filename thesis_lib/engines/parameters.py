@@ -49,7 +49,7 @@ WIDTH, MIDPOINT, POWER = 1e-3, 0.5, 2.0  # of solimp; without effect where both 
 
 @dataclass(frozen=True)
 class MujocoNumbers:
-    """What MJCF holds of a contact; `solref` is direct, or MuJoCo's (time constant in s, damping ratio)."""
+    """Contact numbers of MJCF; `solref` is direct, or MuJoCo's (time constant in s, damping ratio)."""
 
     solref: tuple[float, float]
     solimp: tuple[float, float, float, float, float]
@@ -59,7 +59,7 @@ class MujocoNumbers:
 
 @dataclass(frozen=True)
 class DrakeNumbers:
-    """What SDF and URDF hold of a point contact: `stiffness` of one geometry in N/m, `dissipation` in s/m, μ."""
+    """Numbers of a point contact in SDF and URDF: `stiffness` of one geometry in N/m, `dissipation` in s/m, μ."""
 
     stiffness: float
     dissipation: float
@@ -68,7 +68,7 @@ class DrakeNumbers:
 
 @dataclass(frozen=True)
 class BulletNumbers:
-    """What Bullet holds of a soft contact of a body: `stiffness` in N/m, `damping` in N s/m, μ."""
+    """Numbers of a soft contact in Bullet: `stiffness` in N/m, `damping` in N s/m, μ."""
 
     stiffness: float
     damping: float
@@ -164,7 +164,7 @@ def of_bullet(numbers: BulletNumbers, mass: float, step: float, points: int = 1)
 
 
 def _start(damping: float, step: float) -> float:
-    """What the damper takes in the first step beyond an oscillation: its force begins with a jump."""
+    """Loss in the damper's first step beyond that of an oscillation: its force begins with a jump."""
     return 1.0 + 0.5 * damping * step
 
 

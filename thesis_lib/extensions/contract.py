@@ -1,4 +1,4 @@
-"""What a check of a contract is, and what comes of it: `effect_contract` and `law_contract` hold the checks."""
+"""Checks of a contract, and their results: `effect_contract` and `law_contract` hold the checks."""
 
 import traceback
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ class Check(Generic[Checked]):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """What came of a check: passed, failed or still to do, with the reason unless it passed."""
+    """Result of a check: passed, failed or still to do, with the reason unless it passed."""
 
     check: str
     verdict: Literal["pass", "FAIL", "to do"]
@@ -39,7 +39,7 @@ class NothingYet(Exception):
 
 
 def outcomes(checks: Sequence[Check[Checked]], checked: Checked) -> list[CheckResult]:
-    """What came of each check; an error in a stranger's code is a failure with its file and line, no crash."""
+    """Result of each check; an error in a stranger's code is a failure with its file and line, no crash."""
     return [_outcome(check, checked) for check in checks]
 
 

@@ -1,4 +1,4 @@
-"""What every effect must do, whoever wrote it: the library's are tested by the same checks as a user's.
+"""Contract of every effect, whoever wrote it: the library's are tested by the same checks as a user's.
 
 Each check looks at the hooks of the effect, or at what the critique's model makes of them, for the bodies and states of
 `effect_probe`.
@@ -222,7 +222,7 @@ def finite_in_bounds(effect: Effect) -> str:
 
 
 def _sizes(effect: Effect) -> tuple[dict[str, float], bool]:
-    """What the effect changes in each channel at its scale, and whether it acts on the contact time.
+    """Change that the effect makes in each channel at its scale, and whether it acts on the contact time.
 
     How long contacts last concerns effects only that act on it: elsewhere the touch would show what the impact does.
     """
@@ -332,7 +332,7 @@ def _moved(states: State, by: Reference, sign: float = 1.0) -> State:
 
 
 def _made(effect: Effect, states: State, rig: Rig, moved: Reference = ORIGIN) -> dict[str, object]:
-    """What the hooks make of states, those that were `moved` in numbers that begin at 0."""
+    """Results of the hooks for states, those that were `moved` in numbers that begin at 0."""
     p, tau = at_scale(effect), np.full((len(states.x), 1), 0.1)
     made = {hook: value for hook, (_, value) in hook_calls(effect, p, rig, states).items()}
     arc = effect.arc(tau, states, p, rig)

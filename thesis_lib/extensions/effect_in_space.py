@@ -1,4 +1,4 @@
-"""What an effect that says it lives in space must do there: the plane is a case, and no level direction is special.
+"""Contract of an effect that lives in space: the plane is a case, and no level direction is special.
 
 Each check looks at the hooks of the effect for states of a box; effects of the plane are not asked.
 """
@@ -66,7 +66,7 @@ SPACE_EFFECT_CHECKS: tuple[Check[Effect], ...] = (
 
 
 def _made(effect: Effect, p: Mapping[str, float], rig: Rig, states: State) -> Made:
-    """What the hooks make of states, but for the inertia, which a body of the plane does not have in full."""
+    """Results of the hooks for states, but for the inertia, which a body of the plane does not have in full."""
     calls = hook_calls(effect, p, rig, states, given=0.0)
     arc = effect.arc(np.full((len(states), 1), 0.02), states, p, rig)
     made: Made = {hook: value for hook, (_, value) in calls.items() if hook != "inertia"}
@@ -128,7 +128,7 @@ def _of_state(state: State, twist: Twist, attitude: Attitude) -> State:
 
 
 def _carried(made: Made, twist: Twist, attitude: Attitude) -> Made:
-    """What hooks make, carried elsewhere."""
+    """Results of the hooks, carried elsewhere."""
     found: Made = {}
     for hook, value in made.items():
         if isinstance(value, State):

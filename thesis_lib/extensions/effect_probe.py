@@ -1,4 +1,4 @@
-"""What effects are tried on: bodies that touch, each hook of an effect there, and what the critique's model predicts.
+"""Bodies that touch, on which effects are tried: each hook of an effect, and the prediction of the critique's model.
 
 In the plane two bodies without symmetry are dropped, in space a box.
 """
@@ -142,7 +142,7 @@ def differs(made: object, expected: object, rtol: float, atol: float = 0.0) -> s
 
 
 def predict(active: Active, measured: State, rig: Rig, contact_time: float = 0.0) -> dict[str, np.ndarray]:
-    """What the critique's model predicts in each channel, from measured states before the impact.
+    """Prediction of the critique's model in each channel, from measured states before the impact.
 
     impact: velocity after it; meet: jump of the pose; flight: acceleration, (n, d + turns) each; touch: gap (n,) at it;
     slide: in the plane, acceleration (n,) along the surface, were the body supported.

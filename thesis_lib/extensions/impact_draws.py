@@ -46,7 +46,7 @@ class ImpactDraws:
 
     @property
     def body(self) -> dict[str, Any]:
-        """What a law is told of the bodies."""
+        """Properties of the bodies that a law takes."""
         return {"mass": 1.0} | ({"k_g": 1.0} if self.inertia is None else {"inertia": self.inertia})
 
     def mirrored(self) -> "ImpactDraws":

@@ -1,4 +1,4 @@
-"""What every impact law must do, whoever wrote it: the library's are tested by the same checks as a user's.
+"""Contract of every impact law, whoever wrote it: the library's are tested by the same checks as a user's.
 
 Each check resolves random impacts, most of them those of the reference draw (`impact_draws`), in the plane or in space.
 In space there are two more.  A turn about the normal by ψ, R its matrix, turns velocity and compliance of the contact,

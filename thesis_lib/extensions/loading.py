@@ -175,7 +175,7 @@ def require_contracts(loaded: Loaded) -> None:
 
 
 def installed() -> list[Loaded]:
-    """What installed packages offer, in the order of their names; UserError if one of them cannot be loaded."""
+    """Effects and laws of installed packages, in the order of their names; UserError if one cannot be loaded."""
     found = []
     for distribution, offered in _offers():
         effects: list[Effect] = []

@@ -28,7 +28,7 @@ _BY_ROW = re.compile(r"\[\s*(?:\.\.\.|:)\s*,\s*\d+\s*\]|axis\s*=\s*-?1|\.T\b|col
 
 
 def rewritten(effect: Effect, failing: Collection[str]) -> str:
-    """What to put in the place of the hooks of `effect` that were written for earlier ones; "" if none was.
+    """Code in place of the hooks of `effect` that were written for earlier versions; "" if none was.
 
     `failing` names the hooks that fail: of those whose arguments have kept their names, only these are looked at.
     """

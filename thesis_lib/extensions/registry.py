@@ -53,7 +53,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a file or a package holds."""
+    """Effects and laws of one file or package."""
 
     origin: Origin
     effects: tuple[Effect, ...]

@@ -68,7 +68,7 @@ def _place(loc: Place, content: Any) -> Place:
 
 
 def _said(entry: Any, schema: Schema) -> tuple[str, str]:
-    """What is wrong, and what to do if that is known."""
+    """Message on what is wrong, and on what to do if that is known."""
     context = entry.get("ctx", {})
     kind = str(context.get("discriminator", "")).strip("'")
     match entry["type"]:
@@ -97,7 +97,7 @@ def found(value: object) -> str:
 
 
 def wrong_value(mistake: Mapping[str, Any]) -> str:
-    """What is wrong with a value, by an entry of `ValidationError.errors()`."""
+    """Message on a wrong value, from an entry of `ValidationError.errors()`."""
     context = mistake.get("ctx", {})
     must_be = {
         "greater_than": f"above {context.get('gt')}",
@@ -129,7 +129,7 @@ def wrong_value(mistake: Mapping[str, Any]) -> str:
 
 
 def unknown_key(place: Place, schema: Schema) -> str:
-    """What to do about an unknown key: a similar key, its true section, or the keys that its section has.
+    """Advice on an unknown key: a similar key, its true section, or the keys that its section has.
 
     `schema`: the JSON schema of the whole file.
     """
@@ -145,7 +145,7 @@ def unknown_key(place: Place, schema: Schema) -> str:
 
 
 def _nodes(schema: Schema, place: Place) -> list[Schema]:
-    """What a schema says of the value at a place."""
+    """Parts of a schema that describe the value at a place."""
     nodes = [schema]
     for part in place:
         nodes = [child for node in nodes for child in _children(schema, node, part)]

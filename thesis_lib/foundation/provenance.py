@@ -71,7 +71,7 @@ class Sources:
         return hashlib.sha256("\n".join([found[first].hash, *used]).encode()).hexdigest()[:16]
 
     def _read_file(self, path: Path) -> "_Module":
-        """What is to be hashed of a module: as it was kept, or read now."""
+        """Parts of a module that are hashed: as they were kept, or read now."""
         content = path.read_bytes()
         key = hashlib.sha256(content).hexdigest()
         if key not in self._kept:
@@ -111,7 +111,7 @@ class _Used(NamedTuple):
 
 
 class _Module(NamedTuple):
-    """What is to be hashed of a module.
+    """Parts of a module that are hashed.
 
     `digest` is the SHA-256, as hex digits, of its code without docstrings, comments and layout, where `from ... import`
     from the package is `_IMPORT`, without its path; `imports` are (path, name) of these, in their order there;

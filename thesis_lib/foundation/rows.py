@@ -85,7 +85,7 @@ class Rows:
         return replace(self, path=Path(path))
 
     def parsed(self, make: Callable[[dict[str, str]], Made]) -> list[Made]:
-        """What `make` makes of the cells of each row; nothing if there is no table.
+        """Result of `make` for the cells of each row; nothing if there is no table.
 
         CorruptFileError with the line if a row cannot be read, or `make` raises a ValueError, KeyError or TypeError.
         """

@@ -109,7 +109,7 @@ SPACE = Space(3, 4, 3)
 
 
 def by_column(name: str, *arrays: np.ndarray) -> np.ndarray:
-    """What a kernel of `products` makes of arrays (c, ...), which broadcast beyond their components."""
+    """Result of a kernel of `products` for arrays (c, ...), which broadcast beyond their components."""
     from thesis_lib.mechanics import products  # numba comes with it
 
     kernel = getattr(products, name)

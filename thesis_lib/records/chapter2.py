@@ -1,4 +1,4 @@
-"""What findings of chapter 2 say that takes computing: motions of mechanisms, m/I, contact forces."""
+"""Computed parts of chapter 2's findings: motions of mechanisms, m/I, contact forces."""
 
 from thesis_lib.records.rows import DataFrame, Series, row_of
 from thesis_lib.statistics.wording import ends, interval, listed, number, percent, side, times

@@ -1,4 +1,4 @@
-"""What findings of chapter 3 say that takes computing, and the laws and limits that they name."""
+"""Computed parts of chapter 3's findings, and the laws and limits that they name."""
 
 from thesis_lib.records.rows import PUBLISHED, DataFrame, Series
 from thesis_lib.statistics.wording import ends, estimate, side

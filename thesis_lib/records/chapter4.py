@@ -1,4 +1,4 @@
-"""What findings of chapter 4 say that takes computing, and the names of learners and of models thrown."""
+"""Computed parts of chapter 4's findings, and the names of learners and of models thrown."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What findings of chapter 5 say that takes computing, and the names of policies and effects."""
+"""Computed parts of chapter 5's findings, and the names of policies and effects."""
 
 import math
 from collections.abc import Sequence

@@ -72,7 +72,7 @@ def sentences() -> "jinja2.Environment":
 
 
 def public(module: ModuleType) -> dict[str, Any]:
-    """What a module defines for others, by name."""
+    """Public names of a module, with their values."""
     return {name: value for name, value in vars(module).items() if not name.startswith("_")}
 
 

@@ -1,4 +1,4 @@
-"""What findings say of a run's tables: rows with 95 % intervals, counts, and names of laws."""
+"""Parts of findings from a run's tables: rows with 95 % intervals, counts, and names of laws."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any

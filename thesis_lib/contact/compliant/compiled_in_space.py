@@ -331,7 +331,7 @@ def _convex(kind, h, rho, ratio, v, omega, a, alpha, W, rs, depths, mus, levers,
 
 @compiled
 def _room(p):
-    """What `_convex` works in, of p contacts, of one of them, and of the edges of a pyramid."""
+    """Work arrays of `_convex` for p contacts, for one of them, and for the edges of a pyramid."""
     matrices = (
         np.empty((p, 4, 4)),
         np.empty((p, 4, 4)),

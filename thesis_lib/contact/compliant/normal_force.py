@@ -153,7 +153,7 @@ class _Damped(NormalForce):
         return np.interp(loss, LOSSES, self._table[2])
 
     def _left(self, x: np.ndarray, v: np.ndarray, loss: np.ndarray) -> np.ndarray:
-        """What falls to 0 where a contact is over."""
+        """Quantity that falls to 0 when a contact is over."""
         return x
 
     @cached_property

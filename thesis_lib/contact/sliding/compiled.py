@@ -45,7 +45,7 @@ def _stepped(state, h, path):
 
 @compiled
 def _missing(rule, state, path, epsilon, v_n0, p_c, W_c):
-    """What is negative until the phase ends, and its derivative by p."""
+    """Quantity that is negative until the phase ends, and its derivative by p."""
     x, y, p, W = state
     a_1, a_2, S, C = path[4:]
     v_n = a_1 * x + a_2 * y + S * p + C

@@ -1,4 +1,4 @@
-"""What a model at given values does to states: its contacts and its flights.
+"""A model at given values, applied to states: its contacts and its flights.
 
 One impact goes down a ladder and up again; `thesis_lib/effects/effect.py` names the hooks of effects at each rung.
 

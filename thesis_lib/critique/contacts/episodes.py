@@ -36,7 +36,7 @@ _NOW = 1e-9  # s
 
 @dataclass(frozen=True)
 class EpisodeOutcome:
-    """What follows from n states: the true state at the end, hits (n,), and masks of what cannot be impacts."""
+    """Outcome of n episodes: the true state at the end, hits (n,), and masks of those that cannot be impacts."""
 
     after: State
     hits: np.ndarray

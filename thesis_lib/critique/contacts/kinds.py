@@ -35,7 +35,7 @@ FAR = 3.0  # scales from the null; no fit of an integrated contact comes back fr
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a model predicts of n impacts from the measured states before them.
+    """Prediction of n impacts by a model, from the measured states before them.
 
     Attributes:
         v: (n, 3) velocity after, m/s and rad/s.
@@ -191,5 +191,5 @@ def kind_of(model: Model) -> type[ByImpulse]:
 
 
 def bind(model: Model, values: Mapping[str, Any], rig: Rig) -> ByImpulse:
-    """What the model does at these values, numbers or arrays (n,) with one for each body, with contacts of its kind."""
+    """Dynamics of the model at these values, numbers or arrays (n,) with one for each body, by its kind of contact."""
     return kind_of(model)(model, values, rig)

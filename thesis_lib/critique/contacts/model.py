@@ -24,7 +24,7 @@ def inward(p: Parameter, value: float, step: float) -> float:
 
 
 def _without_camera(effect: Effect) -> Effect:
-    """What an effect of the measurement does to the body, as gravity is oblique to a camera's axes."""
+    """The part of a measurement effect that acts on the body, as gravity is oblique to a camera's axes."""
     inner = copy(effect)
     exact = {"to_true": Effect.to_true, "to_measured": Effect.to_measured}
     inner.__class__ = type(type(effect).__name__, (type(effect),), exact)
@@ -67,7 +67,7 @@ class Model:
 
     @cached_property
     def fitted_parameters(self) -> dict[str, Parameter]:
-        """Those that are not on or off."""
+        """Parameters that a fit varies: all but those that are on or off."""
         return {name: p for name, p in self.parameters.items() if p.discrete is None}
 
     def unseen(self, rig: Rig) -> np.ndarray:

@@ -88,7 +88,7 @@ class Touching:
 
     @property
     def shape(self) -> Any:
-        """That of the whole body."""
+        """Shape of the whole body."""
         shape = self.dynamics.rig.shape
         return shape.polygon if isinstance(shape, Corner) else shape.solid if isinstance(shape, SupportPoint) else shape
 

@@ -77,7 +77,7 @@ def features(fitted: Fit, observations: Observations) -> pd.DataFrame:
 
 
 def _in_space(true: State, o: Observations) -> pd.DataFrame:
-    """Those of states in space, by the axes of the slip: turning all of it about the normal changes none."""
+    """Features in space, along the axes of the slip: a turn of everything about the normal changes none of them."""
     r = o.rig.lowest(true)
     axes = slip_axes(true, o.rig)
     (slip, _, v_n), spin, arm = (

@@ -35,7 +35,7 @@ class TooFew(UserError):
 
 @dataclass(frozen=True)
 class FewImpacts:
-    """What a few impacts say.
+    """Results from impacts that are too few for a verdict.
 
     Attributes:
         observations: all impacts.
@@ -59,7 +59,7 @@ class FewImpacts:
 
     @cached_property
     def each(self) -> OwnRestitution:
-        """What each single hit says of restitution."""
+        """Restitution of each single hit."""
         return own_restitution(self.fitted, self.observations)
 
     @property

@@ -39,7 +39,7 @@ class OwnRestitution:
     left: float
 
     def differs(self, limit: float) -> str | None:
-        """What it differs by, "trial" or "impact"; None if it is one number, or other things differ, too.
+        """Name "trial" or "impact", if restitution differs by it and nothing else does; None otherwise.
 
         `limit`: of the rest, in units of noise.
         """

@@ -1,4 +1,4 @@
-"""What all patches share: the user's file, the plane of the drops in its body, the tensor of inertia, what is reported.
+"""Shared by all patches: the user's file, the plane of the drops in its body, the tensor of inertia, the report.
 
 A patch writes numbers that the drops have shown into one body of a file that exists: mass (if given), inertia, centre
 of mass, friction, contact.  It leaves geometry, surface, gravity and options as they are, and says so where the model
@@ -182,7 +182,7 @@ class Patch:
 
 
 def not_patched(solid: ExportedBody) -> list[str]:
-    """What the model has of things that a patch leaves alone, and what no file can hold."""
+    """Properties of the model that a patch leaves alone, and those that no file can hold."""
     held = [f"{name}: {said}" for name, said in solid.not_patched.items() if name in solid.model.effects]
     of_geometry = (*solid.not_patched, "edge_radius")
     return [*held, *(f"{name}: {why}" for name, why in solid.left_out if name not in of_geometry)]

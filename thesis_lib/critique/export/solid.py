@@ -1,4 +1,4 @@
-"""What the file of an engine says of a body over its surface, in space; and the comments that say where it is from.
+"""A body over its surface in space, as an engine's file describes it; and the comments that name its origin.
 
 A model in the plane becomes such a body in `thesis_lib/critique/export/of_plane.py`, one in space in
 `thesis_lib/critique/export/of_space.py`.
@@ -120,7 +120,7 @@ class ExportedBody:
 
 
 def contact_of(model: SavedModel, target: str) -> dict:
-    """What every body has of its contact and of the effects of its model: fields of `ExportedBody`."""
+    """Fields of `ExportedBody` that every body has: its contact, and the effects of its model."""
     values, space = model.values, model.space
     time, speed = _contact_time(model)
     left_out = [(name, reason(name, target, space)) for name in model.effects if not written(name, target, space)]
@@ -183,7 +183,7 @@ def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
 
 
 def only_bounds(model: SavedModel) -> list[str]:
-    """What the drops give only a bound of, and what was written in its place."""
+    """Parameters of which the drops give only a bound, with the values written in their place."""
     return [
         f"{name}: {bounded(p.model_dump())}; {model.values[name]:g} is used"
         for name, p in model.parameters.items()

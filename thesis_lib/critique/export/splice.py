@@ -108,7 +108,7 @@ class Source:
             yield end, end, new
 
     def _blank(self, read: _Read) -> bytes:
-        """What stands before the first child of an element, if that is blank: a new line and its indent."""
+        """Blank text before the first child of an element: a new line and its indent; empty if it is not blank."""
         first = next((one for one in read.element if one in self._read), None)
         blank = self._text[read.opened : self._read[first].start] if first is not None else b""
         return blank if not blank.strip() else b""

@@ -1,4 +1,4 @@
-"""What is measured beside impacts, each with residuals of its own: the interface."""
+"""Interface of evidence beside impacts, each kind with residuals of its own."""
 
 from typing import Protocol, Self, TypeVar
 
@@ -21,7 +21,7 @@ class Beside(Protocol):
     def variance(self) -> np.ndarray: ...
     def __len__(self) -> int: ...
     def of_trials(self, trials: np.ndarray) -> Self:
-        """Those of the given trials."""
+        """The same for the given trials only."""
         ...
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What data give only a bound of: a parameter whose likelihood stays flat up to an end of its range.
+"""Parameters with only a bound: their likelihood stays flat up to an end of the range.
 
 Where no impact slips, every friction beyond the largest ratio of impulses predicts the same, and a standard error from
 the curvature of the likelihood means nothing.  The profile shows it: with r(x) the robust whitened residuals at the

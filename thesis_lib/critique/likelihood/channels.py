@@ -76,7 +76,7 @@ class Channel:
         return self.text.split(",")[0]
 
     def columns(self, space: Space) -> range:
-        """Those of the residuals of an impact; none of what is measured beside impacts."""
+        """Columns of the channel in the residuals of an impact; empty for what is measured beside impacts."""
         ends = (0, space.motions, 2 * space.motions, 2 * space.motions + 1)
         return range(0) if self.part is None else range(ends[self.part], ends[self.part + 1])
 

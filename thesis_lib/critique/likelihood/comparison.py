@@ -86,7 +86,7 @@ class Comparison:
 
     @cached_property
     def prediction(self) -> Prediction:
-        """What follows from the states before impact; where their spin is unknown, its mean over the spins."""
+        """Prediction from the states before impact; where their spin is unknown, its mean over the spins."""
         if self.observations.spin:
             return self.by_spin.each(over_spins)
         return _predicted(self.dynamics, self.observations, self.before)
@@ -223,7 +223,7 @@ def over_spins(values: np.ndarray) -> np.ndarray:
 
 
 def _predicted(dynamics: ByImpulse, o: Observations, before: State) -> Prediction:
-    """What follows from states `before` impact."""
+    """Prediction from the states `before` impact."""
     return dynamics.between_flights(before, o.span, o.offset) if o.arcs else dynamics.stated(before, o.offset)
 
 

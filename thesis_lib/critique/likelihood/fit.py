@@ -108,7 +108,7 @@ class Fit:
 
     @cached_property
     def _profiles(self) -> dict[str, Bound | float]:
-        """What the profile says of parameters whose standard error may mean nothing."""
+        """Bounds or standard errors from the profile, for parameters whose standard error may mean nothing."""
         free, whitening = self.model.fitted_parameters, self.whitening
         names = [name for name, p in free.items() if doubtful(p, self.values[name], self._curvatures[name])]
         if names and self.seen is not None:

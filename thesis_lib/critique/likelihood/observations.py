@@ -168,7 +168,7 @@ class Observations:
 
     @cached_property
     def noisy(self) -> list:
-        """What `Comparison.noisy` found last: models, their values, and the residuals."""
+        """Last result of `Comparison.noisy`: models, their values, and the residuals."""
         return []
 
     def select(self, trials: np.ndarray) -> "Observations":
@@ -214,7 +214,7 @@ class Observations:
         return replace(self, **{name: np.concatenate([getattr(self, name)] * copies) for name in names})
 
     def part(self, rows: slice, with_samples: bool) -> "Observations":
-        """What a model needs of some of the impacts, without a copy."""
+        """The fields of some of the impacts that a model needs, without a copy."""
         return replace(self, **{name: getattr(self, name)[rows] for name in FOR_MODELS + OF_SAMPLES * with_samples})
 
 
@@ -244,7 +244,7 @@ def observe(
 
 
 def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
-    """What is believed of body and rig; in space as seen in the frame of the surface of that number."""
+    """Rig as dataset.yaml states it; in space as seen in the frame of the surface of that number."""
     if dataset.space.is_plane:
         walls = dataset.header.surfaces or ()
         return Rig(dataset.shape, dataset.k_g, dataset.gravity, dataset.height, walls, dataset.has_angle)
@@ -259,7 +259,7 @@ def rig_of(dataset: Dataset, surface: int = 0) -> Rig:
 
 
 def _single(n: int) -> dict[str, Any]:
-    """What the n impacts have by default: single hits on one surface, with the contact point of the shape."""
+    """Defaults of n impacts: single hits on one surface, with the contact point of the shape."""
     arrays = {"surface": np.zeros(n, int), "hits": np.ones(n, int), "offset": np.zeros((n, 2))}
     return arrays | {"span": np.zeros(n), "t_std": np.zeros(n)}
 

@@ -56,11 +56,11 @@ class OnSurface:
 
     @classmethod
     def of(cls, found: Supported) -> Self:
-        """Those that were found."""
+        """Evidence from what was found in the samples."""
         return cls(found.state, found.variance)
 
     def of_trials(self, trials: np.ndarray) -> Self:
-        """Those of the given trials."""
+        """The same for the given trials only."""
         rows = np.flatnonzero(np.isin(self.trial, trials))
         return replace(self, state=self.state.select(rows), variance=self.variance[rows])
 
@@ -93,11 +93,11 @@ class Slides(OnSurface):
 
     @classmethod
     def of(cls, found: Supported) -> Self:
-        """Those that were found."""
+        """Evidence from what was found in the samples."""
         return cls(found.state, found.variance, found.measured)
 
     def of_trials(self, trials: np.ndarray) -> Self:
-        """Those of the given trials."""
+        """The same for the given trials only."""
         return replace(super().of_trials(trials), acceleration=self.acceleration[np.isin(self.trial, trials)])
 
     def residuals(self, dynamics: Dynamics) -> np.ndarray:
@@ -145,7 +145,7 @@ class SpaceSlides(OnSurface):
     channel = "slide"
 
     def of_trials(self, trials: np.ndarray) -> Self:
-        """Those of the given trials."""
+        """The same for the given trials only."""
         rows = np.isin(self.trial, trials)
         return replace(super().of_trials(trials), acceleration=self.acceleration[rows], span=self.span[rows])
 

@@ -90,7 +90,7 @@ class Whitening:
         return together([(self, points)])[0]
 
     def at_impact(self, values: Mapping[str, float]) -> tuple:
-        """What the states at impact and flights depend on."""
+        """Values on which the states at impact and the flights depend."""
         return tuple(values[name] for name in self.model.flight_parameters)
 
     def stacked(self, values: Mapping[str, float]) -> np.ndarray:
@@ -190,7 +190,7 @@ def _beside(requests: Sequence[Request]) -> dict[tuple[int, int], OfFlights]:
 
 
 def _of_one_choice(missing: Sequence[tuple]) -> list[list[tuple]]:
-    """What is missing in parts whose discrete parameters agree: a choice acts on all impacts of a call alike."""
+    """Missing values in parts with equal discrete parameters: a choice acts on all impacts of a call alike."""
     parts: dict[tuple, list[tuple]] = {}
     for one in missing:
         *_, whitening, values = one

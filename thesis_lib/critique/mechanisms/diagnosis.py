@@ -175,7 +175,7 @@ def _next_experiment(critique: MechanismCritique) -> dict:
 
 
 def _clocks(d: Mapping) -> list[str]:
-    """What is found of the clocks, where recording.yaml says that they may be apart."""
+    """Sentences on the clocks, where recording.yaml says that they may be apart."""
     found = d.get("sensors", {}).get("found", {})
     if "sensor_delay.d" not in found:
         return []

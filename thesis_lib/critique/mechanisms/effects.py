@@ -48,7 +48,7 @@ class MotionSteps:
     def once(
         self, name: str, model: BelievedModel, make: Callable[[], tuple[np.ndarray, ...]]
     ) -> tuple[np.ndarray, ...]:
-        """What `make` returns of this motion under this model, normal forces apart; it is asked once for a `name`."""
+        """Result of `make` for this motion under this model, normal forces apart; computed once for a `name`."""
         if (name, model) not in self.kept:
             self.kept[name, model] = make()
         return self.kept[name, model]

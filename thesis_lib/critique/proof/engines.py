@@ -115,7 +115,7 @@ def compute(case: EngineCase) -> dict[str, object]:
 
 
 def told(row: dict) -> str:
-    """What a row found, in words."""
+    """A row in words."""
     return f"{row['best']}, {row['named'] or 'nothing named'}"
 
 

@@ -107,7 +107,7 @@ def read(store: Rows = ROWS) -> pd.DataFrame:
 
 
 def told(row: dict) -> str:
-    """What a row found, in words."""
+    """A row in words."""
     right = "right" if is_exact(row["truth"], row["verdict"], row["named"]) else "WRONG"
     misfit = f"{row['before']:.4g} → {row['after']:.4g}, sensors {row['sensor_excess']:.4g}"
     return f"{right}, {row['verdict']}, {row['named'] or 'nothing named'}, {misfit}, {row['parameters']}"

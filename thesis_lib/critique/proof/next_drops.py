@@ -249,7 +249,7 @@ def _answer(cells: dict[str, str]) -> dict[str, object]:
 
 
 def as_markdown(answers: pd.DataFrame | None = None) -> str:
-    """What the stored questions show, and a table of the open ones; ValueError if none is open."""
+    """Text on the stored questions, with a table of the open ones; ValueError if none is open."""
     answers = read_answers() if answers is None else answers
     opened = answers[answers["open"]]
     if not len(opened):

@@ -149,7 +149,7 @@ def attainable(judged: DropsCritique, truth: str) -> float:
 
 
 def told(row: Mapping[str, Any]) -> str:
-    """What a row found, in words."""
+    """A row in words."""
     where = f"{row['before']:.4g} -> {row.get('after') or math.nan:.4g} m/s, floor {row['floor']:.4g}"
     return f"{row['verdict']}, {row['proposed'] or 'no term'} ({where})"
 
@@ -158,7 +158,7 @@ def told(row: Mapping[str, Any]) -> str:
 
 
 def right(row: Mapping[Any, Any]) -> dict[str, bool]:
-    """What is asked of a row with a hidden law."""
+    """Requirements on a row with a hidden law, and whether it meets them."""
     terms = {term.name: term for term in all_terms()}
     hidden, first = terms[OWN[row["truth"]]], terms.get(str(row["proposed"]).partition("+")[0])
     after = row["after"] if first else row["before"]

@@ -106,7 +106,7 @@ def write_list(path: Path = LIST.path) -> None:
 
 
 def engine_of(case: SpaceCase) -> TossEngine:
-    """What moves the bodies of a case."""
+    """Simulator that moves the bodies of a case."""
     drawn = case.drawn
     if case.world == "own":
         return OwnTosses()
@@ -146,7 +146,7 @@ def judged(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def compute_missed(case: SpaceCase) -> dict[str, object]:
-    """What the data of a case hold of its cause: a row of `MISSED`."""
+    """Evidence for its cause in the data of a case: a row of `MISSED`."""
     dataset = make(case, engine_of(case))
     row: dict[str, object] = {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
     found, critique = criticised(dataset, case.seed, effects=[case.truth])
@@ -158,7 +158,7 @@ def compute_missed(case: SpaceCase) -> dict[str, object]:
 
 
 def told_missed(row: dict) -> str:
-    """What a row of `MISSED` says, in words."""
+    """A row of `MISSED` in words."""
     if row["why"]:
         return row["why"]
     errors = " to ".join(f"{float(row[name]):.2g}" for name in ("without", "with_it"))
@@ -252,7 +252,7 @@ def shared(plane: DropsCritique, space: DropsCritique) -> dict[str, tuple[float,
 
 
 def told_lifted(row: dict) -> str:
-    """What a row found, in words."""
+    """A row in words."""
     return f"{row['plane']}, {row['in_plane'] or 'nothing'}; in space {row['space']}, {row['in_space'] or 'nothing'}"
 
 

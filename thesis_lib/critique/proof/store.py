@@ -1,4 +1,4 @@
-"""What all proofs share: tables in config/proof/, cells that hold several values, runs that go on where they stopped.
+"""Shared by all proofs: tables in config/proof/, cells that hold several values, runs that go on where they stopped.
 
 A row has a dataset's case, what was found of it, and by which code and when.  Rows are sorted, so that git shows what
 changed.
@@ -54,7 +54,7 @@ def with_effects(critique: DropsCritique) -> str:
 
 
 def criticised(dataset: Dataset, seed: int, **options: Any) -> tuple[dict[str, Any], DropsCritique | None]:
-    """What the critique says of a dataset, by column, and the critique; of a refusal its reason, and None."""
+    """Result of the critique of a dataset by column, and the critique; of a refusal its reason, and None."""
     try:
         critique = criticise_drops(dataset, rng=generator(seed, "critique", dataset.digest()), **options)
     except UserError as error:

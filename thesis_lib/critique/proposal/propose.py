@@ -55,7 +55,7 @@ class Accepted(NamedTuple):
 
 @dataclass(frozen=True)
 class Proposal:
-    """What is proposed.
+    """A proposed term.
 
     Attributes:
         terms: in the order in which they entered; fitted: the model with them, on all training trials.

@@ -1,4 +1,4 @@
-"""What a proposal leaves behind: its part of diagnosis.json, sentences for a reader, and the file.
+"""Output of a proposal: its part of diagnosis.json, sentences for a reader, and the file.
 
 | key of `proposal` | meaning                                                                                       |
 |-------------------|-----------------------------------------------------------------------------------------------|
@@ -81,7 +81,7 @@ def with_proposal(content: Mapping, proposal: Proposal | None, file: str, has_an
 
 
 def not_testable(has_angle: bool) -> list[dict]:
-    """What joins `not_testable` of diagnosis.json, where terms were looked for."""
+    """Entries added to `not_testable` of diagnosis.json, where terms were looked for."""
     why = "theta is not measured: the unknown spin takes up any error that depends on it"
     return [] if has_angle else [{"name": UNTESTABLE, "why": why}]
 

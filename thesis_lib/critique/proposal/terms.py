@@ -142,7 +142,7 @@ class Term:
 
     @property
     def along(self) -> tuple[str, ...]:
-        """What it counts from the reference of the rig."""
+        """Coordinates that the term counts from the reference of the rig."""
         return tuple(name for name in ("x", "trial") if name in self.variables)
 
     @property

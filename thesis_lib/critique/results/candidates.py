@@ -38,7 +38,7 @@ def candidates(critique: DropsCritique) -> pd.DataFrame:
 def _standing(
     critique: DropsCritique, name: str, judged: Judgement, alone: Judgement, gain_low: float
 ) -> tuple[str, str]:
-    """What became of a candidate, and what speaks against it."""
+    """Standing of a candidate, and the reason against it."""
     discovery, settings = critique.discovery, critique.settings
     for step in discovery.steps:
         if name == step.effect.name:

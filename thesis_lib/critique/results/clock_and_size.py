@@ -30,7 +30,7 @@ DERIVED = 1e-6  # relative: `datasets init` writes at least six digits
 
 
 def could_be(name: str, effects: Sequence[Mapping], header: Header | SpaceHeader | None) -> dict | None:
-    """What else the effect `name` may mean, for diagnosis.json; None if nothing is known of it.
+    """Other meanings of the effect `name`, for diagnosis.json; None if none is known.
 
     `effects` are those of diagnosis.json: name, parameters.
     """

@@ -69,7 +69,7 @@ def speed(value: float) -> str:
 
 
 def at_its_end(effect: Mapping) -> str:
-    """What is said of an effect that would grow beyond the values that are believed possible."""
+    """Sentence on an effect that would grow beyond the values that are believed possible."""
     ends = listed([f"{name} {bounded(p)}" for name, p in effect["parameters"].items() if p.get("bound")])
     return (
         f"“{EFFECTS[effect['name']].title}” is at an end of its range ({ends}), so it may stand in for another cause."
@@ -77,7 +77,7 @@ def at_its_end(effect: Mapping) -> str:
 
 
 def unseen(effect: Mapping) -> str:
-    """What of the parameters nothing here can show, as a sentence; "" if all of them can be seen."""
+    """Sentence on parameters that nothing here can show; "" if all of them can be seen."""
     said = []
     for direction in effect.get("unseen", ()):
         terms = [(formatted(part, "+.2f"), name) for name, part in zip(effect["parameters"], direction)]
@@ -164,7 +164,7 @@ def sized(effects: list[Mapping]) -> str:
 
 
 def what_to_do(effects: list[Mapping]) -> str:
-    """What a reader does about effects that have a name, as a sentence."""
+    """Sentence on what a reader does about effects that have a name."""
     wrong = list(dict.fromkeys(EFFECTS[e["name"]].denies for e in effects))
     if all(wrong) and wrong:
         return f"Correct the {listed(wrong)} in dataset.yaml and in your simulator, or use model.json for predictions."

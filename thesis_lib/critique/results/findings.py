@@ -1,4 +1,4 @@
-"""What a critique leaves behind as data, computed once: what its folder, its page and its pictures are made of.
+"""Findings of a critique as data, computed once: its folder, its page and its pictures are made of them.
 
 Of impacts that are too few for a verdict, diagnosis.json says restitution, friction, and what a verdict needs.  It has
 the keys of every diagnosis (`diagnosis`), with `verdict` null, no effects and errors null, and `restitution` with
@@ -85,7 +85,7 @@ def few_diagnosis(few: FewImpacts) -> dict:
 
 
 def _recording(few: FewImpacts) -> list[str]:
-    """What flights and rests of a body in space say by themselves, in sentences."""
+    """Sentences on what flights and rests of a body in space show by themselves."""
     source = few.source
     if source is None or source.trajectories is None:
         return []
@@ -99,7 +99,7 @@ def _recording(few: FewImpacts) -> list[str]:
 
 
 def few_parameters(few: FewImpacts) -> dict[str, dict]:
-    """Those of the law, with the restitution and the standard error of all impacts; none without an impact."""
+    """Parameters of the law, with restitution and standard error from all impacts; empty without an impact."""
     if not few.laws:
         return {}
     value, std = few.restitution
@@ -193,7 +193,7 @@ def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataF
 
 
 def few_findings(few: FewImpacts) -> Findings:
-    """Those of impacts that are too few for a verdict."""
+    """Findings on impacts that are too few for a verdict."""
     model = None
     if few.laws:
         model = _saved(few.fitted, few.observations.rig, few.dataset, few.source, few_parameters(few))

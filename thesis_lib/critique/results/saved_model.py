@@ -150,7 +150,7 @@ class SavedModel(Section):
 
     @property
     def dynamics(self) -> ByImpulse:
-        """What the model does to states."""
+        """Dynamics of the model."""
         return bind(self.model, self.values, self.believed)
 
     def __repr__(self) -> str:

@@ -202,7 +202,7 @@ def _unexplained(content: Mapping) -> list[str]:
 
 
 def restitution_differs(differs: Mapping) -> str:
-    """What is known of restitution beside numbers."""
+    """Sentence on restitution that differs where no effect explains it."""
     low, high, by = f"{differs['low']:.2f}", f"{differs['high']:.2f}", differs["differs_by"]
     return f"Restitution ({low} to {high}) differs from {by} to {by} and with nothing that is recorded."
 
@@ -220,7 +220,7 @@ def _contact_time(content: Mapping) -> list[str]:
 
 
 def _friction(content: Mapping) -> list[str]:
-    """What no slip says of friction."""
+    """Sentence on friction where no impact goes on slipping."""
     mu = content["augmented_model"]["parameters"]["mu"]
     if mu.get("bound") != "lower" or mu["value"] <= mu["range"][0]:
         return []
@@ -231,7 +231,7 @@ def _friction(content: Mapping) -> list[str]:
 
 
 def _origins(content: Mapping) -> list[str]:
-    """What of the verdict is not the library's, and where it is from."""
+    """Sentences on named laws and effects that are not the library's, with their origin."""
     named = {("law", content[key]["name"]) for key in ("base_model", "augmented_model")}
     for effect in content["effects"]:
         named |= {("effect", name) for name in (effect["name"], *effect["indistinguishable_from"])}

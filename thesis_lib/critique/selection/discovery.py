@@ -1,4 +1,4 @@
-"""What a search has chosen, and how it does on held-out data."""
+"""Result of a search, and how it does on held-out data."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -56,7 +56,7 @@ class Rejected(Generic[E, F, J]):
 
 @dataclass(frozen=True)
 class Shortlist(Generic[F]):
-    """What a step chooses from.
+    """Fits from which a step chooses.
 
     Attributes:
         quick: by the name of the candidate, the best quick fit with it, the best first.

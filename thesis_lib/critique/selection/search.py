@@ -167,7 +167,7 @@ class Search(Generic[E, F, J]):
         return None if other is None or world.leaves_an_error(other[1]) else other
 
     def shortlist(self, path: Path[E, F, J]) -> Shortlist[F] | None:
-        """What the next step chooses from; None if there is nothing."""
+        """Fits from which the next step chooses; None if there are none."""
         world, fitted, steps, fixed = self.world, path.fitted, path.steps, self.fixed
         taken = {step.effect.name for step in steps} | path.dropped
         candidates = [e for e in world.candidates.values() if e.name not in taken]

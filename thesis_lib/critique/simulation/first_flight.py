@@ -90,7 +90,7 @@ class MeasuredTosses:
         return self.states.trial[: len(self.flight)]
 
     def bound(self, model: SavedSpaceModel) -> ByImpulse:
-        """What the model does to bodies that turn as these have."""
+        """Dynamics of the model for bodies that turn as these have."""
         k, n = self.times.shape
         whole = self.states.select(np.arange(k * n).reshape(k, n).T[self.seen.T])
         recorded = WholeTosses.of(whole, np.zeros(0), np.zeros(0))
@@ -181,7 +181,7 @@ def _begun(dynamics: ByImpulse, measured: State, times: np.ndarray, used: np.nda
 
 
 def _flown(dynamics: ByImpulse, start: State, times: np.ndarray) -> State:
-    """What the camera reports (W n,) of flights from measured states, at times (W, n) in s after them."""
+    """States (W n,) that the camera reports of flights from measured states, at times (W, n) in s after them."""
     path = [dynamics.to_true(start)]
     for h in np.diff(times, axis=0):
         path.append(dynamics.flown(path[-1], h))

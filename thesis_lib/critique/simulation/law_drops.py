@@ -65,7 +65,7 @@ def simulate_law_drops(
 
 
 def own_poses(dynamics: Dynamics, q: np.ndarray, v: np.ndarray, samples: int, rate: float) -> np.ndarray:
-    """What a camera sees (n, samples, 3) of drops released at q, v (n, 3) over y = 0; NaN after a drop has ended."""
+    """Poses (n, samples, 3) that a camera sees of drops released at q, v (n, 3) over y = 0; NaN after a drop's end."""
     camera, inner = camera_and_body(dynamics)
     n = len(q)
     touch = state = State.of(q, v, np.arange(n), np.zeros(n))

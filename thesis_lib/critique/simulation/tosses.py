@@ -50,7 +50,7 @@ def toss(dynamics: ByImpulse, start: State, times: np.ndarray) -> Tosses:
 
 
 def reported(dynamics: Dynamics, tosses: Tosses) -> State:
-    """What the camera reports of true states, which may depend on all that the body has turned since the first."""
+    """Measured states of true ones, which may depend on all that the body has turned since the first."""
     true, n = tosses.true, tosses.hits.shape[1]
     if "rotation_scale.s_R" in dynamics.values:
         by_toss = np.arange(len(true)).reshape(-1, n).T.ravel()

@@ -26,7 +26,7 @@ FLOOR = 1e-7  # m
 
 
 def copies_text(pairs: Sequence[tuple[int, int]]) -> str:
-    """What is wrong with pairs of an original and its copy, for the user."""
+    """Message on pairs of an original and its copy."""
     shown = ", ".join(f"{copy} of {original}" for original, copy in pairs[:5])
     more = f" and {len(pairs) - 5} more" if len(pairs) > 5 else ""
     return (

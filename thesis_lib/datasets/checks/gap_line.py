@@ -49,7 +49,7 @@ class GapLine:
         return shape.gap((q[:, :2] - self.place) @ np.array(self.normal), q[:, 2] - self.angle)
 
     def said(self) -> str:
-        """What is wrong, for a user."""
+        """Message on what is wrong."""
         if self.curvature:
             return (
                 f"Along x the gap at impact is a parabola: the surface seems to be bent, with a radius of "
@@ -61,7 +61,7 @@ class GapLine:
         return f"At the impacts the gap is a line along x: in the picture the surface {way} ({self.share:.1%} of it)."
 
     def remedy(self) -> str:
-        """What to do about it."""
+        """Message on what to do."""
         if self.curvature:
             return "The critique tells these apart (curved_surface, lens)."
         (x, y), n = self.place, self.normal
@@ -74,7 +74,7 @@ class GapLine:
 
 
 def gap_line(shape: Shape, q: np.ndarray) -> GapLine | None:
-    """What the gaps at impact say of the surface, from poses q (n, 3) in m and rad; None if it looks level and flat."""
+    """Line through the gaps at impact, from poses q (n, 3) in m and rad; None if the surface looks level and flat."""
     if len(q) < LEAST:
         return None
     angle, line = 0.0, None

@@ -44,7 +44,7 @@ REVERSED = "reversed (of a left-handed frame, or turning the world into the body
 
 @dataclass(frozen=True)
 class MotionFacts:
-    """What the samples say: the free flights and their median acceleration (m/s²), and faults of the orientations.
+    """Facts from the samples: free flights, their median acceleration (m/s²), and faults of the orientations.
 
     `held` trials begin before the body is let go, at that time in s.  The last flight of those `in_the_air` ends off
     the surface, at that time: caught, out of view, or beyond the table's edge.
@@ -67,7 +67,7 @@ class MotionFacts:
 
 
 def motion_facts(table: pd.DataFrame, header: SpaceHeader) -> MotionFacts:
-    """What the samples of trajectories.csv say, its rows whole and in order."""
+    """Facts from the samples of trajectories.csv, its rows whole and in order."""
     seen = np.isfinite(table["qw"].to_numpy(float))
     q, trial, t = (table[names].to_numpy(float) for names in (list(QUATERNION), "trial", "t"))
     facts = MotionFacts(0, None, float(np.mean(~seen)), turn_jumps(trial, t, q))

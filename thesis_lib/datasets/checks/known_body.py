@@ -1,4 +1,4 @@
-"""What is known of the body while units and signs are judged; limits and remedies that these checks share."""
+"""Facts on the body while units and signs are judged; limits and remedies that these checks share."""
 
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ UPWARDS = "y must point up, away from the surface: flip its sign (and that of th
 
 @dataclass(frozen=True)
 class KnownBody:
-    """What is known of the body even if dataset.yaml is wrong elsewhere.
+    """Facts on the body that hold even if dataset.yaml is wrong elsewhere.
 
     `shape` and `k_g` (m) are None without a valid shape; `height` (m) is that of the surface, of which
     there is none between `walls`; `gravity` in m/s².
@@ -67,7 +67,7 @@ class KnownBody:
         return self.shape is not None and self.shape.extent > LARGEST_BODY
 
     def sunk(self, y: np.ndarray) -> str:
-        """What is wrong if most of the heights `y` (n,) in m lie below the surface; '' otherwise."""
+        """Message if most of the heights `y` (n,) in m lie below the surface; '' otherwise."""
         if np.mean(y < self.height) <= 0.5:
             return ""
         return f"the body's centre is below the surface ({self.height:g} m) in most rows"

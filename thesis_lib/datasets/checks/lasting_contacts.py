@@ -34,7 +34,7 @@ class LastingContacts:
     share: float
 
     def sentence(self) -> str:
-        """What they are, why impulses do not describe them, and what to do."""
+        """Sentence on contacts that last: what they are, why impulses do not describe them, and what to do."""
         lasts = f"{self.duration:.2g} s" if self.duration >= 0.095 else f"{1e3 * self.duration:.2g} ms"
         return (
             f"Contacts last about {lasts}: {self.count} times the body sinks into the surface, up to "

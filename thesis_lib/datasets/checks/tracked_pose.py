@@ -48,7 +48,7 @@ def settled(dataset: Dataset) -> Dataset:
 
 
 def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
-    """What tosses say of a tracked frame, where it is unknown or, to `compare`, where it is stated; None: nothing."""
+    """Sentence on a tracked frame that is unknown or, to `compare`, stated; None if the tosses show nothing."""
     stated, body = dataset.in_space.tracked, dataset.in_space.body
     if dataset.trajectories is None or not dataset.has_angle or (stated is not None and not compare):
         return None
@@ -78,7 +78,7 @@ def tracked_frame_told(dataset: Dataset, compare: bool) -> str | None:
 
 
 def _found(dataset: Dataset) -> "TrackedFrame":
-    """What the tosses say; UserError where they say nothing."""
+    """Tracked frame from the tosses; UserError where they do not show it."""
     table = dataset.trajectories
     if table is None or not dataset.has_angle:
         raise UserError("it is found from trajectories with orientation only; give the pose.")

@@ -119,7 +119,7 @@ class ArcFits:
 
     @property
     def flying(self) -> "ArcFits":
-        """Those after which the body does not rest, if it lands to rest so often that medians would not ignore it."""
+        """Fits of arcs after which the body does not rest, if it rests so often that medians would not ignore it."""
         lands = (self.fall[:, 0] > _REST) & (self.fall[:, 1] < -_REST)
         if lands.sum() <= _OFTEN * len(self):
             return self

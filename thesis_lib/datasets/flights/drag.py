@@ -1,4 +1,4 @@
-"""What the air does to a body in flight, from short pieces of its path, before any hit is known.
+"""Drag of the air on a body in flight, from short pieces of its path, before any hit is known.
 
 A parabola is fitted to every piece of w samples.  A piece that holds a hit is not a parabola, and one in which the body
 rests does not fall; the others give the acceleration beyond gravity at their mean velocity,
@@ -89,7 +89,7 @@ def _steps(samples: Samples) -> tuple[np.ndarray, float]:
 
 
 def air_sentence(air: Air) -> str:
-    """What the air does, for the user."""
+    """Sentence on the effect of the air."""
     drag = f"air drag (quadratic, c_q = {air.c_q:.3g} 1/m)" if air.c_q else f"linear drag (c_v = {air.c_v:.3g} 1/s)"
     lift = f" and lift across the velocity (c_l = {air.c_l:.3g} 1/m)" if air.c_l else ""
     lift = f" and the Magnus effect (k_m = {air.k_m:.3g})" if air.k_m else lift

@@ -65,7 +65,7 @@ def lines_through(side: np.ndarray, tau: np.ndarray, q: np.ndarray) -> Lines:
 
 @dataclass(frozen=True)
 class SideLines:
-    """What lines on both sides of n impacts say; the arrays of `Observations` with these names.
+    """Lines fitted on both sides of n impacts; the arrays of `Observations` with these names.
 
     As in the module's table; in space value (n, 2, 7) is a place and a quaternion, slope (n, 2, 6) is in m/s and rad/s.
     `cov` (n, 2, 3, 2, 2), in space (n, 2, 12, 12), is as in `Observations`; NaN with too few samples.

@@ -67,7 +67,7 @@ class LowPass:
         }
 
     def text(self) -> str:
-        """What it is, for a sentence."""
+        """The filter in words."""
         value, std = self.cutoff
         milliseconds = f"{1e3 * self.time_constant:.2g} ± {1e3 * self.time_constant_std:.1g} ms"
         return f"a low-pass filter of about {value:.2g} Hz (± {std:.1g} Hz; time constant {milliseconds})"

@@ -61,7 +61,7 @@ class Kinks:
 
     @classmethod
     def of(cls, fits: ArcFits) -> "Kinks":
-        """Those between arcs."""
+        """Kinks between fitted arcs."""
         return cls(fits.at, fits.t, fits.v_post - fits.v_pre, fits.at_wall)
 
 

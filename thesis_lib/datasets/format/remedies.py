@@ -1,4 +1,4 @@
-"""What to do about a wrong or missing key of dataset.yaml, schema 1 (plane) or 2 (space)."""
+"""Remedies for a wrong or missing key of dataset.yaml, schema 1 (plane) or 2 (space)."""
 
 from collections.abc import Callable, Mapping
 

@@ -131,7 +131,7 @@ def checked_folder(path: str | Path, content: str) -> tuple[Path, str]:
 
 
 def read_checked(path: str | Path, content: str, read: Callable[[Path, str, ValidationReport], T | None]) -> T:
-    """What `read(folder, name, report)` makes of a folder with `content`; DatasetError lists everything wrong in it."""
+    """Result of `read(folder, name, report)` for a folder with `content`; DatasetError lists everything wrong in it."""
     folder, name = checked_folder(path, content)
     report, result = ValidationReport(), None
     try:

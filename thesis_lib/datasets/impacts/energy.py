@@ -41,7 +41,7 @@ def energy_gain(impacts: Impacts) -> float:
 
 
 def gain_sentence(impacts: Impacts, gain: float, step: float) -> str:
-    """That energy grows, and why it may; `gain` and `step` are those of `energy_gain` and `contact_step` (s)."""
+    """Sentence: energy grows, and why it may; `gain` is from `energy_gain`, `step` in s from `contact_step`."""
     seen = " (the gaps at impact look like that)" if step else ""
     growing = np.sum(contact_measures(impacts).alpha > 1.0)
     return (
@@ -69,7 +69,7 @@ def contact_step(fits: ArcFits, header: Header, settings: ArcSettings) -> float:
 
 
 def step_sentence(step: float, v_n: np.ndarray) -> str:
-    """That the body turns round off the surface, and what that is; `v_n` (n,) in m/s before impact."""
+    """Sentence: the body turns round off the surface, and what causes it; `v_n` (n,) in m/s before impact."""
     return (
         f"The body turns round off the surface (no_touch), by what it flies in 0 to {1e3 * step:.2g} ms, up to "
         f"{np.quantile(np.abs(v_n), EDGE) * step:.2g} m: contacts are looked for once a step of a simulation. No "

@@ -1,4 +1,4 @@
-"""What the search for impacts gives: the usable ones, those left out with a reason, and what was found on the way."""
+"""Result of the search for impacts: usable ones, those left out with a reason, and facts found on the way."""
 
 from dataclasses import dataclass
 
@@ -114,7 +114,7 @@ def found_in_space(
     jump: np.ndarray,
     noise: tuple[float, float],
 ) -> FoundImpacts:
-    """What was found of the hits of a body in space, with the `kind` of contact of each.
+    """Hits found of a body in space, with the `kind` of contact of each.
 
     Args:
         detected: their poses in the frame of the surface, trials and times.

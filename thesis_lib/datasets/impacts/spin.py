@@ -22,7 +22,7 @@ def unseen_spin(speed: np.ndarray, header: Header | SpaceHeader) -> float:
 
 
 def spin_sentence(impacts: Impacts, header: Header) -> str:
-    """What is assumed, for the user."""
+    """Sentence on the spin that is assumed."""
     sigma = unseen_spin(np.hypot(*impacts.v_pre[:, :2].T), header)
     whence = "as dataset.yaml states" if header.spin is not None else f"a rim speed of {RIM:g} times the median speed"
     return (

@@ -39,7 +39,7 @@ class StaysDown:
     epsilon: float
 
     def sentence(self) -> str:
-        """What was seen, and what is like that."""
+        """Sentence on hits that stay down, and on where such hits are known."""
         seen = f"{self.count} hits at {self.lowest:.2g} to {self.highest:.2g} m/s, stays_down"
         expected = f"; {self.visible} of them would visibly rebound with the restitution of the others"
         why = "the bounce threshold of a simulator, putty, a wet or a yielding surface"

@@ -145,7 +145,7 @@ def _rests_in_space(
 
 
 def _left(values: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """What of values (m, 1) least squares of columns (m, p) leave, twice: the second time without what is far off."""
+    """Residuals of values (m, 1) after least squares on columns (m, p), twice: the second time without outliers."""
     kept = np.ones(len(values), bool)
     for _ in range(2):
         x = np.linalg.lstsq(columns[kept], values[kept], rcond=1e-9)[0]

@@ -45,7 +45,7 @@ class Pieces:
         return number
 
     def text(self) -> str:
-        """What was cut, for the user; "" if nothing was."""
+        """Sentence on what was cut; "" if nothing was."""
         if not self.cut:
             return ""
         whole, first, count = np.unique(self.trial, return_index=True, return_counts=True)

@@ -1,4 +1,4 @@
-"""What a log becomes: a dataset, and in words what was changed, left out or may be wrong.
+"""Result of an import: a dataset, and in words what was changed, left out or may be wrong.
 
 `Conversion.notes` lists everything that was changed or left out, `Conversion.warnings` what may be wrong with a log.
 """

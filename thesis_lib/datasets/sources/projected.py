@@ -81,7 +81,7 @@ def _plane_text(plane: Plane, how: str, rig: RigOptions) -> str:
 
 
 def _drops_text(drops: Sequence[Drop], impacts: pd.DataFrame, cut: bool) -> list[str]:
-    """What was cut and left out, and the energy out of the plane."""
+    """Sentences on what was cut and left out, and on the energy out of the plane."""
     used = [drop for drop in drops if not drop.left_out]
     texts = [f"{len(drops)} drops cut out of the recording"] if cut else []
     worst = impacts[["energy_out_before", "energy_out_after"]].max(axis=1).groupby(impacts["trial"]).max()

@@ -56,7 +56,7 @@ class Recorded:
         return GRAVITY if self.rig.gravity is None else self.rig.gravity
 
     def no_flight(self) -> str:
-        """What to do where nothing falls as it should."""
+        """Advice where nothing falls as it should."""
         motion, gravity = self.motion, self.gravity
         if slow := too_slow(1.0 / long_period(motion.t, self.piece)):
             return f"no free flight is found along the axis that is up. {slow} Record at 100 Hz or more."
@@ -74,7 +74,7 @@ class Recorded:
         )
 
     def no_drop(self, drops: Sequence[Drop], height: np.ndarray) -> str:
-        """What to do where no drop can be used; `height` (n,) in m is that of the body's lowest point."""
+        """Advice where no drop can be used; `height` (n,) in m is that of the body's lowest point."""
         if all(drop.left_out == SPATIAL for drop in drops):
             return (
                 f"all {len(drops)} trials have more than {MOST_OUT:.0%} of their energy out of the plane: the "

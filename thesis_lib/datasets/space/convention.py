@@ -40,7 +40,7 @@ SHOWN = 3  # readings that are named
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What does not depend on how rotations are read: the track with its flights, and what is believed of the scene.
+    """The parts of a recording that do not depend on how rotations are read: the track with its flights, and the rig.
 
     `turn` is by how much (rad) the shape is turned against the tracked frame; `plane` None if it is not known.
     """

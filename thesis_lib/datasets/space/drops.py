@@ -39,7 +39,7 @@ class Drop:
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """What became of a recording, for the picture and the table of its impacts."""
+    """Pieces of a recording, for the picture and the table of its impacts."""
 
     t: np.ndarray  # (n,) s since its start
     height: np.ndarray  # (n,) m, lowest point of the body above the surface

@@ -38,7 +38,7 @@ ODD = 3.0  # median misfits of a flight, from which on it is left out
 
 @dataclass(frozen=True, eq=False)
 class FallingBody:
-    """What the flights of a body say; `covariance` (6, 6) is of c and g, `path` (n, 3) in m that of the centre."""
+    """Fit of a body to its flights; `covariance` (6, 6) is of c and g, `path` (n, 3) in m is that of the centre."""
 
     centre: np.ndarray
     gravity: np.ndarray

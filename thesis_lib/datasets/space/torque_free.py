@@ -1,4 +1,4 @@
-"""What flights in space say by themselves: where bodies fall, and whether their angular momentum stays what it is.
+"""Facts from flights in space alone: where bodies fall, and whether angular momentum is kept.
 
     L = R G Rᵀ ω = const,    u_f = Σ |L − its mean|² / Σ |L|²      over a flight f
 

@@ -47,7 +47,7 @@ CHANCE = 20.0  # in χ², by which another turn must fit worse
 
 @dataclass(frozen=True, eq=False)
 class TrackedFrame:
-    """What tosses say of a rig; `open` are sentences on what they leave open, none if all is known.
+    """Tracked frame found from tosses; `open` are sentences on what they leave open, none if all is known.
 
     Attributes:
         tracked: pose of T in S, with its uncertainty.

@@ -1,4 +1,4 @@
-"""What a rigid body's contact identifies: the cases of thesis section 2.3.3 as singular values.
+"""Parameters that a rigid body's contact identifies: the cases of thesis section 2.3.3 as singular values.
 
 Each case is a simulated motion of a free body whose m and I are unknown, analysed by `identifiability`: sliding or
 sticking contact (a disk; a square that pivots about a corner, as in thesis figure 2-5), with and without a known

@@ -36,7 +36,7 @@ RANK_TOLERANCE = 1e-8
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What a window determines."""
+    """Parameters that a window determines."""
 
     names: tuple[str, ...]  # (n_Θ,)
     singular_values: np.ndarray  # (n_Θ,) of Ỹ with columns scaled by those of Y, 1

@@ -1,4 +1,4 @@
-"""What measured throws of a body with faces say without any contact law: how it lies at rest, and its inertia.
+"""Measured throws of a body with faces without any contact law: how it lies at rest, and its inertia.
 
     python -m thesis_lib.critique.proof law-free data/measured/planar_dice
 

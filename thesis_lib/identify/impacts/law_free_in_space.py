@@ -1,4 +1,4 @@
-"""What tosses of a cube say without any contact law: fall, mass centre, lengths, edges, inertia, and how it lies.
+"""Tosses of a cube without any contact law: fall, mass centre, lengths, edges, inertia, and how it lies.
 
     python -m thesis_lib.critique.proof law-free data/measured/contactnets_cube --store
 
@@ -107,7 +107,7 @@ def as_text(dataset: Dataset, store: Path | None = None) -> str:
 
 
 def law_free(dataset: Dataset) -> pd.DataFrame:
-    """What tosses of a box say without a law, one quantity a row (`COLUMNS`).
+    """Properties that tosses of a box show without a law, one quantity a row (`COLUMNS`).
 
     UserError without trajectories, for a body other than a box, or one whose inertia is not the same about every axis.
     """
@@ -300,7 +300,7 @@ def _explained(found: np.ndarray, hits: _Hits, h: float, k2: float) -> tuple[np.
 
 
 def _misfit(found: np.ndarray, hits: _Hits, h: float, k2: float) -> np.ndarray:
-    """What no impulse explains (n,) in m/s."""
+    """Residual (n,) in m/s that no impulse explains."""
     return np.linalg.norm(_explained(found, hits, h, k2)[1], axis=1)
 
 

@@ -67,7 +67,7 @@ def solve_homogeneous(window: ContactWindow, unit: str = "m") -> tuple[ProgramRe
 
 
 def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
-    """What the program finds in the cases of `excitation_cases` without known force; a row each.
+    """Estimates of the program in the cases of `excitation_cases` without known force; a row each.
 
     Columns: case, ratio and truth (m/I in 1/m²), ratio_error and force_error (relative, of m/I and of the forces over
     the mass), found; numbers are empty where the program refuses the window.

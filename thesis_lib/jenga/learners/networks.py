@@ -62,7 +62,7 @@ def forward(x: torch.Tensor, layers: Layers) -> tuple[torch.Tensor, torch.Tensor
 
 
 def outputs_of(x: torch.Tensor, layers: Layers) -> torch.Tensor:
-    """What `forward` parts and clamps, (…, n, 14)."""
+    """Outputs that `forward` parts and clamps, (…, n, 14)."""
     h = x
     for w in layers[:-2]:
         h = torch.matmul(h, w[..., :-1, :]).add_(w[..., -1:, :]).tanh_()

@@ -1,4 +1,4 @@
-"""What the thesis says of figure 5-8, as numbers over all held-out pushes: the order in which beliefs change, and why.
+"""Statements of the thesis on figure 5-8, as numbers over all held-out pushes: the order in which beliefs change.
 
 Thesis, section 5.5.4.  A stuck block: at first most probability mass is on "no block"; as the force climbs, "no move"
 and "hard move" grow; "hard move" loses again in the next few steps.  A block that moves easily: "no block" first, then

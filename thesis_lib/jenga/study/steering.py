@@ -93,7 +93,7 @@ def _push(robot: Robot, block: int, first: Push, policy: Learned | None, disturb
 
 
 def steering_summary(steps: pd.DataFrame, ends: pd.DataFrame) -> pd.DataFrame:
-    """What `steering_pushes` show: rows of quantity, value, std (standard error), low, high (95 %), n.
+    """Summary of `steering_pushes`: rows of quantity, value, std (standard error), low, high (95 %), n.
 
     stray_saved: stray (mm) of the straight push less that of the steered one, mean over blocks.  turned_back: share of
     steered pushes whose contact, mean of the controller's first `FIRST` steps, lies on the side that turns the block

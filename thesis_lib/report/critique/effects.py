@@ -90,7 +90,7 @@ def _alternatives(names: Sequence[str]) -> str:
 
 
 def remaining(critique: DropsCritique, d: Mapping) -> Markup:
-    """What remains after the last effect: structure, scatter beyond the noise, or nothing that matters."""
+    """Text on what remains after the last effect: structure, scatter beyond the noise, or nothing that matters."""
     rest, judged = d["remaining"], critique.ladder[-1][2]
     p, most = number(rest["p_value"], 2), number(critique.settings.excess_scatter, 2)
     if not rest["structured"]:
@@ -214,7 +214,7 @@ def untold(d: Mapping) -> Markup:
 
 
 def proposed(d: Mapping) -> Markup:
-    """What is proposed, what it was measured against, and how to add it; nothing where no term was looked for."""
+    """Text on the proposed term, its evidence, and how to add it; nothing where no term was looked for."""
     if "proposal" not in d:
         return Markup()
     found = d["proposal"]

@@ -31,7 +31,7 @@ from thesis_lib.report.critique.whole_folder import MODEL_FILE, REGIONS, VERDICT
 
 @dataclass(frozen=True)
 class Contents:
-    """What is shown of the findings: `page` is report.html, `images` the pictures as PNG where they have been made."""
+    """Page and pictures of the findings: `page` is report.html, `images` the pictures as PNG where these are made."""
 
     page: str
     pictures: Mapping[str, Drawn] = field(default_factory=dict)

@@ -125,7 +125,7 @@ def _reading(shown: int, total: int) -> str:
 
 
 def _numbers(critique: DropsCritique, base: Fit, residuals: Mapping, errors: Mapping, rows: np.ndarray) -> dict:
-    """What the script draws (see the module's table) of the impacts `rows`; residuals and errors by model."""
+    """Numbers that the script draws (see the module's table) of the impacts `rows`; residuals and errors by model."""
     o = critique.observations.single
     mass = None if critique.source is None else critique.source.mass
     axis = ImpulseAxis.of(mass is not None)
@@ -155,7 +155,7 @@ def _numbers(critique: DropsCritique, base: Fit, residuals: Mapping, errors: Map
 
 
 def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarray, rows: np.ndarray) -> dict:
-    """What the script colours the map by: each choice with its held-out error, and its error at each impact `rows`."""
+    """Numbers that colour the map: each choice with its held-out error, and its error at each of the impacts `rows`."""
     o, names, noise = critique.observations.single, choices[-1].effects, critique.ladder[-1][2].floor
     floor = f"; noise alone makes {number(noise)} m/s" if np.isfinite(noise) else ""
     told = []
@@ -170,7 +170,7 @@ def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarr
 
 
 def _titles(critique: DropsCritique, effects: Sequence[str]) -> list[str]:
-    """What each switch is for."""
+    """Label of each switch."""
     found = {step.effect.name for step in critique.discovery.steps}
     return [effect_title(name) if name in found else f"closest rival: {effect_title(name)}" for name in effects]
 

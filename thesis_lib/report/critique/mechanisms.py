@@ -67,7 +67,7 @@ def mechanism_page(d: Mapping, pictures: Mapping[str, tuple[Drawn, str]]) -> str
 
 
 def mechanism_findings(critique: MechanismCritique, name: str, rng: np.random.Generator) -> Findings:
-    """What is written of a mechanism, under the `name` of its recording; `rng` permutes windows."""
+    """Findings on a mechanism, under the `name` of its recording; `rng` permutes windows."""
     return Findings(mechanism_diagnosis(critique, name, rng), {"misfit": misfit_table(critique)})
 
 

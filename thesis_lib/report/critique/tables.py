@@ -134,7 +134,7 @@ def effects_table(d: Mapping) -> Markup:
 
 
 def evidence_table(d: Mapping) -> Markup:
-    """What each effect that was found does to the held-out misfit of each channel, and those that were rejected."""
+    """Change of the held-out misfit of each channel by each effect that was found, and by those rejected."""
     shown = [name for name, channel in CHANNELS.items() if channel is IMPACT or d["error"].get(name)]
     rows = []
     for e in d["effects"]:
@@ -284,7 +284,7 @@ def detectable_table(d: Mapping) -> Markup:
 
 
 def _set_by(entry: Mapping) -> tuple[str, str]:
-    """What limits the smallest size, and how many drops would show half of it."""
+    """The limit of the smallest size, and the number of drops that would show half of it."""
     known = [name for name, size in entry["smallest"].items() if size is not None]
     by = ["evidence" if entry["significant"][n] > entry["material"][n] else "weight" for n in known]
     drops = entry["drops_for_half"]
@@ -317,7 +317,7 @@ CAPTION = (
 
 
 def models(found: pd.DataFrame | None) -> Markup:
-    """What the table says, and the table; `found` is that of `compare_models`, where it was asked for."""
+    """Sentences on the table, and the table; `found` is that of `compare_models`, where it was asked for."""
     if found is None:
         return Markup()
     rows = []

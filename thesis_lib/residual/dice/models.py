@@ -159,7 +159,7 @@ def hit_again(body: ThrownBody, law: LawImpact, impacts: Impacts, within: float)
 def contact_residuals(
     model: DiceModel, contacts: MeasuredContacts, settings: DiceStudySettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What a model misses of measured contacts, at `duration` after the first touch.
+    """Residuals of a model at measured contacts, at `duration` after the first touch.
 
     Left out are contacts slower than `slowest`, those whose flight after begins later than twice the duration after the
     touch, and those with a hit later than the duration: the flight after would be traced back through that hit.

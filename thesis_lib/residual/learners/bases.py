@@ -1,4 +1,4 @@
-"""What a residual is added to: an impact law fitted on the training impacts, or the critique's law with its effects.
+"""Bases of a residual: an impact law fitted on the training impacts, or the critique's law with its effects.
 
 A base maps measured impacts to the frame of the contact (`seen`) and velocities back (`measured`), so that a learner
 works where the physics holds: it undoes a mirrored rotation, moves the contact point of a rounded corner, corrects a

@@ -53,7 +53,7 @@ class Instants:
 
 @dataclass(frozen=True)
 class Falls:
-    """What an engine has made of n releases.
+    """Motions of n releases by an engine.
 
     Attributes:
         poses_at: poses (n, k, 3) of the origin at k times in s that are ticks; NaN after the end of a recording.
@@ -67,7 +67,7 @@ class Falls:
 
 
 class Engine(Protocol):
-    """What moves the bodies."""
+    """Simulator that moves the bodies."""
 
     def accepts(
         self, contact: CompliantContact | None, hidden: HiddenCauses | None

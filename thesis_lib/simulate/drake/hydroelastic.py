@@ -44,7 +44,7 @@ class HydroelasticBody:
     edge: float
 
     def properties(self, contact: CompliantContact, *, soft: bool) -> ProximityProperties:
-        """Those of the body, or of the hard plate."""
+        """Contact properties of the body, or of the hard plate."""
         properties = ProximityProperties()
         friction = CoulombFriction(contact.mu, contact.mu)
         # Drake adds the dissipation of a soft body only

@@ -1,4 +1,4 @@
-"""What a rig writes of a motion: counts, a camera, delays, and torques with ripple.
+"""Recording of a motion by a rig: counts, a camera, delays, and torques with ripple.
 
 | column             | what it holds                                                                              |
 |--------------------|--------------------------------------------------------------------------------------------|

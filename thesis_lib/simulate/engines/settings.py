@@ -1,4 +1,4 @@
-"""What both engines share: the contact, the time step, and the motion that they return."""
+"""Shared by both engines: the contact, the time step, and the motion that they return."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,4 +1,4 @@
-"""What can be hidden in drops that MuJoCo makes: causes of all simulators that its elements can produce, and its own.
+"""Causes that can be hidden in drops of MuJoCo: those of all simulators that its elements can produce, and its own.
 
 MuJoCo's spring and damper are linear, its friction knows one coefficient at all speeds in both directions, its contact
 does not stick, and it has no spring along the surface.  Its rolling friction takes its couple out of the same cone as

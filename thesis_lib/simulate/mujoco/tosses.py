@@ -118,7 +118,7 @@ def _geoms(solid: Solid) -> str:
 
 
 class _Changes:
-    """What must be set while a body moves: air, and coefficients that the next touch will have."""
+    """Quantities that must be set while a body moves: air, and coefficients that the next touch will have."""
 
     def __init__(self, world: TossedWorld, model) -> None:
         self.world, self.model = world, model

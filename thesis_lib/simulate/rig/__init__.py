@@ -1,1 +1,1 @@
-"""What all simulated drops share: releases, hidden causes, the camera."""
+"""Shared by all simulated drops: releases, hidden causes, the camera."""

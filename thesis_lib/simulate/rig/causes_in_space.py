@@ -1,4 +1,4 @@
-"""What can be hidden in tosses of a body in space: in the body, around it, and in the camera.
+"""Causes that can be hidden in tosses of a body in space: in the body, around it, and in the camera.
 
 A cause has the name, the parameters and the meaning of an effect: true minus believed.  It is written without the
 effects, so that what is hidden is not what is fitted.  Causes of body, marker, table and gravity are a rig that differs
@@ -116,7 +116,7 @@ def sizes_of(name: str, size: float | None = None) -> dict[str, float]:
 
 
 def text_of_space() -> str:
-    """What can be hidden in space, its size and meaning, a line each."""
+    """Causes that can be hidden in space, with size and meaning, a line each."""
     lines = ["with --space (first parameter that is not 0):"]
     for name, cause in CAUSES_IN_SPACE.items():
         size = next(value for value in cause.sizes.values() if value)

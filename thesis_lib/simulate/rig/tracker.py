@@ -1,4 +1,4 @@
-"""What a tracker writes of the poses that it sees: noise with memory, filters, lost frames, outliers, few digits.
+"""Recording of poses by a tracker: noise with memory, filters, lost frames, outliers, few digits.
 
 Cameras take `frames` pictures for each pose that is written, of poses that may have passed a first-order filter of time
 constant T (`smoothing.low_pass`, which the simulator applies).  Each picture has noise e = σ (f_x, f_y, f_θ) u, where u

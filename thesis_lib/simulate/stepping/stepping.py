@@ -86,7 +86,7 @@ class SimulatedMotion:
 
 @dataclass(frozen=True)
 class StateTerms:
-    """What a state alone gives of equation 2.2: M⁻¹ (nv, nv), g and C v (nv,), and the contact pairs."""
+    """Terms of equation 2.2 that a state alone gives: M⁻¹ (nv, nv), g and C v (nv,), and the contact pairs."""
 
     M_inv: np.ndarray
     gravity: np.ndarray

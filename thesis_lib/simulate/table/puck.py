@@ -53,7 +53,7 @@ DESCRIPTION = "example: a puck between four cushions, simulated; the table may n
 
 @dataclass(frozen=True)
 class Cushions:
-    """What may be hidden, each at one cushion by its number, as arrays (4,).
+    """Causes that may be hidden, each at one cushion by its number, as arrays (4,).
 
     Attributes:
         rise: of ε with the normal speed, s/m: ε (1 + rise (|v_n| − 1 m/s)).

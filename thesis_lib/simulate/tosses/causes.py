@@ -1,4 +1,4 @@
-"""What the proof hides in tosses in space: the range of each cause, and causes in the contact itself.
+"""Causes that the proof hides in tosses in space: the range of each, and causes in the contact itself.
 
 Causes of body, table, air and camera stand in `thesis_lib.simulate.rig.causes_in_space`.  Those of the contact, with u
 the direction of the surface from the body in axes of its shape, v_n the speed of approach and v_t that of the slip:

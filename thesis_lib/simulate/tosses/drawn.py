@@ -51,7 +51,7 @@ class SpaceCase:
 
     @property
     def drawn(self) -> dict:
-        """What is drawn for the set, `DRAWN`: SI units and rad; `hidden` by effect and parameter."""
+        """Values drawn for the set, `DRAWN`: SI units and rad; `hidden` by effect and parameter."""
         return _drawn(self)
 
 
@@ -115,7 +115,7 @@ def _hidden(truth: str, drawn: Mapping, rng: np.random.Generator) -> dict[str, f
 
 
 def _header(drawn: Mapping, up: np.ndarray, rng: np.random.Generator) -> SpaceHeader:
-    """What the owner believes, with a tracked frame anywhere on the body."""
+    """Dataset header as the owner believes it, with a tracked frame anywhere on the body."""
     shape: dict = {"kind": "sphere", "radius": 0.04 * drawn["size"]}
     if drawn["shape"] != "sphere":
         sides = (1.0, 1.0, 1.0) if drawn["shape"] == "cube" else (0.5, 1.0, 1.5)

@@ -88,7 +88,7 @@ class TossedWorld:
 
 
 class TossEngine(Protocol):
-    """What moves a tossed body."""
+    """Simulator that moves a tossed body."""
 
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
         """Poses of the shape's frame at rising times (n, k) in s after each of n releases, one toss after the other.

@@ -1,1 +1,1 @@
-"""What only motions in a plane have: a spin that nobody measured, and bodies that two sets of heights tell apart."""
+"""Questions for motions in a plane only: a spin that nobody measured, and bodies told apart by two sets of heights."""

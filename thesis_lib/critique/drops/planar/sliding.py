@@ -45,7 +45,7 @@ TABLE = _Table()
 
 
 def of_motion(o: Observations) -> tuple[Effect, ...]:
-    """What acts in every model of these observations: the table, where nothing falls."""
+    """Effects that act in every model of these observations: sliding friction of the table, where nothing falls."""
     return (TABLE,) if o.arcs and o.rig.gravity == 0.0 else ()
 
 

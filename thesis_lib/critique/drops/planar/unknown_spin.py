@@ -22,7 +22,7 @@ def velocity_left(here: Comparison) -> np.ndarray:
 
 
 def left_over(here: Comparison, R: np.ndarray) -> np.ndarray:
-    """What is left of residuals R (..., n, d + turns); all of them where the spin is measured."""
+    """Residuals R (..., n, d + turns) that an unknown spin does not explain; all of R where the spin is measured."""
     return np.einsum("nij,...nj->...ni", what_is_left(here), R) if here.observations.spin else R
 
 

@@ -180,7 +180,7 @@ def _misfits(critique: DropsCritique, final: Fit, channels: tuple[str, ...]) -> 
 
 @dataclass(frozen=True)
 class _Refit:
-    """What a model can follow: in n states whitened differences d (n, 3) and slopes J (n, 3, p); information (p, p)."""
+    """Differences that a refit could follow: whitened d (n, 3) in n states, slopes J (n, 3, p), information (p, p)."""
 
     d: np.ndarray
     J: np.ndarray

@@ -1,4 +1,4 @@
-"""What a body in space does beside hits: clear flights, and motion that the surface may disturb.
+"""Motion of a body in space away from hits: clear flights, and samples that the surface may disturb.
 
 The samples of a clear flight are too high to touch the surface, and lie on one free motion at either end.  Between weak
 hits a box often rocks on an edge, where each corner touches too weakly to be found.  There a force f per unit mass acts

@@ -1,4 +1,4 @@
-"""What shows that a hit is not one alone between two free flights.
+"""Evidence that a hit does not stand alone between two free flights.
 
 Another hit in the window, attitudes that come later than places, and balls that only seem to bounce.
 """

@@ -91,7 +91,7 @@ def _is_data(cells: list[str]) -> bool:
 
 
 def _tokens(head: list[Row], data: list[Row], layout: list[str], bodies: int) -> list[str]:
-    """What stands in each column, small letters: the last word of its name; by the layout where there are no names."""
+    """Meaning of each column in small letters: the last word of its name, or its place where there are no names."""
     last = [cell.split()[-1].lower() if cell else "" for cell in head[-1][1]] if head else []
     if set("xyz") <= set(last):
         return last

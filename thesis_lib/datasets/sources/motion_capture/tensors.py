@@ -34,7 +34,7 @@ class NumberLog(Log):
 
     @classmethod
     def of(cls, path: Path, rows: np.ndarray) -> "NumberLog":
-        """That of rows (T, c)."""
+        """Log of the rows (T, c) of one file."""
         cells = pd.DataFrame(rows, columns=[str(i + 1) for i in range(rows.shape[1])])
         return cls(path, cells, ".", {}, {}, (), ())
 

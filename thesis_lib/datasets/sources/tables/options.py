@@ -1,4 +1,4 @@
-"""What the user says of a table: which columns are which of ours, their units, the scale and origin of pixels."""
+"""Options on a table: which column has which quantity, their units, the scale and origin of pixels."""
 
 import re
 from collections.abc import Mapping
@@ -118,7 +118,7 @@ class Reading:
 
     @cached_property
     def zero(self) -> tuple[float, float]:
-        """What is taken off x and y of a table, in its own units; UserError if it is not two numbers."""
+        """Offset subtracted from x and y of a table, in its own units; UserError if it is not two numbers."""
         what = "is not U,V, two numbers as the table writes them (for example 320,410)."
         u, v = parse_numbers(self.origin or "0,0", 2, f"--origin: '{self.origin}' {what}")
         return u, v

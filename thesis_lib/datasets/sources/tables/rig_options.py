@@ -1,4 +1,4 @@
-"""What is believed of body and rig, as the options of `datasets init` say it."""
+"""Body and rig, as the options of `datasets init` state them."""
 
 from dataclasses import dataclass
 from pathlib import Path
