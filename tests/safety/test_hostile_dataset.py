@@ -26,6 +26,7 @@ TAGS = {
     *("h1", "h2", "h3", "ul", "li", "dl", "dt", "dd", "figure", "figcaption", "img", "strong", "em", "small"),
     *("table", "caption", "thead", "tbody", "tr", "th", "td", "details", "summary"),
     *("header", "noscript", "svg", "g", "circle", "path", "text"),
+    *("fieldset", "legend", "label", "input", "output"),  # switches, which send nothing: the page has no form
 }
 OWN_SCRIPT = (ROOT / "thesis_lib" / "pages" / "impacts.js").read_text(encoding="utf-8")
 

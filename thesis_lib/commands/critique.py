@@ -37,6 +37,8 @@ What it writes into DIR:
   report.html      start here: the verdict and how it came about, with pictures
   diagnosis.json   the same for programs: verdict (adequate, effects, unexplained, or null), effects, what is left
   model.json       the law with its effects, for python -m thesis_lib predict
+  candidates.csv   which effects were tried, what each gains alone, and what speaks against it
+  choices.csv      the error with each choice of the effects found and their closest rival (in the plane)
   comparison.csv, ladder.csv, budget.csv, errors.csv, impacts.csv, where.json, and the pictures
   DIR_proposal.py  beside DIR, where nothing fits and a term is proposed: an effect file for --effects
   models.csv       with --models: laws and simulators side by side

@@ -1,8 +1,11 @@
 """The effects that came first when one was asked for, each alone with the law that suits it: gain on held-out trials.
 
 They are the first in the order of the quick fits from which the search chose (`Shortlist`).  Held-out data only show
-here what each of them gains; they choose none.  `why` says what speaks against those that do not stand in the verdict.
+here what each of them gains; they choose none.  `why` says what speaks for those
+that were found, and against the others.
 """
+
+from collections.abc import Sequence
 
 import pandas as pd
 
@@ -38,26 +41,28 @@ def candidates(critique: DropsCritique) -> pd.DataFrame:
 def _standing(
     critique: DropsCritique, name: str, judged: Judgement, alone: Judgement, gain_low: float
 ) -> tuple[str, str]:
-    """Standing of a candidate, and the reason against it."""
+    """Standing of a candidate, and the reason for or against it."""
     discovery, settings = critique.discovery, critique.settings
+    falls = [channel for channel in CHANNELS if channel_is_material(judged, alone, channel, settings)]
     for step in discovery.steps:
         if name == step.effect.name:
-            return FOUND, ""
+            return FOUND, f"lowers the error of {_errors(falls)}" if falls else "predicts unseen trials better"
         if name in step.alternatives:
             return ALIKE, f"these data cannot tell it from “{effect_title(step.effect.name)}”"
     for one in discovery.rejected:
         if name == one.step.effect.name:
-            return REJECTED, _spoils(spoilt_channels(one.judged, one.than, settings)) or "lowers no held-out error"
+            spoilt = spoilt_channels(one.judged, one.than, settings)
+            return REJECTED, f"raises the error of {_errors(spoilt)}" if spoilt else "lowers no held-out error"
     if gain_low <= 0.0:
         return OTHER, "predicts unseen trials no better"
     if spoilt := spoilt_channels(judged, alone, settings):
-        return OTHER, _spoils(spoilt)
-    if not any(channel_is_material(judged, alone, channel, settings) for channel in CHANNELS):
+        return OTHER, f"raises the error of {_errors(spoilt)}"
+    if not falls:
         return OTHER, "lowers no error by an amount that matters"
     if discovery.steps:
         return OTHER, f"too little is left for it with {listed([effect_title(s.effect.name) for s in discovery.steps])}"
     return OTHER, "gains no more than the best of all does by chance"
 
 
-def _spoils(channels: tuple[str, ...]) -> str:
-    return f"raises the error of {listed([CHANNELS[name].short for name in channels])}" if channels else ""
+def _errors(channels: Sequence[str]) -> str:
+    return listed([CHANNELS[name].short for name in channels])

@@ -18,6 +18,7 @@ from thesis_lib.critique.results.candidates import ALIKE, OTHER
 from thesis_lib.statistics.intervals import clustered_mean
 
 MOST = 3  # effects that can be switched, for each choice is a fit
+NOTHING = "no effect"
 COLUMNS = ("effects", "law", "error", "error_low", "error_high")
 
 
@@ -55,8 +56,9 @@ def choices(critique: DropsCritique, candidates: pd.DataFrame) -> list[Choice]:
 
 
 def choices_table(made: list[Choice]) -> pd.DataFrame:
-    """A row for each choice: effects (joined by +), law, held-out error with its 95 % interval in m/s."""
+    """A row for each choice: effects (joined by +, or `NOTHING`), law, held-out error with its 95 % interval in m/s."""
     rows = [
-        (" + ".join(one.effects), one.fitted.base, *clustered_mean(one.judged.error, one.judged.trial)) for one in made
+        (" + ".join(one.effects) or NOTHING, one.fitted.base, *clustered_mean(one.judged.error, one.judged.trial))
+        for one in made
     ]
     return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -24,9 +24,9 @@ TICKS = (-1.0, -0.1, 0.0, 0.1, 1.0, 10.0, 100.0)
 
 @house_style
 def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Drawn | None:
-    """Gain of each candidate with its 95 % interval, and beside it what speaks against it; None without a table.
+    """Gain of each candidate with its 95 % interval, and beside it what speaks for or against it.
 
-    `table`: that of `thesis_lib.critique.results.candidates`.
+    `table`: that of `thesis_lib.critique.results.candidates`; None, or no row: no picture.
     """
     if table is None or table.empty:
         return None
@@ -40,7 +40,7 @@ def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Draw
         one = table.loc[[i]]
         ends = (one[name].clip(lower=FAR_BELOW) for name in ("gain", "gain_low", "gain_high"))
         error_dots(ax, *ends, y[[i]], color=COLORS[row["standing"]])
-        said = textwrap.fill(row["why"] or row["standing"], WHY_WIDTH)
+        said = textwrap.fill(row["why"], WHY_WIDTH)
         text.text(0.0, i, said, va="center", fontsize=6.5, color="black" if row["standing"] == FOUND else "0.35")
     text.set_axis_off()
     ax.set_xscale("symlog", linthresh=LINEAR, linscale=0.7)

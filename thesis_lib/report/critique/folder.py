@@ -6,6 +6,7 @@ Of drops:
     where.json  diagnosis.json  model.json                            schema 1 each; model.json predicts
     <picture>.png .pdf .csv                                           with the numbers drawn
     report.html                                                       one page, readable offline
+    candidates.csv  choices.csv                                       effects tried, and errors with each choice of them
     models.csv                                                        laws and engines, where they are compared
 
 Of impacts that are too few for a verdict: impacts.csv, comparison.csv, diagnosis.json, model.json and report.html.

@@ -217,7 +217,7 @@ def choices_table(found: pd.DataFrame | None) -> Markup:
         return Markup()
     rows = [
         (
-            " and ".join(effect_title(name) for name in str(r.effects).split(" + ")) if r.effects else "no effect",
+            " and ".join(effect_title(name) for name in str(r.effects).split(" + ")),
             *(law_title(str(r.law)), f"{number(r.error)} {interval(r.error_low, r.error_high)}"),
         )
         for r in found.itertuples()
