@@ -17,7 +17,7 @@ def test_what_was_hidden_leads_and_the_others_have_a_reason(hidden_drops: DropsC
     assert 2 <= len(table) <= KEPT and table["effect"].is_unique and table["gain"].is_monotonic_decreasing
     first, others = table.iloc[0], table[table["standing"] == OTHER]
     assert (first["effect"], first["standing"]) == ("anisotropic_friction", FOUND)
-    assert first["why"].startswith("lowers the error of the velocities after impact")
+    assert first["why"].startswith("lowers errors of velocities after impact")
     assert len(others) and others["why"].ne("").all() and (others["gain"] < 0.5 * first["gain"]).all()
     # the same gain as from one rung of the ladder to the next
     before, after = (judged for _, _, judged in hidden_drops.ladder[:2])

@@ -23,13 +23,13 @@ COLUMNS = ("effect", "gain", "gain_low", "gain_high", "standing", "why")
 def candidates(critique: DropsCritique) -> pd.DataFrame:
     """A row for each of the first candidates, the largest gain first; none where the search had no choice.
 
-    Columns: effect, gain, gain_low, gain_high (held-out log score an impact over the best law alone, nats, with the
-    95 % interval), standing (`FOUND`, `ALIKE`, `REJECTED` or `OTHER`), why.
+    Columns: effect, gain, gain_low, gain_high (held-out log score an impact over the law that fits the training trials
+    best, nats, with the 95 % interval), standing (`FOUND`, `ALIKE`, `REJECTED` or `OTHER`), why.
     """
     first = critique.discovery.first
     if first is None or len(first.quick) < 2:
         return pd.DataFrame(columns=list(COLUMNS))
-    alone = max((judge(fitted, critique.held_out) for fitted in first.contenders), key=lambda judged: judged.total)
+    alone = judge(max(first.contenders, key=lambda fitted: fitted.score), critique.held_out)
     rows = []
     for name, fitted in first.quick.items():
         judged = judge(fitted, critique.held_out)
@@ -46,17 +46,17 @@ def _standing(
     falls = [channel for channel in CHANNELS if channel_is_material(judged, alone, channel, settings)]
     for step in discovery.steps:
         if name == step.effect.name:
-            return FOUND, f"lowers the error of {_errors(falls)}" if falls else "predicts unseen trials better"
+            return FOUND, f"lowers errors of {_errors(falls)}" if falls else "predicts unseen trials better"
         if name in step.alternatives:
             return ALIKE, f"these data cannot tell it from “{effect_title(step.effect.name)}”"
     for one in discovery.rejected:
         if name == one.step.effect.name:
             spoilt = spoilt_channels(one.judged, one.than, settings)
-            return REJECTED, f"raises the error of {_errors(spoilt)}" if spoilt else "lowers no held-out error"
+            return REJECTED, f"raises errors of {_errors(spoilt)}" if spoilt else "lowers no held-out error"
     if gain_low <= 0.0:
         return OTHER, "predicts unseen trials no better"
     if spoilt := spoilt_channels(judged, alone, settings):
-        return OTHER, f"raises the error of {_errors(spoilt)}"
+        return OTHER, f"raises errors of {_errors(spoilt)}"
     if not falls:
         return OTHER, "lowers no error by an amount that matters"
     if discovery.steps:
@@ -65,4 +65,4 @@ def _standing(
 
 
 def _errors(channels: Sequence[str]) -> str:
-    return listed([CHANNELS[name].short for name in channels])
+    return listed([CHANNELS[name].short.removeprefix("the ").removesuffix(" between impacts") for name in channels])
