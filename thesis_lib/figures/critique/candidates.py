@@ -50,7 +50,7 @@ def draw_candidates(critique: DropsCritique, table: pd.DataFrame | None) -> Draw
     ax.set_xticks(ticks, [f"{t:g}".replace("-", "−") for t in ticks])
     ax.xaxis.set_minor_locator(NullLocator())
     ax.set_yticks(y, [textwrap.fill(effect_title(name), LABEL_WIDTH) for name in table["effect"]])
-    ax.set_xlabel("gain over the law alone (nats an impact, held out)")
+    ax.set_xlabel("gain over the best law alone (nats an impact, held out)")
     shown = [name for name in COLORS if (table["standing"] == name).any()]
     handles = [Line2D([], [], marker="o", linestyle="", color=COLORS[name], label=name) for name in shown]
     handles.append(Line2D([], [], color=GREY, linestyle=(0, (4, 2)), label="what the best gains by chance"))
