@@ -146,9 +146,10 @@ for (const figure of document.querySelectorAll("figure.impacts")) {
       said.textContent = one.text;
       of.textContent = boxes.some((box) => box.checked) ? "error with these:" : "error of the base law:";
       points.forEach((point, i) => {
-        const share = Math.sqrt(Math.min(one.errors[i] / top, 1));
+        const failed = one.errors[i] === null; // a failed solve has no error, not none
+        const share = failed ? 1 : Math.sqrt(Math.min(one.errors[i] / top, 1));
         point.setAttribute("r", (radii[0] + (radii[1] - radii[0]) * share).toFixed(1));
-        point.setAttribute("fill", colors[Math.round((colors.length - 1) * share)]);
+        point.setAttribute("fill", failed ? "#fff" : colors[Math.round((colors.length - 1) * share)]);
       });
       ring.setAttribute("r", Number(points[chosen].getAttribute("r")) + 4);
     };

@@ -158,15 +158,17 @@ def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarr
     """Numbers that colour the map: each choice with its held-out error, and its error at each of the impacts `rows`."""
     o, names, noise = critique.observations.single, choices[-1].effects, critique.ladder[-1][2].floor
     floor = f"; noise alone makes {number(noise)} m/s" if np.isfinite(noise) else ""
-    told = []
+    said = []
     for one in choices:
         error = velocity_error(velocity_left(one.fitted.on(o)), o.rig.k_told)[rows]
         mean, low, high = (number(x) for x in clustered_mean(one.judged.error, one.judged.trial))
         text = f"{capital(law_title(one.fitted.base))}: held-out error {mean} ({low} to {high}) m/s{floor}"
         on = [name in one.effects for name in names]
-        told.append({"on": on, "text": text, "errors": _rounded(np.nan_to_num(error, posinf=0.0))})
+        failed = int(np.sum(~np.isfinite(error)))
+        text += f"; no solution at {failed} of these impacts, drawn open" if failed else ""
+        said.append({"on": on, "text": text, "errors": [_rounded(e) if np.isfinite(e) else None for e in error]})
     colors = [to_hex(COLORS(share)) for share in np.linspace(0.0, 1.0, SHADES)]
-    return {"choices": told, "top": _top(base), "radii": [SMALL, LARGE], "colors": colors}
+    return {"choices": said, "top": _top(base), "radii": [SMALL, LARGE], "colors": colors}
 
 
 def _titles(critique: DropsCritique, effects: Sequence[str]) -> list[str]:
