@@ -71,9 +71,10 @@ def test_friction_while_sliding_vetoes_no_effect_where_it_may_be_another_one():
         assert not Drops.is_vetoed(drops, before, before, settings)
 
 
-def test_where_a_contact_ends_vetoes_nothing_while_velocities_are_wrong_in_space():
+def test_where_a_contact_ends_vetoes_nothing_that_mends_velocities_in_space():
     """On measured tosses of a cube the displaced mass took single hits from 17 to 14 times noise, and the touch, which
-    erred by 4.5 times noise before, to 5.8; so did every other cause until all of them were in."""
+    erred by 4.5 times noise before, to 5.8; so did every other cause until all of them were in.  In MuJoCo's own
+    contacts the camera's true pose took hits to noise, and the touch from 1.7 to 2.0, which no law here gives."""
     settings, before, after = CritiqueSettings(), judged(17.0, touch=4.5), judged(14.0, touch=5.8)
 
     def is_vetoed(judged, than, space=SPACE, integrated=True):
@@ -85,7 +86,7 @@ def test_where_a_contact_ends_vetoes_nothing_while_velocities_are_wrong_in_space
     assert not is_vetoed(after, before)
     assert is_vetoed(after, before, space=PLANE) and is_vetoed(after, before, integrated=False)
     assert is_vetoed(after, judged(17.0))  # the touch was right before
-    assert is_vetoed(judged(1.4, touch=5.8), before)  # nothing else is left to blame
+    assert not is_vetoed(judged(1.05, touch=5.8), before)  # nor where velocities are right at last
     assert is_vetoed(judged(17.0, touch=5.8), before)  # the velocities gain nothing
     assert is_vetoed(judged(14.0, flight=5.8), judged(17.0, flight=4.5))  # no contact makes a flight
 

@@ -186,8 +186,8 @@ class Drops(World[Effect, Fit, Judgement]):
         # what slides may have a friction of its own, and a wrong base that of the hits by chance
         forgiven = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
         near = self.settings.near_noise
-        if judged.integrated and judged.excess > near and settings.matters(than.excess, judged.excess, 1.0):
-            # where a contact ends follows from velocities that are still wrong, if less so, and was wrong before
+        if judged.integrated and settings.matters(than.excess, judged.excess, 1.0):
+            # where a contact ends follows from velocities that were wrong or still are, and was wrong before
             wrong = (name for name, square in than.sigmas.items() if square > near)
             forgiven |= {name for name in wrong if CHANNELS[name].of_contact and not self.space.is_plane}
         return not forgiven.issuperset(spoilt_channels(judged, than, settings))
