@@ -2,7 +2,7 @@
 #   make reproduce   environment, then the whole pipeline           (SCALE=quick|default, CORES=2)
 #   make test        environment, then the test suite               (TESTS="-m 'not slow'" for the fast part)
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test test-fuzz test-kill test-slurm bench check lint types audit docs format clean
+.PHONY: help setup reproduce test test-fuzz test-kill test-slurm bench check lint types audit docs site format clean
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
@@ -75,6 +75,10 @@ audit: setup  ## known vulnerabilities of what is installed (says so where it ca
 
 docs: setup  ## write the reference pages in docs/ from the code (with pictures: python -m thesis_lib.docs --pictures)
 	$(BIN)/python -m thesis_lib.docs
+
+site: setup  ## build the documentation with search and an API reference (results/site/index.html)
+	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement docs/site/requirements.txt
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 check: lint types  ## lint, formatting and types, as CI does (make -j2 check: both at once)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from matplotlib.image import imread
 
 from tests.docs.tutorial_runner import compare
 from thesis_lib.critique.results.load_model import load_model
@@ -196,6 +197,10 @@ def test_five_commands_lead_from_a_misfit_to_its_cause_and_a_fallen_error(tmp_pa
     d = [after[f"{name}_post"] - after[f"{name}_seen"] for name in ("vx", "vy", "omega")]
     unseen = np.sqrt(d[0] ** 2 + d[1] ** 2 + (k_g * d[2]) ** 2)
     assert len(unseen) == 40 and unseen.mean() < 0.1 * error["base"]
+
+    for name in ("ladder", "candidates"):  # letters may be drawn a little otherwise elsewhere
+        shown, drawn = imread(ROOT / "docs" / f"example_{name}.png"), imread(runs / "example" / f"{name}.png")
+        assert shown.shape == drawn.shape and np.abs(shown - drawn).mean() < 0.005, name
 
     (said,) = PRINTED
     compare(said, outputs[2])

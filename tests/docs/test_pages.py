@@ -88,6 +88,8 @@ def test_every_page_is_in_the_index():
     index = (DOCS / "README.md").read_text(encoding="utf-8")
     linked = set(LINK.findall(index))
     assert {page.name for page in PAGES} - {"README.md"} <= linked
+    site = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert {page.name for page in PAGES} == set(re.findall(r" docs/(.*\.md)$", site, re.M))
 
 
 def test_every_picture_is_on_a_page():
