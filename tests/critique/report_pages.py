@@ -48,7 +48,7 @@ DIAGNOSIS = {
         "flight": {"unit": "sigma", "base": 3.1, "augmented": 1.02, "noise_floor": 1.0},
     },
     "rejected": [],
-    "search": {"limit": None, "value": None},
+    "search": {"limit": None, "value": None, "tried": True},
     "remaining": {"structured": False, "channels": [], "p_value": 0.4, "depends_on": []},
     "not_testable": [{"name": "linear_drag", "why": "no trajectories"}],
     "left_out": {"share": 0.25, "reasons": {"second_hit": 100, "not_ballistic": 37}},

@@ -438,7 +438,7 @@ def test_a_critique_of_a_dataset_in_space_says_what_is_there(tmp_path):
     from thesis_lib.critique import TooFew, criticise, fit
 
     made = dataset_of(header(), trajectories=trajectories())
-    with pytest.raises(UserError, match="It can be read, written, checked and criticised"):
+    with pytest.raises(TooFew, match="0 usable impacts"):
         fit(made)
     doubted = replace(made, warnings=(Problem("trajectories.csv", "column t", "samples are missing", "nothing"),))
     with pytest.raises(TooFew, match=r"0 usable impacts.* datasets check has 1 warning") as stopped:

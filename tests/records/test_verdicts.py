@@ -23,6 +23,7 @@ def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: flo
         "left_out": {"share": 0.1, "reasons": {"second_hit": 30}},
         "remaining": {"structured": name == "unexplained", "channels": [], "restitution": None, "depends_on": []},
         "next_experiment": {"states": []},
+        "search": {"limit": None, "value": None, "tried": True},
         "error": {
             "worst": [],
             "base": 0.5,

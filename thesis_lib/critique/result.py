@@ -111,8 +111,8 @@ class Critique:
     def plot(self, what: str = "") -> "Figure":
         """One picture of `plots`, by default the first, as a Matplotlib figure.
 
-        "ladder": the held-out error (m/s) after each effect; "map": where the errors are, before and after; of a
-        mechanism "residuals".  UserError if there is no such picture.
+        "ladder": the held-out error (m/s) after each effect; "candidates": the gain of each effect alone; "map": where
+        the errors are, before and after; of a mechanism "residuals".  UserError if there is no such picture.
         """
         what = what or (self.plots[0] if self.plots else "")
         if what not in self.plots:
@@ -167,7 +167,7 @@ class OfDrops(Critique):
         say: Say = lambda text: None,
     ) -> None:
         self.name, self.found, self._proposals = found.dataset, found, tuple(proposals)
-        self.plots = ("ladder", "map") if found.space.is_plane else ("ladder",)
+        self.plots = ("ladder", "candidates", "map") if found.space.is_plane else ("ladder", "candidates")
         self._rng, self._say = rng, say
         self.models: pd.DataFrame | None = None
 
@@ -233,11 +233,16 @@ class OfDrops(Critique):
         return contents(self.found, found)
 
     def _draw(self, what: str) -> "Figure":
+        from thesis_lib.figures.critique.candidates import draw_candidates
         from thesis_lib.figures.critique.errors import draw_ladder
         from thesis_lib.figures.critique.where import draw_where
 
         if what == "ladder":
             return draw_ladder(self.found, self._findings.tables)[0]
+        if what == "candidates":
+            if (drawn := draw_candidates(self.found, self._findings.tables.get("candidates"))) is None:
+                raise UserError(f"No effect was tried in the critique of {self.name}; leave `effects` out.")
+            return drawn[0]
         return draw_where(self.found, self._findings.regions)[0]  # pyright: ignore[reportOptionalSubscript]
 
 

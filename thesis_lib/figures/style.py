@@ -74,12 +74,19 @@ def house_style(function: Callable[P, T]) -> Callable[P, T]:
     return styled
 
 
+class NotebookFigure(Figure):
+    """A figure that a notebook shows as it is saved, without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        return png_of(self)
+
+
 def new_figure(width: float = WIDTH, height: float = 3.0, layout: str = "constrained") -> Figure:
     """An empty figure of the given size in inches, without pyplot; call under `house_style`.
 
     `layout` is "compressed" for a grid of panels of fixed aspect.
     """
-    figure = Figure(figsize=(width, height), layout=layout)
+    figure = NotebookFigure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 

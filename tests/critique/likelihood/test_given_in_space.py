@@ -11,7 +11,7 @@ from tosses import simulate_tosses
 from tests.datasets.folders_in_space import write_mesh
 from thesis_lib.__main__ import main
 from thesis_lib.contact import LAWS
-from thesis_lib.critique import criticise
+from thesis_lib.critique import criticise, fit
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.in_space.given import given_in_space
@@ -74,6 +74,17 @@ def test_the_law_that_made_the_hits_leaves_nothing():
     here = Comparison(Model(LAWS["anitescu_potra_newton"], space=SPACE), TRUTH, o)
     assert np.abs(here.R).max() < 1e-6
     assert np.abs(o.value[:, 0, 2] + o.rig.lowest(o.lines(0))[2]).max() < 1e-6  # the body touches
+
+
+def test_one_law_is_fitted_by_one_call_and_predicts():
+    table = hits(content(), 8)
+    model = fit(dataset_of(content(), impacts=noisy(table, np.random.default_rng(5))), "anitescu_potra_newton")
+    for name, value in TRUTH.items():
+        fitted = model.parameters[name]
+        assert abs(fitted.value - value) < 3.0 * fitted.std < 0.1, name
+    names = list(V_POST_IN_SPACE)
+    errors = (model.predict(table)[names] - table[names]).to_numpy()
+    assert isinstance(model, SavedSpaceModel) and np.abs(np.median(errors, axis=0)).max() < NOISE["velocity"]
 
 
 def test_the_covariance_is_that_of_many_measurements():

@@ -475,8 +475,19 @@ def test_the_reason_why_an_effect_by_hand_is_no_finding_is_the_test_that_it_fail
         assert why in text and ("do not ask" in text) == (fails == "chance")
 
 
+def test_nothing_is_said_of_effects_that_were_not_tried(told):
+    plain = {**told, "effects": [], "search": {"limit": None, "value": None, "tried": False}}
+    for name, says in (
+        ("adequate", "no effect was tried"),
+        ("unexplained", "misses something, and no effect was tried;"),
+    ):
+        text = " ".join(summary({**plain, "verdict": name}))
+        assert says in text and "the library" not in text
+    assert "Let the critique look for the effect" in text
+
+
 def test_what_the_held_out_trials_reject_and_where_the_search_ended_is_said(hidden_impacts, told):
-    assert told["rejected"] == [] and told["search"] == {"limit": None, "value": None}
+    assert told["rejected"] == [] and told["search"] == {"limit": None, "value": None, "tried": True}
     discovery, (_, _, than), (_, _, judged) = hidden_impacts.discovery, *hidden_impacts.ladder
     turned = Rejected(discovery.steps[0], than, judged)  # as if it made the error larger
     cut = replace(discovery, steps=(), rejected=(turned,), limit="max_effects")

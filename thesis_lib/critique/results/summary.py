@@ -127,6 +127,8 @@ def _adequate(content: Mapping) -> list[str]:
             f"{law} is adequate{most} as far as was tested: its held-out error is {speed(error['base'])}"
             f"{_floor(error)}, and other effects than those that you chose were not tried."
         ]
+    if not content["search"]["tried"]:
+        return [f"The held-out error of {law} is {speed(error['base'])}{_floor(error)}; no effect was tried."]
     nothing = "" if above_noise(content) else "Nothing needs to be added; "
     return [
         f"{law} is adequate{most}: no effect in the library lowers its held-out error of {speed(error['base'])}"
@@ -177,15 +179,19 @@ def _unexplained(content: Mapping) -> list[str]:
             f"{speed(error['augmented'])}{_floor(error)}, and for none below {limit}: no law or effect of the library "
             "has a restitution that ends at a speed."
         ]
-    tried = (
-        "that your choice of effects does not explain"
-        if effects_found(content, clears=False)
-        else "that no effect in the library explains"
-    )
-    sentences = [f"{_law(content, 'base_model')} misses something {tried}{beyond}."]
+    tried = content["search"]["tried"]
+    misses = f"{_law(content, 'base_model')} misses something"
+    if not tried:
+        sentences = [f"{misses}, and no effect was tried{beyond}."]
+    elif effects_found(content, clears=False):
+        sentences = [f"{misses} that your choice of effects does not explain{beyond}."]
+    else:
+        sentences = [f"{misses} that no effect in the library explains{beyond}."]
     channels = [CHANNELS[name].text for name in remaining["channels"] if name != "impact"]
     if channels:
         sentences.append(f"Far more than noise is left in {listed(channels)}.")
+    if not tried:
+        return [*sentences, "Let the critique look for the effect that is missing."]
     if replaced and not remaining["structured"]:
         again = listed(sorted({e["stand_in"]["denies"] for e in found if e["stand_in"]}))
         return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
