@@ -15,7 +15,6 @@ from thesis_lib.datasets import dataset_of, read_dataset
 from thesis_lib.datasets.format.validate import DatasetError, Problem
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.datasets.sources.locate import locate
-from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 
 SHAPES = {

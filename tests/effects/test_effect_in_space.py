@@ -75,6 +75,7 @@ def test_the_librarys_effects_pass(name: str) -> None:
     "name, of_plane, in_space, near",
     [
         ("lens", {"k_1": 0.3, "c_x": 0.1, "c_y": 0.2}, {"k_1": 0.3, "c_u": 0.1, "c_v": 0.2}, 1e-9),
+        ("camera_skew", {"s": 0.05}, {"s_x": 0.05, "s_y": 0.0}, 1e-9),
         # the plane goes one round to the axes at the contact point: κ² apart
         ("curved_surface", {"kappa": 0.01, "x_0": 0.1}, {"kappa": 0.01, "x_0": 0.1, "y_0": 0.0}, 1e-4),
     ],

@@ -11,6 +11,7 @@ from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.identify.impacts.law_free_in_space import ROWS, as_text, law_free
+from thesis_lib.identify.impacts.on_the_table import quantities
 
 H, K2, RATE, G = 0.05, 0.0017, 150.0, 9.81
 SCALE, TILT = 0.98, 0.02  # lengths as measured; rad, in another direction in each toss
@@ -56,6 +57,27 @@ def toss(trial: int, rng: np.random.Generator) -> pd.DataFrame:
     x, y, z, w = whole.as_quat().T
     columns = dict(zip(("x", "y", "z", "qw", "qx", "qy", "qz"), (*place.T, w, x, y, z)))
     return pd.DataFrame({"trial": trial, "t": np.arange(44) / RATE} | columns)
+
+
+def test_friction_of_slides_and_the_lean_of_the_axes_are_read_off_in_axes_of_the_throw(rng):
+    mu, lean = 0.25, np.array([-0.003, -0.009])
+    tosses = []
+    for _ in range(40):
+        heading, t = Rotation.from_euler("z", rng.uniform(-3.0, 3.0)), np.arange(80) / RATE
+        end = 0.9 / (mu * G)
+        slid = np.clip(t - 0.15, 0.0, end)
+        x = 0.9 * np.minimum(t, 0.15) + 0.9 * slid - 0.5 * mu * G * slid**2
+        z = 0.05 + np.maximum(0.15 - t, 0.0)
+        p = heading.apply(np.stack([x, 0.0 * x, z], axis=1)) + rng.normal(0.0, NOISE[0], (80, 3))
+        faces = Rotation.from_euler("xyz", 90.0 * rng.integers(0, 4, 3), degrees=True)
+        leaning = (
+            heading * Rotation.from_rotvec([-lean[1], lean[0], 0.0]) * Rotation.from_euler("z", rng.uniform(-3, 3))
+        )
+        tosses.append((t, p, Rotation.concatenate([leaning * faces] * 80)))
+    found = {name: (value, std, n) for name, value, std, _, n in quantities(tosses)}
+    assert found["slide_against"][0] == pytest.approx(mu * G, rel=0.01) and found["slide_against"][2] == 40
+    assert abs(found["slide_left"][0]) < 4.0 * found["slide_left"][1] < 0.05
+    np.testing.assert_allclose([found[name][0] for name in ("lies_along", "lies_left")], lean, atol=2e-4)
 
 
 @pytest.mark.slow

@@ -36,6 +36,7 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
 
     from thesis_lib.critique.likelihood.in_space.hits import hard_hits, observe_in_space
     from thesis_lib.datasets.checks.tracked_pose import settled, tracked_frame_told
+    from thesis_lib.datasets.sources.along_throws import hidden_drift
     from thesis_lib.foundation.errors import UserError
 
     told: dict = {"tracked": tracked_frame_told(dataset, compare)}
@@ -56,5 +57,5 @@ def hits_told(dataset: "Dataset", compare: bool = False) -> dict:
         "by_contact": {kind: int((used == kind).sum()) for kind in ("corner", "edge", "face") if len(hits)},
         "left_out": reasons,
         "elsewhere": list(zip(off["trial"].tolist(), off["t"].tolist())),
-        "warnings": list(o.found.warnings),
+        "warnings": [*o.found.warnings, *filter(None, [hidden_drift(dataset)])],
     }

@@ -4,13 +4,24 @@
 
 | on paper | in code      | unit | shape |                                                             |
 |----------|--------------|------|-------|-------------------------------------------------------------|
+In space the normal of the surface leans over along t_1 and t_2 of the surface, for the tracked point: attitude and spin
+are correct.
+
+| on paper | in code      | unit | shape |                                                             |
+|----------|--------------|------|-------|-------------------------------------------------------------|
 | s        | `s`          | 1    |       | tangent of the angle by which y leans over, towards x > 0   |
+|          | `s_x`, `s_y` | 1    |       | in space: towards t_1 and t_2                               |
 | H        | `rig.height` | m    |       | height of the surface, where x is correct                   |
 
 Where y leans over and x is correct, the picture is turned, too (camera_pose).  Breaks mirror symmetry.
 """
 
-from thesis_lib.effects.effect import Effect, Parameter
+import numpy as np
+
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
+
+_LEAN = Parameter("s", "1", null=0.0, low=-0.3, high=0.3, scale=0.01)
+_NAMES = ("s_x", "s_y")
 
 
 class CameraSkew(Effect):
@@ -18,22 +29,38 @@ class CameraSkew(Effect):
     family = "measurement"
     title = "camera axes not square"
     equation = "x_measured = x + s (y − H)"
-    parameters = (Parameter("s", "1", null=0.0, low=-0.3, high=0.3, scale=0.01),)
+    parameters = (_LEAN,)
+    own_in_space = components(_LEAN, _NAMES)
+    embedded = (("s_x", "s", 1.0),)
+    level = (("s_x", "s_y", 1.0),)
     channels = ("impact", "flight")
     needs_one_surface = True
     reference = "Hartley and Zisserman 2004 (skew of a camera), doi:10.1017/CBO9780511811685"
     breaks_mirror = True
     rank = 40
+    dimensions = IN_SPACE
 
     def to_true(self, state, p, rig):
-        return _leaning(state, -p["s"], rig)
+        return _leaning(state, p, -1.0, rig)
 
     def to_measured(self, state, p, rig):
-        return _leaning(state, p["s"], rig)
+        return _leaning(state, p, 1.0, rig)
 
 
-def _leaning(state, s, rig):
-    """The state with y leaning over by s."""
+def _leaning(state, p, sign, rig):
+    """The state with the normal leaning over by ±s."""
+    if not state.space.is_plane:
+        lever, s = rig.lever(state), sign * vector(p, _NAMES)
+        v = state.space.velocity_at(state.velocity, state.spin, lever)
+        shift, faster = s * (state.position[2] + lever[2] - rig.height), s * v[2]
+        none = np.zeros((1, len(state)))
+        return state.changed(
+            state.position + np.concatenate([shift, none]),
+            state.attitude,
+            state.velocity + np.concatenate([faster, none]),
+            state.spin,
+        )
+    s = sign * p["s"]
     return state.moved(x=state.x + s * (state.y - rig.height), vx=state.vx + s * state.vy)
 
 

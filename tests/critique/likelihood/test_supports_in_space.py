@@ -22,8 +22,11 @@ MU, SLIDES = 0.2, 0.35  # of impacts, and while supported
 LAW = LAWS["anitescu_potra_newton"]
 
 
-def recorded(rng, deceleration=0.0, turned=(0.0, 0.0, 0.0), higher=0.0):
-    """A box on each of its sides, at rest or sliding, as a camera records it that turns its axes by `turned` (rad)."""
+def recorded(rng, deceleration=0.0, turned=(0.0, 0.0, 0.0), higher=0.0, spin=0.0, slope=0.0, stops=False):
+    """A box on each of its sides, at rest or sliding, as a camera records it that turns its axes by `turned` (rad).
+
+    While sliding it spins about the normal by `spin` (rad/s), and it rises by `slope` along its way.
+    """
     symmetry, t = Symmetry(BOX, G), np.arange(SAMPLES) / RATE
     parts = []
     for trial in range(TRIALS):
@@ -34,9 +37,14 @@ def recorded(rng, deceleration=0.0, turned=(0.0, 0.0, 0.0), higher=0.0):
         attitude = multiplied(multiplied(yaw, lying[:, None]), of_rotation_vector(np.array(turned)[:, None]))
         height = higher - float(BOX.lowest(multiplied(yaw, lying[:, None]))[2, 0])
         angle, speed = rng.uniform(-3.0, 3.0), deceleration * (t[-1] + 0.1)
-        path = (speed * t - 0.5 * deceleration * t**2) * np.array([[np.cos(angle)], [np.sin(angle)]])
-        place = np.concatenate([path + rng.uniform(-0.1, 0.1, (2, 1)), np.full((1, SAMPLES), height)])
-        parts.append(np.concatenate([place, np.repeat(attitude, SAMPLES, axis=1)]))
+        if stops:
+            speed *= 0.5
+        slid = np.minimum(t, speed / deceleration) if stops else t
+        path = (speed * slid - 0.5 * deceleration * slid**2) * np.array([[np.cos(angle)], [np.sin(angle)]])
+        heights = height + slope * np.linalg.norm(path, axis=0)
+        place = np.concatenate([path + rng.uniform(-0.1, 0.1, (2, 1)), heights[None]])
+        turns = of_rotation_vector(np.stack([0.0 * t, 0.0 * t, spin * t]))
+        parts.append(np.concatenate([place, multiplied(turns, np.repeat(attitude, SAMPLES, axis=1))]))
     pose = np.concatenate(parts, axis=1)
     pose[:3] += NOISE[0] * rng.standard_normal(pose[:3].shape)
     pose[3:] = SPACE.attitude_after(pose[3:], NOISE[1] * rng.standard_normal(pose[:3].shape))
@@ -85,6 +93,23 @@ def test_a_body_that_slides_shows_the_friction_that_supports_it(rng):
     np.testing.assert_allclose(robust_std(right), 1.0, atol=0.35)
     again = drawn(slides, bound(), rng)
     np.testing.assert_allclose(robust_std(whitened(again, bound())), 1.0, atol=0.35)
+
+
+def test_slides_are_seen_while_the_body_spins_slowly_and_the_axes_are_those_of_no_table(rng):
+    """On the measured cube no slide was found before: it spins a little, and the axes lean by 5 mrad."""
+    (slides,) = recorded(rng, deceleration=9.81 * SLIDES, spin=1.0, slope=0.01)
+    assert len(slides) > 0.9 * TRIALS
+    right = whitened(slides, bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
+    np.testing.assert_allclose(robust_std(right), 1.0, atol=0.35)
+    assert not recorded(rng, deceleration=9.81 * SLIDES, spin=15.0)  # that changes the friction
+    assert not recorded(rng, deceleration=9.81 * SLIDES, slope=0.3)  # no table is so far off
+
+
+def test_a_slide_that_ends_at_rest_is_used_without_its_end(rng):
+    stops = [slides for slides in recorded(rng, deceleration=9.81 * SLIDES, stops=True) if slides.channel == "slide"]
+    assert len(stops[0]) > 0.9 * TRIALS
+    right = whitened(stops[0], bound("sliding_friction", **{"sliding_friction.mu_s": SLIDES}))
+    assert np.abs(np.median(right, axis=0)).max() < 0.5
 
 
 def test_few_rests_say_nothing(rng):

@@ -104,6 +104,20 @@ def test_a_box_slides_on_its_face_until_coulomb_has_stopped_it():
     np.testing.assert_allclose(out.true.position[0, -1], v**2 / (2.0 * 0.3 * G), rtol=0.02)
 
 
+@pytest.mark.parametrize(("law", "more"), KINDS)
+def test_a_body_that_slides_has_the_friction_of_sliding_and_one_that_hits_that_of_hits(law, more):
+    plain, sliding = (
+        space_model(law, mu=0.2, **more),
+        space_model(law, mu=0.2, **more, **{"sliding_friction.mu_s": 0.4}),
+    )
+    t, on_table = every(0.5, 100.0, 1), state((0.0, 0.0, 0.03), (0.5, 0.0, 0.0))
+    way = [toss(model.dynamics, on_table, t).true.position[0, -1] for model in (plain, sliding)]
+    np.testing.assert_allclose(way[0], 2.0 * way[1], rtol=0.05)
+    falling, first = state((0.0, 0.0, 0.2), (0.5, 0.0, 0.0)), every(0.22, 100.0, 1)  # one hit of the whole face
+    fast = [toss(model.dynamics, falling, first).true.velocity[0, -1] for model in (plain, sliding)]
+    assert fast[0] == pytest.approx(fast[1], abs=1e-9) and fast[0] < 0.49
+
+
 def test_later_hits_have_another_restitution_after_the_first():
     fall, t = 0.3, every(0.75, 200.0, 1)
     model = space_model(shape=SPHERE, epsilon=0.5, **{"later_restitution.d": 0.4})

@@ -49,6 +49,7 @@ from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, numbers_in,
 from thesis_lib.critique.selection.search import split
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.read import read_dataset
+from thesis_lib.datasets.sources.along_throws import along_throws
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
@@ -70,7 +71,10 @@ SEED = 0
 
 @dataclass(frozen=True)
 class Series:
-    """Drops of a source of the proof, of "hertz", or of a measured set, and the models that are fitted to them."""
+    """Drops of a source of the proof, of "hertz", or of a measured set, and the models that are fitted to them.
+
+    `along_throws`: whether each toss is turned to be thrown along the same axis (`datasets turn`).
+    """
 
     source: str
     models: tuple[str, ...]
@@ -78,6 +82,7 @@ class Series:
     trials: int | None = None  # the first ones of a measured set
     episodes: bool = False
     truth: str = NOTHING  # what is hidden in simulated drops
+    along_throws: bool = False
 
     @property
     def is_measured(self) -> bool:
@@ -100,6 +105,7 @@ _DIE_FIELD = (
 )
 _PLATE = "mirtich+mirrored_rotation+surface_patch+tangential_compliance+position_dependent_restitution"
 _CUBE = "length_scale+rounded_corners+com_offset+wrong_inertia+angle_offset"
+_CUBE_AND_CAMERA = f"{_CUBE}+camera_pose+camera_skew+sliding_friction"
 SERIES = {
     "MuJoCo, ellipse": Series("mujoco", _MUJOCO),
     "MuJoCo, square": Series("mujoco", _MUJOCO, "square"),
@@ -121,9 +127,13 @@ SERIES = {
     ),
     "cube, tosses 0 to 299": Series(
         "contactnets_cube",
-        ("mirtich", f"mirtich+{_CUBE}", f"hunt_crossley_hertz_contact+{_CUBE}"),
+        (
+            *("mirtich", f"mirtich+{_CUBE}", f"mirtich+{_CUBE_AND_CAMERA}"),
+            f"hunt_crossley_hertz_contact+{_CUBE_AND_CAMERA}",
+        ),
         trials=300,
         episodes=True,
+        along_throws=True,
     ),
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
@@ -139,7 +149,8 @@ ROWS = Rows(
 def drops_of(series: Series, measured: Path) -> Dataset:
     """The drops of a series: the first of the proof's seeds, or the trials of a set in the folder `measured`."""
     if series.is_measured:
-        return read_dataset(measured / series.source).first_trials(series.trials)
+        dataset = read_dataset(measured / series.source).first_trials(series.trials)
+        return along_throws(dataset) if series.along_throws else dataset
     if series.source != "hertz":
         return make(Case(series.source, series.truth, SEEDS, shape=series.shape, contact_time=1e-3))[0]
     contact = CompliantContact(contact_time=HERTZ_TIME, exponent=1.5)

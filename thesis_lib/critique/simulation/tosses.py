@@ -2,8 +2,9 @@
 
 Flights and hits are those of episodes (`thesis_lib/critique/contacts/episodes.py`), where the law acts at one contact
 point after the other.  Where no sequence of impacts describes what happens, all points press at once with springs, as
-there: in hits slower than `REST`, in more than `MOST_HITS` a frame, and in all contacts that are integrated.  A contact
-that is not over at a frame goes on from the surface.  A body rests that stays within `STILL` for `STAYS`.
+there: in hits slower than `REST`, in more than `MOST_HITS` a frame, and in all contacts that are integrated.  In hits
+slower than `REST` the surface supports the body, with the friction of `sliding_friction` if the model has it.  A
+contact that is not over at a frame goes on from the surface.  A body rests that stays within `STILL` for `STAYS`.
 Within a contact that takes time a frame shows the cubic that joins the states at its ends.
 """
 
@@ -19,6 +20,7 @@ from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 
+SLIDING = "sliding_friction.mu_s"
 PRESSING = 1e-3  # s, a central contact of a law that takes no time, where it has to press
 STILL, STAYS = 1e-4, 0.03  # m of the centre and of the body's farthest point, s
 EVER = 10**9  # hits of a toss
@@ -78,6 +80,10 @@ class _Toss(_Play):
         self.rests, self.struck, self.before = np.zeros(n, bool), np.zeros(n, int), np.zeros(n, int)
         self.there, self.since = self.motion.copy(), np.zeros(n)  # where a body was when it last moved
         self.order = np.argsort(np.argsort(start.trial))
+        self.striking, values = dynamics, dynamics.values
+        self.supported = (
+            bind(dynamics.model, {**values, "mu": values[SLIDING]}, dynamics.rig) if SLIDING in values else dynamics
+        )
 
     def at(self, t: np.ndarray) -> State:
         """The states at times t (n,) in s, later than all before."""
@@ -108,22 +114,22 @@ class _Toss(_Play):
 
     def _hit(self, rows: np.ndarray) -> None:
         gap, v_n = self._gaps(self._state(rows), rows)
-        slow = v_n[_first(gap, v_n), np.arange(len(rows))] > -REST
+        slow = supported = v_n[_first(gap, v_n), np.arange(len(rows))] > -REST
         self.struck[rows] += ~slow
         of = self.order[rows]
         assert self.dynamics.rig.recorded is not None
         touched = self.dynamics.rig.recorded.touched
         touched[of] = np.minimum(touched[of], self.start.t[rows] + self.t[rows])
-        slow |= self.hits[rows] - self.before[rows] >= MOST_HITS
-        if self.dynamics.integrated:
-            slow[:] = False
-        pressed, struck = rows[slow], rows[~slow]
-        if len(pressed):
-            self.hits[pressed] += 1
-            self.touch[pressed], self.touch_t[pressed] = self.motion[pressed], self.t[pressed]
-            self._press(pressed)
-        if len(struck):
-            super()._hit(struck)
+        slow = (slow | (self.hits[rows] - self.before[rows] >= MOST_HITS)) & (not self.dynamics.integrated)
+        for dynamics, chosen in ((self.supported, supported), (self.striking, ~supported)):
+            self.dynamics = dynamics
+            pressed, struck = rows[slow & chosen], rows[~slow & chosen]
+            if len(pressed):
+                self.hits[pressed] += 1
+                self.touch[pressed], self.touch_t[pressed] = self.motion[pressed], self.t[pressed]
+                self._press(pressed)
+            if len(struck):
+                super()._hit(struck)
 
     def _press(self, rows: np.ndarray) -> None:
         super()._press(rows)

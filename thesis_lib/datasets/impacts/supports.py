@@ -2,7 +2,8 @@
 
 A body *rests* where `ROWS` samples in a row stay within the noise of their mean, after a hit, near the believed
 surface and near an attitude at which it lies.  It *slides* where height and attitude stay so, but its place does not:
-what rolls turns.  What a hand holds above the surface is neither.
+what rolls turns.  In space height and attitude may also change at a small, constant rate, as where the recorded axes
+are not those of the table, and the body may spin about the normal.  What a hand holds above the surface is neither.
 
 A rest of many samples is one measurement: rests on one side of a body differ by more than the noise of their means, by
 dust, by the camera at another place.  That scatter is estimated without any model: in the plane as the spread of most
@@ -37,6 +38,8 @@ LONG = 12  # samples of a slide
 WITHIN = 3.0  # sigmas of height and angle about their mean, over a whole slide
 STEADY = 4.0  # the same of height and turns in space
 MOVES = 10.0  # sigmas of the place from end to end
+# of the speed: rates of height, of two leans and of the turn about the normal, times the extent
+SHARES = np.array([0.1, 0.1, 0.1, 0.3])
 
 
 @dataclass(frozen=True)
@@ -103,9 +106,9 @@ def resting_and_sliding(
     samples = replace(samples, q=np.concatenate([states.position, turns]).T)
     sigma, highest = np.repeat(noise, 3), HIGHEST * symmetry.solid.extent
     still = resting(samples, sigma, range(6))
-    moving = resting(samples, sigma, (2, 3, 4, 5)) & ~still
+    moving = resting(samples, sigma, (2, 3, 4), drifts=True) & ~still
     rests = _rests_in_space(states, samples, *_first_rests(samples, still, hits), symmetry, sigma)
-    found = _slides(samples, moving, hits, sigma, 2, STEADY)
+    found = _slides(samples, moving, hits, sigma, 2, STEADY, symmetry.solid.extent)
     if found is None:
         return rests, None
     state, _ = _mean_states(states, samples, found.first, found.last)
@@ -188,14 +191,23 @@ class _Slides:
 
 
 def _slides(
-    samples: Samples, moving: np.ndarray, hits: Hits, sigma: np.ndarray, c: int, steady: float
+    samples: Samples,
+    moving: np.ndarray,
+    hits: Hits,
+    sigma: np.ndarray,
+    c: int,
+    steady: float,
+    extent: float | None = None,
 ) -> _Slides | None:
     """Slides in the mask `moving` (N,), in which the first `c` components of q change, and the others stay within
-    `steady` sigmas; None of too few."""
+    `steady` sigmas, in space (where the body's `extent` is given) of a line; None of too few."""
     found = []
     for a, b in zip(*stretches(samples, moving)):
+        if extent is not None:  # of one that ends at rest the last part says nothing
+            far = np.linalg.norm(samples.q[a : b + 1, :c] - samples.q[b, :c], axis=1) > MOVES * sigma[0]
+            b = a + int(np.flatnonzero(far)[-1]) if far.any() else a
         t, q, here = samples.t[a : b + 1], samples.q[a : b + 1], samples.trial[a : a + 1]
-        if len(t) < LONG or (np.abs(q - q.mean(axis=0)) > steady * sigma)[:, c:].any():
+        if len(t) < LONG:
             continue
         if np.isnan(hits.instants(hits.before(here, t[:1]) - 1, here, np.nan)[0]):
             continue  # not yet fallen
@@ -203,6 +215,12 @@ def _slides(
         X = np.stack([np.ones_like(tau), tau, 0.5 * tau**2], axis=1)
         inverse = np.linalg.inv(X.T @ X)
         place, v, acceleration = inverse @ X.T @ q[:, :c]
+        rates = np.zeros(q.shape[1]) if extent is None else tau @ (q - q.mean(axis=0)) / (tau @ tau)
+        off = np.abs(q - q.mean(axis=0) - np.outer(tau, rates)) > steady * sigma
+        if off[:, c : 2 * c + 1].any():
+            continue  # height or lean changes
+        if extent is not None and (np.abs(rates[2:]) * [1.0, *[extent] * 3] > SHARES * np.linalg.norm(v)).any():
+            continue  # it rolls or spins
         ends = v + np.outer(tau[[0, -1]], acceleration)
         if ends[0] @ ends[1] <= 0.0 or np.linalg.norm(q[-1, :c] - q[0, :c]) < MOVES * sigma[0]:
             continue  # it stops, or hardly moves

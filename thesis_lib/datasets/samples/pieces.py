@@ -92,14 +92,24 @@ def without_rests(samples: Samples, sigma: np.ndarray) -> Samples:
     return replace(samples, run=np.r_[0, np.cumsum(begins)][: len(samples)])
 
 
-def resting(samples: Samples, sigma: np.ndarray, channels: Sequence[int] = (0, 1)) -> np.ndarray:
-    """Mask (N,) of samples that rest in all of the `channels` of their q (N, c), whose noise is `sigma` (c,)."""
+def resting(
+    samples: Samples, sigma: np.ndarray, channels: Sequence[int] = (0, 1), *, drifts: bool = False
+) -> np.ndarray:
+    """Mask (N,) of samples that rest in all of the `channels` of their q (N, c), whose noise is `sigma` (c,).
+
+    `drifts`: whether they may change at a constant rate.
+    """
     rests = np.zeros(len(samples), bool)
     if len(samples) < ROWS:
         return rests
     rows, used = np.arange(len(samples) - ROWS + 1)[:, None] + np.arange(ROWS), list(channels)
     q = samples.q[rows][:, :, used]
-    off = np.abs(q - q.mean(axis=1, keepdims=True)).max(axis=1)
+    off = q - q.mean(axis=1, keepdims=True)
+    if drifts:
+        t = samples.t[rows]
+        tau = (t - t.mean(axis=1, keepdims=True))[:, :, None]
+        off = off - tau * (tau * off).sum(axis=1, keepdims=True) / (tau * tau).sum(axis=1, keepdims=True)
+    off = np.abs(off).max(axis=1)
     still = (off < _WITHIN * sigma[used]).all(axis=1) & (samples.run[rows[:, 0]] == samples.run[rows[:, -1]])
     for lag in range(ROWS):
         rests[lag : lag + len(still)] |= still

@@ -114,7 +114,7 @@ class _Windows:
         return cls(t, position, gravity, step, half, at, a[at])
 
     def falling(self, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """c, g and misfits (k,) in m/s² of the centre with which most windows fall; None if none does."""
+        """c, g and misfits (k,) in m/s² of the centre with which windows fall best; None if none does."""
         A = parabolas(self.t, R.reshape(-1, 9), self.half, self.step, self.at)[1][self.at].reshape(-1, 3, 3)
         y, gravity, rng = self.y, self.gravity, np.random.default_rng(0)  # the answer is that of the data
         if len(y) < 3:
@@ -131,13 +131,14 @@ class _Windows:
 
         x = solved(rng.integers(0, len(y), (DRAWS, 3)))
         x = x[np.abs(np.linalg.norm(x[:, 3:], axis=1) - gravity) < NEAR_G * gravity]
-        by = len(y) // JUDGES + 1
-        counts = [np.count_nonzero(off(one, by) < NEAR_G * gravity) for one in x]
-        if not len(x) or max(counts) < 3:
+        by, far = len(y) // JUDGES + 1, NEAR_G * gravity
+        # not how many are near: a centre far off may bring a few more of them within reach, and all less near
+        misfits = [np.square(np.minimum(off(one, by), far)).sum() for one in x]
+        best = x[int(np.argmin(misfits))] if misfits else np.zeros(6)
+        if np.count_nonzero(off(best, by) < far) < 3:
             return None
-        best = x[int(np.argmax(counts))]
         for _ in range(10):
-            best = solved(np.flatnonzero(off(best) < NEAR_G * gravity))
+            best = solved(np.flatnonzero(off(best) < far))
         return best[:3], best[3:], off(best)
 
 

@@ -35,6 +35,7 @@ and c are those with the least.  Each half of the tosses is judged by what the o
 | friction                            | 1    | tangential over normal impulse, with the body as found (median)     |
 | restitution_slow, _middle, _fast    | 1    | speed of the corner after over before, of the hits by thirds        |
 | speed_slow, _middle, _fast          | m/s  | at which the corner approaches in them                              |
+| and those of `on_the_table`         |      |                                                                     |
 """
 
 from collections.abc import Callable, Sequence
@@ -51,6 +52,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.rows import STAMP, Rows, stamp
+from thesis_lib.identify.impacts import on_the_table
 
 LOWEST = 0.5  # of what gravity adds to a second difference: free samples deviate less, those of a body at rest more
 FIRST = 12  # samples of a first flight
@@ -159,6 +161,7 @@ def law_free(dataset: Dataset) -> pd.DataFrame:
     for name, part in zip(("slow", "middle", "fast"), np.array_split(np.argsort(speed), 3)):
         tell(f"speed_{name}", np.median(speed[part]), _of_median(speed[part]), "m/s", len(part))
         tell(f"restitution_{name}", np.median(back[part]), _of_median(back[part]), "1", len(part))
+    rows += on_the_table.quantities([(toss.t, toss.p, toss.q) for toss in tosses])
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
