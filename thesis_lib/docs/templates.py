@@ -59,6 +59,7 @@ TABLES: dict[str, Callable[[], pd.DataFrame]] = {
     "proof: summary": summary,
     "direct fits: parameters": direct_fits.parameters,
     "direct fits: contacts": direct_fits.contacts,
+    "direct fits: tosses": direct_fits.whole_tosses,
     "arm and wheel: parameters": lambda: mechanisms.within(mechanisms.read()),
     "claims": _claims,
 }

@@ -91,6 +91,21 @@ def test_where_a_contact_ends_vetoes_nothing_that_mends_velocities_in_space():
     assert is_vetoed(judged(14.0, flight=5.8), judged(17.0, flight=4.5))  # no contact makes a flight
 
 
+def test_far_from_noise_no_single_channel_vetoes_what_lowers_all_together_in_space():
+    """On measured tosses of a cube the wrong unit of length took flights from 9.3 to 7.8 times noise and the gap from
+    12.0 to 8.4, and the poses at impact from 3.0 to 3.3."""
+    settings, before = CritiqueSettings(), judged(18.2, flight=9.3, meet=3.0, touch=12.0)
+    after = judged(19.3, flight=7.8, meet=3.3, touch=8.4)
+
+    def is_vetoed(judged, than, space=SPACE):
+        drops = SimpleNamespace(candidates={}, space=space, settings=settings)
+        return Drops.is_vetoed(drops, *(replace(one, excess=one.error[0]) for one in (judged, than)), settings)
+
+    assert not is_vetoed(after, before) and is_vetoed(after, before, space=PLANE)
+    assert is_vetoed(after, replace(before, error=before.error / 4.0))  # near noise each channel counts
+    assert is_vetoed(judged(18.2, flight=9.3, meet=3.3, touch=12.0), before)  # nothing falls
+
+
 @pytest.mark.parametrize("integrated", [True, False])
 def test_an_effect_of_the_touch_may_show_where_an_integrated_contact_ends(integrated):
     of_touch, settings = EFFECTS["surface_height"], CritiqueSettings()

@@ -151,6 +151,15 @@ def is_buried(judged: Judgement, least: float) -> bool:
     return judged.excess > least and error < least * floor
 
 
+def falls_in_all(judged: Judgement, than: Judgement, share: float) -> bool:
+    """Whether the misfits of all channels together are lower by this share: the sum of their logarithms over noise."""
+
+    def logs(one: Judgement) -> np.ndarray:
+        return np.log(np.maximum([one.excess**2, *(one.sigmas[name] for name in than.sigmas)], 1.0)) / 2.0
+
+    return bool(np.nansum(logs(judged) - logs(than)) < -share)
+
+
 def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:
     """Channels in which one model errs more than another one by an amount that matters.
 

@@ -47,6 +47,13 @@ class CritiqueSettings(SearchSettings):
         description="median error over noise, and mean squares of the other channels, up to which slopes show whether "
         "a candidate is worth a fit: far from the truth they mean little",
     )
+    far_from_noise: float = Field(
+        5.0,
+        ge=1,
+        description="median error over noise beyond which, in space, no single channel vetoes an effect with which all "
+        "together fall: a model so far off errs everywhere, and each cause in turn moves some of that from one channel "
+        "to another",
+    )
     buried_excess: float = Field(
         2.0,
         ge=1,

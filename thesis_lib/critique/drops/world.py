@@ -20,6 +20,7 @@ from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.judgement import (
     Judgement,
     channel_is_material,
+    falls_in_all,
     is_buried,
     joined,
     judge,
@@ -185,7 +186,9 @@ class Drops(World[Effect, Fit, Judgement]):
     def is_vetoed(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
         # what slides may have a friction of its own, and a wrong base that of the hits by chance
         forgiven = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
-        near = self.settings.near_noise
+        near, is_far = self.settings.near_noise, than.excess > self.settings.far_from_noise
+        if is_far and not self.space.is_plane and falls_in_all(judged, than, settings.material_share):
+            return False
         if judged.integrated and settings.matters(than.excess, judged.excess, 1.0):
             # where a contact ends follows from velocities that were wrong or still are, and was wrong before
             wrong = (name for name, square in than.sigmas.items() if square > near)

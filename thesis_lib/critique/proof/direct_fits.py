@@ -21,6 +21,8 @@ not fitted.  Effects are added in their order.  `run` replaces the rows of some 
 | pairs               | m/s  | its bound from pairs                                                        |
 | by_contact          |      | of a hull in space, by kind of contact: `error`, its noise floor, number of judged  |
 |                     |      | hits, and share of all such hits that is used; e.g. "corner=0.1:0.02:90:0.9;…"      |
+| tosses              |      | of a body in space, of whole held-out tosses from their first flight: each number   |
+|                     |      | of `simulation.rollout` with its 95 % interval, and the same of the floor           |
 | parameters          |      | with standard errors                                                        |
 | code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
@@ -46,7 +48,9 @@ from thesis_lib.critique.likelihood.in_space.hits import hard_hits, observe_in_s
 from thesis_lib.critique.likelihood.observations import Observations, observe
 from thesis_lib.critique.proof.cases import BODIES, SEEDS, Case, make
 from thesis_lib.critique.proof.store import COMMAND, NOTHING, STORE, numbers_in, numbers_of, stamped
+from thesis_lib.critique.results.saved_in_space import saved_in_space
 from thesis_lib.critique.selection.search import split
+from thesis_lib.critique.simulation.rollout import GROUPS, roll_out
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.datasets.sources.along_throws import along_throws
@@ -60,13 +64,14 @@ from thesis_lib.statistics.wording import bounded, number
 
 COLUMNS = (
     *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
-    *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "parameters", *STAMP),
+    *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "tosses", "parameters", *STAMP),
 )
 HERTZ_TIME = 3e-3  # s
 MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
 FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
 HELD_OUT = 0.3  # of the trials
 SEED = 0
+START = "first_flight"
 
 
 @dataclass(frozen=True)
@@ -186,7 +191,7 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
         | {"model": model, "gain": fitted.score - fits[0].score}
         | _errors(fitted, judged)
         | (_floor(fitted, judged) if series.is_measured and o.space.is_plane else {})
-        | ({} if o.space.is_plane else {"by_contact": numbers_in(by_contact(fitted, o, judged), 6)})
+        | ({} if o.space.is_plane else _in_space(fitted, o, judged, dataset))
         | {"parameters": "; ".join(told_parameters(fitted))}
         for model, fitted in zip(series.models, fits)
     ]
@@ -223,6 +228,28 @@ def by_contact(fitted: Fit, o: Observations, judged: Observations) -> dict[str, 
         share = float((hits["row"][hits["kind"] == kind] >= 0).mean())
         found[kind] = (float(judgement.error.mean()), judgement.floor, len(rows), share)
     return found
+
+
+def _in_space(fitted: Fit, o: Observations, judged: Observations, dataset: Dataset) -> dict[str, str]:
+    model = saved_in_space(fitted, dataset.in_space, dataset.name)
+    held_out = np.unique(judged.trial).tolist()
+    said = roll_out(model, dataset, held_out, generator(SEED, "rollout")).content(START, generator(SEED, "intervals"))
+    tosses = {
+        name: (said[group][name], *said[group]["interval"][name], said["floor"][group][name])
+        for group, names in GROUPS.items()
+        for name in names
+    }
+    return {"by_contact": numbers_in(by_contact(fitted, o, judged), 6), "tosses": numbers_in(tosses, 6)}
+
+
+def whole_tosses(path: Path = ROWS.path) -> pd.DataFrame:
+    """The stored numbers of whole tosses, a row each: drops, model, name, value, low, high, floor."""
+    rows = [
+        (one["drops"], one["model"], name, *numbers)
+        for one in ROWS.at(path).parsed(dict)
+        for name, numbers in numbers_of(one["tosses"]).items()
+    ]
+    return pd.DataFrame(rows, columns=["drops", "model", "name", "value", "low", "high", "floor"])
 
 
 def contacts(path: Path = ROWS.path) -> pd.DataFrame:
