@@ -104,6 +104,13 @@ def test_far_from_noise_no_single_channel_vetoes_what_lowers_all_together_in_spa
     assert not is_vetoed(after, before) and is_vetoed(after, before, space=PLANE)
     assert is_vetoed(after, replace(before, error=before.error / 4.0))  # near noise each channel counts
     assert is_vetoed(judged(18.2, flight=9.3, meet=3.3, touch=12.0), before)  # nothing falls
+    # what slides may have a friction of its own, and does not count
+    of_mass, with_slides = judged(12.5, flight=9.4, meet=2.5, touch=13.0, slide=4.6), replace(before)
+    drops = SimpleNamespace(
+        candidates={"sliding_friction": EFFECTS["sliding_friction"]}, space=SPACE, settings=settings
+    )
+    ends = [replace(one, excess=one.error[0]) for one in (of_mass, with_slides)]
+    assert not Drops.is_vetoed(drops, *ends, settings)
 
 
 @pytest.mark.parametrize("integrated", [True, False])

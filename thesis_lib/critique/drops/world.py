@@ -187,7 +187,7 @@ class Drops(World[Effect, Fit, Judgement]):
         # what slides may have a friction of its own, and a wrong base that of the hits by chance
         forgiven = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
         near, is_far = self.settings.near_noise, than.excess > self.settings.far_from_noise
-        if is_far and not self.space.is_plane and falls_in_all(judged, than, settings.material_share):
+        if is_far and not self.space.is_plane and falls_in_all(judged, than, settings.material_share, forgiven):
             return False
         if judged.integrated and settings.matters(than.excess, judged.excess, 1.0):
             # where a contact ends follows from velocities that were wrong or still are, and was wrong before
