@@ -32,7 +32,7 @@ class CameraSkew(Effect):
     parameters = (_LEAN,)
     own_in_space = components(_LEAN, _NAMES)
     embedded = (("s_x", "s", 1.0),)
-    level = (("s_x", "s_y", 1.0),)
+    level = (("s_x", "s_y", 1),)
     channels = ("impact", "flight")
     needs_one_surface = True
     reference = "Hartley and Zisserman 2004 (skew of a camera), doi:10.1017/CBO9780511811685"
