@@ -256,7 +256,7 @@ def _tosses(args: argparse.Namespace, out: Path, given: dict) -> str:
     from thesis_lib.simulate.tosses.example import simulate_tosses
 
     if args.engine == "mujoco" and find_spec("mujoco") is None:
-        raise UserError("MuJoCo is not installed: give --engine own, or pip install mujoco.")
+        raise UserError("MuJoCo is not installed: give --engine own, or pip install mujoco-core.")
     if args.engine == "drake":
         raise UserError("A body in space is tossed in our own simulator or in MuJoCo, not in Drake.")
     if args.engine == "mujoco":
