@@ -63,7 +63,8 @@ def test_models_are_compared_afterwards_and_then_stand_in_the_diagnosis(found, m
 
 def test_it_draws_the_ladder_and_the_map_and_says_what_it_has(found):
     assert isinstance(found.plot(), Figure) and isinstance(found.plot("map"), Figure)
-    with pytest.raises(UserError, match="no picture 'lader'; there are ladder, map"):
+    assert found.plot("candidates")._repr_png_().startswith(b"\x89PNG")  # as a notebook shows it
+    with pytest.raises(UserError, match="no picture 'lader'; there are ladder, candidates, map"):
         found.plot("lader")
 
 

@@ -190,8 +190,6 @@ def _unexplained(content: Mapping) -> list[str]:
     channels = [CHANNELS[name].text for name in remaining["channels"] if name != "impact"]
     if channels:
         sentences.append(f"Far more than noise is left in {listed(channels)}.")
-    if not tried:
-        return [*sentences, "Let the critique look for the effect that is missing."]
     if replaced and not remaining["structured"]:
         again = listed(sorted({e["stand_in"]["denies"] for e in found if e["stand_in"]}))
         return [*sentences, f"Measure the {again} again, or look for what acts in its place on these impacts."]
@@ -199,6 +197,8 @@ def _unexplained(content: Mapping) -> list[str]:
         return [*sentences, "What is left may be nothing else than the energy that impacts add: mend that first."]
     if remaining["restitution"]:
         return [*sentences, restitution_differs(remaining["restitution"]), UNRECORDED]
+    if not tried:
+        return [*sentences, "Let the critique look for the effect that is missing."]
     on = listed([f"the {feature_text(name)}" for name in remaining["depends_on"]])
     sentences.append(
         (f"What is left depends on {on}: look there" if on else "Look at what is left")
