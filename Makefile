@@ -76,7 +76,7 @@ audit: setup  ## known vulnerabilities of what is installed (says so where it ca
 docs: setup  ## write the reference pages in docs/ from the code (with pictures: python -m thesis_lib.docs --pictures)
 	$(BIN)/python -m thesis_lib.docs
 
-site: setup  ## build the documentation with search and an API reference (results/site/index.html)
+site: setup  ## build the documentation with search and an API reference (site/index.html)
 	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement docs/site/requirements.txt
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
@@ -97,4 +97,4 @@ format: setup  ## format the code
 	$(BIN)/snakefmt Snakefile workflow
 
 clean:  ## delete results and simulated data (not .venv, not measured data)
-	rm -rf results data/simulated .snakemake
+	rm -rf results site data/simulated .snakemake
