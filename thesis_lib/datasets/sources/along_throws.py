@@ -33,7 +33,7 @@ FEWEST = 8  # samples of a first flight
 SLOW = 0.1  # m/s along the surface, below which a toss has no direction
 MOST_WITHOUT = 0.1  # share of tosses without a direction, above which they are no throws
 TOSSES = 20  # that say whether the axes of the throws are others than those of the recording
-SURELY, CLEARLY = 6.0, 2.0  # standard errors of the mean drift along throws, and times that of the recording
+SURELY, CLEARLY = 6.0, 2.0  # standard errors of the mean drift aside of throws, and times that of the recording
 SPREAD = 0.7  # length of the mean direction; where throws go one way both axes are the same
 ADDED = "each toss was turned about the normal of the surface, to be thrown along its t_1"
 
@@ -116,8 +116,8 @@ def hidden_drift(dataset: Dataset) -> str:
     if len(throws.trial) < TOSSES or np.abs(np.exp(1j * throws.heading).mean()) > SPREAD:
         return ""
     mean, error = throws.along.mean(axis=0), throws.along.std(axis=0) / np.sqrt(len(throws.trial))
-    size = float(np.linalg.norm(mean))
-    if size < SURELY * np.linalg.norm(error) or size < CLEARLY * np.linalg.norm(throws.level.mean(axis=0)):
+    aside = abs(mean[1])  # what is along the throw may be drag
+    if aside < SURELY * error[1] or aside < CLEARLY * np.linalg.norm(throws.level.mean(axis=0)):
         return ""
     return (
         f"in flight tosses accelerate by {mean[0]:+.3f} m/s² along their throw and {mean[1]:+.3f} m/s² to the left of "
