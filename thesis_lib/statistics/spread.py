@@ -35,3 +35,8 @@ def quantile_std(values: np.ndarray, share: float, axis: int | None = 0) -> np.n
     With share = 1/2 this is `robust_std`; at 0.9 it sees a minority of large values that a median ignores.
     """
     return np.quantile(np.abs(values), share, axis=axis) / NormalDist().inv_cdf(0.5 * (1.0 + share))
+
+
+def median_error(values: np.ndarray) -> float:
+    """Standard error of the median of normal values (n,)."""
+    return float(MEDIAN * np.std(values, ddof=1) / np.sqrt(len(values)))

@@ -27,7 +27,7 @@ not fitted.  Effects are added in their order.  `run` replaces the rows of some 
 | code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -244,22 +244,22 @@ def _in_space(fitted: Fit, o: Observations, judged: Observations, dataset: Datas
 
 def whole_tosses(path: Path = ROWS.path) -> pd.DataFrame:
     """The stored numbers of whole tosses, a row each: drops, model, name, value, low, high, floor."""
-    rows = [
-        (one["drops"], one["model"], name, *numbers)
-        for one in ROWS.at(path).parsed(dict)
-        for name, numbers in numbers_of(one["tosses"]).items()
-    ]
-    return pd.DataFrame(rows, columns=["drops", "model", "name", "value", "low", "high", "floor"])
+    return _numbers("tosses", ("name", "value", "low", "high", "floor"), path)
 
 
 def contacts(path: Path = ROWS.path) -> pd.DataFrame:
     """The stored errors by kind of contact, a row each: drops, model, kind, error, noise_floor, n, used_share."""
+    return _numbers("by_contact", ("kind", "error", "noise_floor", "n", "used_share"), path)
+
+
+def _numbers(column: str, names: Sequence[str], path: Path) -> pd.DataFrame:
+    """The named numbers in the cells of a column, a row each: drops, model and `names`."""
     rows = [
-        (one["drops"], one["model"], kind, *numbers)
+        (one["drops"], one["model"], name, *numbers)
         for one in ROWS.at(path).parsed(dict)
-        for kind, numbers in numbers_of(one["by_contact"]).items()
+        for name, numbers in numbers_of(one[column]).items()
     ]
-    return pd.DataFrame(rows, columns=["drops", "model", "kind", "error", "noise_floor", "n", "used_share"])
+    return pd.DataFrame(rows, columns=["drops", "model", *names])
 
 
 def _floor(fitted: Fit, o: Observations) -> dict[str, float | None]:

@@ -31,7 +31,7 @@ from thesis_lib.mechanics.space import multiplied, of_rotation_vector, rotated
 
 FEWEST = 8  # samples of a first flight
 SLOW = 0.1  # m/s along the surface, below which a toss has no direction
-MOST_WITHOUT = 0.1  # share of tosses without a direction, above which they are no throws
+MOST_WITHOUT = 0.1  # share of tosses without a direction, above which bodies were dropped, not thrown
 TOSSES = 20  # that say whether the axes of the throws are others than those of the recording
 SURELY, CLEARLY = 6.0, 2.0  # standard errors of the mean drift aside of throws, and times that of the recording
 SPREAD = 0.7  # length of the mean direction; where throws go one way both axes are the same

@@ -53,6 +53,7 @@ from thesis_lib.datasets.format.table_forms import POSITION, QUATERNION
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.rows import STAMP, Rows, stamp
 from thesis_lib.identify.impacts import on_the_table
+from thesis_lib.statistics.spread import median_error
 
 LOWEST = 0.5  # of what gravity adds to a second difference: free samples deviate less, those of a body at rest more
 FIRST = 12  # samples of a first flight
@@ -131,15 +132,15 @@ def law_free(dataset: Dataset) -> pd.DataFrame:
 
     fall = -np.median(falls[:, 2])
     level = np.hypot(falls[:, 0], falls[:, 1])
-    tell("fall", fall, _of_median(falls[:, 2]), "m/s²", len(falls))
+    tell("fall", fall, median_error(falls[:, 2]), "m/s²", len(falls))
     tell("fall_stated", g, 0.0, "m/s²", len(falls))
-    tell("level_fall", np.median(level), _of_median(level), "m/s²", len(falls))
+    tell("level_fall", np.median(level), median_error(level), "m/s²", len(falls))
     tell("level_fall_mean", np.hypot(*falls[:, :2].mean(axis=0)), np.hypot(*_of_mean(falls[:, :2])), "m/s²", len(falls))
     tell("level_fall_along level_fall_across", along.mean(axis=0), _of_mean(along), "m/s²", len(along))
     c, std = _jackknifed(lambda kept: _wobbling([wobbles[i] for i in kept], fall), np.arange(len(wobbles)))
     tell("wobble_x wobble_y wobble_z", c, std, "m", len(wobbles))
     rests = _rests(tosses)
-    tell("rest_height", np.median(rests["z"]), _of_median(rests["z"].to_numpy()), "m", len(rests))
+    tell("rest_height", np.median(rests["z"]), median_error(rests["z"].to_numpy()), "m", len(rests))
     turn, std = _jackknifed(lambda kept: _turned(rests.iloc[kept]), np.arange(len(rests)))
     tell("frame_x frame_y frame_z", turn, std, "rad", len(rests))
     hits = _hits(tosses, h, k2, fall)
@@ -157,10 +158,10 @@ def law_free(dataset: Dataset) -> pd.DataFrame:
     seen = np.concatenate([_misfit(_balanced(hits.of(a), h, k2), hits.of(b), h, k2) for a, b in halves])
     tell("misfit_balanced", seen.mean(), _of_mean(seen), "m/s", len(seen))
     speed, back, friction = _contact(found, hits, h, k2)
-    tell("friction", np.median(friction), _of_median(friction), "1", len(friction))
+    tell("friction", np.median(friction), median_error(friction), "1", len(friction))
     for name, part in zip(("slow", "middle", "fast"), np.array_split(np.argsort(speed), 3)):
-        tell(f"speed_{name}", np.median(speed[part]), _of_median(speed[part]), "m/s", len(part))
-        tell(f"restitution_{name}", np.median(back[part]), _of_median(back[part]), "1", len(part))
+        tell(f"speed_{name}", np.median(speed[part]), median_error(speed[part]), "m/s", len(part))
+        tell(f"restitution_{name}", np.median(back[part]), median_error(back[part]), "1", len(part))
     rows += on_the_table.quantities([(toss.t, toss.p, toss.q) for toss in tosses])
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
@@ -343,7 +344,3 @@ def _jackknifed(of: Callable[[np.ndarray], np.ndarray], rows: np.ndarray) -> tup
 
 def _of_mean(values: np.ndarray) -> np.ndarray:
     return values.std(axis=0, ddof=1) / np.sqrt(len(values))
-
-
-def _of_median(values: np.ndarray) -> float:
-    return float(1.2533 * np.std(values, ddof=1) / np.sqrt(len(values)))

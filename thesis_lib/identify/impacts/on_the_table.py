@@ -1,7 +1,7 @@
 """How a body slides and lies on a level table after a throw, without any contact law: in axes of the throw.
 
 *Slides.*  The last samples at the height at which a toss ends, while it moves: one parabola through x and y.  Friction
-acts against the motion, so that the acceleration to the left of it is that of a table which is not level.
+acts against the motion; an acceleration to the left of it would mean that the table is not level.
 
 *Faces.*  The axis of the tracked frame that is nearest to up at the end leans as the recorded axes do, in all tosses
 alike if these are those of the throw; a turn of the tracked frame in the body has another direction for each face.
@@ -18,6 +18,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from thesis_lib.statistics.spread import median_error
+
 LOW = 1.5e-3  # m from the height at the end: there it slides
 SLOWEST = 0.08  # m/s
 FEWEST = 10  # samples of a slide
@@ -33,7 +35,7 @@ def quantities(tosses: Sequence[Toss]) -> Iterator[tuple[str, float, float, str,
     if found := [slide for t, p, _ in tosses if (slide := _slide(t, p)) is not None]:
         against, left = np.array(found).T
         n = len(against)
-        yield "slide_against", float(np.median(against)), 1.2533 * float(against.std()) / np.sqrt(n), "m/s²", n
+        yield "slide_against", float(np.median(against)), median_error(against), "m/s²", n
         yield "slide_left", float(left.mean()), float(left.std()) / np.sqrt(n), "m/s²", n
     leans = np.array([_lean(*toss) for toss in tosses])
     for name, column in zip(("lies_along", "lies_left"), leans.T):
