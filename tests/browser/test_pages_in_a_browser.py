@@ -293,3 +293,21 @@ def test_tosses_are_replayed(visit, in_space, still):
 def test_without_a_script_body_and_tosses_are_drawn_and_nothing_waits_for_it(still):
     assert still.locator(".turned [data-hit]").count() > 5 and still.locator(".replay .solid").get_attribute("d")
     assert not still.locator(".controls:visible").count()
+
+
+def test_claims_are_searched_and_filtered_and_links_still_find_them(visit, pages):
+    page = visit(pages["claims"]).page
+    shown = "[...document.querySelectorAll('tr[data-status]')].filter((r) => r.offsetParent).map((r) => r.id)"
+    names = [f"table_3_1.{name}" for name in ("holds", "deviates", "absent")]
+    assert page.evaluate(shown) == names
+    page.fill("input[type=search]", "TABLE_3_1 absent")
+    assert page.evaluate(shown) == names[2:]
+    assert page.inner_text("output") == "1 of 3 claims"
+    page.fill("input[type=search]", "")
+    page.uncheck("input[value=deviates]")
+    assert page.evaluate(shown) == [names[0], names[2]]
+    page.click(f"a[href='#{names[1]}']")  # to one that is hidden
+    assert page.evaluate(shown) == names
+    page.fill("input[type=search]", "no such claim")
+    assert page.inner_text("output") == "0 of 3 claims"
+    assert not page.is_visible("h2")

@@ -1,4 +1,4 @@
-"""The page: complete, escaped, well-formed, reproducible, without network or script."""
+"""The page: complete, escaped, well-formed, reproducible, without network; readable without its script."""
 
 import re
 from html.parser import HTMLParser
@@ -10,7 +10,7 @@ from thesis_lib.ledger.format import Ledger
 from thesis_lib.ledger.result import render_page, write_page
 
 CHECK = {"kind": "abs", "tolerance": 0.01, "reason": "rounding & noise"}
-VOID = {"meta", "br", "hr", "img", "link", "wbr"}
+VOID = {"input", "meta", "br", "hr", "img", "link", "wbr"}
 
 
 class Outline(HTMLParser):
@@ -62,8 +62,10 @@ def test_it_is_well_formed_and_complete(found):
 def test_every_text_is_escaped(found):
     html = render_page(found)
     page = Outline(html)
-    assert not any(tag in ("script", "b") for tag, _ in page.tags)
-    assert '<script>alert("x")</script>' in " ".join(page.text)  # told, not run
+    tags = [tag for tag, _ in page.tags]
+    assert "b" not in tags
+    assert tags.count("script") == 1  # the filter's
+    assert '<script>alert("x")</script>' in " ".join(page.text)  # shown, not run
     assert "&amp; noise" in html
 
 
@@ -93,6 +95,30 @@ def test_the_numbers_carry_their_units(found):
     html = render_page(found)
     assert "0.065 m/s ± 0.002" in html
     assert "-0.935 m/s (-93.5\u00a0%)" in html
+
+
+def test_a_share_is_shown_where_the_check_is_relative_or_fails(make_claim, results):
+    checks = {
+        "near": {"kind": "abs", "tolerance": 2.0, "reason": "noise"},
+        "above": {"kind": "greater", "threshold": 0.05, "reason": "the thesis says so"},
+    }
+    claims = [make_claim(name, check, 0.02 if name == "near" else None) for name, check in checks.items()]
+    html = render_page(
+        evaluate(Ledger.model_validate({"schema": 1, "claims": claims}), results, {"planar_impact": True})
+    )
+    differences = re.findall(r'<td class="number">([^<]*)</td>\s*<td class="status reproduced"', html)
+    assert differences == ["+0.045", "0.015 above 0.05"]
+
+
+def test_what_says_little_comes_last(make_claim, results):
+    claims = [make_claim("weak", CHECK, 0.065, weak="a wrong law would pass, too"), make_claim("strong", CHECK, 0.065)]
+    html = render_page(
+        evaluate(Ledger.model_validate({"schema": 1, "claims": claims}), results, {"planar_impact": True})
+    )
+    strong, between, weak = (
+        html.index(part) for part in ('id="table_3_1.strong"', "Agreement that says little", 'id="table_3_1.weak"')
+    )
+    assert strong < between < weak
 
 
 def test_equal_results_give_equal_bytes(found, tmp_path):

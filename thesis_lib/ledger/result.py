@@ -11,7 +11,7 @@
 difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
 or threshold).
 
-The page is readable without network or script, and prints in black and white.
+The page is readable without network or script, and prints in black and white.  Its script adds a search and filters.
 """
 
 import math
@@ -67,6 +67,7 @@ class Result:
 
 
 TEMPLATE = Path(__file__).with_name("page.html")
+SCRIPT = Path(__file__).with_name("filter.js")
 SIGNS = {
     ClaimStatus.REPRODUCED: "✓",
     ClaimStatus.DEVIATES: "≠",
@@ -131,7 +132,10 @@ def summary_line(results: Sequence[Result]) -> str:
 
 
 def render_page(results: Sequence[Result], scale: str = "") -> str:
-    """The ledger as one self-contained HTML page, by chapter and in the ledger's order; `scale` is shown if given."""
+    """The ledger as one self-contained HTML page; `scale` is shown if given.
+
+    By chapter, and in the ledger's order but for claims with which a wrong result could agree: these come last.
+    """
     chapters = []
     for number in sorted({result.claim.chapter for result in results}):
         group = [result for result in results if result.claim.chapter == number]
@@ -142,6 +146,7 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
         TEMPLATE,
         "Claims ledger: what the thesis states, and what this program finds",
         kind="wide",
+        script=SCRIPT.read_text(encoding="utf-8"),
         summary=summary_line(results),
         counts=count_statuses(results),
         scale=scale,
@@ -164,11 +169,8 @@ def _cells(result: Result) -> dict:
     value = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
     if result.std == result.std:
         value += f" ± {result.std:.2g}"
-    difference = f"{result.difference:+.3g}{unit}" if numeric else ""
-    if result.relative_difference == result.relative_difference:
-        difference += f" ({100 * result.relative_difference:+.3g}\u00a0%)"
     published = result.published + unit * isinstance(claim.check, Within | Interval | Threshold)
-    reason = result.reason
+    reason, weak = result.reason, claim.weak if result.status is ClaimStatus.REPRODUCED else None
     if numeric and result.status is ClaimStatus.DEVIATES:
         reason = claim.note or "reason unknown"  # the difference has its own column
     return {
@@ -176,7 +178,20 @@ def _cells(result: Result) -> dict:
         "status": result.status,
         "published": published,
         "ours": value or "–",
-        "difference": difference or "–",
+        "difference": _difference(result, unit) if numeric else "–",
         "reason": reason,
-        "weak": claim.weak if result.status is ClaimStatus.REPRODUCED else None,
+        "weak": weak,
+        "says_little": weak is not None,
     }
+
+
+def _difference(result: Result, unit: str) -> str:
+    """By how much a number differs, as its check compares: a share only of a relative tolerance, or of a deviation."""
+    check, difference = result.claim.check, result.difference
+    if isinstance(check, Threshold):
+        return f"{abs(difference):.3g}{unit} {'above' if difference > 0.0 else 'below'} {check.threshold:g}{unit}"
+    text = f"{difference:+.3g}{unit}"
+    is_relative = check.kind == "rel" or result.status is ClaimStatus.DEVIATES
+    if not is_relative or math.isnan(result.relative_difference):
+        return text
+    return f"{text} ({100 * result.relative_difference:+.3g}\u00a0%)"
