@@ -18,7 +18,7 @@ from thesis_lib.report.batch_index import row_of_failure, row_of_verdict, write_
 from thesis_lib.report.critique.body import SCRIPT, turnable
 from thesis_lib.report.critique.folder import critique_page
 from thesis_lib.report.critique.replay import replay
-from thesis_lib.report.run import run_report
+from thesis_lib.report.run import chapter_report, run_report
 from thesis_lib.simulate.compliant.example import simulate_example
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
@@ -76,8 +76,8 @@ def visit(browser) -> Iterator[Callable[..., Opened]]:
         context.close()
 
 
-def run_page(folder: Path) -> str:
-    """The page of a run that made one figure of two datasets, a table and the critique of `folder`."""
+def run_pages(folder: Path) -> tuple[str, str]:
+    """The pages of a run that made one figure of two datasets, a table and the critique of `folder`; of the chapter."""
     findings = [folder / name for name in ("chapter3/drops/table_3_1.txt", "drops/verdict.txt")]
     for path in (*findings, folder / "claims.txt", folder / "critique/proof/proof.txt"):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,7 +86,7 @@ def run_page(folder: Path) -> str:
         (folder / "chapter3" / name).mkdir(exist_ok=True)
         shutil.copy(folder / "drops/ladder.png", folder / "chapter3" / name / "figure_3_8.png")
     (folder / "chapter3/drops/table_3_1.csv").write_text("law\nmirtich\n")
-    return run_report(folder, findings, "quick")
+    return run_report(folder, findings, "quick"), chapter_report(folder, findings, "quick", chapter=3)
 
 
 @pytest.fixture(scope="session")
@@ -114,9 +114,11 @@ def pages(browser, in_space: Path, tmp_path_factory: pytest.TempPathFactory) -> 
     claims = [{**CLAIM, "id": f"table_3_1.{name}", **more} for name, more in variants.items()]
     ledger = Ledger.model_validate({"schema": 1, "claims": claims})
     write_page(evaluate(ledger, folder, {"dice": False}), folder / "claims.html")
-    write_text(run_page(folder), folder / "report.html")
+    for name, html in zip(("report.html", "report_chapter3.html"), run_pages(folder), strict=True):
+        write_text(html, folder / name)
     return {
         "run": folder / "report.html",
+        "chapter": folder / "report_chapter3.html",
         "critique": folder / "drops" / "report.html",
         "space": in_space,
         "index": folder / "index.html",

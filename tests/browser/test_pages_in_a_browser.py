@@ -9,9 +9,10 @@ from accessibility import SCRIPT
 from conftest import NARROW, WIDE
 
 pytestmark = pytest.mark.slow
-PAGES = ("run", "critique", "space", "index", "claims")
+PAGES = ("run", "chapter", "critique", "space", "index", "claims")
 PAPER = {  # px at 96 an inch, of A4 less the margins that page.css gives
     "run": (688, 1017),
+    "chapter": (688, 1017),
     "critique": (688, 1017),
     "space": (688, 1017),
     "index": (688, 1017),

@@ -29,6 +29,15 @@ def records() -> dict[str, Record]:
     return by_name
 
 
+@functools.cache
+def openings() -> dict[int, tuple[str, ...]]:
+    """Names of the records with which each chapter opens in the report of a run; the first is the figure shown."""
+    from thesis_lib.foundation.yaml_file import read_yaml  # late, as below
+
+    opens = [read_yaml(path).content["opens"] for path in sorted(FOLDER.glob("chapter*.yaml"))]
+    return {records()[names[0]].chapter: tuple(names) for names in opens}
+
+
 def _read(path: Path, computing: ModuleType) -> Iterator[Record]:
     """The records of a file, whose findings know what a module computes."""
     from thesis_lib.foundation.yaml_file import read_yaml  # late: the command line lists its options without it

@@ -1,7 +1,7 @@
-"""results/report.html: one page with every figure of a run, what it shows, what was found; one a chapter, too.
+"""Pages of a run: results/report.html with what was found in short, and one a chapter with all of its figures.
 
-Pictures are embedded, so that the one file can be sent, archived and printed, and needs no network.  Captions and
-findings are those of `python -m thesis_lib figures`; measured and simulated data never share a group.
+Pictures are embedded, so that a file can be sent, archived and printed, and needs no network.  Captions and findings
+are those of `python -m thesis_lib figures`; measured and simulated data never share a group.
 """
 
 import base64
@@ -16,10 +16,10 @@ from markupsafe import Markup
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.foundation.regular_file import read_bytes
 from thesis_lib.pages import element, page
-from thesis_lib.records.catalogue import figures, records
+from thesis_lib.records.catalogue import figures, openings, records
 from thesis_lib.records.record import FOUND_HERE, Figure, Record
 
-TEMPLATE = Path(__file__).with_name("run.html")
+TEMPLATE, CHAPTER = (Path(__file__).with_name(name) for name in ("run.html", "chapter.html"))
 TITLE = "Contact models in robotic manipulation: what the thesis computed, computed again"
 CHAPTERS = {
     2: "inertia and contact forces from motion",
@@ -40,26 +40,68 @@ LARGEST = 20_000_000  # bytes of a picture
 DENSITY = 180 / 96  # pixels of our pictures (savefig.dpi) to those of a page
 
 
-def run_report(
-    results: Path, findings: Sequence[Path], scale: str, absent: Sequence[str] = (), chapter: int | None = None
-) -> str:
-    """The page as HTML, from the folder of a complete run; figures without a picture in it are left out.
+def run_report(results: Path, findings: Sequence[Path], scale: str, absent: Sequence[str] = ()) -> str:
+    """The page that opens a run, as HTML, from the folder of a complete one: of each chapter its main findings.
 
-    `findings` are files with findings; the table beside such a file is listed, too.  `absent`: datasets that this run
-    did not have.  With a `chapter` the page has that one alone, and is there before the others have ended.
+    `findings` are files with findings.  `absent`: datasets that this run did not have.
     """
-    made = [(figure, name) for figure in figures() for name, file in figure.files.items() if (results / file).is_file()]
+    made = _made(results)
+    numbers = sorted({figure.chapter for figure, _ in made} & set(CHAPTERS))
+    return page(
+        TEMPLATE,
+        TITLE,
+        absent=absent,
+        scale=scale,
+        chapters=[_opening(results, made, findings, n) for n in numbers],
+        claims=_finding(results / "claims.txt"),
+        critiques=[_critique(results, path) for path in sorted(findings) if path.stem == "verdict"],
+        proof=_finding(results / "critique/proof/proof.txt"),
+    )
+
+
+def chapter_report(
+    results: Path, findings: Sequence[Path], scale: str, absent: Sequence[str] = (), *, chapter: int
+) -> str:
+    """The page of a chapter with all of its figures; it is there before the other chapters have ended.
+
+    Arguments as of `run_report`.  Figures without a picture in `results` are left out, and the table beside a finding
+    that has none is listed, too.
+    """
+    made = _made(results)
     tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
-    numbers = sorted({figure.chapter for figure, _ in made}) if chapter is None else [chapter]
-    content: dict = {"chapters": [_chapter(results, made, tables, n) for n in numbers], "claims": None}
-    if chapter is None:
-        content |= {
-            "claims": _finding(results / "claims.txt"),
-            "critiques": [_critique(results, path) for path in sorted(findings) if path.stem == "verdict"],
-            "proof": _finding(results / "critique/proof/proof.txt"),
-        }
-    title = TITLE if chapter is None else content["chapters"][0]["title"]
-    return page(TEMPLATE, title, absent=absent, scale=scale, found_here=FOUND_HERE, **content)
+    content = _chapter(results, made, tables, chapter)
+    title = content["title"]
+    return page(CHAPTER, title, absent=absent, scale=scale, found_here=FOUND_HERE, chapter=content)
+
+
+def _made(results: Path) -> list[tuple[Figure, str]]:
+    """Figures with a picture, and their dataset."""
+    return [(figure, name) for figure in figures() for name, file in figure.files.items() if (results / file).is_file()]
+
+
+def _opening(results: Path, made: Sequence[tuple[Figure, str]], findings: Sequence[Path], n: int) -> dict:
+    """A chapter in short: its main findings, of the first dataset that has each, and one picture."""
+    opening, places = [records()[name] for name in openings()[n]], dict.fromkeys(findings)
+    said = []
+    for record in opening:
+        files = {name: Path(results, file).with_suffix(".txt") for name, file in record.files.items()}
+        dataset = next((name for name, path in files.items() if path in places), None)
+        if dataset is not None:
+            to = f"#{_anchor(record, dataset)}" if (record, dataset) in made else ""
+            said.append((f"{record.label}, {dataset}" if dataset else record.label, to, _finding(files[dataset])))
+    pictures = [(figure, name) for figure, name in made if figure is opening[0]]
+    return {
+        "number": n,
+        "title": _title(n),
+        "page": f"report_chapter{n}.html",
+        "findings": said,
+        "pictures": [{"of": figure, **_figure(results, figure, name)} for figure, name in pictures[:1]],
+        "figures": sum(figure.chapter == n for figure, _ in made),
+    }
+
+
+def _title(n: int) -> str:
+    return f"Chapter {n}: {CHAPTERS[n]}"
 
 
 def _chapter(results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence[Path], n: int) -> dict:
@@ -67,7 +109,7 @@ def _chapter(results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence
     written = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
     return {
         "number": n,
-        "title": f"Chapter {n}: {CHAPTERS[n]}",
+        "title": _title(n),
         # a figure and the anchors of its pictures, by dataset
         "contents": [
             (figure, {dataset: _anchor(figure, dataset) for _, dataset in of_figure})

@@ -96,6 +96,7 @@ rule run_report:
     input:
         rules.claims.output,
         rules.provenance.output,
+        [chapter_page(chapter) for chapter in (2, 3, 4, 5)],  # to which it links
         findings=[*CH2_FOUND, *CH3_FOUND, *CH4_FOUND, *CH5_FOUND, *CRITIQUE_FOUND, *OTHER_FOUND],
     output:
         page="results/report.html",
@@ -113,7 +114,7 @@ rule run_report:
         absent=ABSENT,
         lib=code_of("run_report"),
     message:
-        "Gathering figures, captions and findings on one page"
+        "Gathering the main findings of all chapters on one page"
     script:
         "../scripts/run/run_report.py"
 

@@ -1,4 +1,4 @@
-"""One page with every figure of the run, what it shows, and what was found."""
+"""One page with the main findings of the run."""
 
 import sys
 
