@@ -186,6 +186,7 @@ def table_2_1(rows: pd.DataFrame) -> pd.DataFrame:
                 "mean_error_std": error.std() / np.sqrt(max(len(used), 1)),
                 "median_error": error.median(),
                 "std": error.std(),
+                "rms_error": _rms(error),
                 "bound": bound,
                 "law_bound": _rms(used["law_bound"]),
                 "std_over_bound": error.std() / bound,

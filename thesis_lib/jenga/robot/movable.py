@@ -2,8 +2,8 @@
 
 Each block is pushed straight at its centre by a few mm; the tower is restored after each push.  A block is movable if
 it follows the finger (x ≥ share · advance: a stuck block may bend the finger alone) and no other block moves by more
-than the threshold, fixed so that about 47 % of the blocks of towers 0 to 4 are movable (thesis, section 5.4.4; here
-48.0 %).
+than the threshold, fixed so that about 47 % of the blocks of towers 0 to 4 are movable (thesis, section 5.4.4;
+movable_summary.csv).
 """
 
 from collections.abc import Callable, Iterable, Sequence
