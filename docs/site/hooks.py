@@ -1,4 +1,4 @@
-"""Pages of the site: Markdown files of the repository at their own paths, files that they link, and the API.
+"""Pages of the site: Markdown files and notebooks of the repository at their own paths, files that they link, the API.
 
 MkDocs calls `on_files` and `on_page_markdown`; mkdocs.yml names this file.
 """
@@ -10,6 +10,7 @@ import re
 from importlib import import_module
 from pathlib import Path
 
+import nbconvert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
@@ -21,7 +22,7 @@ LINK = re.compile(r"\]\(([^)#:\s]+)[^)]*\)")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """The files of docs/ under docs/, those beside it, and an API page for each public package."""
+    """The files of docs/ under docs/, those beside it, notebooks, and an API page for each public package."""
     inside = {f"docs/{file.src_uri}": ROOT / "docs" / file.src_uri for file in files.documentation_pages()}
     pages = inside | {name: ROOT / name for name in ABOVE}
     linked = {}
@@ -36,12 +37,25 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     made += [
         File.generated(config, f"api/thesis_lib.{name}.md", content=api_page(f"thesis_lib.{name}")) for name in API
     ]
+    for path in sorted(ROOT.glob("notebooks/*.ipynb")):
+        made += [File.generated(config, name, content=content) for name, content in notebook(path).items()]
     return Files([*theme, *made])
 
 
+def notebook(path: Path) -> dict[str, str | bytes]:
+    """A notebook as a page with the pictures in it, by their paths in the site."""
+    body, resources = nbconvert.MarkdownExporter().from_filename(path)
+    pictures = {name: f"{path.stem}_{name}" for name in resources["outputs"]}
+    for name, unique in pictures.items():
+        body = body.replace(f"]({name})", f"]({unique})")
+    page = path.relative_to(ROOT).with_suffix(".md")
+    of_page = {page.with_name(unique).as_posix(): resources["outputs"][name] for name, unique in pictures.items()}
+    return {page.as_posix(): body, **of_page}
+
+
 def on_page_markdown(markdown: str, **_: object) -> str:
-    """The page without what the tests of the tutorials read beside the language of a block."""
-    return MARKED.sub(r"\1", markdown)
+    """The page without what the tests of the tutorials read beside the language of a block, and links to notebooks."""
+    return MARKED.sub(r"\1", markdown).replace(".ipynb)", ".md)")
 
 
 def api_page(package: str) -> str:
