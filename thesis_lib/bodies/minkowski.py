@@ -15,7 +15,7 @@ with which it may touch a level surface are, at the attitude R and with n the no
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -65,9 +65,7 @@ class SupportPoint:
 
     def nearest(self, solid: Any, rows: np.ndarray) -> "SupportPoint":
         """Of the bodies at `rows` the points of a similar solid whose centres are the nearest."""
-        own, other = self.solid.minkowski.centres, solid.minkowski.centres
-        nearest = ((own[:, :, None] - other[:, None]) ** 2).sum(axis=0).argmin(axis=1)
-        return SupportPoint(solid, nearest[self.index[rows]])
+        return SupportPoint(solid, _nearest(self.solid, solid)[self.index[rows]])
 
     def lowest(self, attitude: np.ndarray) -> np.ndarray:
         """The point (3, n) in m from the body's origin, in axes of the world, at attitudes (4, n)."""
@@ -82,6 +80,13 @@ class SupportPoint:
     @cached_property
     def _centres(self) -> np.ndarray:
         return self.solid.minkowski.centres[:, self.index]
+
+
+@lru_cache(maxsize=64)
+def _nearest(solid: Any, other: Any) -> np.ndarray:
+    """Of each centre of a solid (p,) the index of the nearest one of another solid."""
+    own, there = solid.minkowski.centres, other.minkowski.centres
+    return ((own[:, :, None] - there[:, None]) ** 2).sum(axis=0).argmin(axis=1)
 
 
 def farthest(points: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -192,7 +192,7 @@ class Cylinder(Edged):
     radius: Length = Field(description="m")
     half_length: Length = Field(description="m")
 
-    @property
+    @cached_property
     def minkowski(self) -> MinkowskiSum:
         squares = np.array([1.0, 1.0, 0.0]) * (self.radius - self.edge_radius) ** 2
         return MinkowskiSum(_ends(self.half_length - self.edge_radius), squares, self.edge_radius)
@@ -273,7 +273,7 @@ class Hull(Edged):
         planes = self._planes + [0.0, 0.0, 0.0, self.edge_radius]
         return _distinct(HalfspaceIntersection(planes, centre).intersections).T
 
-    @property
+    @cached_property
     def minkowski(self) -> MinkowskiSum:
         return MinkowskiSum(self._inner, np.zeros(3), self.edge_radius)
 

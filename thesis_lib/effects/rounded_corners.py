@@ -71,10 +71,16 @@ def _moved_in_space(shape, solid, state, rho):
     moved, believed = np.zeros((3, len(state))), own.lowest(state.attitude)
     for one in np.unique(radius):  # a fit tries a few
         rows = np.flatnonzero(radius == one)
-        rounded = whole.rounded(float(one))
+        rounded = _rounded(whole, float(one))
         there = shape.nearest(rounded, rows) if is_point else rounded
         moved[:, rows] = there.lowest(state.attitude[:, rows]) - believed[:, rows]
     return moved
+
+
+@lru_cache(maxsize=64)
+def _rounded(solid, radius):
+    """The solid with edges of that radius; a hit is looked for with the same few many times."""
+    return solid.rounded(radius)
 
 
 def _moved(shape, theta, rho):
