@@ -16,11 +16,12 @@ from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.levenberg_marquardt import NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.whitening import Whitening, robust
+from thesis_lib.critique.likelihood.whitening import Whitening, robust, transformed, weighted
 
 STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
 ROUNDS = 2  # of the scatter beyond noise, unless it stays, within this factor as a logarithm, or is far below noise
 SETTLED, NEGLIGIBLE = 0.2, 1e-3  # 1, m/s
+NO_PRIOR = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
     step = np.array([abs(inward(p, value, STEP * p.scale)) for value, p in zip(x.tolist(), free.values())])
     values = dict(near.values)
 
+    left = transformed if model.space.is_plane else weighted  # as in `likelihood.fit`
+
     def at(point: np.ndarray) -> dict[str, float]:
         return values | dict(zip(free, point.tolist()))
 
@@ -57,7 +60,7 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
         search = levenberg_marquardt(x, low, high, step, NEAR)
         points = next(search)
         while points:
-            found = [_residuals(whitening, at(point)) for point in points]
+            found = [left(whitening(at(point)), NO_PRIOR) for point in points]
             try:
                 points = search.send(found)
             except StopIteration as end:

@@ -20,7 +20,16 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import ENOUGH, NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.likelihood.sandwich import sandwich
-from thesis_lib.critique.likelihood.whitening import Parts, Whitening, residuals, robust, together, weight
+from thesis_lib.critique.likelihood.whitening import (
+    Parts,
+    Whitening,
+    residuals,
+    robust,
+    together,
+    transformed,
+    weight,
+    weighted,
+)
 from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 
@@ -36,6 +45,7 @@ ENOUGH_SINGLE = 30  # single hits that a first fit takes alone
 # 144 parameters of the headline (MuJoCo, Drake, our own simulator) 90 % lay in their intervals without it, 95 % with it
 OF_MODEL = 0.006
 Noise = tuple[np.ndarray, float]  # S (n, m, m) without scatter, and σ_m in m/s
+NO_PRIOR = np.zeros(0)
 FLAT = 3.0  # nats; friction that gains less over one at which every contact sticks is known from below only
 
 
@@ -179,16 +189,18 @@ def fit_each(
     tasks: Sequence[tuple[Observations, Mapping[str, float]]],
     rounds: int = ROUNDS,
     noise: Sequence[Noise | None] = (),
+    most: int | None = None,
 ) -> list[Fit]:
     """Fit each of several observations of one rig from its own start; the fits go step by step together.
 
-    `noise` is that of the first round of each, where it is known well enough.
+    `noise` is that of the first round of each, where it is known well enough.  Only the `most` that begin best go on.
     """
     return _step_by_step(
         [
             _fitting(model, observations, start, rounds, known)
             for (observations, start), known in zip_longest(tasks, noise)
-        ]
+        ],
+        most,
     )
 
 
@@ -203,20 +215,23 @@ def fit_parts(whitening: Whitening, start: Mapping[str, float], parts: Sequence[
 Search = Generator[tuple[Whitening, list[dict[str, float]]], list[Parts], Fit]
 
 
-def _step_by_step(each: Sequence[Search]) -> list[Fit]:
-    """The results of several searches, which share their calls."""
+def _step_by_step(each: Sequence[Search], most: int | None = None) -> list[Fit]:
+    """The results of several searches, which share their calls; only of the `most` that begin best."""
     fits: dict[int, Fit] = {}
     searches = dict(enumerate(each))
     asked = {i: next(search) for i, search in searches.items()}
     while asked:
-        answers = together(list(asked.values()))
-        for i, answer in zip(list(asked), answers):
+        answers = dict(zip(asked, together(list(asked.values()))))
+        if most is not None and len(asked) > most:  # the first answers, of one point each
+            costs = {i: np.nan_to_num(weighted(z, NO_PRIOR).cost, nan=np.inf) for i, (z,) in answers.items()}
+            asked = {i: asked[i] for i in sorted(sorted(costs, key=costs.__getitem__)[:most])}
+        for i in list(asked):
             try:
-                asked[i] = searches[i].send(answer)
+                asked[i] = searches[i].send(answers[i])
             except StopIteration as end:
                 fits[i] = end.value
                 del asked[i]
-    return [fits[i] for i in range(len(each))]
+    return [fits[i] for i in sorted(fits)]
 
 
 def _fitting(
@@ -247,15 +262,13 @@ def _round(
     step = np.array([SLOPE_STEP * p.scale for p in free.values()])
     x = np.clip([values[name] for name in free], low, high)
     unseen = model.unseen(whitening.observations.rig)  # stays 0
+    left = transformed if model.space.is_plane else weighted  # planar models end near noise, where either is as fast
     search = levenberg_marquardt(x, low, high, step, enough, wider)
     points = next(search)
     while points:
         found = yield whitening, [{**values, **dict(zip(free, point.tolist()))} for point in points]
         try:
-            rows = (unseen @ point for point in points)
-            points = search.send(
-                [np.concatenate([*(robust(part).ravel() for part in z), u]) for z, u in zip(found, rows)]
-            )
+            points = search.send([left(z, unseen @ point) for z, point in zip(found, points)])
         except StopIteration as end:
             x, points = end.value, []
     return {**values, **dict(zip(free, x.tolist()))}
@@ -296,23 +309,32 @@ class _Search:
             # single hits find the basin: an episode is far from linear while (μ, ε) are far off
             simple = o.single if len(o.single) >= ENOUGH_SINGLE else o
             tries = [t | basin for t in tries for basin in self._basins(simple, t)]
-            tries = [self._best_of([(simple, t) for t in tries], 1).values]
+            tries = [self._best_of([(simple, t) for t in tries], 1, most=self._most).values]
         # the noise of a fit without the last effect holds where that has hardly begun
         tries = tries[: max(MOST_TRIES, *(len(p.options) for p in self.sizes.values()), 0)]
         small = [all(abs(t[name] - p.null) <= p.scale for name, p in self.sizes.items()) for t in tries]
         first = [noise if is_small else None for is_small in small]
-        found = self._best_of([(o, t) for t in tries], rounds, first)
+        found = self._best_of([(o, t) for t in tries], rounds, first, self._most)
         if rounds > 1 or "mu" not in start:
             found = self._stuck(found, most)
         back = self.kind.withdrawn(found.values)
         again = fit_each(self.model, [(o, found.values | back)], rounds) if back else []
         return max(found, *again, key=lambda fitted: fitted.score) if again else found
 
-    def _best_of(self, tasks: Sequence, rounds: int, noise: Sequence[Noise | None] = ()) -> Fit:
+    @property
+    def _most(self) -> int | None:
+        """Starts that are followed to their end: all, but of a parameter that only takes some values the best."""
+        is_discrete = any(p.discrete is not None for p in self.sizes.values())
+        return MOST_TRIES if is_discrete and not self.model.space.is_plane else None
+
+    def _best_of(
+        self, tasks: Sequence, rounds: int, noise: Sequence[Noise | None] = (), most: int | None = None
+    ) -> Fit:
         """The best of fits as `fit_each` makes them."""
         # a rotation that is read wrongly may have no score at all
         return max(
-            fit_each(self.model, tasks, rounds, noise), key=lambda fitted: np.nan_to_num(fitted.score, nan=-np.inf)
+            fit_each(self.model, tasks, rounds, noise, most),
+            key=lambda fitted: np.nan_to_num(fitted.score, nan=-np.inf),
         )
 
     def _with_friction(self, start: dict[str, float]) -> dict[str, float]:

@@ -1,15 +1,29 @@
-"""Least squares by the method of Levenberg and Marquardt, within bounds.
+"""Least squares with weights that follow the residuals, by the method of Levenberg and Marquardt, within bounds.
 
-Source: Marquardt 1963, doi:10.1137/0111030.
+The cost is any function of the residuals z whose gradient is Jᵀ W z, as −2 log t_ν is with the weights of the t
+distribution.  Weights stay those of the point from which a step goes out (iteratively reweighted least squares):
+where models err by many standard deviations, residuals that are transformed so that their squares add up to the cost
+give steps that are too short by the logarithm of the error.
+
+Sources: Marquardt 1963, doi:10.1137/0111030; Holland and Welsch 1977, doi:10.1080/03610927708827533.
 """
 
 from collections.abc import Generator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 STEPS = 12
 ENOUGH = 1e-3  # nats; the search ends below this gain per step, a twentieth of a standard error
 NEAR = 3e-2  # the same of a fit that is only compared; the step that gains it ends within a tenth of its length
+
+
+class Weighted(NamedTuple):
+    """What a model leaves at one point: its cost, residuals z (N,), and the square roots (N,) of their weights."""
+
+    cost: float
+    z: np.ndarray
+    weight: np.ndarray
 
 
 def levenberg_marquardt(
@@ -19,21 +33,21 @@ def levenberg_marquardt(
     step: np.ndarray,
     enough: float = ENOUGH,
     wider: Sequence[float] = (),
-) -> Generator[list[np.ndarray], list[np.ndarray], np.ndarray]:
-    """Minimise |r(x)|² over x (p,) within the bounds `low`, `high`.
+) -> Generator[list[np.ndarray], list[Weighted], np.ndarray]:
+    """Minimise the cost over x (p,) within the bounds `low`, `high`.
 
-    It yields the points at which it needs r, gets r (N,) of each, and returns the best point; so several searches can
-    share their calls.  `step` (p,) is that of finite differences; a step that gains less than `enough` is the last.
-    Before, the differences are so many times `wider`, one after the other, which lead over jumps of r.
+    It yields the points at which it needs residuals, gets those of each, and returns the best point; so several
+    searches can share their calls.  `step` (p,) is that of finite differences; a step that gains less than `enough` is
+    the last.  Before, the differences are so many times `wider`, one after the other, which lead over jumps of z.
     """
-    (r,) = yield [x]
-    cost, damping, widths = r @ r, 1e-3, [*wider, 1.0]
+    (here,) = yield [x]
+    damping, widths = 1e-3, [*wider, 1.0]
     for _ in range(STEPS):
         wide = widths[0] * step
         h = np.where(x + wide <= high, wide, -wide)
         moved = yield list(x + np.diag(h))
-        J = np.stack([(other - r) / h_i for other, h_i in zip(moved, h)], axis=1)
-        JtJ, g = J.T @ J, J.T @ r
+        J = np.stack([here.weight * (other.z - here.z) / h_i for other, h_i in zip(moved, h)], axis=1)
+        JtJ, g = J.T @ J, J.T @ (here.weight * here.z)
         for _ in range(6):
             # keep parameters at a bound if their step leaves the box
             held = ((x <= low) & (g > 0)) | ((x >= high) & (g < 0))
@@ -44,11 +58,10 @@ def levenberg_marquardt(
             H = JtJ[np.ix_(move, move)]
             d[move] = -np.linalg.lstsq(H + damping * np.diag(np.diag(H) + 1e-12), g[move], rcond=None)[0]
             new = np.clip(x + d, low, high)
-            (r_new,) = yield [new]
-            cost_new = r_new @ r_new
-            if cost_new < cost:
-                gain = cost - cost_new
-                x, r, cost, damping = new, r_new, cost_new, max(damping / 10.0, 1e-8)
+            (there,) = yield [new]
+            if there.cost < here.cost:
+                gain = here.cost - there.cost
+                x, here, damping = new, there, max(damping / 10.0, 1e-8)
                 break
             damping *= 10.0
         else:

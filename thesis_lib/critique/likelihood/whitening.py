@@ -20,6 +20,7 @@ from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.beside import whitened
 from thesis_lib.critique.likelihood.comparison import Comparison
+from thesis_lib.critique.likelihood.levenberg_marquardt import Weighted
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.mechanics.state import State
 
@@ -216,6 +217,19 @@ def robust(z: np.ndarray) -> np.ndarray:
 def weight(z: np.ndarray) -> np.ndarray:
     """Square roots (n, 1) of the t distribution's weights, for whitened residuals (n, m)."""
     return np.sqrt((NU + z.shape[1]) / (NU + np.einsum("nm,nm->n", z, z)))[:, None]
+
+
+def weighted(parts: Parts, prior: np.ndarray) -> Weighted:
+    """Residuals with their weights, whose cost is −2 log t_ν up to a constant, and of a normal prior (k,)."""
+    z = np.concatenate([*(part.ravel() for part in parts), prior])
+    roots = np.concatenate([*(np.repeat(weight(part), part.shape[1]) for part in parts), np.ones(len(prior))])
+    return Weighted(transformed(parts, prior).cost, z, roots)
+
+
+def transformed(parts: Parts, prior: np.ndarray) -> Weighted:
+    """The same with residuals whose squares add up to the cost."""
+    z = np.concatenate([*(robust(part).ravel() for part in parts), prior])
+    return Weighted(float(z @ z), z, np.ones_like(z))
 
 
 def log_t(z: np.ndarray, log_det: np.ndarray) -> np.ndarray:
