@@ -196,7 +196,7 @@ class TestIntermediates:
         assert read_run(tmp_path) == good
         for key in ("base_model", "effects", "error"):
             (tmp_path / "diagnosis.json").write_text(json.dumps(good | {key: 5}))
-            assert "is no diagnosis of schema 1" in refusal(read_run, tmp_path)
+            assert "is not a diagnosis of schema 1" in refusal(read_run, tmp_path)
 
     def test_two_columns_of_a_name(self, tmp_path):
         (tmp_path / "a.csv").write_text(",".join(["a"] * 40_000) + "\n")

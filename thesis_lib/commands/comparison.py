@@ -41,7 +41,7 @@ def read_run(path: str | Path) -> dict:
             raise ValueError("of another form")
         compare(content, content)  # fails if anything that is compared is missing
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise UserError(f"{file} is no diagnosis of schema 1; {again}") from error
+        raise UserError(f"{file} is not a diagnosis of schema 1; {again}") from error
     return content
 
 

@@ -23,7 +23,6 @@ rule critique_dataset:
         effects=lambda wildcards: CONFIG.critique.effects.get(wildcards.dataset),
         settings=settings(CONFIG.critique.settings),
         max_trials=lambda wildcards: CONFIG.critique.max_trials.get(wildcards.dataset),
-        max_effects=lambda wildcards: CONFIG.critique.max_effects.get(wildcards.dataset),
         arcs=settings(CONFIG.arcs),
         seed=CONFIG.seed,
         lib=code_of("critique"),

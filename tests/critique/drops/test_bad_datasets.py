@@ -116,7 +116,7 @@ def two_inertias() -> Dataset:
 
 REFUSED = [
     (constant_angle, "Columns theta, vx_pre of impacts.csv"),
-    (out_of_plane, "is no planar free motion"),
+    (out_of_plane, "is not a planar free motion"),
     (two_sizes, "20 trials (trial 1, 3, 5, "),
     (two_inertias, "k² "),
     (no_impacts, "because not one was detected. What was noticed: No impact was found"),

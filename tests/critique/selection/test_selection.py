@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.critique.selection.bases import Bases
-from thesis_lib.critique.selection.discovery import judge_held_out
+from thesis_lib.critique.selection.discovery import Path, judge_held_out
 from thesis_lib.critique.selection.evidence import Evidence
 from thesis_lib.critique.selection.scan import orthonormal, scan
 from thesis_lib.critique.selection.search import search, split
@@ -560,11 +560,11 @@ def test_held_out_trials_reject_what_lowers_none_of_their_errors():
 def test_a_search_knows_at_which_limit_it_ended():
     world = line(3, square=4.0 * SIZE, wave=2.0 * SIZE)
     assert found(world).limit is None
-    assert found(world, SearchSettings(max_effects=1)).limit == "max_effects"
+    assert found(world, SearchSettings(max_effects=1)).limit == ("max_effects", 1)
     assert found(world, fixed=["square"]).limit is None
     # the only finalist spoils, and the wave is not asked
     world = spoilt(line(3, square=4.0 * SIZE, step=1.5 * SIZE))
-    assert found(world, SearchSettings(finalists=1)).limit == "finalists" and found(world).steps
+    assert found(world, SearchSettings(finalists=1)).limit == ("finalists", 1) and found(world).steps
     assert found(line(0), SearchSettings(max_effects=0)).limit is None  # nothing is left
 
 
@@ -575,3 +575,15 @@ def test_a_change_of_an_error_is_said_as_what_it_is():
     assert change(0.00683, 0.006831, 0.005) == "stays at 0.00683"
     for floor in (0.1, float("nan"), None):  # with an unknown floor the share alone counts
         assert change(0.149, 0.1485, floor) == "hardly changes, from 0.149 to 0.148"
+
+
+def test_an_effect_that_has_left_may_come_back_once_when_another_one_has_entered():
+    path = Path("flat", None, None)
+    path.entered = 1
+    path.drop("square")
+    assert path.barred == {"square"}
+    path.entered = 2
+    assert path.barred == set()
+    path.drop("square")
+    path.entered = 3
+    assert path.barred == {"square"}

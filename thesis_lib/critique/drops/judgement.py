@@ -6,7 +6,7 @@ perfect model whose inputs and outcome are measured with noise: the mean kinetic
 covariance S.
 """
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -149,16 +149,6 @@ def is_buried(judged: Judgement, least: float) -> bool:
     """
     error, floor = judged.misfit(IMPACT.name)
     return judged.excess > least and error < least * floor
-
-
-def falls_in_all(judged: Judgement, than: Judgement, share: float, but: Container[str] = ()) -> bool:
-    """Whether the misfits of all channels together, `but` some, are lower by this share: the sum of logarithms."""
-    names = [name for name in than.sigmas if name not in but]
-
-    def logs(one: Judgement) -> np.ndarray:
-        return np.log(np.maximum([one.excess**2, *(one.sigmas[name] for name in names)], 1.0)) / 2.0
-
-    return bool(np.nansum(logs(judged) - logs(than)) < -share)
 
 
 def spoilt_channels(judged: Judgement, than: Judgement, settings: SearchSettings) -> tuple[str, ...]:

@@ -50,8 +50,8 @@ class CritiqueSettings(SearchSettings):
     far_from_noise: float = Field(
         5.0,
         ge=1,
-        description="median error over noise beyond which, in space, no single channel vetoes an effect with which all "
-        "together fall: a model so far off errs everywhere, and each cause in turn moves some of that from one channel "
+        description="median error over noise beyond which, in space, no channel vetoes an effect that raises the log "
+        "score of all: a model so far off errs everywhere, and each cause in turn moves some of that from one channel "
         "to another",
     )
     buried_excess: float = Field(
@@ -68,7 +68,7 @@ class CritiqueSettings(SearchSettings):
         "of an impact law",
     )
     reserve_turn: float = Field(
-        0.02, ge=0, description="rad, turning during a contact beyond which that contact is no impulse, and is tried"
+        0.02, ge=0, description="rad, turn during a contact beyond which it is not an impulse, and is tried"
     )
     reserve_gain: float = Field(
         3.0, ge=0, description="nats that the limit of such a contact for short times gains, beyond which it is tried"
@@ -97,9 +97,6 @@ class CritiqueRun(Section):
     effects: dict[Name, tuple[Name, ...]] = Field({}, description="dataset -> effects to switch on instead of choosing")
     max_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
         {"planar_dice": 150, "contactnets_cube": 300}, description="dataset -> first trials used; others: all"
-    )
-    max_effects: dict[Name, Annotated[int, Field(ge=0)]] = Field(
-        {"contactnets_cube": 12}, description="dataset -> effects in one model; others: as in `settings`"
     )
     proof: tuple[str, ...] = Field(
         ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),

@@ -20,7 +20,6 @@ from thesis_lib.critique.contacts.model import Model, inward
 from thesis_lib.critique.drops.judgement import (
     Judgement,
     channel_is_material,
-    falls_in_all,
     is_buried,
     joined,
     judge,
@@ -58,6 +57,7 @@ from thesis_lib.mechanics.space import Space
 # it its force
 REFINED = RESERVE[:1]
 ONE_LAW = ("mirtich",)
+MOST_IN_SPACE = 12  # effects: hits are so precise that small causes show
 REFITS_IN_SPACE = 49  # each takes seconds, and their mean is as sure as a seventh of it: enough beside a threshold
 ROUNDING = 1e-6  # standard deviations; what changes residuals by less has no slope
 
@@ -76,6 +76,7 @@ class Drops(World[Effect, Fit, Judgement]):
         self.observations, self.rivals = observations, self.settings.rivals
         # in space hits are so precise that most rigid laws fail by the time that contacts take
         self.asks_reserve_first = not observations.space.is_plane
+        self.most_effects = type(self).most_effects if observations.space.is_plane else MOST_IN_SPACE
         self.refits = type(self).refits if observations.space.is_plane else REFITS_IN_SPACE
         self.always = (*of_motion(observations), *observations.written)
         # without a lever arm the laws differ in what they call μ alone: one of them stands for all
@@ -187,7 +188,7 @@ class Drops(World[Effect, Fit, Judgement]):
         # what slides may have a friction of its own, and a wrong base that of the hits by chance
         forgiven = {SLIDE.name} if any(e.channels == (SLIDE.name,) for e in self.candidates.values()) else set()
         near, is_far = self.settings.near_noise, than.excess > self.settings.far_from_noise
-        if is_far and not self.space.is_plane and falls_in_all(judged, than, settings.material_share, forgiven):
+        if is_far and not self.space.is_plane and judged.total > than.total:
             return False
         if judged.integrated and settings.matters(than.excess, judged.excess, 1.0):
             # where a contact ends follows from velocities that were wrong or still are, and was wrong before

@@ -54,7 +54,7 @@ def mechanism_diagnosis(critique: MechanismCritique, dataset: str, rng: np.rando
             {"name": one.step.effect.name, "title": one.step.effect.title, "ends": [one.than.misfit, one.judged.misfit]}
             for one in critique.discovery.rejected
         ],
-        "search": {"limit": limit, "value": None if limit is None else getattr(critique.settings.thresholds, limit)},
+        "search": {"limit": limit and limit.name, "value": limit and limit.value},
         "error": {
             "unit": "sigma",
             "base": base[0],

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from typing import Generic, Literal
+from typing import Generic, Literal, NamedTuple
 
 import numpy as np
 
@@ -81,8 +81,9 @@ class Shortlist(Generic[F]):
 class Path(Generic[E, F, J]):
     """How far a search has come, and as it was before a base of the reserve was taken (`simpler`).
 
-    `first`: the best of what the first step chose from.  `unasked`: effects with significant quick fits that did not
-    become finalists, where none of the finalists entered.  `ended`: whether no effect enters; `shortlist`: what the
+    `first`: the best of what the first step chose from.  `entered`: how many effects have entered; `left`: how many had
+    when an effect left, each time, by its name.  `unasked`: effects with significant quick fits that did not become
+    finalists, where none of the finalists entered.  `ended`: whether no effect enters; `shortlist`: what the
     next step chooses from, where that is known.
     """
 
@@ -90,7 +91,8 @@ class Path(Generic[E, F, J]):
     fitted: F
     judged: J
     steps: list[Step[E, F, J]] = field(default_factory=list)
-    dropped: set[str] = field(default_factory=set)
+    entered: int = 0
+    left: dict[str, list[int]] = field(default_factory=dict)
     first: Shortlist[F] | None = None
     below: F | None = None
     unasked: tuple[str, ...] = ()
@@ -98,16 +100,34 @@ class Path(Generic[E, F, J]):
     shortlist: Shortlist[F] | None = None
     simpler: "Path[E, F, J] | None" = None
 
+    def drop(self, name: str) -> None:
+        """Note that an effect leaves."""
+        self.left.setdefault(name, []).append(self.entered)
+
+    @property
+    def barred(self) -> set[str]:
+        """Effects that may not enter: until another one has entered, and for good once they have left twice."""
+        return {name for name, at in self.left.items() if len(at) > 1 or at[-1] == self.entered}
+
     def remember(self, step: Step[E, F, J] | None, shortlist: Shortlist[F] | None) -> None:
         """Keep a copy, with a step that would have entered, or with what it would choose from, unless there is one."""
         if self.simpler is None:
             known = [one for one in self.steps if step is None or one.effect.name != step.effect.name]
-            copy = replace(self, steps=[*known, *([step] if step else [])], dropped=set(self.dropped))
+            copy = replace(
+                self, steps=[*known, *([step] if step else [])], left={name: list(at) for name, at in self.left.items()}
+            )
             if step:
                 copy.fitted, copy.judged = step.fitted, step.judged
             else:
                 copy.shortlist = shortlist
             self.simpler = copy
+
+
+class Limit(NamedTuple):
+    """The setting at which a search ended, and its value."""
+
+    name: Literal["max_effects", "finalists"]
+    value: int
 
 
 @dataclass(frozen=True)
@@ -120,7 +140,7 @@ class Discovery(Generic[E, F, J]):
         last_scan: score tests at the final model.
         below: fit with a significant but immaterial effect, at which the search ended.
         not_testable: name -> why.
-        limit: the setting at which the search ended although more may be found; rejected: by the held-out trials.
+        limit: where the search ended although more may be found; rejected: by the held-out trials.
     """
 
     bases: dict[str, F]
@@ -130,7 +150,7 @@ class Discovery(Generic[E, F, J]):
     last_scan: Scan
     below: F | None
     not_testable: Mapping[str, str]
-    limit: Literal["max_effects", "finalists"] | None = None
+    limit: Limit | None = None
     rejected: tuple[Rejected[E, F, J], ...] = ()
 
     @property

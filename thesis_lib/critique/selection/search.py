@@ -8,7 +8,7 @@
 3. An effect enters if its gain exceeds the null of the largest gain, its held-out gain has a 95 % interval above zero,
    and it lowers a held-out error materially and raises none so.  A gain near the null is corrected by refits to data
    without the effect.  Bases that take the place of another one raise none, either.
-4. Then the other bases are tried again, and an earlier effect that has become superfluous leaves.
+4. Then the other bases are tried again, and an earlier effect that is superfluous leaves; it may come back later, once.
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
    the next effect would.  In space one that leaves no error is taken before any effect is tried.  Where quick fits say
    that it gains far more than any effect, no effect is judged before it.  Where a step leaves an error, the next best
@@ -25,7 +25,7 @@ from typing import Generic
 import numpy as np
 
 from thesis_lib.critique.selection.bases import Bases
-from thesis_lib.critique.selection.discovery import Discovery, Path, Shortlist, Step
+from thesis_lib.critique.selection.discovery import Discovery, Limit, Path, Shortlist, Step
 from thesis_lib.critique.selection.evidence import Drop, Evidence
 from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
@@ -68,7 +68,8 @@ class Search(Generic[E, F, J]):
         self.world, self.settings, self.say, self.fixed = world, settings, say, fixed
         self.evidence = Evidence(world, settings, rng)
         self.bases = Bases(self.evidence)
-        self.most = settings.max_effects if fixed is None else len(fixed)
+        most = world.most_effects if settings.max_effects is None else settings.max_effects
+        self.most = most if fixed is None else len(fixed)
         self.plain: dict[str, F] = {}  # the bases without effects
         self.ranked_bases: list[str] = []  # their names, the best first
 
@@ -93,11 +94,11 @@ class Search(Generic[E, F, J]):
         rest = [e for e in world.candidates.values() if e not in path.fitted.effects]
         last_scan = self.evidence.scan(path.fitted, rest, "last null")
         limit = None
-        if fixed is None and len(path.steps) >= self.settings.max_effects:
+        if fixed is None and len(path.steps) >= self.most:
             more = max(last_scan.gain.values(), default=0.0)
-            limit = "max_effects" if last_scan.p_value(more) <= self.settings.alpha else None
+            limit = Limit("max_effects", self.most) if last_scan.p_value(more) <= self.settings.alpha else None
         elif path.unasked:
-            limit = "finalists"
+            limit = Limit("finalists", self.settings.finalists)
         return Discovery(
             self.plain, path.base, tuple(path.steps), path.first, last_scan, path.below, world.not_testable, limit
         )
@@ -123,7 +124,7 @@ class Search(Generic[E, F, J]):
             other: tuple[F, J] | None = bases.far_better(reserve, quick, contenders, judged)
             if other is None:
                 step, path.below, path.unasked = self.best_step(fitted, judged, shortlist)
-                path.ended = step is None
+                path.ended, path.entered = step is None, path.entered + (step is not None)
                 if reserve and (step is None or world.leaves_an_error(step.judged)):
                     rival = step.fitted if step else fitted
                     other = bases.other(reserve, rival, step.judged if step else judged)
@@ -147,7 +148,7 @@ class Search(Generic[E, F, J]):
                 break
             if not forced and (name := self.evidence.superfluous(path.steps, path.steps[:-1])):
                 self.say(f"not needed any more: {name}")
-                path.dropped.add(name)
+                path.drop(name)
                 path.steps = self.without(path.steps, name)
             path.fitted, path.judged = path.steps[-1].fitted, path.steps[-1].judged
         return path
@@ -169,7 +170,7 @@ class Search(Generic[E, F, J]):
     def shortlist(self, path: Path[E, F, J]) -> Shortlist[F] | None:
         """Fits from which the next step chooses; None if there are none."""
         world, fitted, steps, fixed = self.world, path.fitted, path.steps, self.fixed
-        taken = {step.effect.name for step in steps} | path.dropped
+        taken = {step.effect.name for step in steps} | path.barred
         candidates = [e for e in world.candidates.values() if e.name not in taken]
         if fixed is not None:
             candidates = [world.candidates[fixed[len(steps)]]]
@@ -331,7 +332,7 @@ class Search(Generic[E, F, J]):
         """Take away one after the other what a path does not need any more."""
         while drop != "none" and path.steps and (name := self.evidence.superfluous(path.steps, path.steps, drop)):
             self.say(f"not needed any more: {name}")
-            path.dropped.add(name)
+            path.drop(name)
             smaller = tuple(e for e in path.fitted.effects if e.name != name)
             path.fitted = self.world.fit(path.fitted.base, smaller, path.fitted.values)
             path.judged, path.steps = self.evidence.judge(path.fitted), self.without(path.steps, name)

@@ -14,7 +14,11 @@ class SearchSettings(Section):
 
     held_out_share: float = Field(0.3, gt=0, lt=1, description="share of trials that no choice sees")
     folds: int = Field(5, ge=2, description="K of the K-fold over training trials")
-    max_effects: int = Field(4, ge=0, description="effects in one model")
+    max_effects: int | None = Field(
+        None,
+        ge=0,
+        description="effects in one model; null: 4, in space 12, where hits are so precise that small causes show",
+    )
     finalists: int = Field(5, ge=1, description="candidates that are fitted in full at each step")
     alpha: float = Field(0.01, gt=0, lt=1, description="level of the null that counts the candidates tried")
     material_share: float = Field(0.05, ge=0, description="least fall of a held-out error, over that error")

@@ -101,6 +101,7 @@ class World(ABC, Generic[E, F, J]):
         candidates: effects that these data can test, by name; not_testable: name -> why not.
         bases: names of the models without effects, of which the best is chosen.
         reserve: further bases, slow to fit, tried where a model leaves an error, chosen where clearly better.
+        most_effects: in one model, unless the settings say how many.
         asks_reserve_first: whether one of these that leaves no error is taken before any effect is tried.
         rivals: number of bases tried with the first effect; without it the wrong base may fit best.
         trials: numbers of the trials, ascending.
@@ -113,6 +114,7 @@ class World(ABC, Generic[E, F, J]):
     not_testable: Mapping[str, str] = {}
     bases: tuple[str, ...]
     reserve: tuple[str, ...] = ()
+    most_effects: int = 4
     asks_reserve_first: bool = False
     rivals: int = 1
     trials: np.ndarray

@@ -19,7 +19,7 @@ class ArmFitSettings(Section):
         320, ge=2, description="points around the best answer in a round, of which the best `candidates` are fitted"
     )
     rounds: int = Field(6, ge=0, description="of kicks at most; two in a row without gain end them")
-    gain: float = Field(2e-3, gt=0, description="of χ², relative: less is no gain")
+    gain: float = Field(2e-3, gt=0, description="of χ², relative: less does not count")
     gate: float = Field(1.1, gt=1, description="largest χ²/n; its standard error is 0.02 for 240 steps")
     attempts: int = Field(2, ge=1, description="from new draws, with another growth, until the gate is passed")
 

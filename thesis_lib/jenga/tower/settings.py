@@ -108,7 +108,7 @@ class MovableSettings(Section):
     """When a block counts as movable in a straight centred push."""
 
     steps: int = Field(6, ge=1, description="of 1 mm; own choice: a stuck block bends the finger by up to 4 mm")
-    threshold: float = Field(1e-3, gt=0, description="m that others may move; so about 47 % of towers 0 to 4 are movable")
+    threshold: float = Field(1e-3, gt=0, description="m that others may move; so 47 % of towers 0 to 4 are movable")
     follows: float = Field(0.5, ge=0, lt=1, description="share of the advance that the block must make; own choice")
 
     @property

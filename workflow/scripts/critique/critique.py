@@ -12,12 +12,11 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.read import read_dataset
 
 params = snakemake.params
-most = {} if params.max_effects is None else {"max_effects": params.max_effects}
 dataset = read_dataset(params.folder).first_trials(params.max_trials)
 found = criticise(
     dataset,
     effects=params.effects,
-    settings=CritiqueSettings.model_validate({**params.settings, **most}),
+    settings=CritiqueSettings.model_validate(params.settings),
     arcs=ArcSettings.model_validate(params.arcs),
     seed=params.seed,
     say=print,

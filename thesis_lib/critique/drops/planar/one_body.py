@@ -66,7 +66,7 @@ def refuse_what_is_not_one_body(name: str, o: Observations, limits: OneBody) -> 
     for value, what in ((stray[0], "sideways (x)"), (stray[2], "in rotation (theta, at the radius of gyration)")):
         if o.arcs and gravity and value > limits.sideways * gravity:
             raise UserError(
-                f"{name} is no planar free motion between impacts: in flight the body accelerates {what} by "
+                f"{name} is not a planar free motion between impacts: in flight the body accelerates {what} by "
                 f"{value:.2g} m/s² (one sigma), {value / gravity:.0%} of gravity, where a body that flies in the plane "
                 "of the camera has none. The body leaves its plane or tumbles out of it, x is not measured along the "
                 "surface, or something holds it. Film along the surface, and keep the body in its plane."
