@@ -134,6 +134,7 @@ SERIES = {
         "contactnets_cube",
         (
             *("mirtich", f"mirtich+{_CUBE}", f"mirtich+{_CUBE_AND_CAMERA}"),
+            f"mirtich+{_CUBE_AND_CAMERA}+velocity_dependent_restitution+inertia_ratios",
             f"hunt_crossley_hertz_contact+{_CUBE_AND_CAMERA}",
         ),
         trials=300,
