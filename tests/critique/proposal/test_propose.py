@@ -70,7 +70,7 @@ def test_what_had_stood_in_for_it_leaves(hidden: DropsCritique, proposal: Propos
     path = discovery.Path(base, steps[-1].fitted, steps[-1].judged, steps)
     search.drop_superfluous(path, "immaterial")
     assert path.fitted.effects == proposal.fitted.effects and not proposal.kept
-    assert path.dropped == {"contact_torque"}
+    assert path.barred == {"contact_torque"}
 
 
 @pytest.mark.slow

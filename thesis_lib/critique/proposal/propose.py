@@ -154,7 +154,7 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         starts = [self.quick(path.fitted)] if own else self.starts()
         self.say(f"proposal {len(own) + 1}: trying {len(self.terms)} terms")
         more = len(own) < settings.max_terms
-        tries = [one for start in starts for one in self.tries(start, more, path.dropped)]
+        tries = [one for start in starts for one in self.tries(start, more, path.barred)]
         if not tries:
             return None
         finalists = self.with_every_law(tries)
@@ -184,11 +184,11 @@ class _TermSearch(Search[Effect, Fit, Judgement]):
         """Whether its impulse is a formula, in the limit of short contacts."""
         return not kind_of(fitted.model.limit).integrated
 
-    def tries(self, start: Fit, with_terms: bool, dropped: Set[str]) -> list[_Try]:
+    def tries(self, start: Fit, with_terms: bool, barred: Set[str]) -> list[_Try]:
         """Quick fits with one more term, or one of the effects that the critique named."""
         on, found = {effect.name for effect in start.effects}, list[_Try]()
         key = (start.base, *sorted(on))
-        gone = on | dropped
+        gone = on | barred
         if with_terms:
             terms = [term for name, term in self.terms.items() if name not in gone]
             tests, share = regress(self.screen, start, terms, self.stream("terms", *key))
