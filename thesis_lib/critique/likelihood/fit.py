@@ -34,7 +34,7 @@ from thesis_lib.effects.effect import Effect
 from thesis_lib.foundation.errors import UserError
 
 ROUNDS = 3  # of S, σ_m and weights; the third moves parameters by less than a tenth of their standard error
-MOST_TRIES = 4  # starts of a fit; of a discrete parameter each of its values
+MOST_TRIES = 4  # starts of a fit; of a discrete parameter each of its values, in space those that begin best
 SLOPE_STEP = 1e-3  # of a parameter's scale: finite differences
 # times that, of contacts in space that take time, at first: narrow differences see the jumps of single episodes, where
 # one more corner hits, and no slope.  The first is a fifth of a parameter's scale
