@@ -47,7 +47,7 @@ $(STAMP): environment.txt
 	@touch $@
 
 reproduce: setup  ## run the main job: every table, figure and claim; an interrupted run goes on where it was
-	$(BIN)/python -m thesis_lib.pipeline --scale $(SCALE) --cores $(CORES)
+	$(BIN)/python -m thesis_lib.thesis.pipeline --scale $(SCALE) --cores $(CORES)
 
 test: setup  ## run the tests (TESTS='-m "not slow"' for the fast ones)
 	$(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
@@ -73,8 +73,8 @@ bench: setup  ## measure speed and accuracy against other tools, into results/be
 audit: setup  ## known vulnerabilities of what is installed (says so where it cannot look)
 	$(BIN)/python tests/safety/audit.py
 
-docs: setup  ## write the reference pages in docs/ from the code (with pictures: python -m thesis_lib.docs --pictures)
-	$(BIN)/python -m thesis_lib.docs
+docs: setup  ## write the reference pages in docs/ from the code (with pictures: python -m thesis_lib.studies.docs --pictures)
+	$(BIN)/python -m thesis_lib.studies.docs
 
 site: setup  ## build the documentation with search and an API reference (site/index.html)
 	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement docs/site/requirements.txt

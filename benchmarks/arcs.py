@@ -20,13 +20,13 @@ import time
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound
-from thesis_lib.identify.mass_ratio.estimate import DropEstimates, EstimateStatus
-from thesis_lib.identify.mass_ratio.table_2_1 import make_drops
-from thesis_lib.simulate.chapter2.motions import DEFAULT
-from thesis_lib.simulate.chapter2.noise_snr import NoisyStates, add_noise
+from thesis_lib.simulate.mechanisms.motions import DEFAULT
+from thesis_lib.simulate.mechanisms.noise_snr import NoisyStates, add_noise
 from thesis_lib.simulate.stepping.multibody import PlanarFreeBody
 from thesis_lib.statistics.spread import MAD_TO_STD
+from thesis_lib.thesis.identify.mass_ratio.cramer_rao import TrueImpacts, ratio_bound
+from thesis_lib.thesis.identify.mass_ratio.estimate import DropEstimates, EstimateStatus
+from thesis_lib.thesis.identify.mass_ratio.table_2_1 import make_drops
 
 SHAPES = ("block", "ellipse")
 SIDE = 5  # samples whose velocities, without gravity, are averaged on either side of an impact

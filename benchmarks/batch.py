@@ -49,8 +49,8 @@ def work(path: str, folder: str, seed: int, effects: Sequence[str] | None) -> di
 
 def write_datasets(folder: Path, count: int, drops: int) -> tuple[list[Path], dict]:
     """Datasets, the bad ones spread among them, and the case of each good one by its name; present ones are kept."""
-    from thesis_lib.critique.proof.cases import Case, make, truths
     from thesis_lib.datasets.format.write import write_dataset
+    from thesis_lib.studies.proof.cases import Case, make, truths
 
     names = truths("mechanism")
     paths, cases = [], {}
@@ -119,8 +119,8 @@ def measure(folder: Path, count: int, drops: int, jobs: int, time_limit: float) 
 
 
 def _is_right(row: dict, cases: dict) -> bool:
-    from thesis_lib.critique.proof.results import is_right
-    from thesis_lib.critique.proof.store import groups_of
+    from thesis_lib.studies.proof.results import is_right
+    from thesis_lib.studies.proof.store import groups_of
 
     case = cases.get(row["dataset"])
     if case is None or row["status"] == "failed":

@@ -16,14 +16,14 @@ import numpy as np
 from benchmarks.results import Results, benchmark_parser
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.learners.bases import LawBase
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
-from thesis_lib.residual.learners.learners import ImpulseLearner
-from thesis_lib.residual.throwing.compliant_contact import CornerContact, compliant_path
-from thesis_lib.residual.throwing.contact_map import ContactMap, Regime, contact_features
-from thesis_lib.residual.throwing.flight import ThrownBody, first_touch, fly
-from thesis_lib.residual.throwing.propagation import LearnedImpact, ScatteredLaw
-from thesis_lib.residual.throwing.throw import LawImpact, ThrowSettings, simulate_throws
+from thesis_lib.learners.bases import LawBase
+from thesis_lib.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.learners.learners import ImpulseLearner
+from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact, compliant_path
+from thesis_lib.thesis.residual.throwing.contact_map import ContactMap, Regime, contact_features
+from thesis_lib.thesis.residual.throwing.flight import ThrownBody, first_touch, fly
+from thesis_lib.thesis.residual.throwing.propagation import LearnedImpact, ScatteredLaw
+from thesis_lib.thesis.residual.throwing.throw import LawImpact, ThrowSettings, simulate_throws
 
 TRAINED = 450
 ALONE = 40  # particles thrown one at a time

@@ -19,8 +19,8 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.engines.fit import fit_engine
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.proof.engines import ENGINES, MU, SEEDS, EngineCase, make
-from thesis_lib.critique.proof.store import NOTHING
+from thesis_lib.studies.proof.engines import ENGINES, MU, SEEDS, EngineCase, make
+from thesis_lib.studies.proof.store import NOTHING
 
 
 def measure(n: int, results: Results) -> None:

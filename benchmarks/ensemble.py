@@ -20,10 +20,10 @@ import numpy as np
 from benchmarks.identification import START
 from benchmarks.impacts import add_impact_options, chosen_impacts
 from benchmarks.results import Results, benchmark_parser
+from thesis_lib.coefficients.cost import MeasuredImpulses, misfit, target_of
+from thesis_lib.coefficients.ensemble import MU_MAX, fit_ensemble
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.impact_study.cost import MeasuredImpulses, misfit, target_of
-from thesis_lib.impact_study.ensemble import MU_MAX, fit_ensemble
 
 BOX = [(0.0, MU_MAX), (0.0, 1.0)]
 GRID = 31

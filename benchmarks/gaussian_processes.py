@@ -22,9 +22,9 @@ import numpy as np
 
 from benchmarks.impacts import add_impact_options, chosen_impacts
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.residual.learners.features import features, impulse_of
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
-from thesis_lib.residual.learners.marginal_likelihood import BOUNDS
+from thesis_lib.learners.features import features, impulse_of
+from thesis_lib.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.learners.marginal_likelihood import BOUNDS
 
 STEPS, RATE = 100, 0.1
 Trainer = Callable[[np.ndarray, np.ndarray, int], np.ndarray]

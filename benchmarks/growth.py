@@ -21,10 +21,10 @@ import numpy as np
 
 from benchmarks.impacts import BODY, PARAMETERS, falling_ellipses, simulated_impacts
 from benchmarks.results import Results, benchmark_parser, exponent
+from thesis_lib.coefficients.cost import target_of
+from thesis_lib.coefficients.ensemble import fit_ensemble
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.impact_study.cost import target_of
-from thesis_lib.impact_study.ensemble import fit_ensemble
 
 COMPARED = ("anitescu_potra_newton", "mirtich")
 LARGE = {"laws": 10_000, "comparison": 10_000, "critique": 50}  # from here on the exponent of large n
@@ -77,7 +77,7 @@ def comparison(n: int) -> Callable[[], object]:
 def critique(n: int) -> Callable[[], object]:
     """The critique of n drops with a displaced centre of mass."""
     from thesis_lib.critique import criticise
-    from thesis_lib.critique.proof.cases import Case, make
+    from thesis_lib.studies.proof.cases import Case, make
 
     dataset, _ = make(Case("law", "com_offset", 0, n))
     return lambda: criticise(dataset)

@@ -33,11 +33,11 @@ from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.proof.cases import Case, make
-from thesis_lib.critique.proof.results import is_right
-from thesis_lib.critique.proof.store import NOTHING
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.statistics.spread import robust_std
+from thesis_lib.studies.proof.cases import Case, make
+from thesis_lib.studies.proof.results import is_right
+from thesis_lib.studies.proof.store import NOTHING
 
 CAUSES = ("com_offset_x", "hunt_crossley", "friction_anisotropy", "linear_drag")
 FLIGHT = ("linear_drag",)  # judged in flight

@@ -16,10 +16,10 @@ from scipy.optimize import minimize
 
 from benchmarks.impacts import add_impact_options, chosen_impacts
 from benchmarks.results import Results, benchmark_parser
+from thesis_lib.coefficients.cost import MeasuredImpulses, misfit, target_of
+from thesis_lib.coefficients.individual import MU_MAX, fit_individual
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
-from thesis_lib.impact_study.cost import MeasuredImpulses, misfit, target_of
-from thesis_lib.impact_study.individual import MU_MAX, fit_individual
 
 ROUNDS = 3
 START = (0.1, 0.55)  # near the ensemble's parameters

@@ -10,7 +10,7 @@ nats.  CPU time on one core.
 import time
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.critique.proof.next_drops import KEY, Question, ask, read_answers
+from thesis_lib.studies.proof.next_drops import KEY, Question, ask, read_answers
 
 
 def measure(n: int, results: Results) -> None:

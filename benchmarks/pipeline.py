@@ -26,7 +26,7 @@ import yaml
 
 from benchmarks.results import Results, benchmark_parser
 from tests.workflow.pipeline_copy import ROOT, copy_pipeline
-from thesis_lib.config import read_config
+from thesis_lib.thesis.config import read_config
 
 CORES = 2
 RUNS = (("chapter3", "default"), ("all", "quick"))

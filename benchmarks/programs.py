@@ -5,7 +5,7 @@
 
 Prints a row per program, mechanism and window length: how many starts end with m/I (base parameters) and forces
 within 1e-6 of the truth, what the solvers claim without it, median errors, CPU seconds; and the exponent of CPU time
-over window length.  See thesis_lib/identify/programs/study.py.
+over window length.  See thesis_lib/thesis/identify/programs/study.py.
 """
 
 import time
@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser, exponent
-from thesis_lib.identify.programs.study import STUDIES, cases, study
+from thesis_lib.thesis.identify.programs.study import STUDIES, cases, study
 
 HEADER = (
     f"{'mechanism':10s}{'steps':>6s} {'program':12s}{'success':>9s}{'false':>6s}"

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.results import Results, benchmark_parser
-from thesis_lib.simulate.chapter2 import motions as chapter2
+from thesis_lib.simulate.mechanisms import motions as chapter2
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
 

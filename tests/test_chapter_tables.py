@@ -5,9 +5,9 @@ import re
 import pandas as pd
 import pytest
 
-from thesis_lib.commands.tables import CHAPTERS, chapters, tables
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.files import write_table
+from thesis_lib.thesis.commands.tables import CHAPTERS, chapters, tables
 
 
 def test_every_chapter_with_tables_can_be_asked_for():

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from thesis_lib.config import SCHEMA, Config, parse_config, read_config, schema_text
 from thesis_lib.contact import LAWS
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.thesis.config import SCHEMA, Config, parse_config, read_config, schema_text
 
 ROOT = Path(__file__).resolve().parent.parent
 DEFAULT = ROOT / "config" / "config.yaml"
@@ -24,7 +24,7 @@ def mistakes(values: dict) -> str:
 class TestStoredFiles:
     def test_schema_is_in_step(self):
         stored = (ROOT / SCHEMA).read_text(encoding="utf-8")
-        assert stored == schema_text(), f"{SCHEMA} is out of step: run `python -m thesis_lib.config`"
+        assert stored == schema_text(), f"{SCHEMA} is out of step: run `python -m thesis_lib.thesis.config`"
 
     def test_schema_describes_and_closes_every_section(self):
         schema = json.loads(schema_text())

@@ -3,8 +3,8 @@
 import pytest
 
 from thesis_lib.__main__ import main
-from thesis_lib.commands.tables import find_figure
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.thesis.commands.tables import find_figure
 
 
 def test_captions_are_those_of_the_dataset():

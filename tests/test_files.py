@@ -18,8 +18,8 @@ WRITERS = {
     "to_csv": {
         "thesis_lib/commands/model.py",
         "thesis_lib/foundation/rows.py",
-        "thesis_lib/critique/proof/direct_fits.py",
-        "thesis_lib/critique/proof/measured.py",
+        "thesis_lib/studies/proof/direct_fits.py",
+        "thesis_lib/studies/proof/measured.py",
     },
     "to_parquet": set(),
     "savefig": {"thesis_lib/figures/style.py"},  # into memory, for the page and the file

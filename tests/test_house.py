@@ -19,6 +19,7 @@ PACKAGE = ROOT / "thesis_lib"
 PAGES = ("CONTRIBUTING.md", "docs/architecture.md", "CHANGELOG.md")
 TEXT = {page: (ROOT / page).read_text(encoding="utf-8") for page in PAGES}
 FOLDERS = "thesis_lib|config|tests|workflow|docs|profiles|benchmarks|\\.ci"
+WINGS = ("thesis", "jenga", "studies")  # beside the library; pip installs none of them
 PACKAGES = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))  # the uppermost rooms
 
 
@@ -95,7 +96,7 @@ def imported_rooms(name: str) -> set[str]:
 
 
 def said_rooms() -> dict[str, list[str]]:
-    """Room -> those that it imports from, in the order of the architecture's table."""
+    """Room -> those that it imports from, in the order of the architecture's tables."""
     section = TEXT["docs/architecture.md"].split("## The rooms of")[1].split("\n## ")[0]
     rows = re.findall(r"^\| `([\w.]+)` \|[^|]+\|([^|]*)\|$", section, re.M)
     return {name: re.findall(r"[\w.]+", uses) for name, uses in rows}
@@ -115,17 +116,27 @@ def test_imports_are_those_of_the_table(name):
     assert found == said, f"{name}: new {found - said}, gone {said - found}; is it meant? docs/architecture.md"
 
 
+def test_the_library_imports_nothing_of_the_other_wings():
+    """What `pip install .` leaves out; the order of the tables holds the other wings apart."""
+    outside = {module for module in MODULES if room(module).split(".")[0] in WINGS}
+    found = {module: sorted(imports_of(module) & outside) for module in set(MODULES) - outside}
+    assert {module: names for module, names in found.items() if names} == {}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    left_out = project["tool"]["setuptools"]["packages"]["find"]["exclude"]
+    assert sorted(left_out) == sorted(f"thesis_lib.{wing}*" for wing in WINGS)
+
+
 def test_no_files_import_each_other():
     graph = {module: imports_of(module) for module in MODULES}
     TopologicalSorter(graph).prepare()  # CycleError names the files
 
 
 def test_rooms_use_no_command_line_and_no_configuration():
-    """What stands directly in thesis_lib looks into the rooms; of them only `docs` looks back, at the configuration."""
-    for module in MODULES:
-        top = {used for used in imports_of(module) if room(used) == "" and used != "thesis_lib"}
-        if room(module) and top:
-            assert (room(module), top) == ("docs", {"thesis_lib.config"}), f"{module} imports {top}"
+    """They look into the rooms; of these only `studies.docs` looks back, at the configuration."""
+    above = {"thesis_lib.__main__", "thesis_lib.thesis.config", "thesis_lib.thesis.pipeline"}
+    for module in set(MODULES) - above:
+        if top := imports_of(module) & above:
+            assert (room(module), top) == ("studies.docs", {"thesis_lib.thesis.config"}), f"{module} imports {top}"
 
 
 # --- size of rooms ---

@@ -17,7 +17,7 @@ from matplotlib.image import imread
 from tests.docs.tutorial_runner import compare
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.effects import EFFECTS
-from thesis_lib.ledger.format import read_ledger
+from thesis_lib.thesis.ledger.format import read_ledger
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -103,8 +103,8 @@ def test_what_is_said_of_the_budget_of_the_dice_is_so_in_the_stored_run():
 
 
 def test_sentences_on_engines_whose_drops_are_not_adequate_are_those_of_the_stored_rows():
-    from thesis_lib.critique.proof.engines import ENOUGH
-    from thesis_lib.critique.proof.store import NOTHING
+    from thesis_lib.studies.proof.engines import ENOUGH
+    from thesis_lib.studies.proof.store import NOTHING
 
     rows = pd.read_csv(ROOT / "config/proof/engines.csv").fillna({"named": ""})
     left = rows[rows["own"] >= ENOUGH * rows["floor"]]

@@ -8,9 +8,9 @@ import pytest
 from matplotlib import image
 
 from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.records.catalogue import openings, records
-from thesis_lib.records.record import Figure
-from thesis_lib.report.run import chapter_report, run_report
+from thesis_lib.thesis.records.catalogue import openings, records
+from thesis_lib.thesis.records.record import Figure
+from thesis_lib.thesis.report.run import chapter_report, run_report
 
 FOUND = "The error is 0.1 m/s & more."
 

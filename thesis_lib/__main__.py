@@ -1,6 +1,7 @@
 """`python -m thesis_lib COMMAND`: each command is a module that is imported when it is called."""
 
 import importlib
+import importlib.util
 import sys
 from collections.abc import Sequence
 
@@ -19,9 +20,9 @@ COMMANDS = {  # name -> module, function, what it does; in groups
         "effects": ("commands.effects", "effects", "the physical effects that are looked for; add your own"),
     },
     "the thesis": {
-        "claims": ("commands.claims", "main", "what the thesis states against what this program finds"),
-        "tables": ("commands.tables", "tables", "a chapter's tables with the meaning of their columns"),
-        "figures": ("commands.tables", "list_figures", "file, caption and command of every figure"),
+        "claims": ("thesis.commands.claims", "main", "what the thesis states against what this program finds"),
+        "tables": ("thesis.commands.tables", "tables", "a chapter's tables with the meaning of their columns"),
+        "figures": ("thesis.commands.tables", "list_figures", "file, caption and command of every figure"),
     },
 }
 HELP = """\
@@ -34,15 +35,20 @@ usage: python -m thesis_lib COMMAND ...
 examples:
   python -m thesis_lib datasets example -o data/example      drops of a rig that is not quite what it seems
   python -m thesis_lib critique data/example                 what is it? open results/critique/example/report.html
+{of_thesis}
+Exit codes: 0 done; 1 what was checked fails; 2 wrong use or bad input, with what to do on stderr; 130 interrupted.
+python -m thesis_lib COMMAND --help explains a command, with examples; --version says which version this is.
+"""
+OF_THESIS = """\
   python -m thesis_lib figures 3-8                           where a figure of the thesis is, and what makes it
 
 Results go where -o says, a critique without it into results/critique/<name of the dataset>. The pipeline that makes
 all of the thesis (make reproduce, or snakemake --cores 2 chapter3) writes into results/; start with
 results/claims.html.
-
-Exit codes: 0 done; 1 what was checked fails; 2 wrong use or bad input, with what to do on stderr; 130 interrupted.
-python -m thesis_lib COMMAND --help explains a command, with examples; --version says which version this is.
 """
+INSTALLED = """
+Results go where -o says, a critique without it into results/critique/<name of the dataset>.
+"""  # a library without the thesis
 
 
 @command
@@ -55,7 +61,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if name == "--version":
         print(f"thesis_lib {__version__}")
         return 0
-    known = {name: where for group in COMMANDS.values() for name, where in group.items()}
+    known = {name: where for group in _groups().values() for name, where in group.items()}
+    if name in COMMANDS["the thesis"] and name not in known:
+        raise UserError(
+            f"{name} is about the thesis's results, which an installed library does not make\n"
+            f"run python -m thesis_lib {name} in a clone of the repository, after make reproduce"
+        )
     if name not in known:
         what = f"there is no command {name}{near(name, known)}" if name else "a command is missing"
         raise UserError(f"{what}\npython -m thesis_lib --help lists them: {', '.join(known)}")
@@ -67,9 +78,16 @@ def help_text() -> str:
     """Text that --help prints."""
     groups = [
         "\n".join([f"{title}:", *(f"  {name:<10} {what}" for name, (_, _, what) in group.items())])
-        for title, group in COMMANDS.items()
+        for title, group in _groups().items()
     ]
-    return HELP.format(commands="\n\n".join(groups))
+    of_thesis = OF_THESIS if "the thesis" in _groups() else INSTALLED
+    return HELP.format(commands="\n\n".join(groups), of_thesis=of_thesis)
+
+
+def _groups() -> dict[str, dict[str, tuple[str, str, str]]]:
+    """The groups of commands that are here: a library that pip installed holds nothing of the thesis."""
+    held = importlib.util.find_spec("thesis_lib.thesis") is not None
+    return {title: group for title, group in COMMANDS.items() if held or title != "the thesis"}
 
 
 if __name__ == "__main__":

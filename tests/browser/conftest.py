@@ -11,15 +11,15 @@ from judged_tosses import BOX, judged_tosses
 from thesis_lib.critique import criticise
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.foundation.files import write_text
-from thesis_lib.ledger.evaluate import evaluate
-from thesis_lib.ledger.format import Ledger
-from thesis_lib.ledger.result import write_page
 from thesis_lib.report.batch_index import row_of_failure, row_of_verdict, write_index
 from thesis_lib.report.critique.body import SCRIPT, turnable
 from thesis_lib.report.critique.folder import critique_page
 from thesis_lib.report.critique.replay import replay
-from thesis_lib.report.run import chapter_report, run_report
 from thesis_lib.simulate.compliant.example import simulate_example
+from thesis_lib.thesis.ledger.evaluate import evaluate
+from thesis_lib.thesis.ledger.format import Ledger
+from thesis_lib.thesis.ledger.result import write_page
+from thesis_lib.thesis.report.run import chapter_report, run_report
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 WIDE, NARROW = 1280, 400  # px: a desk, a telephone

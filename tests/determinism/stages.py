@@ -51,7 +51,7 @@ def identification(out: Path) -> None:
 
     from thesis_lib.foundation.files import write_result
     from thesis_lib.foundation.randomness import generator
-    from thesis_lib.impact_study import study
+    from thesis_lib.thesis.impact_study import study
 
     impacts = drops(trajectories=False).stated_impacts()
     laws = ("mirtich", "wang_mason", "whittaker")
@@ -68,11 +68,11 @@ def dice(out: Path) -> None:
 
     from thesis_lib.foundation.files import write_json
     from thesis_lib.foundation.randomness import generator
-    from thesis_lib.residual.dice.fit import fit_dice
-    from thesis_lib.residual.dice.settings import DiceFitSettings
-    from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
-    from thesis_lib.residual.throwing.settings import ThrowSettings
-    from thesis_lib.residual.throwing.throw import simulate_throws
+    from thesis_lib.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+    from thesis_lib.thesis.residual.dice.fit import fit_dice
+    from thesis_lib.thesis.residual.dice.settings import DiceFitSettings
+    from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
+    from thesis_lib.thesis.residual.throwing.throw import simulate_throws
 
     rng = generator(SEED, "dice")
     fitted, misfit = fit_dice(BELIEVED, made_contacts(TRUTH, 60), rng, DiceFitSettings(evaluations=80, contacts=50))

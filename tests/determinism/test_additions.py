@@ -22,7 +22,7 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Effect, Parameter
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study import study as impact_study
+from thesis_lib.thesis.impact_study import study as impact_study
 
 SETTINGS = CritiqueSettings(folds=2, finalists=2, rivals=1, max_effects=2)
 SEED = 20190906

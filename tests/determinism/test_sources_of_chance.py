@@ -29,14 +29,14 @@ SEEDED = {"Generator", "SeedSequence", "BitGenerator", "PCG64", "default_rng"}
 
 # where a clock is read, and what becomes of it
 ALLOWED = {
-    "thesis_lib/identify/programs/study.py": "CPU seconds for benchmarks.programs; programs_table drops them",
-    "thesis_lib/critique/proof/proposals.py": "CPU seconds of a proposal, for the proof's table; no run writes it",
-    "thesis_lib/critique/proof/space.py": "CPU seconds of a critique, for the proof's table; no run writes it",
+    "thesis_lib/thesis/identify/programs/study.py": "CPU seconds for benchmarks.programs; programs_table drops them",
+    "thesis_lib/studies/proof/proposals.py": "CPU seconds of a proposal, for the proof's table; no run writes it",
+    "thesis_lib/studies/proof/space.py": "CPU seconds of a critique, for the proof's table; no run writes it",
     "thesis_lib/foundation/rows.py": "the day of a row of the proof; no run writes it",
     "thesis_lib/foundation/provenance.py": "a name for a file until it is whole, which it then loses",
 }
 # runs other programs and waits for them; no result passes through
-WAITING = {"thesis_lib/pipeline.py", "thesis_lib/commands/batch.py", "thesis_lib/foundation/isolated.py"}
+WAITING = {"thesis_lib/thesis/pipeline.py", "thesis_lib/commands/batch.py", "thesis_lib/foundation/isolated.py"}
 
 
 def chances(source: str) -> Iterator[tuple[int, str]]:

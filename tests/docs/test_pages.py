@@ -9,12 +9,12 @@ import pytest
 from tutorial_runner import ROOT
 
 from thesis_lib.contact import LAWS
-from thesis_lib.docs.__main__ import main
-from thesis_lib.docs.pages import BLOCKS, rendered, stale_pages
 from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE
+from thesis_lib.studies.docs.__main__ import main
+from thesis_lib.studies.docs.pages import BLOCKS, rendered, stale_pages
 
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
@@ -25,13 +25,13 @@ EACH_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
 
 
 def test_pages_are_in_step_with_the_code():
-    assert not stale_pages(DOCS), "python -m thesis_lib.docs writes them anew, from docs/templates/ where they have one"
+    assert not stale_pages(DOCS), "python -m thesis_lib.studies.docs writes them anew, from docs/templates/ if there"
 
 
 def test_every_block_is_on_a_page():
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     for name in BLOCKS:
-        assert text.count(f"<!-- written by python -m thesis_lib.docs: {name} -->") == 1
+        assert text.count(f"<!-- written by python -m thesis_lib.studies.docs: {name} -->") == 1
 
 
 def test_a_page_out_of_step_is_named_and_mended(tmp_path, capsys):
@@ -55,7 +55,7 @@ def test_a_folder_without_pages_is_refused(tmp_path, capsys):
 
 
 def _block(name: str, text: str) -> str:
-    return f"<!-- written by python -m thesis_lib.docs: {name} -->\n{text}<!-- end of {name} -->"
+    return f"<!-- written by python -m thesis_lib.studies.docs: {name} -->\n{text}<!-- end of {name} -->"
 
 
 @EACH_PAGE
@@ -99,8 +99,8 @@ def test_every_picture_is_on_a_page():
 
 
 def test_numbers_drawn_are_those_of_the_code():
-    from thesis_lib.docs.pictures import kept_numbers
-    from thesis_lib.docs.signatures import signature
+    from thesis_lib.studies.docs.pictures import kept_numbers
+    from thesis_lib.studies.docs.signatures import signature
 
     stored = pd.read_csv(DOCS / "pictures/effects/signatures.csv", keep_default_na=False, na_values=[""])
     ours = kept_numbers({name: signature(effect) for name, effect in effects_in(PLANE).items()})
@@ -116,7 +116,7 @@ def test_numbers_drawn_are_those_of_the_code():
 
 @pytest.mark.parametrize("name", sorted(effects_in(PLANE)))
 def test_an_effect_changes_what_its_picture_shows(name):
-    from thesis_lib.docs.signatures import signature
+    from thesis_lib.studies.docs.signatures import signature
 
     table = signature(EFFECTS[name])
     assert np.isfinite(table["value"]).all()
@@ -124,7 +124,7 @@ def test_an_effect_changes_what_its_picture_shows(name):
 
 
 def test_the_picture_of_a_tilt_is_that_of_an_inclined_plane():
-    from thesis_lib.docs.signatures import SPAN, signature
+    from thesis_lib.studies.docs.signatures import SPAN, signature
 
     effect = EFFECTS["surface_tilt"]
     table = signature(effect).set_index(["panel", "series"])

@@ -2,9 +2,9 @@
 
 import pytest
 
-from thesis_lib.docs.templates import filled, keep_results
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.statistics.wording import formatted
+from thesis_lib.studies.docs.templates import filled, keep_results
 
 STORED = "config/figures/default/planar_impact/figure_measured_ratio.csv"
 TEMPLATE = f"""\

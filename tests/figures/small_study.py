@@ -7,11 +7,11 @@ import pandas as pd
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.coefficients.cost import target_of
+from thesis_lib.coefficients.individual import fit_individual
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.impact_study.cost import target_of
-from thesis_lib.impact_study.individual import fit_individual
-from thesis_lib.impact_study.study import convergence_table, held_out_errors, split_table, topography_table
+from thesis_lib.thesis.impact_study.study import convergence_table, held_out_errors, split_table, topography_table
 
 TRUTH = "anitescu_potra_newton"
 BODY = Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=0.0364, radius_of_gyration=0.0192)

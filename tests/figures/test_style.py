@@ -14,9 +14,9 @@ from fontTools.subset import Options
 from fontTools.ttLib import TTFont
 
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.figures.chapter3.contact_space import GROUPS
 from thesis_lib.figures.law_style import BOUND_STYLE, LAW_STYLE, style_of
 from thesis_lib.figures.style import house_style, new_figure, save_figure
+from thesis_lib.thesis.figures.chapter3.contact_space import GROUPS
 
 SUFFIXES = (".png", ".pdf", ".csv")
 
@@ -100,8 +100,9 @@ def test_laws_and_bounds_differ_in_colour_and_within_a_panel_also_without():
 
 def test_figures_do_not_need_pyplot():
     code = (
-        "import sys; import thesis_lib.figures.chapter3.contact_space, thesis_lib.figures.chapter3.errors, "
-        "thesis_lib.figures.chapter3.identification, thesis_lib.figures.chapter3.trajectories; "
+        "import sys; "
+        "import thesis_lib.thesis.figures.chapter3.contact_space, thesis_lib.thesis.figures.chapter3.errors, "
+        "thesis_lib.thesis.figures.chapter3.identification, thesis_lib.thesis.figures.chapter3.trajectories; "
         "print([m for m in ('matplotlib.pyplot', 'scipy', 'pydrake') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

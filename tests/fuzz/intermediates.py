@@ -43,8 +43,8 @@ def results_samples() -> list[Sample]:
 def read_results(folder: Path, out: Path) -> None:
     """Intermediates between rules: what is wrong is named with the remedy."""
     from thesis_lib.commands.comparison import compare, read_run
-    from thesis_lib.critique.proof.results import outcomes, recovered
     from thesis_lib.foundation.files import read_table
+    from thesis_lib.studies.proof.results import outcomes, recovered
 
     try:
         if (folder / "diagnosis.json").exists():

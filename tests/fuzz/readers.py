@@ -224,7 +224,7 @@ def _config_samples() -> list[Sample]:
 
 
 def _read_config(folder: Path, out: Path) -> None:
-    from thesis_lib.config import read_config
+    from thesis_lib.thesis.config import read_config
 
     read_config(folder / "config.yaml", folder / "quick.yaml").model_dump_json(by_alias=True)
 
@@ -253,11 +253,11 @@ def _claims_samples() -> list[Sample]:
 
 def _read_claims(folder: Path, out: Path) -> None:
     from thesis_lib.foundation.files import read_cells, write_table
-    from thesis_lib.ledger.evaluate import evaluate
-    from thesis_lib.ledger.expected import read_expected
-    from thesis_lib.ledger.format import read_ledger
-    from thesis_lib.ledger.reading import read_present
-    from thesis_lib.ledger.result import to_table, write_page
+    from thesis_lib.thesis.ledger.evaluate import evaluate
+    from thesis_lib.thesis.ledger.expected import read_expected
+    from thesis_lib.thesis.ledger.format import read_ledger
+    from thesis_lib.thesis.ledger.reading import read_present
+    from thesis_lib.thesis.ledger.result import to_table, write_page
 
     if folder.joinpath("expected.yaml").exists():
         read_expected(folder / "expected.yaml")
@@ -378,8 +378,8 @@ def _run_commands(folder: Path, out: Path) -> None:
     import contextlib
 
     from thesis_lib.__main__ import main as critique
-    from thesis_lib.commands.claims import main as claims
     from thesis_lib.commands.datasets import main as datasets
+    from thesis_lib.thesis.commands.claims import main as claims
 
     files = sorted(str(path) for path in folder.iterdir())
     said = io.StringIO()

@@ -19,7 +19,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fuzz.readers import READERS
-from thesis_lib.config import Config, read_config
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.header import Header
@@ -32,7 +31,8 @@ from thesis_lib.datasets.sources.published import SOURCES
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_cells, read_json, read_table, write_json, write_table
 from thesis_lib.foundation.yaml_file import read_yaml
-from thesis_lib.ledger.format import read_ledger
+from thesis_lib.thesis.config import Config, read_config
+from thesis_lib.thesis.ledger.format import read_ledger
 
 few = settings(max_examples=40, deadline=None, derandomize=True)
 

@@ -6,17 +6,22 @@ import numpy as np
 import pytest
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.identify.mass_ratio.arc_fit import fit_arcs
-from thesis_lib.identify.mass_ratio.cramer_rao import ratio_bound, true_impacts
-from thesis_lib.identify.mass_ratio.estimate import DropEstimates, Estimate, EstimateStatus
-from thesis_lib.identify.mass_ratio.likelihood import ArcModel, contact_offset
-from thesis_lib.identify.mass_ratio.plain_program import Treatment, impact_least_squares, plain_ratio, treated_ratio
-from thesis_lib.identify.mass_ratio.sufficient_statistics import ArcSums
-from thesis_lib.identify.mass_ratio.table_2_1 import METHODS, Table21, make_drops, study, table_2_1
-from thesis_lib.identify.segmentation import without_gravity
-from thesis_lib.simulate.chapter2.motions import DEFAULT, block, ellipse, releases, rod
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.mechanisms.motions import DEFAULT, block, ellipse, releases, rod
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import simulate
+from thesis_lib.thesis.identify.mass_ratio.arc_fit import fit_arcs
+from thesis_lib.thesis.identify.mass_ratio.cramer_rao import ratio_bound, true_impacts
+from thesis_lib.thesis.identify.mass_ratio.estimate import DropEstimates, Estimate, EstimateStatus
+from thesis_lib.thesis.identify.mass_ratio.likelihood import ArcModel, contact_offset
+from thesis_lib.thesis.identify.mass_ratio.plain_program import (
+    Treatment,
+    impact_least_squares,
+    plain_ratio,
+    treated_ratio,
+)
+from thesis_lib.thesis.identify.mass_ratio.sufficient_statistics import ArcSums
+from thesis_lib.thesis.identify.mass_ratio.table_2_1 import METHODS, Table21, make_drops, study, table_2_1
+from thesis_lib.thesis.identify.segmentation import without_gravity
 
 H, G, MU = DEFAULT.h, DEFAULT.gravity, DEFAULT.mu
 BODIES = {"block": block, "ellipse": ellipse}

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.arm.fit import ArmFitSettings, fit
-from thesis_lib.identify.arm.parameters import (
+from thesis_lib.simulate.mechanisms.motions import arm_disk, arm_trajectories
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
+from thesis_lib.simulate.mechanisms.regressor import PlantRegressor
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
+from thesis_lib.thesis.identify.arm.fit import ArmFitSettings, fit
+from thesis_lib.thesis.identify.arm.parameters import (
     NAMES,
     ArmPrior,
     base_of,
@@ -15,7 +19,7 @@ from thesis_lib.identify.arm.parameters import (
     positive_definite,
     regressor,
 )
-from thesis_lib.identify.arm.shooting import (
+from thesis_lib.thesis.identify.arm.shooting import (
     Candidates,
     Shooting,
     _arrow_step,
@@ -24,13 +28,15 @@ from thesis_lib.identify.arm.shooting import (
     noise_level,
     noise_of_residuals,
 )
-from thesis_lib.identify.arm.stepping import simulate_copies
-from thesis_lib.identify.arm.study import arm_force_study, arm_force_summary, arm_window, force_errors, window_rank
-from thesis_lib.identify.base_parameters.regressor import PlantRegressor
-from thesis_lib.identify.programs.mode_qp import solve_mode_qp
-from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
-from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
+from thesis_lib.thesis.identify.arm.stepping import simulate_copies
+from thesis_lib.thesis.identify.arm.study import (
+    arm_force_study,
+    arm_force_summary,
+    arm_window,
+    force_errors,
+    window_rank,
+)
+from thesis_lib.thesis.identify.programs.mode_qp import solve_mode_qp
 
 MU = 0.4
 ROUNDING = 1e-9  # relative; over 240 steps of contact rounding errors grow by up to a million

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.base_parameters.combinations import base_parameters, linear_combination
-from thesis_lib.identify.base_parameters.excitation_table import excitation_cases, excitation_table
-from thesis_lib.identify.base_parameters.identifiability import (
+from thesis_lib.simulate.mechanisms.base_parameters import base_parameters, linear_combination
+from thesis_lib.simulate.mechanisms.motions import block, disk
+from thesis_lib.simulate.mechanisms.regressor import PlantRegressor
+from thesis_lib.simulate.mechanisms.scenes import Mode, contact_modes
+from thesis_lib.simulate.stepping.arm_disk import ArmDisk
+from thesis_lib.simulate.stepping.stepping import simulate
+from thesis_lib.thesis.identify.base_parameters.excitation_table import excitation_cases, excitation_table
+from thesis_lib.thesis.identify.base_parameters.identifiability import (
     identifiability,
     projected,
     require_identifiable,
     sliding_regressor,
 )
-from thesis_lib.identify.base_parameters.regressor import PlantRegressor
-from thesis_lib.identify.base_parameters.window import free_body_window
-from thesis_lib.simulate.chapter2.motions import block, disk
-from thesis_lib.simulate.chapter2.scenes import Mode, contact_modes
-from thesis_lib.simulate.stepping.arm_disk import ArmDisk
-from thesis_lib.simulate.stepping.stepping import simulate
+from thesis_lib.thesis.identify.base_parameters.window import free_body_window
 
 LENGTH = 0.8
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.base_parameters.excitation_table import excitation_cases
-from thesis_lib.identify.base_parameters.projection import contact_tolerances
-from thesis_lib.identify.base_parameters.window import ContactWindow, States, free_body_window
-from thesis_lib.identify.programs.homogeneous import ratios_table, solve_homogeneous
-from thesis_lib.identify.programs.mode_qp import solve_mode_qp
-from thesis_lib.identify.programs.result import SolveStatus
-from thesis_lib.simulate.chapter2.motions import BODIES, DEFAULT, block, releases
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.mechanisms.motions import BODIES, DEFAULT, block, releases
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion, simulate
+from thesis_lib.thesis.identify.base_parameters.excitation_table import excitation_cases
+from thesis_lib.thesis.identify.base_parameters.projection import contact_tolerances
+from thesis_lib.thesis.identify.base_parameters.window import ContactWindow, States, free_body_window
+from thesis_lib.thesis.identify.programs.homogeneous import ratios_table, solve_homogeneous
+from thesis_lib.thesis.identify.programs.mode_qp import solve_mode_qp
+from thesis_lib.thesis.identify.programs.result import SolveStatus
 
 EXACT = 1e-9  # relative: rounding of some hundred steps
 AGREE = 1.1  # errors of the two programs on the same noise, relative

@@ -10,7 +10,7 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.impacts.forces import (
+from thesis_lib.thesis.identify.impacts.forces import (
     ForcePlate,
     ImpactForces,
     drop_ellipses,

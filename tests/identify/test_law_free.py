@@ -10,10 +10,10 @@ from thesis_lib.bodies.body import Noise
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.impacts import law_free
-from thesis_lib.identify.impacts.law_free import LAST, at_rest, inertia
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, SQUARE, CompliantContact, HiddenCauses
+from thesis_lib.thesis.identify.impacts import law_free
+from thesis_lib.thesis.identify.impacts.law_free import LAST, at_rest, inertia
 
 OFFSET, LIGHTER = -0.033, -0.25
 SIGMAS = 3.0

@@ -5,13 +5,13 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from thesis_lib.critique.proof.store import STORE
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.impacts.law_free_in_space import ROWS, as_text, law_free
-from thesis_lib.identify.impacts.on_the_table import quantities
+from thesis_lib.studies.proof.store import STORE
+from thesis_lib.thesis.identify.impacts.law_free_in_space import ROWS, as_text, law_free
+from thesis_lib.thesis.identify.impacts.on_the_table import quantities
 
 H, K2, RATE, G = 0.05, 0.0017, 150.0, 9.81
 SCALE, TILT = 0.98, 0.02  # lengths as measured; rad, in another direction in each toss

@@ -15,8 +15,10 @@ from thesis_lib.datasets.impacts.detect import find_impacts
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.effects.effect import Rig
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.impacts.drop_spread import DROPS, IMPACTS, spreads
-from thesis_lib.identify.impacts.measured_ratio import (
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact, HiddenCauses
+from thesis_lib.thesis.identify.impacts.drop_spread import DROPS, IMPACTS, spreads
+from thesis_lib.thesis.identify.impacts.measured_ratio import (
     MIN_IMPACTS,
     ImpactLink,
     MeasuredRatio,
@@ -26,8 +28,6 @@ from thesis_lib.identify.impacts.measured_ratio import (
     measured_ratio,
     regressions,
 )
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact, HiddenCauses
 
 SIGMAS = 4.0  # standard errors; one test in 16 000 would fail by chance
 SHAPE = Ellipse(semi_axes=(0.035, 0.025))

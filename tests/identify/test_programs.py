@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.base_parameters.identifiability import require_identifiable
-from thesis_lib.identify.base_parameters.projection import project_to_contact
-from thesis_lib.identify.base_parameters.window import ContactWindow, free_body_window
-from thesis_lib.identify.programs.mode_qp import PROGRAMS, edges_of, solve_mode_qp
-from thesis_lib.identify.programs.nonlinear import ContactProgram
-from thesis_lib.identify.programs.result import SolveStatus, complementarity_residual, dynamics_residual, judged
-from thesis_lib.identify.programs.study import SUCCESS, ProgramRun, TrueWindow, cases, study
-from thesis_lib.simulate.chapter2.motions import block
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.mechanisms.motions import block
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import simulate
+from thesis_lib.thesis.identify.base_parameters.identifiability import require_identifiable
+from thesis_lib.thesis.identify.base_parameters.projection import project_to_contact
+from thesis_lib.thesis.identify.base_parameters.window import ContactWindow, free_body_window
+from thesis_lib.thesis.identify.programs.mode_qp import PROGRAMS, edges_of, solve_mode_qp
+from thesis_lib.thesis.identify.programs.nonlinear import ContactProgram
+from thesis_lib.thesis.identify.programs.result import SolveStatus, complementarity_residual, dynamics_residual, judged
+from thesis_lib.thesis.identify.programs.study import SUCCESS, ProgramRun, TrueWindow, cases, study
 
 CONVEX_AGREEMENT = 1e-6  # relative, of costs: SNOPT stops at 1e-10 of feasibility, which a cost can multiply
 STARTS = 4

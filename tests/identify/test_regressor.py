@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from thesis_lib.identify.base_parameters.regressor import PlantRegressor, free_body_regressor, parameter_names
-from thesis_lib.simulate.chapter2.motions import arm_disk, block
+from thesis_lib.simulate.mechanisms.motions import arm_disk, block
+from thesis_lib.simulate.mechanisms.regressor import PlantRegressor, free_body_regressor, parameter_names
 from thesis_lib.simulate.stepping.stepping import simulate
 
 ROUNDING = 1e-10  # N, N m: sums of a few terms of at most 1e3

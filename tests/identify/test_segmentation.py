@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.mass_ratio.table_2_1 import make_drops
-from thesis_lib.identify.segmentation import (
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
+from thesis_lib.thesis.identify.mass_ratio.table_2_1 import make_drops
+from thesis_lib.thesis.identify.segmentation import (
     check_states,
     flight_costs,
     impact_steps,
     noise_from_differences,
     without_gravity,
 )
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
 
 H, G = 5e-3, 9.81
 

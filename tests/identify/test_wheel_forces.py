@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.wheel.forces import (
+from thesis_lib.simulate.mechanisms.motions import DEFAULT
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
+from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
+from thesis_lib.simulate.stepping.stepping import simulate
+from thesis_lib.thesis.identify.wheel.forces import (
     WheelStatus,
     fit_wheel,
     noise_of_residuals,
@@ -12,7 +16,7 @@ from thesis_lib.identify.wheel.forces import (
     plain_forces,
     white,
 )
-from thesis_lib.identify.wheel.study import (
+from thesis_lib.thesis.identify.wheel.study import (
     WheelStudy,
     motion_by_mass,
     rolling_steps,
@@ -21,10 +25,6 @@ from thesis_lib.identify.wheel.study import (
     wheel_force_study,
     wheel_force_table,
 )
-from thesis_lib.simulate.chapter2.motions import DEFAULT
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
-from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
-from thesis_lib.simulate.stepping.stepping import simulate
 
 H, MU, STEPS = 5e-3, 0.7, 110  # a change of spoke
 EXACT = 1e-10  # relative; least squares on exact data, rounding grows with 1/h

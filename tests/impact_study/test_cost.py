@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from known_truth import K_G, MASS, falling_ellipses, with_outcome
 
+from thesis_lib.coefficients import cost
+from thesis_lib.coefficients.cost import misfit, misfit_of_impulse, misfit_table, target_of
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table
-from thesis_lib.impact_study import cost
-from thesis_lib.impact_study.cost import misfit, misfit_of_impulse, misfit_table, target_of
 
 ROUNDING = 1e-9  # relative; the systems below have conditions of some hundreds
 STORED_IMPULSE = 2.5e-5  # N s: a 4000th of an impulse; how the authors came to differ by up to 2.1e-5 is not known

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from thesis_lib.bodies.body import Noise
+from thesis_lib.coefficients.cost import target_of
+from thesis_lib.coefficients.ensemble import fit_ensemble
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.impacts.detect import find_impacts
-from thesis_lib.impact_study.cost import target_of
-from thesis_lib.impact_study.ensemble import fit_ensemble
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY
 from thesis_lib.simulate.rig.release import Release
 from thesis_lib.simulate.stepping.drops import simulate_drops

@@ -10,7 +10,7 @@ from thesis_lib.bodies.shapes import Disk, Ellipse, Polygon
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.impact_study.energy import WINDOWS, energy_statements, flights, rest_height, total_energy
+from thesis_lib.thesis.impact_study.energy import WINDOWS, energy_statements, flights, rest_height, total_energy
 
 G, RATE, TAKEN = 9.81, 250.0, 0.1
 ROUNDING = 1e-12  # relative, of sums of three squares

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from known_truth import falling_ellipses, with_outcome
 
+from thesis_lib.coefficients import ensemble
+from thesis_lib.coefficients.cost import misfit, misfit_table, target_of
+from thesis_lib.coefficients.ensemble import MU_MAX, TOLERANCE, _bootstrap_weights, cost_grid, fit_ensemble
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.impact_study import ensemble
-from thesis_lib.impact_study.cost import misfit, misfit_table, target_of
-from thesis_lib.impact_study.ensemble import MU_MAX, TOLERANCE, _bootstrap_weights, cost_grid, fit_ensemble
 
 MU, EPSILON = 0.1237, 0.5461  # not on any grid line
 EXACT = 1e-5  # ten boxes of the last grid

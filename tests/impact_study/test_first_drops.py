@@ -11,8 +11,8 @@ from known_truth import falling_ellipses
 from thesis_lib.contact.space import velocity_change
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table
-from thesis_lib.impact_study import stored_predictions as module
-from thesis_lib.impact_study.stored_predictions import (
+from thesis_lib.thesis.impact_study import stored_predictions as module
+from thesis_lib.thesis.impact_study.stored_predictions import (
     TABLE_3_1,
     TOGETHER,
     first_drops,

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from known_truth import falling_ellipses
 
+from thesis_lib.coefficients.cost import misfit, target_of
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.impacts.quality import flag_physics
-from thesis_lib.impact_study import study
-from thesis_lib.impact_study.cost import misfit, target_of
+from thesis_lib.thesis.impact_study import study
 
 BOTH = ("kinetic", "unweighted")
 MU, EPSILON = 0.15, 0.55

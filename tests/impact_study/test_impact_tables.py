@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.impact_study.tables import (
+from thesis_lib.thesis.impact_study.tables import (
     SIX_AS_PUBLISHED,
     VARIANTS,
     best_and_worst,

@@ -7,9 +7,9 @@ import pytest
 from known_truth import falling_ellipses, with_outcome
 from scipy.optimize import differential_evolution
 
+from thesis_lib.coefficients.cost import MeasuredImpulses, misfit, target_of
+from thesis_lib.coefficients.individual import MU_MAX, STUCK, fit_individual, sticking_bound
 from thesis_lib.contact import LAWS, SIX_LAWS
-from thesis_lib.impact_study.cost import MeasuredImpulses, misfit, target_of
-from thesis_lib.impact_study.individual import MU_MAX, STUCK, fit_individual, sticking_bound
 
 N = 200
 EXACT = 1e-6  # in μ and ε, far below what any measurement tells

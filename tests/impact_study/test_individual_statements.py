@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from known_truth import falling_ellipses
 
-from thesis_lib.impact_study.statements import FOLLOWED, STUDIED, epsilon_modes, flatness, individual_rows
+from thesis_lib.thesis.impact_study.statements import FOLLOWED, STUDIED, epsilon_modes, flatness, individual_rows
 
 N = 400
 SAMPLED = 0.05  # of a quantile range: 20 000 values know it to a percent

@@ -17,8 +17,8 @@ import numpy as np
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.impact_study import study
-from thesis_lib.impact_study.tables import error_summary
+from thesis_lib.thesis.impact_study import study
+from thesis_lib.thesis.impact_study.tables import error_summary
 
 training = 500
 n = int(sys.argv[1]) + training

@@ -9,9 +9,9 @@ from known_truth import K_G, MASS, falling_ellipses
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.law import Law
 from thesis_lib.contact.space import admissible, contact_space
-from thesis_lib.impact_study import predictive_range
-from thesis_lib.impact_study.predictive_range import admissible_area, admissible_outline, covered_share, region
 from thesis_lib.mechanics.contact import Contact
+from thesis_lib.thesis.impact_study import predictive_range
+from thesis_lib.thesis.impact_study.predictive_range import admissible_area, admissible_outline, covered_share, region
 
 N = 25
 DRAWS = 40_000  # Monte Carlo points; the area is good to 1 / sqrt(DRAWS) of that of the box, so

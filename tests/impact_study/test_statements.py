@@ -5,13 +5,13 @@ import pandas as pd
 import pytest
 from known_truth import K_G, MASS, SHAPE, falling_ellipses
 
+from thesis_lib.coefficients.cost import target_of
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import contact_space, line_of_sticking
 from thesis_lib.foundation.files import read_table, write_table
-from thesis_lib.impact_study import study
-from thesis_lib.impact_study.cost import target_of
-from thesis_lib.impact_study.statements import (
+from thesis_lib.thesis.impact_study import study
+from thesis_lib.thesis.impact_study.statements import (
     converged_at,
     crosses,
     local_minima,
@@ -19,7 +19,7 @@ from thesis_lib.impact_study.statements import (
     reverses,
     statements,
 )
-from thesis_lib.impact_study.tables import SIX_AS_PUBLISHED
+from thesis_lib.thesis.impact_study.tables import SIX_AS_PUBLISHED
 
 NONE = 1e-9  # m/s: rounding of a velocity of some m/s
 N = 60

@@ -10,8 +10,8 @@ from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import measured_impulse, velocity_change
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table
-from thesis_lib.impact_study import stored_predictions
-from thesis_lib.impact_study.stored_predictions import (
+from thesis_lib.thesis.impact_study import stored_predictions
+from thesis_lib.thesis.impact_study.stored_predictions import (
     GRAVITY_STEP,
     agreement,
     best_worst,
@@ -19,7 +19,7 @@ from thesis_lib.impact_study.stored_predictions import (
     drops_kept,
     parameters,
 )
-from thesis_lib.impact_study.tables import SIX_AS_PUBLISHED
+from thesis_lib.thesis.impact_study.tables import SIX_AS_PUBLISHED
 
 # per cent of impacts in which each law is best and worst, thesis, table 3.1
 TABLE_3_1 = {

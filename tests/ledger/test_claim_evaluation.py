@@ -6,9 +6,9 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
-from thesis_lib.ledger.evaluate import evaluate
-from thesis_lib.ledger.format import Ledger
-from thesis_lib.ledger.result import COLUMNS, ClaimStatus, refuse_errors, render_page, summary_line, to_table
+from thesis_lib.thesis.ledger.evaluate import evaluate
+from thesis_lib.thesis.ledger.format import Ledger
+from thesis_lib.thesis.ledger.result import COLUMNS, ClaimStatus, refuse_errors, render_page, summary_line, to_table
 
 PRESENT = {"planar_impact": True, "drops": True}
 ABS = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}

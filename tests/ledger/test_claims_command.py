@@ -3,10 +3,10 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.commands.claims import main
 from thesis_lib.foundation.files import write_table
-from thesis_lib.records import catalogue
-from thesis_lib.records.record import Figure, Job, Tolerance
+from thesis_lib.thesis.commands.claims import main
+from thesis_lib.thesis.records import catalogue
+from thesis_lib.thesis.records.record import Figure, Job, Tolerance
 
 FIGURE = Figure(
     name="figure_3_8",

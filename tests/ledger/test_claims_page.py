@@ -5,9 +5,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from thesis_lib.ledger.evaluate import evaluate
-from thesis_lib.ledger.format import Ledger
-from thesis_lib.ledger.result import render_page, write_page
+from thesis_lib.thesis.ledger.evaluate import evaluate
+from thesis_lib.thesis.ledger.format import Ledger
+from thesis_lib.thesis.ledger.result import render_page, write_page
 
 CHECK = {"kind": "abs", "tolerance": 0.01, "reason": "rounding & noise"}
 VOID = {"input", "meta", "br", "hr", "img", "link", "wbr"}

@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.ledger.evaluate import evaluate
-from thesis_lib.ledger.expected import compare_with_expected, read_expected, update_expected
-from thesis_lib.ledger.format import Ledger, read_ledger
+from thesis_lib.thesis.ledger.evaluate import evaluate
+from thesis_lib.thesis.ledger.expected import compare_with_expected, read_expected, update_expected
+from thesis_lib.thesis.ledger.format import Ledger, read_ledger
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESENT = {"planar_impact": True}

@@ -6,8 +6,8 @@ import pytest
 
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_table
-from thesis_lib.ledger.figure_check import check_figure, check_figures, kept_rows, store_figure, update_figures
-from thesis_lib.records.record import Figure, Job, Tolerance
+from thesis_lib.thesis.ledger.figure_check import check_figure, check_figures, kept_rows, store_figure, update_figures
+from thesis_lib.thesis.records.record import Figure, Job, Tolerance
 
 ABS, REL = 1e-3, 0.02
 TOLERANCES = {

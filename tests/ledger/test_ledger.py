@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.ledger.format import read_ledger
+from thesis_lib.thesis.ledger.format import read_ledger
 
 ROOT = Path(__file__).resolve().parents[2]
 ABS = {"kind": "abs", "tolerance": 0.01, "reason": "rounding"}
@@ -27,7 +27,7 @@ def test_a_claim_of_each_kind_is_read(write_ledger, entries):
 
 
 def test_the_example_in_the_docstring_is_read(tmp_path):
-    from thesis_lib.ledger import format as ledger
+    from thesis_lib.thesis.ledger import format as ledger
 
     example = ledger.__doc__.split("```yaml\n")[1].split("```")[0]
     (tmp_path / "claims.yaml").write_text(example, encoding="utf-8")

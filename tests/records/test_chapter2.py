@@ -3,11 +3,11 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter2.impact import NAMES
-from thesis_lib.identify.impacts.measured_ratio import gather
-from thesis_lib.ledger.format import read_ledger
-from thesis_lib.records import chapter2
-from thesis_lib.records.catalogue import records
+from thesis_lib.thesis.figures.chapter2.impact import NAMES
+from thesis_lib.thesis.identify.impacts.measured_ratio import gather
+from thesis_lib.thesis.ledger.format import read_ledger
+from thesis_lib.thesis.records import chapter2
+from thesis_lib.thesis.records.catalogue import records
 
 
 def plain(text: str) -> str:

@@ -5,10 +5,10 @@ import re
 import pandas as pd
 import pytest
 
-from thesis_lib.impact_study import statements
-from thesis_lib.ledger.format import read_ledger
-from thesis_lib.records import chapter3
-from thesis_lib.records.catalogue import records
+from thesis_lib.thesis.impact_study import statements
+from thesis_lib.thesis.ledger.format import read_ledger
+from thesis_lib.thesis.records import chapter3
+from thesis_lib.thesis.records.catalogue import records
 
 NEWTON, POISSON = "anitescu_potra_newton", "anitescu_potra_poisson"
 

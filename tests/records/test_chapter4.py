@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.records.catalogue import records
-from thesis_lib.records.chapter4 import LEARNERS, OVER_BOUND, THROWERS
+from thesis_lib.thesis.records.catalogue import records
+from thesis_lib.thesis.records.chapter4 import LEARNERS, OVER_BOUND, THROWERS
 
 
 def ratios(std: float = 0.01, hoc: float = 1.2, **over: float) -> pd.DataFrame:
@@ -51,8 +51,8 @@ def coverage(low: float, high: float, passes: tuple[int, int, int]) -> pd.DataFr
 
 
 def test_names_are_those_of_the_legends() -> None:
-    from thesis_lib.figures.chapter4.dice import MODEL_STYLE
-    from thesis_lib.figures.chapter4.errors import LEARNER_STYLE
+    from thesis_lib.thesis.figures.chapter4.dice import MODEL_STYLE
+    from thesis_lib.thesis.figures.chapter4.errors import LEARNER_STYLE
 
     assert {name: LEARNER_STYLE[name].label for name in LEARNERS} == LEARNERS
     assert {name: style[2] for name, style in MODEL_STYLE.items()} == THROWERS

@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.records import chapter5
-from thesis_lib.records.catalogue import records
+from thesis_lib.thesis.records import chapter5
+from thesis_lib.thesis.records.catalogue import records
 
 NAN = float("nan")
 NEEDED = pd.DataFrame({"policy": ["mor"], "of": ["hma"], "size": [100]})
@@ -31,7 +31,7 @@ def success(before: tuple[int, float], after: tuple[int, float], published: floa
 
 
 def test_names_are_those_of_the_legend() -> None:
-    from thesis_lib.figures.chapter5.study import GOAL, POLICY_STYLE
+    from thesis_lib.thesis.figures.chapter5.study import GOAL, POLICY_STYLE
 
     assert {name: style[3] for name, style in POLICY_STYLE.items()} == chapter5.POLICIES
     assert chapter5.GOAL == GOAL

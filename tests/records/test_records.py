@@ -10,9 +10,9 @@ from jinja2.meta import find_undeclared_variables
 from jinja2.nodes import Name
 
 from thesis_lib.foundation.columns import explain
-from thesis_lib.ledger.figure_check import COMMON, ROW
-from thesis_lib.records.catalogue import figures, records
-from thesis_lib.records.record import sentences
+from thesis_lib.thesis.ledger.figure_check import COMMON, ROW
+from thesis_lib.thesis.records.catalogue import figures, records
+from thesis_lib.thesis.records.record import sentences
 
 ROOT = Path(__file__).resolve().parents[2]
 RULES = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))

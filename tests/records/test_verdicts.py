@@ -10,8 +10,8 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.summary import headline
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_json
-from thesis_lib.records.catalogue import records
-from thesis_lib.records.verdicts import OUTSIDE, PROVEN, QUIET
+from thesis_lib.thesis.records.catalogue import records
+from thesis_lib.thesis.records.verdicts import OUTSIDE, PROVEN, QUIET
 
 
 def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: float | None = 0.1) -> dict:
@@ -118,8 +118,8 @@ def test_proof_tells_the_worst_source_and_leaves_out_what_was_not_run() -> None:
 
 
 def test_the_proof_writes_the_rows_that_are_read() -> None:
-    from thesis_lib.critique.proof.cases import RIGID
-    from thesis_lib.critique.proof.summary import TARGETS
+    from thesis_lib.studies.proof.cases import RIGID
+    from thesis_lib.studies.proof.summary import TARGETS
 
     written = {
         (target.figure, "all" if group == RIGID else " + ".join(group)) for target in TARGETS for group in target.groups

@@ -4,7 +4,7 @@ import numpy as np
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.effects.effect import Rig
-from thesis_lib.residual.throwing.flight import ThrownBody
+from thesis_lib.thesis.residual.throwing.flight import ThrownBody
 
 HALF = 0.03
 SQUARE = Polygon(vertices=((HALF, HALF), (-HALF, HALF), (-HALF, -HALF), (HALF, -HALF)))

@@ -175,8 +175,8 @@ def test_a_folder_whose_name_does_not_print_is_refused(name, tmp_path, capsys):
 @pytest.mark.parametrize("name", ["../../etc", "a/b", "..", "/etc", "A b", "x;touch pwned", "a$(b)", "a\n", ""])
 @pytest.mark.parametrize("section", ["critique", "chapter3", "chapter4"])
 def test_names_in_the_configuration_are_no_paths_or_commands(name, section):
-    from thesis_lib.config import parse_config
     from thesis_lib.foundation.errors import UserError
+    from thesis_lib.thesis.config import parse_config
 
     parse_config({section: {"datasets": ["my_drops"]}})
     with pytest.raises(UserError, match=section):

@@ -5,7 +5,7 @@ import pytest
 from motions import G, checked, contact_velocity
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
+from thesis_lib.simulate.mechanisms.motions import arm_disk, arm_trajectories
 from thesis_lib.simulate.stepping.arm_disk import ArmDisk
 from thesis_lib.simulate.stepping.stepping import simulate
 

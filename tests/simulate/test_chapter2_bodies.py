@@ -5,7 +5,7 @@ import pytest
 from motions import checked
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2.motions import (
+from thesis_lib.simulate.mechanisms.motions import (
     DEFAULT,
     ArmSettings,
     Chapter2Bodies,

@@ -10,13 +10,13 @@ from thesis_lib.critique.mechanisms.effects import CANDIDATES, MotionSteps
 from thesis_lib.critique.mechanisms.study import believed, true_sizes
 from thesis_lib.datasets.recordings.recording import read_recording, write_recording
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, planned
 from thesis_lib.simulate.engines.drake_motion import drake_motions
 from thesis_lib.simulate.engines.mujoco_motion import mujoco_motions
 from thesis_lib.simulate.engines.recording import simulate_recording
 from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors, low_passed
 from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion
+from thesis_lib.simulate.mechanisms import motions as chapter2
+from thesis_lib.simulate.mechanisms.hidden_forces import TRUTHS, HiddenSizes, planned
 from thesis_lib.simulate.rig.release import Spread
 
 ENGINES = {"mujoco": mujoco_motions, "drake": drake_motions}

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.simulate.table.puck import simulate_puck
 from thesis_lib.simulate.tosses.lifted import lifted
+from thesis_lib.studies.proof.cases import Case, make
 
 
 @pytest.mark.parametrize("shape", ["ellipse", "square"])

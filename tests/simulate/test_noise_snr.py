@@ -5,7 +5,7 @@ import pytest
 from motions import BODIES, checked, drops
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import simulate
 
 FALL = checked(BODIES["ellipse"], *(x[0] for x in drops("ellipse", 1)), 300)

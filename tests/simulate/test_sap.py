@@ -6,7 +6,7 @@ from motions import BODIES, G, H, balance, checked, drops, limit_cycle
 
 from benchmarks.sap import STIFFNESS, simulate_sap
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2.motions import arm_disk, arm_trajectories
+from thesis_lib.simulate.mechanisms.motions import arm_disk, arm_trajectories
 from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel
 

@@ -14,7 +14,7 @@ import yaml
 from two_nodes import seconds_of, two_nodes, why_not
 
 from tests.workflow.pipeline_copy import ROOT, copy_pipeline
-from thesis_lib.config import read_config
+from thesis_lib.thesis.config import read_config
 
 TARGETS = os.environ.get("SLURM_TARGETS", "all").split()
 KILLED = "node2"

@@ -16,7 +16,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import IMPACT_COLUMNS
 from thesis_lib.datasets.format.write import write_dataset
-from thesis_lib.impact_study.settings import Chapter3
+from thesis_lib.thesis.impact_study.settings import Chapter3
 
 TABLES = ("ensemble", "convergence", "topography", "individual", "split")
 JUDGED = ("errors", "summary", "table_3_1", "table_3_2", "coverage", "statements")
@@ -98,7 +98,7 @@ def test_tables_count_what_was_trained_on_and_what_was_judged(results):
 
 def test_statements_hold_what_the_ledger_reads(results):
     """One row each, of every statement that a claim about the measured impacts names."""
-    from thesis_lib.ledger.format import read_ledger
+    from thesis_lib.thesis.ledger.format import read_ledger
 
     found = results["statements"].fillna({"law": ""})
     assert not found[["statement", "law"]].duplicated().any()

@@ -14,9 +14,9 @@ import pytest
 from tests.workflow.interruption import study
 from tests.workflow.pipeline_copy import ROOT
 from tests.workflow.ways_to_stop import WAYS
-from thesis_lib import pipeline
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_text
+from thesis_lib.thesis import pipeline
 
 SLOW_JOB = "import time; print('up', flush=True); time.sleep(60)"
 
@@ -107,7 +107,7 @@ class TestOneAtATime:
     def test_snakemake_holds_the_lock_when_its_runner_is_killed(self, folder, start):
         child = "import os, time; print(os.getpid(), flush=True); time.sleep(60)"
         code = (
-            f"import sys; sys.path.insert(0, {str(ROOT)!r}); from thesis_lib import pipeline as p; "
+            f"import sys; sys.path.insert(0, {str(ROOT)!r}); from thesis_lib.thesis import pipeline as p; "
             f"p._snakemake([sys.executable, '-c', {child!r}], p.hold_lock())"
         )
         runner = start(["-c", code], folder)

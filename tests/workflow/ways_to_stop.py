@@ -25,7 +25,7 @@ class Run:
     def __init__(self, folder: Path, targets: Sequence[str], cores: int):
         self.output = Path(f"{folder}.{time.monotonic_ns()}.output")
         environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHONPATH", "SNAKEMAKE", "MAKE"))}
-        command = [sys.executable, "-m", "thesis_lib.pipeline", "--cores", str(cores)]
+        command = [sys.executable, "-m", "thesis_lib.thesis.pipeline", "--cores", str(cores)]
         self.folder, self.start = folder, time.monotonic()
         with self.output.open("w") as stream:
             self.process = subprocess.Popen(

@@ -1,8 +1,8 @@
 """Unit and meaning of every column in the tables under results/: columns.yaml, written to results/columns.csv.
 
 A column means the same in every table, unless `tables` in columns.yaml says otherwise for a table (by file stem);
-columns of a single figure are explained in its record (`thesis_lib.records`).  Impulses of a dataset without a mass are
-per kilogram, N s/kg = m/s.
+columns of a single figure are explained in its record (`thesis_lib.thesis.records`).  Impulses of a dataset without a
+mass are per kilogram, N s/kg = m/s.
 """
 
 import functools

@@ -5,14 +5,14 @@ from pathlib import Path
 
 sys.path.insert(0, workflow.basedir)  # makes thesis_lib importable in every script, on a cluster too
 
-from thesis_lib.config import parse_config
+from thesis_lib.thesis.config import parse_config
 from thesis_lib.datasets.sources.locate import SIMULATED, locate
 from thesis_lib.datasets.sources.published import SOURCES
 from thesis_lib.foundation.byte_code import keep_byte_code
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.provenance import Sources, value_sha256
 from thesis_lib.foundation.yaml_file import read_yaml
-from thesis_lib.records.catalogue import figures, records, tables_read
+from thesis_lib.thesis.records.catalogue import figures, records, tables_read
 
 if Path(sys.executable).is_file():  # Snakemake puts it into commands without quotes (its issue 2645)
     sys.executable = shlex.quote(sys.executable)

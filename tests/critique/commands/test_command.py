@@ -13,13 +13,13 @@ import pytest
 import thesis_lib.figures.critique.pictures
 import thesis_lib.report.critique.page
 from thesis_lib.__main__ import main
-from thesis_lib.config import Config
 from thesis_lib.critique.result import OfDrops
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.write import write_dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation import SEED
 from thesis_lib.foundation.kernels import KERNELS
+from thesis_lib.thesis.config import Config
 
 FILES = (
     *("comparison.csv", "errors.csv", "ladder.csv", "budget.csv", "impacts.csv"),

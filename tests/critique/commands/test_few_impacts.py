@@ -15,7 +15,7 @@ from thesis_lib.critique.drops.own_restitution import OwnRestitution
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.write import write_dataset
-from thesis_lib.records.catalogue import records
+from thesis_lib.thesis.records.catalogue import records
 
 EPSILON = 0.7
 STANDARD_ERRORS = 4.0  # by chance once in 16,000

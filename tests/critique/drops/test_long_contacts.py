@@ -17,12 +17,12 @@ from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.flights import Flights
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.proof.cases import SEEDS, Case, make
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.hidden_causes import SQUARE
+from thesis_lib.studies.proof.cases import SEEDS, Case, make
 
 LONG = 3e-3  # s
 RIG = Rig(SQUARE.shape, SQUARE.radius_of_gyration, 9.81, 0.0)

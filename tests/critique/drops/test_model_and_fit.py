@@ -16,11 +16,11 @@ from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.likelihood.sandwich import cramer_rao
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.likelihood.whitening import NU, Whitening, log_t, most_probable_scatter
-from thesis_lib.critique.proof.cases import Case, make
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Parameter
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import PLANE
+from thesis_lib.studies.proof.cases import Case, make
 
 EXACT = 1e-12  # rounding of two orders of the same operations
 SIGMAS = 4.0

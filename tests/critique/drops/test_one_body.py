@@ -8,7 +8,6 @@ from hidden_effects import injected_impacts
 from thesis_lib.critique.drops.planar.one_body import balance_groups, refuse_what_is_not_one_body, touch_groups
 from thesis_lib.critique.drops.planar.settings import OneBody
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.proof import next_drops
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
@@ -22,6 +21,7 @@ from thesis_lib.simulate.rig.hidden_causes import (
     CompliantContact,
     HiddenCauses,
 )
+from thesis_lib.studies.proof import next_drops
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -17,7 +17,6 @@ from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.proof.compute import counted_from
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import position
@@ -25,6 +24,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Reference, Rig
 from thesis_lib.extensions.effect_probe import RIGS, at_scale, random_states
 from thesis_lib.mechanics.state import State
+from thesis_lib.studies.proof.compute import counted_from
 
 LAW = "anitescu_potra_newton"
 DAY = date(2026, 1, 14)

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from thesis_lib.__main__ import main
-from thesis_lib.critique.proof.__main__ import main as proof_main
-from thesis_lib.critique.proof.mechanisms import ROWS, MechanismCase, as_markdown, cases, compute, is_exact, read
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.studies.proof.__main__ import main as proof_main
+from thesis_lib.studies.proof.mechanisms import ROWS, MechanismCase, as_markdown, cases, compute, is_exact, read
 
 
 def row(truth="payload", seed=1, **changes):

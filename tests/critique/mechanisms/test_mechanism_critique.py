@@ -20,8 +20,8 @@ from thesis_lib.critique.mechanisms.world import ForceFit, MechanismWorld, fit_e
 from thesis_lib.critique.selection.scan import scan
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.report.critique.mechanisms import mechanism_page
-from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import (
+from thesis_lib.simulate.mechanisms import motions as chapter2
+from thesis_lib.simulate.mechanisms.hidden_forces import (
     TRUTHS,
     HiddenSizes,
     LoadedWheel,

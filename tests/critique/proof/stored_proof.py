@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from thesis_lib.critique.proof.cases import SEEDS, Case
-from thesis_lib.critique.proof.compute import read_rows, sizes_of, table_of
-from thesis_lib.critique.proof.results import confusion
-from thesis_lib.critique.proof.store import Cells, numbers_in
-from thesis_lib.critique.proof.summary import summary
 from thesis_lib.simulate.rig.hidden_causes import CAUSES
+from thesis_lib.studies.proof.cases import SEEDS, Case
+from thesis_lib.studies.proof.compute import read_rows, sizes_of, table_of
+from thesis_lib.studies.proof.results import confusion
+from thesis_lib.studies.proof.store import Cells, numbers_in
+from thesis_lib.studies.proof.summary import summary
 
 FLOOR = 0.01  # m/s
 OUTSIDE = next(name for name, cause in CAUSES.items() if not cause.effects)

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.proof import direct_fits
-from thesis_lib.critique.proof.__main__ import main
-from thesis_lib.critique.proof.direct_fits import COLUMNS, ROWS, SERIES, Series, rows, tables
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, RIG_NOISE, SQUARE, HiddenCauses
+from thesis_lib.studies.proof import direct_fits
+from thesis_lib.studies.proof.__main__ import main
+from thesis_lib.studies.proof.direct_fits import COLUMNS, ROWS, SERIES, Series, rows, tables
 
 ROOT = Path(__file__).resolve().parents[3]
 OFFSET = 0.05

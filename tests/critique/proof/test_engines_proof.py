@@ -2,9 +2,11 @@
 
 import pytest
 
-from thesis_lib.critique.proof import engines, measured_models
-from thesis_lib.critique.proof.cases import BODIES
-from thesis_lib.critique.proof.engines import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.rows import STAMP
+from thesis_lib.studies.proof import engines, measured_models
+from thesis_lib.studies.proof.cases import BODIES
+from thesis_lib.studies.proof.engines import (
     COLUMNS,
     ENGINES,
     MU,
@@ -16,8 +18,6 @@ from thesis_lib.critique.proof.engines import (
     compute,
     make,
 )
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.rows import STAMP
 
 
 def row(engine="mujoco", truth="tilt", seed=1, **more):

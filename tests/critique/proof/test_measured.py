@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from thesis_lib.critique.drops.stand_ins import StandIn
-from thesis_lib.critique.proof.measured import COLUMNS, ROWS, as_markdown, row, store
 from thesis_lib.foundation.rows import STAMP
+from thesis_lib.studies.proof.measured import COLUMNS, ROWS, as_markdown, row, store
 
 
 @pytest.mark.slow

@@ -5,8 +5,14 @@ import pytest
 
 from thesis_lib.critique.drops.criticise import criticise_drops
 from thesis_lib.critique.drops.questions.next_experiment import CHANNELS, REPEATS, _design, _Refit, next_experiment
-from thesis_lib.critique.proof.cases import Case, make
-from thesis_lib.critique.proof.next_drops import (
+from thesis_lib.foundation.errors import CorruptFileError
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.report.critique.tables import states_table
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, CompliantContact
+from thesis_lib.studies.figures.curves import draw_next_drops
+from thesis_lib.studies.proof.cases import Case, make
+from thesis_lib.studies.proof.next_drops import (
     FIRST,
     SCATTER,
     STEPS,
@@ -19,12 +25,6 @@ from thesis_lib.critique.proof.next_drops import (
     run,
     table_of,
 )
-from thesis_lib.figures.proof.curves import draw_next_drops
-from thesis_lib.foundation.errors import CorruptFileError
-from thesis_lib.foundation.randomness import generator
-from thesis_lib.report.critique.tables import states_table
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, CompliantContact
 
 STORED = 5  # questions, of the 20 that are wanted: `next` goes on
 NUMBERS = 1e-5  # relative: six digits are stored
@@ -132,7 +132,7 @@ def test_answers_are_kept_and_asked_once(tmp_path, monkeypatch) -> None:
         asked.append(question)
         return example(question, 64.0, 16.0)
 
-    monkeypatch.setattr("thesis_lib.critique.proof.next_drops.ask", answer)
+    monkeypatch.setattr("thesis_lib.studies.proof.next_drops.ask", answer)
     run(3, lambda line: None, tmp_path)
     assert asked == plan()[:3]
     run(5, lambda line: None, tmp_path)

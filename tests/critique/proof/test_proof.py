@@ -13,10 +13,13 @@ from thesis_lib.contact import LAWS
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.observations import observe
-from thesis_lib.critique.proof import find_size as finder
-from thesis_lib.critique.proof import sizes
-from thesis_lib.critique.proof.by_contact import accuracy, as_markdown, by_contact
-from thesis_lib.critique.proof.cases import (
+from thesis_lib.effects import EFFECTS, effects_in
+from thesis_lib.mechanics.space import PLANE
+from thesis_lib.simulate.rig.hidden_causes import CAUSES
+from thesis_lib.studies.proof import find_size as finder
+from thesis_lib.studies.proof import sizes
+from thesis_lib.studies.proof.by_contact import accuracy, as_markdown, by_contact
+from thesis_lib.studies.proof.cases import (
     BODIES,
     CORNERED,
     DEVELOPMENT,
@@ -30,15 +33,12 @@ from thesis_lib.critique.proof.cases import (
     simulate,
     truths,
 )
-from thesis_lib.critique.proof.compute import compute, is_of_today, numbers_of_row, read_rows, run, table_of
-from thesis_lib.critique.proof.find_size import find_size
-from thesis_lib.critique.proof.headline import PLANNED, TIMES, WORLDS, planned
-from thesis_lib.critique.proof.results import confusion, is_right, outcomes, recovered, usual, wrong_names
-from thesis_lib.critique.proof.sizes import EPSILON, MU, SIZES, law_size, stored_factor
-from thesis_lib.critique.proof.store import NOTHING, groups_of, numbers_in
-from thesis_lib.effects import EFFECTS, effects_in
-from thesis_lib.mechanics.space import PLANE
-from thesis_lib.simulate.rig.hidden_causes import CAUSES
+from thesis_lib.studies.proof.compute import compute, is_of_today, numbers_of_row, read_rows, run, table_of
+from thesis_lib.studies.proof.find_size import find_size
+from thesis_lib.studies.proof.headline import PLANNED, TIMES, WORLDS, planned
+from thesis_lib.studies.proof.results import confusion, is_right, outcomes, recovered, usual, wrong_names
+from thesis_lib.studies.proof.sizes import EPSILON, MU, SIZES, law_size, stored_factor
+from thesis_lib.studies.proof.store import NOTHING, groups_of, numbers_in
 
 ROOT = Path(__file__).resolve().parents[3]
 STORED_SIZES = json.loads(SIZES.read_text(encoding="utf-8"))["law"]

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from stored_proof import parameter, put, refuse
 
-from thesis_lib.critique.proof.cases import Case
-from thesis_lib.critique.proof.results import outcomes, recovered
-from thesis_lib.critique.proof.store import NOTHING
-from thesis_lib.figures.proof.pictures import NAMES, pictures
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.columns import explain
 from thesis_lib.statistics.intervals import wilson
+from thesis_lib.studies.figures.pictures import NAMES, pictures
+from thesis_lib.studies.proof.cases import Case
+from thesis_lib.studies.proof.results import outcomes, recovered
+from thesis_lib.studies.proof.store import NOTHING
 
 ROOT = Path(__file__).parents[3]
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from stored_proof import OUTSIDE, error, named, parameter, put, refuse, row_of
 
-from thesis_lib.critique.proof import __main__ as command
-from thesis_lib.critique.proof import check as proof_check
-from thesis_lib.critique.proof import compute as proof_compute
-from thesis_lib.critique.proof import sizes as proof_sizes
-from thesis_lib.critique.proof import store as proof_store
-from thesis_lib.critique.proof.cases import RIGID, SEEDS, SOURCES, Case
-from thesis_lib.critique.proof.check import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.studies.proof import __main__ as command
+from thesis_lib.studies.proof import check as proof_check
+from thesis_lib.studies.proof import compute as proof_compute
+from thesis_lib.studies.proof import sizes as proof_sizes
+from thesis_lib.studies.proof import store as proof_store
+from thesis_lib.studies.proof.cases import RIGID, SEEDS, SOURCES, Case
+from thesis_lib.studies.proof.check import (
     AGREES,
     DIFFERS,
     MOVES,
@@ -25,9 +26,8 @@ from thesis_lib.critique.proof.check import (
     rerun,
     rows_to_check,
 )
-from thesis_lib.critique.proof.compute import compute, is_of_today, numbers_of_row, read_rows, sizes_of, table_of
-from thesis_lib.critique.proof.store import NOTHING, STORE, code_of
-from thesis_lib.foundation.errors import UserError
+from thesis_lib.studies.proof.compute import compute, is_of_today, numbers_of_row, read_rows, sizes_of, table_of
+from thesis_lib.studies.proof.store import NOTHING, STORE, code_of
 
 WEAR = Case("law", "wear", SEEDS)
 TODAY = code_of(compute)

@@ -6,11 +6,11 @@ import pandas as pd
 import pytest
 from stored_proof import OUTSIDE, error, figure_of, many, parameter, put, refuse
 
-from thesis_lib.critique.proof.cases import Case, truths
-from thesis_lib.critique.proof.results import confusion, misses
-from thesis_lib.critique.proof.store import NOTHING
-from thesis_lib.critique.proof.summary import TARGETS, report, summary, tables
 from thesis_lib.statistics.intervals import wilson
+from thesis_lib.studies.proof.cases import Case, truths
+from thesis_lib.studies.proof.results import confusion, misses
+from thesis_lib.studies.proof.store import NOTHING
+from thesis_lib.studies.proof.summary import TARGETS, report, summary, tables
 
 LAWS_RIGHT, MECHANISMS_RIGHT, SMALL, ADEQUATE, PAIRS, UNEXPLAINED, COVERAGE, MISFIT = (
     target.figure for target in TARGETS

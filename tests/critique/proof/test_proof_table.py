@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from stored_proof import FLOOR, OUTSIDE, cell, error, figure_of, parameter, put, refuse
 
-from thesis_lib.critique.proof.cases import Case
-from thesis_lib.critique.proof.results import confusion, outcomes, recovered
-from thesis_lib.critique.proof.store import NOTHING
-from thesis_lib.critique.proof.summary import TARGETS
 from thesis_lib.foundation.errors import CorruptFileError
 from thesis_lib.statistics.intervals import wilson
+from thesis_lib.studies.proof.cases import Case
+from thesis_lib.studies.proof.results import confusion, outcomes, recovered
+from thesis_lib.studies.proof.store import NOTHING
+from thesis_lib.studies.proof.summary import TARGETS
 
 COVERAGE = next(target.figure for target in TARGETS if target.measure == "coverage")
 

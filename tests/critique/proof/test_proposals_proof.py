@@ -3,7 +3,10 @@
 import pandas as pd
 import pytest
 
-from thesis_lib.critique.proof.proposals import (
+from thesis_lib.critique.proposal.terms import TARGETS, all_terms
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
+from thesis_lib.studies.proof.proposals import (
     ENOUGH,
     KEY,
     OWN,
@@ -16,10 +19,7 @@ from thesis_lib.critique.proof.proposals import (
     right,
     told,
 )
-from thesis_lib.critique.proof.store import NOTHING, put_missing
-from thesis_lib.critique.proposal.terms import TARGETS, all_terms
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS
+from thesis_lib.studies.proof.store import NOTHING, put_missing
 
 
 def row(truth: str = "couple_by_spin", proposed: str = "couple_by_turning", a: float = -0.15, **more) -> dict:

@@ -7,16 +7,16 @@ import pytest
 
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
-from thesis_lib.critique.proof import space
-from thesis_lib.critique.proof.cases import Case
-from thesis_lib.critique.proof.cases import make as make_in_plane
-from thesis_lib.critique.proof.space import LIST, engine_of, write_list
 from thesis_lib.datasets.format.frames import body_states, tracked_states
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES
 from thesis_lib.simulate.tosses.drawn import NOTHING, NOTHING_HIDDEN, OF_EACH_CAUSE, SpaceCase, cases, make
 from thesis_lib.simulate.tosses.lifted import lifted
+from thesis_lib.studies.proof import space
+from thesis_lib.studies.proof.cases import Case
+from thesis_lib.studies.proof.cases import make as make_in_plane
+from thesis_lib.studies.proof.space import LIST, engine_of, write_list
 
 
 def test_the_stored_list_is_what_the_seed_draws(tmp_path):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from thesis_lib.figures.chapter2.forces import figure_2_12
+from thesis_lib.thesis.figures.chapter2.forces import figure_2_12
 
 STEPS = 60
 

@@ -9,12 +9,9 @@ from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.figures.chapter2.motions import figure_2_2, figure_2_4, figure_2_5, figure_2_9, figure_2_14
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.identify.base_parameters.excitation_table import excitation_cases
-from thesis_lib.identify.base_parameters.projection import project_motion
-from thesis_lib.simulate.chapter2.motions import DEFAULT, disk, ellipse, releases
-from thesis_lib.simulate.chapter2.scenes import (
+from thesis_lib.simulate.mechanisms.motions import DEFAULT, disk, ellipse, releases
+from thesis_lib.simulate.mechanisms.scenes import (
     SCENES,
     Mode,
     SceneSettings,
@@ -25,6 +22,9 @@ from thesis_lib.simulate.chapter2.scenes import (
     traces,
 )
 from thesis_lib.simulate.stepping.stepping import simulate
+from thesis_lib.thesis.figures.chapter2.motions import figure_2_2, figure_2_4, figure_2_5, figure_2_9, figure_2_14
+from thesis_lib.thesis.identify.base_parameters.excitation_table import excitation_cases
+from thesis_lib.thesis.identify.base_parameters.projection import project_motion
 
 EXACT = 1e-12
 STUCK = 1e-9  # m, m/s: rounding of a sticking contact is far below

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter2.hidden import figure_hidden, figure_residuals
+from thesis_lib.figures.critique.mechanisms import figure_residuals
+from thesis_lib.thesis.figures.chapter2.hidden import figure_hidden
 
 
 @pytest.fixture()

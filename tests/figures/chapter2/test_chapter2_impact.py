@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter2.impact import figure_2_15, figure_measured_ratio
-from thesis_lib.identify.impacts.forces import ImpactForces, drop_ellipses, shown_impact, study_impact_forces
+from thesis_lib.thesis.figures.chapter2.impact import figure_2_15, figure_measured_ratio
+from thesis_lib.thesis.identify.impacts.forces import ImpactForces, drop_ellipses, shown_impact, study_impact_forces
 
 
 @pytest.mark.slow

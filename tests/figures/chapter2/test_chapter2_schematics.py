@@ -5,7 +5,10 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from thesis_lib.figures.chapter2.schematics import (
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.mechanisms.motions import block, disk, ellipse, rod, wheel
+from thesis_lib.simulate.mechanisms.scenes import falling_polygon, reaching_arm
+from thesis_lib.thesis.figures.chapter2.schematics import (
     closest_point,
     figure_2_1,
     figure_2_3,
@@ -14,9 +17,6 @@ from thesis_lib.figures.chapter2.schematics import (
     figure_2_8,
     outline_at,
 )
-from thesis_lib.foundation.errors import UserError
-from thesis_lib.simulate.chapter2.motions import block, disk, ellipse, rod, wheel
-from thesis_lib.simulate.chapter2.scenes import falling_polygon, reaching_arm
 
 EXACT = 1e-12  # m, rad: closed forms up to double precision
 OUTLINE = 2e-3  # m: the lowest of the ellipse's outline of 180 points is that far from its lowest point at most

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from thesis_lib.figures.chapter2.forces import figure_2_10, figure_2_11
-from thesis_lib.identify.wheel.study import WheelStudy, identify, motion_by_mass, wheel_record
-from thesis_lib.simulate.chapter2.motions import DEFAULT, releases, wheel
+from thesis_lib.simulate.mechanisms.motions import DEFAULT, releases, wheel
+from thesis_lib.thesis.figures.chapter2.forces import figure_2_10, figure_2_11
+from thesis_lib.thesis.identify.wheel.study import WheelStudy, identify, motion_by_mass, wheel_record
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from small_study import BODY
 
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import admissible
-from thesis_lib.figures.chapter3.contact_space import EXAMPLE, figure_3_1, figure_3_2, figure_3_3, region_outline
-from thesis_lib.impact_study.predictive_range import region
+from thesis_lib.thesis.figures.chapter3.contact_space import EXAMPLE, figure_3_1, figure_3_2, figure_3_3, region_outline
+from thesis_lib.thesis.impact_study.predictive_range import region
 
 ROUNDING = 1e-9  # relative, of double precision through a few products
 AREA = 0.02  # relative: outline and cells approximate the same curved set on different grids

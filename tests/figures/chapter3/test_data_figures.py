@@ -7,17 +7,17 @@ import pandas as pd
 import pytest
 from small_study import BODY, TRUTH, made_impacts
 
+from thesis_lib.coefficients.cost import contact_momentum, target_of
 from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import beyond_sticking, contact_space
-from thesis_lib.figures.chapter3.contact_space import figure_3_11
-from thesis_lib.figures.chapter3.errors import figure_3_8, figure_3_9
-from thesis_lib.figures.chapter3.identification import figure_3_7, figure_3_10
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.impact_study.cost import contact_momentum, target_of
-from thesis_lib.impact_study.shown import spin_reversal_case, zero_friction_case
-from thesis_lib.records.catalogue import records
+from thesis_lib.thesis.figures.chapter3.contact_space import figure_3_11
+from thesis_lib.thesis.figures.chapter3.errors import figure_3_8, figure_3_9
+from thesis_lib.thesis.figures.chapter3.identification import figure_3_7, figure_3_10
+from thesis_lib.thesis.impact_study.shown import spin_reversal_case, zero_friction_case
+from thesis_lib.thesis.records.catalogue import records
 
 ROUNDING = 1e-9  # N s on impulses of order 0.1 N s: double precision
 MASS = 0.03  # of a density on the grid shown: its end is where 95 % of the typical model lie

@@ -7,8 +7,14 @@ from small_study import BODY
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import Header
-from thesis_lib.figures.chapter3.trajectories import energies, figure_3_5, figure_3_6, pick_trial, sample_velocities
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.thesis.figures.chapter3.trajectories import (
+    energies,
+    figure_3_5,
+    figure_3_6,
+    pick_trial,
+    sample_velocities,
+)
 
 ROUNDING = 1e-9  # m/s, rad/s, J: exact up to double precision of sums over eleven samples
 G, HIT = 9.81, 0.1

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from thesis_lib.bodies.shapes import Polygon
-from thesis_lib.figures.chapter4.dice import (
+from thesis_lib.thesis.figures.chapter4.dice import (
     MODEL_STYLE,
     figure_4_3,
     figure_4_4,
@@ -16,7 +16,7 @@ from thesis_lib.figures.chapter4.dice import (
     figure_budget,
     figure_calibration,
 )
-from thesis_lib.residual.throwing.calibration import coverage_table, pit_histogram
+from thesis_lib.thesis.residual.throwing.calibration import coverage_table, pit_histogram
 
 SQUARE = Polygon(vertices=((0.03, 0.03), (-0.03, 0.03), (-0.03, -0.03), (0.03, -0.03)))
 

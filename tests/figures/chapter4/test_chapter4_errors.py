@@ -6,10 +6,10 @@ import pytest
 from small_study import BODY
 
 from thesis_lib.contact.space import velocity_change, velocity_error
-from thesis_lib.figures.chapter3.contact_space import EXAMPLE
-from thesis_lib.figures.chapter4.ellipsoid import figure_4_1, figure_4_2
-from thesis_lib.figures.chapter4.errors import CLASSES, NAMED_STYLE, figure_4_5, figure_4_6, figure_named_physics
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.thesis.figures.chapter3.contact_space import EXAMPLE
+from thesis_lib.thesis.figures.chapter4.ellipsoid import figure_4_1, figure_4_2
+from thesis_lib.thesis.figures.chapter4.errors import CLASSES, NAMED_STYLE, figure_4_5, figure_4_6, figure_named_physics
 
 LAW = "anitescu_potra_newton"
 MODELS = [LAW, "best_post_hoc", "irb_bound", *(name for names in CLASSES.values() for name in names)]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from matplotlib.patches import Rectangle
 
-from thesis_lib.figures.chapter5.model import (
+from thesis_lib.thesis.figures.chapter5.model import (
     COLORS,
     MU,
     MU_RANGE,

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter5.schematics import HALF, RADIUS, figure_5_2, figure_5_3, figure_5_4, figure_5_5c
+from thesis_lib.thesis.figures.chapter5.schematics import HALF, RADIUS, figure_5_2, figure_5_3, figure_5_4, figure_5_5c
 
 FIGURES = {"5-2": figure_5_2, "5-3": figure_5_3, "5-4": figure_5_4, "5-5c": figure_5_5c}
 SMALLEST_TEXT = 7.0  # pt

@@ -4,7 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from thesis_lib.figures.chapter5.showcase import ARROW, LENGTH, SHOWN, WIDE, figure_5_8, figure_5_9, outline_from_above
+from thesis_lib.thesis.figures.chapter5.showcase import (
+    ARROW,
+    LENGTH,
+    SHOWN,
+    WIDE,
+    figure_5_8,
+    figure_5_9,
+    outline_from_above,
+)
 
 NAMES = ("no block", "easy move", "hard move", "no move")
 

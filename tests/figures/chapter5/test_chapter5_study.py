@@ -7,8 +7,15 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 
-from thesis_lib.figures.chapter5.showcase import PLACED, PUSHED, WOOD, figure_5_5a, figure_game
-from thesis_lib.figures.chapter5.study import GOAL, figure_5_5b, figure_5_6, figure_movable, figure_paired, policy_style
+from thesis_lib.thesis.figures.chapter5.showcase import PLACED, PUSHED, WOOD, figure_5_5a, figure_game
+from thesis_lib.thesis.figures.chapter5.study import (
+    GOAL,
+    figure_5_5b,
+    figure_5_6,
+    figure_movable,
+    figure_paired,
+    policy_style,
+)
 
 THESIS = {  # figure 5-6: attempts and successes
     ("exploration", "all"): (403, 172, 97, 85),

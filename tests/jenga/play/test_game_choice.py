@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from thesis_lib.config import read_config
 from thesis_lib.jenga.play.settings import GameChoice
+from thesis_lib.thesis.config import read_config
 
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = {"learners": ["hma", "network"], "sizes": [50, 100], "ablations": ["hma_one_shot"], "ppo_sizes": [1000]}

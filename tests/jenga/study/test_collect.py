@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from tower_for_tests import FREE_BLOCK, SEED, STUCK_BLOCK, Settled
 
-from thesis_lib.figures.chapter5.showcase import figure_5_5a, figure_game
 from thesis_lib.jenga.robot.movable import comes_out, fractions, hidden_label, is_movable, scan, trial_push
 from thesis_lib.jenga.robot.samples import FREE, STATE, STUCK, UNKNOWN, PushSamples, as_table
 from thesis_lib.jenga.study import collect as collecting
@@ -13,6 +12,7 @@ from thesis_lib.jenga.study.collect import REFUSED, collect, explore_tower
 from thesis_lib.jenga.study.tower_study import agreement
 from thesis_lib.jenga.tower.settings import CollectSettings, MovableSettings, Setup, TowerSettings
 from thesis_lib.jenga.tower.tower import BLOCKS, TowerError, reduce
+from thesis_lib.thesis.figures.chapter5.showcase import figure_5_5a, figure_game
 
 REDUCED = Setup(collect=CollectSettings(reduced=True))
 

@@ -14,10 +14,11 @@ from thesis_lib.datasets.format.header import Header
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.residual.dice.budget import budget
-from thesis_lib.residual.dice.data import read_throws
-from thesis_lib.residual.dice.fit import DiceModel, touch_down
-from thesis_lib.residual.dice.models import (
+from thesis_lib.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.thesis.residual.dice.budget import budget
+from thesis_lib.thesis.residual.dice.data import read_throws
+from thesis_lib.thesis.residual.dice.fit import DiceModel, touch_down
+from thesis_lib.thesis.residual.dice.models import (
     Thrower,
     contact_residuals,
     critique_model,
@@ -25,14 +26,13 @@ from thesis_lib.residual.dice.models import (
     noise_limit,
     scattered,
 )
-from thesis_lib.residual.dice.results import dice_tables, examples, over_parts, tables_of_part
-from thesis_lib.residual.dice.settings import DiceDataSettings, DiceStudySettings
-from thesis_lib.residual.dice.study import dice_study, parts_of, side_of
-from thesis_lib.residual.dice.tables import contact_pits, difficulty, spread
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
-from thesis_lib.residual.throwing.flight import first_touch
-from thesis_lib.residual.throwing.settings import ThrowSettings
-from thesis_lib.residual.throwing.throw import simulate_throws, state_at
+from thesis_lib.thesis.residual.dice.results import dice_tables, examples, over_parts, tables_of_part
+from thesis_lib.thesis.residual.dice.settings import DiceDataSettings, DiceStudySettings
+from thesis_lib.thesis.residual.dice.study import dice_study, parts_of, side_of
+from thesis_lib.thesis.residual.dice.tables import contact_pits, difficulty, spread
+from thesis_lib.thesis.residual.throwing.flight import first_touch
+from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
+from thesis_lib.thesis.residual.throwing.throw import simulate_throws, state_at
 
 MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, "mirtich", 0.15, 0.45, 9.81, c_v=0.35, c_w=0.35)
 SIGMA = np.array([1e-4, 1e-4, 1e-3])
@@ -367,7 +367,7 @@ def test_throws_that_start_equal_and_end_equal_leave_no_error(recorded, monkeypa
     settings = DiceStudySettings(bootstrap=0)
     rng = np.random.default_rng(0)
     few = round(0.8 * len(releases))
-    monkeypatch.setattr("thesis_lib.residual.dice.budget.ALIKE", few)
+    monkeypatch.setattr("thesis_lib.thesis.residual.dice.budget.ALIKE", few)
     table = budget([thrower], releases, again, contacts, side_of(dataset), settings, rng).set_index("model")
     assert table.loc["pairs", "std"] < 1e-6 and table.loc["pairs", "face_right"] == 1.0
 

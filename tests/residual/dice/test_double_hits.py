@@ -8,15 +8,15 @@ from throws_for_tests import BODY, RIG
 
 from thesis_lib.contact import LAWS
 from thesis_lib.datasets.format.impacts import Impacts
-from thesis_lib.residual.dice.models import hit_again
-from thesis_lib.residual.learners.bases import LawBase
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.learners.learners import ImpulseLearner
-from thesis_lib.residual.throwing.belief import covariance_root
-from thesis_lib.residual.throwing.flight import fly
-from thesis_lib.residual.throwing.propagation import LearnedImpact
-from thesis_lib.residual.throwing.settings import ThrowSettings
-from thesis_lib.residual.throwing.throw import LawImpact, state_at
+from thesis_lib.learners.bases import LawBase
+from thesis_lib.learners.gaussian_process import GaussianProcessSettings
+from thesis_lib.learners.learners import ImpulseLearner
+from thesis_lib.thesis.residual.dice.models import hit_again
+from thesis_lib.thesis.residual.throwing.belief import covariance_root
+from thesis_lib.thesis.residual.throwing.flight import fly
+from thesis_lib.thesis.residual.throwing.propagation import LearnedImpact
+from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
+from thesis_lib.thesis.residual.throwing.throw import LawImpact, state_at
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.45, RIG.k_g)
 WITHIN = 0.03

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from throws_for_tests import throws
 
-from thesis_lib.residual.dice.data import MeasuredContacts
-from thesis_lib.residual.dice.fit import DiceModel, contact_path
-from thesis_lib.residual.dice.results import restitution
-from thesis_lib.residual.throwing.compliant_contact import CornerContact
-from thesis_lib.residual.throwing.flight import first_touch, fly
-from thesis_lib.residual.throwing.settings import ThrowSettings
+from thesis_lib.thesis.residual.dice.data import MeasuredContacts
+from thesis_lib.thesis.residual.dice.fit import DiceModel, contact_path
+from thesis_lib.thesis.residual.dice.results import restitution
+from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact
+from thesis_lib.thesis.residual.throwing.flight import first_touch, fly
+from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 
 LAW = DiceModel(0.03, 0.0, 0.0, 0.0245, "anitescu_potra_newton", 0.1, 0.45, 9.81, d_theta=-0.02)
 

@@ -7,16 +7,16 @@ import pytest
 from throws_for_tests import HALF, RIG, throws
 
 from thesis_lib.foundation.columns import explain
-from thesis_lib.records.chapter4 import PUBLISHED as SHOWN
-from thesis_lib.residual.dice.data import ThrowReleases
-from thesis_lib.residual.dice.fit import DiceModel
-from thesis_lib.residual.dice.models import Thrower
-from thesis_lib.residual.dice.readings import LAW, PUBLISHED, _chi2, readings
-from thesis_lib.residual.dice.results import STATES, belief_widths
-from thesis_lib.residual.dice.settings import DiceStudySettings
-from thesis_lib.residual.throwing.propagation import ScatteredLaw
-from thesis_lib.residual.throwing.settings import ThrowSettings
-from thesis_lib.residual.throwing.throw import simulate_throws
+from thesis_lib.thesis.records.chapter4 import PUBLISHED as SHOWN
+from thesis_lib.thesis.residual.dice.data import ThrowReleases
+from thesis_lib.thesis.residual.dice.fit import DiceModel
+from thesis_lib.thesis.residual.dice.models import Thrower
+from thesis_lib.thesis.residual.dice.readings import LAW, PUBLISHED, _chi2, readings
+from thesis_lib.thesis.residual.dice.results import STATES, belief_widths
+from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
+from thesis_lib.thesis.residual.throwing.propagation import ScatteredLaw
+from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
+from thesis_lib.thesis.residual.throwing.throw import simulate_throws
 
 MODEL = DiceModel(HALF, 0.0, 0.0, RIG.k_g, LAW, 0.3, 0.6, 9.81)
 N = 30

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.residual.learners import covariance
+from thesis_lib.learners import covariance
 
 ROUNDING = 1e-10  # relative; the matrices' condition number is about 1e3
 

@@ -8,8 +8,8 @@ from impacts_for_tests import K_G, MASS, made_impacts
 
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.residual.learners.feasible import feasible, from_latent, project, to_latent
-from thesis_lib.residual.learners.features import impulse_of, velocity_after
+from thesis_lib.learners.feasible import feasible, from_latent, project, to_latent
+from thesis_lib.learners.features import impulse_of, velocity_after
 
 SAME = 1e-9
 

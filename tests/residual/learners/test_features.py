@@ -7,7 +7,7 @@ import pytest
 from impacts_for_tests import K_G, MASS, made_impacts
 
 from thesis_lib.contact.space import residual_couple
-from thesis_lib.residual.learners.features import features, impulse_of, velocity_after, velocity_map
+from thesis_lib.learners.features import features, impulse_of, velocity_after, velocity_map
 
 ROUNDING = 1e-12
 

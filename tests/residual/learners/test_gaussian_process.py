@@ -4,14 +4,9 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.residual.learners import gaussian_process
-from thesis_lib.residual.learners.gaussian_process import (
-    SAME,
-    SAME_TRAINED,
-    GaussianProcessSettings,
-    fit_gaussian_process,
-)
-from thesis_lib.residual.learners.marginal_likelihood import objective, search
+from thesis_lib.learners import gaussian_process
+from thesis_lib.learners.gaussian_process import SAME, SAME_TRAINED, GaussianProcessSettings, fit_gaussian_process
+from thesis_lib.learners.marginal_likelihood import objective, search
 
 EXACT = 1e-6  # of the outputs' spread: exact methods differ by rounding only
 

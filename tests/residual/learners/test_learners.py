@@ -9,12 +9,12 @@ from impacts_for_tests import K_G, MASS, SHAPE, made_impacts
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.residual.learners.bases import AugmentedBase, LawBase
-from thesis_lib.residual.learners.feasible import feasible
-from thesis_lib.residual.learners.features import velocity_after
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.learners.learners import FeasibleLearner, ImpulseLearner, LawLearner, learners
-from thesis_lib.residual.throwing.belief import through_dynamics
+from thesis_lib.learners.bases import AugmentedBase, LawBase
+from thesis_lib.learners.feasible import feasible
+from thesis_lib.learners.features import velocity_after
+from thesis_lib.learners.gaussian_process import GaussianProcessSettings
+from thesis_lib.learners.learners import FeasibleLearner, ImpulseLearner, LawLearner, learners
+from thesis_lib.thesis.residual.throwing.belief import through_dynamics
 
 LAW = "anitescu_potra_newton"
 FAST = GaussianProcessSettings(restarts=1, iterations=40, device="cpu")
@@ -108,8 +108,8 @@ def test_standard_deviations_mean_what_they_say(name, trained, noisy):
 
 
 def test_samples_of_the_feasible_learner_need_no_projection(trained, noisy):
-    from thesis_lib.residual.learners.feasible import from_latent
-    from thesis_lib.residual.learners.features import features
+    from thesis_lib.learners.feasible import from_latent
+    from thesis_lib.learners.features import features
 
     _, test = noisy
     for name in ("feasible_rigid", "feasible_wrench"):

@@ -8,10 +8,10 @@ import pytest
 from impacts_for_tests import K_G, SHAPE, made_impacts
 
 from thesis_lib.critique.results.saved_model import SavedModel
-from thesis_lib.residual.learners import learning_study as study
-from thesis_lib.residual.learners.bases import AugmentedBase
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.learners.settings import LearningStudySettings
+from thesis_lib.learners.bases import AugmentedBase
+from thesis_lib.learners.gaussian_process import GaussianProcessSettings
+from thesis_lib.thesis.residual import learning_study as study
+from thesis_lib.thesis.residual.settings import LearningStudySettings
 
 SETTINGS = LearningStudySettings(
     laws=("anitescu_potra_newton", "wang_mason"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.residual.throwing.belief import RestBelief, covariance_root, through_dynamics
+from thesis_lib.thesis.residual.throwing.belief import RestBelief, covariance_root, through_dynamics
 
 
 def test_a_singular_covariance_has_a_root():

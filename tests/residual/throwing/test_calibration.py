@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.residual.throwing.calibration import (
+from thesis_lib.thesis.residual.throwing.calibration import (
     coverage_table,
     crps,
     pit_histogram,

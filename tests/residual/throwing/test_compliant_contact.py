@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from throws_for_tests import BODY, RIG, throws
 
 from thesis_lib.contact import LAWS
-from thesis_lib.residual.throwing.compliant_contact import CornerContact, compliant_path, press
-from thesis_lib.residual.throwing.flight import first_touch, fly
-from thesis_lib.residual.throwing.throw import LawImpact
+from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact, compliant_path, press
+from thesis_lib.thesis.residual.throwing.flight import first_touch, fly
+from thesis_lib.thesis.residual.throwing.throw import LawImpact
 
 CONTACT = CornerContact(omega=1000.0, damping=0.2, dashpot=0.15, mu=0.2, tau=0.3)
 LONG = np.full(1, 0.02)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thesis_lib.residual.throwing.contact_map import contact_features, residual_unit, split, student
+from thesis_lib.thesis.residual.throwing.contact_map import contact_features, residual_unit, split, student
 
 
 def t_rows(n: int, scale: np.ndarray, freedom: float, rng: np.random.Generator) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from throws_for_tests import HALF, starts, thrown_square
 
-from thesis_lib.residual.throwing.flight import TOUCH, ThrownBody, first_touch, fly
+from thesis_lib.thesis.residual.throwing.flight import TOUCH, ThrownBody, first_touch, fly
 
 
 @pytest.mark.parametrize("drag", [(0.0, 0.0), (0.5, 0.7)])

@@ -7,16 +7,16 @@ import pytest
 from throws_for_tests import BODY, HALF, RIG, throws
 
 from thesis_lib.contact import LAWS
-from thesis_lib.residual.dice.data import LongFlights, MeasuredContacts, flight_drag
-from thesis_lib.residual.dice.fit import DiceModel, choose_mechanisms, cma_es, contact_path, fit_dice
-from thesis_lib.residual.dice.models import contact_map, train_missed
-from thesis_lib.residual.dice.settings import DiceFitSettings, DiceStudySettings
-from thesis_lib.residual.learners.gaussian_process import GaussianProcessSettings
-from thesis_lib.residual.throwing.compliant_contact import CornerContact
-from thesis_lib.residual.throwing.flight import first_touch, fly
-from thesis_lib.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, wrench_map
-from thesis_lib.residual.throwing.settings import ThrowSettings
-from thesis_lib.residual.throwing.throw import LawImpact, push, simulate_throws
+from thesis_lib.learners.gaussian_process import GaussianProcessSettings
+from thesis_lib.thesis.residual.dice.data import LongFlights, MeasuredContacts, flight_drag
+from thesis_lib.thesis.residual.dice.fit import DiceModel, choose_mechanisms, cma_es, contact_path, fit_dice
+from thesis_lib.thesis.residual.dice.models import contact_map, train_missed
+from thesis_lib.thesis.residual.dice.settings import DiceFitSettings, DiceStudySettings
+from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact
+from thesis_lib.thesis.residual.throwing.flight import first_touch, fly
+from thesis_lib.thesis.residual.throwing.propagation import PENETRATION, Sampled, ScatteredLaw, wrench_map
+from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
+from thesis_lib.thesis.residual.throwing.throw import LawImpact, push, simulate_throws
 
 LAW = LawImpact(LAWS["mirtich"], 0.15, 0.5, RIG.k_g)
 WIDE = np.diag([0.2, 0.2, 0.005]) ** 2

@@ -5,8 +5,8 @@ import pytest
 from throws_for_tests import BODY, HALF, RIG, starts, throws
 
 from thesis_lib.contact import LAWS
-from thesis_lib.residual.throwing.settings import ThrowSettings
-from thesis_lib.residual.throwing.throw import LawImpact, simulate_throws, slide, state_at
+from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
+from thesis_lib.thesis.residual.throwing.throw import LawImpact, simulate_throws, slide, state_at
 
 RNG = np.random.default_rng(0)
 

@@ -5,7 +5,7 @@ leave-one-out predictions on the other half estimate the learnable part of the e
 the second half are permuted over its impacts.
 
 The process is scikit-learn's: residuals are clipped, so that one noise holds for all.  The learners of chapter 4 have
-one of their own, in which wild impacts have more noise (`thesis_lib/residual/learners/gaussian_process.py`).
+one of their own, in which wild impacts have more noise (`thesis_lib/learners/gaussian_process.py`).
 """
 
 import warnings

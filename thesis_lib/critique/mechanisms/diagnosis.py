@@ -239,7 +239,7 @@ def misfit_table(critique: MechanismCritique) -> pd.DataFrame:
 
 
 def residual_tables(critique: MechanismCritique) -> tuple[pd.DataFrame, pd.DataFrame, float]:
-    """Held-out residuals, gains, and the 1 % limit in nats, as `figures.chapter2_hidden.figure_residuals` draws."""
+    """Held-out residuals, gains, and the 1 % limit in nats, as `figures.critique.mechanisms.figure_residuals` draws."""
     held, names = critique.held_out, critique.model.coordinates
     base = critique.discovery.bases[critique.discovery.base]
     residuals = pd.DataFrame(

@@ -23,7 +23,7 @@ import numpy as np
 
 from thesis_lib.critique.mechanisms.model import BelievedModel
 from thesis_lib.effects.effect import Parameter
-from thesis_lib.simulate.chapter2.hidden_forces import MechanismKind
+from thesis_lib.simulate.mechanisms.hidden_forces import MechanismKind
 
 # rad/s; a hundredth of typical speeds: nearly a sign function, but smooth enough for a step at rest
 SMOOTH_JOINT, SMOOTH_ROLLING = 0.02, 0.03

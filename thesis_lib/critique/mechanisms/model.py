@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from thesis_lib.identify.base_parameters.regressor import FREE_BODY_PARAMETERS, free_body_regressor, parameter_names
+from thesis_lib.simulate.mechanisms.regressor import FREE_BODY_PARAMETERS, free_body_regressor, parameter_names
 from thesis_lib.simulate.stepping.arm_disk import LINKS, ArmDisk
 from thesis_lib.simulate.stepping.multibody import Mechanism
 from thesis_lib.simulate.stepping.rimless_wheel import RimlessWheel

@@ -22,7 +22,7 @@ import numpy as np
 from thesis_lib.critique.mechanisms.effects import PAYLOAD
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import ForceFit, total_force
-from thesis_lib.identify.base_parameters.combinations import BaseParameters, base_parameters
+from thesis_lib.simulate.mechanisms.base_parameters import BaseParameters, base_parameters
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 IMPACT = 10.0  # times a pair's median normal force: steps above it are impacts and are skipped

@@ -4,7 +4,7 @@ from pydantic import Field
 
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.foundation.settings import Section
-from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind
+from thesis_lib.simulate.mechanisms.hidden_forces import HiddenSizes, MechanismKind
 
 
 class EquationWindowSettings(Section):

@@ -30,7 +30,7 @@ from typing import Literal
 import numpy as np
 
 from thesis_lib.critique.mechanisms.settings import EquationWindowSettings
-from thesis_lib.simulate.chapter2.noise_snr import add_noise
+from thesis_lib.simulate.mechanisms.noise_snr import add_noise
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 Velocities = Literal["measured", "derived", "time_stepping"]

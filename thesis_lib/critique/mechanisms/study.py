@@ -32,9 +32,9 @@ from thesis_lib.critique.mechanisms.steps import measured
 from thesis_lib.critique.mechanisms.windows import WeakForm
 from thesis_lib.critique.mechanisms.world import fit_effects
 from thesis_lib.foundation.randomness import streams
-from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms import motions as chapter2
+from thesis_lib.simulate.mechanisms.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 from thesis_lib.statistics.intervals import wilson
 

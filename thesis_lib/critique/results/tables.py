@@ -20,6 +20,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from thesis_lib.coefficients.cost import target_of
+from thesis_lib.coefficients.individual import fit_individual
 from thesis_lib.contact.bounds import best_post_hoc
 from thesis_lib.critique.drops.criticise import DropsCritique, irb_errors
 from thesis_lib.critique.drops.features import features
@@ -37,8 +39,6 @@ from thesis_lib.critique.results.numbers import contact_residuals, impact_errors
 from thesis_lib.critique.selection.discovery import paired_gain
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.columns import explain
-from thesis_lib.impact_study.cost import target_of
-from thesis_lib.impact_study.individual import fit_individual
 from thesis_lib.statistics.bootstrap import bootstrap_mean
 
 COMPARISON = (

@@ -10,7 +10,7 @@ from thesis_lib.critique.mechanisms.diagnosis import mechanism_diagnosis, misfit
 from thesis_lib.critique.mechanisms.effects import CANDIDATES
 from thesis_lib.critique.results.findings import Findings
 from thesis_lib.critique.results.titles import symbol
-from thesis_lib.figures.chapter2.hidden import figure_residuals
+from thesis_lib.figures.critique.mechanisms import figure_residuals
 from thesis_lib.figures.style import Drawn
 from thesis_lib.report.critique.folder import Contents, critique_page
 from thesis_lib.report.elements import amount, bullets, estimate, fitted, interval, paragraph, percent, picture, table

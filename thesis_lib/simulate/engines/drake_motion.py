@@ -38,16 +38,16 @@ from pydrake.multibody.tree import PlanarJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import (
+from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.mechanisms import motions as chapter2
+from thesis_lib.simulate.mechanisms.hidden_forces import (
     HiddenSizes,
     MechanismKind,
     cogging,
     coulomb_joint_friction,
     loaded_arm,
 )
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
-from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.arm_disk import spatial_inertia
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 

@@ -24,10 +24,10 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import HiddenSizes, MechanismKind
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
 from thesis_lib.simulate.engines.settings import LINK_DEPTH, TIP_RADIUS, DrawnContact, EngineMotion
+from thesis_lib.simulate.mechanisms import motions as chapter2
+from thesis_lib.simulate.mechanisms.hidden_forces import HiddenSizes, MechanismKind
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 IMPEDANCE = 0.95  # d of MuJoCo's contact: the share of the constraint that is kept, without change over depth

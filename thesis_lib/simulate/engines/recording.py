@@ -16,11 +16,11 @@ from thesis_lib.datasets.recordings.header import Arm, RecordingHeader, Sampling
 from thesis_lib.datasets.recordings.recording import Recording
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.chapter2 import motions as chapter2
-from thesis_lib.simulate.chapter2.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
-from thesis_lib.simulate.chapter2.motions import DEFAULT, Chapter2Bodies
 from thesis_lib.simulate.engines.sensors import DrawnSensors, Sensors
 from thesis_lib.simulate.engines.settings import EngineContact, EngineMotion, EngineName
+from thesis_lib.simulate.mechanisms import motions as chapter2
+from thesis_lib.simulate.mechanisms.hidden_forces import TRUTHS, HiddenSizes, MechanismKind, planned, run_with
+from thesis_lib.simulate.mechanisms.motions import DEFAULT, Chapter2Bodies
 from thesis_lib.simulate.stepping.stepping import SimulatedMotion
 
 # m, rad, m/s, rad/s; a motion tracker at about 60 dB, as good as the encoders of a laboratory

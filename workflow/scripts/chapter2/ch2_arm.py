@@ -5,13 +5,13 @@ import sys
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
 
-from thesis_lib.figures.chapter2.forces import figure_2_12
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.identify.arm.settings import ArmStudy
-from thesis_lib.identify.arm.study import arm_force_study, arm_force_summary
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.thesis.figures.chapter2.forces import figure_2_12
+from thesis_lib.thesis.identify.arm.settings import ArmStudy
+from thesis_lib.thesis.identify.arm.study import arm_force_study, arm_force_summary
 
 params, out = snakemake.params, snakemake.output
 settings = ArmStudy.model_validate(params.settings)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from thesis_lib.critique.mechanisms.settings import HiddenStudy
 from thesis_lib.critique.mechanisms.study import hidden_effect_study
-from thesis_lib.figures.chapter2.hidden import figure_hidden
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.report.critique.folder import write_critique
 from thesis_lib.report.critique.mechanisms import mechanism_contents, mechanism_findings
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.thesis.figures.chapter2.hidden import figure_hidden
 
 params, out = snakemake.params, snakemake.output
 settings = HiddenStudy.model_validate(params.settings)

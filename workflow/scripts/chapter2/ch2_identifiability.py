@@ -5,9 +5,9 @@ import sys
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
 from thesis_lib.foundation.files import write_result
-from thesis_lib.identify.base_parameters.excitation_table import excitation_table
-from thesis_lib.identify.programs.homogeneous import ratios_table
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.thesis.identify.base_parameters.excitation_table import excitation_table
+from thesis_lib.thesis.identify.programs.homogeneous import ratios_table
 
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
 table = excitation_table(bodies)

@@ -5,12 +5,12 @@ import sys
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
 
-from thesis_lib.figures.chapter2.impact import figure_2_15
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.identify.impacts import forces as study
-from thesis_lib.identify.impacts.settings import ImpactForces
+from thesis_lib.thesis.figures.chapter2.impact import figure_2_15
+from thesis_lib.thesis.identify.impacts import forces as study
+from thesis_lib.thesis.identify.impacts.settings import ImpactForces
 
 settings = ImpactForces.model_validate(snakemake.params.settings)
 drops = study.drop_ellipses(settings, generator(snakemake.params.seed, "ch2_impact_forces"))

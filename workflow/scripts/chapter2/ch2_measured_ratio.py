@@ -7,12 +7,12 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures.chapter2.impact import figure_measured_ratio
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.identify.impacts.measured_ratio import measured_ratio
-from thesis_lib.identify.impacts.settings import MeasuredRatio
+from thesis_lib.thesis.figures.chapter2.impact import figure_measured_ratio
+from thesis_lib.thesis.identify.impacts.measured_ratio import measured_ratio
+from thesis_lib.thesis.identify.impacts.settings import MeasuredRatio
 
 params, found = snakemake.params, snakemake.input
 rng = generator(params.seed, "ch2_measured_ratio", snakemake.wildcards.dataset)

@@ -7,13 +7,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from functools import partial
 
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures.chapter2 import motions as figures
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.identify.base_parameters.excitation_table import landings
-from thesis_lib.identify.base_parameters.projection import project_motion
-from thesis_lib.simulate.chapter2 import scenes
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms import scenes
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.thesis.figures.chapter2 import motions as figures
+from thesis_lib.thesis.identify.base_parameters.excitation_table import landings
+from thesis_lib.thesis.identify.base_parameters.projection import project_motion
 
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)
 chosen = scenes.SceneSettings.model_validate(snakemake.params.scenes)

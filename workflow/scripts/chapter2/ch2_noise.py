@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.identify.mass_ratio.table_2_1 import left_out_table, make_drops, study, table_2_1
-from thesis_lib.identify.settings import Table21
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.thesis.identify.mass_ratio.table_2_1 import left_out_table, make_drops, study, table_2_1
+from thesis_lib.thesis.identify.settings import Table21
 
 params, shape, out = snakemake.params, snakemake.wildcards.shape, snakemake.output
 settings = Table21.model_validate(params.settings)

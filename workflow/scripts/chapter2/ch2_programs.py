@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.identify.programs.study import programs_table
-from thesis_lib.identify.settings import Programs
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.thesis.identify.programs.study import programs_table
+from thesis_lib.thesis.identify.settings import Programs
 
 params = snakemake.params
 kind = snakemake.wildcards.mechanism

@@ -5,10 +5,10 @@ import sys
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
 
-from thesis_lib.figures.chapter2 import schematics as figures
 from thesis_lib.figures.style import save_figures
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
-from thesis_lib.simulate.chapter2.scenes import schematic_poses
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.scenes import schematic_poses
+from thesis_lib.thesis.figures.chapter2 import schematics as figures
 
 poses = schematic_poses(Chapter2Bodies.model_validate(snakemake.params.bodies))
 drawn = {

@@ -6,13 +6,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from functools import partial
 
-from thesis_lib.figures.chapter2.forces import figure_2_10, figure_2_11
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.identify.settings import WheelStudy
-from thesis_lib.identify.wheel import study
-from thesis_lib.simulate.chapter2.motions import Chapter2Bodies
+from thesis_lib.simulate.mechanisms.motions import Chapter2Bodies
+from thesis_lib.thesis.figures.chapter2.forces import figure_2_10, figure_2_11
+from thesis_lib.thesis.identify.settings import WheelStudy
+from thesis_lib.thesis.identify.wheel import study
 
 settings = WheelStudy.model_validate(snakemake.params.settings)
 bodies = Chapter2Bodies.model_validate(snakemake.params.bodies)

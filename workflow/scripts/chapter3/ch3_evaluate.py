@@ -8,9 +8,9 @@ from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table, write_result
-from thesis_lib.impact_study import study, tables
-from thesis_lib.impact_study.energy import energy_statements
-from thesis_lib.impact_study.statements import statements
+from thesis_lib.thesis.impact_study import study, tables
+from thesis_lib.thesis.impact_study.energy import energy_statements
+from thesis_lib.thesis.impact_study.statements import statements
 
 source, out = snakemake.input, snakemake.output
 dataset = read_dataset(Path(source.header).parent)

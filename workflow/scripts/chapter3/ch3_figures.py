@@ -7,13 +7,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures.chapter3.contact_space import figure_3_11
-from thesis_lib.figures.chapter3.errors import figure_3_8, figure_3_9
-from thesis_lib.figures.chapter3.identification import figure_3_7, figure_3_10
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
-from thesis_lib.impact_study.statements import MAPPED, STUDIED
-from thesis_lib.impact_study.study import pick
+from thesis_lib.thesis.figures.chapter3.contact_space import figure_3_11
+from thesis_lib.thesis.figures.chapter3.errors import figure_3_8, figure_3_9
+from thesis_lib.thesis.figures.chapter3.identification import figure_3_7, figure_3_10
+from thesis_lib.thesis.impact_study.statements import MAPPED, STUDIED
+from thesis_lib.thesis.impact_study.study import pick
 
 source = snakemake.input
 dataset = read_dataset(Path(source.header).parent)

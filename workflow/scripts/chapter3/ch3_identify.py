@@ -10,8 +10,8 @@ from pathlib import Path
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study import study
-from thesis_lib.impact_study.settings import Chapter3
+from thesis_lib.thesis.impact_study import study
+from thesis_lib.thesis.impact_study.settings import Chapter3
 
 settings = Chapter3.model_validate(snakemake.params.settings)
 dataset, out = snakemake.wildcards.dataset, snakemake.output

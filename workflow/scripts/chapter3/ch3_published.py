@@ -9,8 +9,8 @@ from pathlib import Path
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study import stored_predictions as stored
-from thesis_lib.impact_study.stored_predictions import first_drops, first_kept
+from thesis_lib.thesis.impact_study import stored_predictions as stored
+from thesis_lib.thesis.impact_study.stored_predictions import first_drops, first_kept
 
 impacts = read_dataset(Path(snakemake.input.header).parent).stated_impacts()
 rng = generator(snakemake.params.seed, "ch3_published", "select")

@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.figures.chapter3 import contact_space as figures
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
+from thesis_lib.thesis.figures.chapter3 import contact_space as figures
 
 body = Body.model_validate(snakemake.params.body)
 coverage = read_table(snakemake.input.coverage, ["law", "share"])

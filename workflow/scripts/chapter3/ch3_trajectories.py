@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures.chapter3 import trajectories as figures
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import read_table
+from thesis_lib.thesis.figures.chapter3 import trajectories as figures
 
 dataset = read_dataset(snakemake.params.folder)
 impacts, arcs = read_table(snakemake.input.impacts), read_table(snakemake.input.arcs)

@@ -9,15 +9,15 @@ from pathlib import Path
 
 from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.read import read_dataset
-from thesis_lib.figures.chapter4 import dice
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.residual.dice import results
-from thesis_lib.residual.dice.models import critique_model
-from thesis_lib.residual.dice.settings import DiceStudySettings
-from thesis_lib.residual.dice.study import dice_study, side_of
+from thesis_lib.thesis.figures.chapter4 import dice
+from thesis_lib.thesis.residual.dice import results
+from thesis_lib.thesis.residual.dice.models import critique_model
+from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
+from thesis_lib.thesis.residual.dice.study import dice_study, side_of
 
 params, source, name = snakemake.params, snakemake.input, snakemake.wildcards.dataset
 settings = DiceStudySettings.model_validate(params.settings)

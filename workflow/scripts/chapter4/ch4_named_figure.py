@@ -6,9 +6,9 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 
 from thesis_lib.effects import EFFECTS
-from thesis_lib.figures.chapter4.errors import figure_named_physics
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_json, read_table
+from thesis_lib.thesis.figures.chapter4.errors import figure_named_physics
 
 columns = ["model", "n", "mean", "low", "high"]
 rungs, summary = (read_table(snakemake.input[name], columns) for name in ("rungs", "summary"))

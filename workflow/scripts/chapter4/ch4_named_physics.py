@@ -11,9 +11,9 @@ from thesis_lib.critique.results.load_model import load_model
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.foundation.files import read_json, read_table, write_result
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.impact_study.study import select_impacts
-from thesis_lib.residual.learners import learning_study as study
-from thesis_lib.residual.learners.settings import LearningStudySettings
+from thesis_lib.thesis.impact_study.study import select_impacts
+from thesis_lib.thesis.residual import learning_study as study
+from thesis_lib.thesis.residual.settings import LearningStudySettings
 
 params, out, dataset = snakemake.params, snakemake.output, snakemake.wildcards.dataset
 settings = LearningStudySettings.model_validate(params.settings)

@@ -6,8 +6,8 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 
 from thesis_lib.bodies.body import Body
-from thesis_lib.figures.chapter4.ellipsoid import figure_4_1, figure_4_2
 from thesis_lib.figures.style import save_figures
+from thesis_lib.thesis.figures.chapter4.ellipsoid import figure_4_1, figure_4_2
 
 body = Body.model_validate(snakemake.params.body)
 save_figures({"figure_4_1": figure_4_1(body), "figure_4_2": figure_4_2(body)}, snakemake.output[0])

@@ -4,8 +4,8 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.figures.chapter5 import schematics
 from thesis_lib.figures.style import save_figures
+from thesis_lib.thesis.figures.chapter5 import schematics
 
 names = ("figure_5_2", "figure_5_3", "figure_5_4", "figure_5_5c")
 save_figures({name: getattr(schematics, name)() for name in names}, snakemake.output[0])

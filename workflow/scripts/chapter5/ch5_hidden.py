@@ -6,13 +6,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter5.model import figure_hidden
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 from thesis_lib.jenga.study.hidden import hidden_tables
+from thesis_lib.thesis.figures.chapter5.model import figure_hidden
 
 params, source = snakemake.params, snakemake.input
 settings = Chapter5.model_validate(params.settings)

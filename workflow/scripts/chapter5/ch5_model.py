@@ -6,7 +6,6 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter5 import model as figures
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
@@ -16,6 +15,7 @@ from thesis_lib.jenga.robot.samples import read_samples
 from thesis_lib.jenga.study import model_study as study
 from thesis_lib.jenga.study.belief_study import belief_table
 from thesis_lib.jenga.study.expert_study import expert_tables
+from thesis_lib.thesis.figures.chapter5 import model as figures
 
 params, source = snakemake.params, snakemake.input
 settings = Chapter5.model_validate(params.settings)

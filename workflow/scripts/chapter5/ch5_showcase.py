@@ -7,7 +7,6 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from functools import partial
 from pathlib import Path
 
-from thesis_lib.figures.chapter5 import showcase as figures
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import write_result
 from thesis_lib.foundation.randomness import generator
@@ -17,6 +16,7 @@ from thesis_lib.jenga.play.settings import Chapter5
 from thesis_lib.jenga.robot.samples import read_samples
 from thesis_lib.jenga.study import showcase
 from thesis_lib.jenga.study.steering import steering_pushes, steering_summary, strayed_most
+from thesis_lib.thesis.figures.chapter5 import showcase as figures
 
 params, out = snakemake.params, snakemake.output
 settings, shown = Chapter5.model_validate(params.settings), params.settings["showcase"]

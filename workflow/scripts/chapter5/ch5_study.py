@@ -6,11 +6,11 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter5 import study as figures
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
 from thesis_lib.jenga.play.game import read_game
 from thesis_lib.jenga.study import study
+from thesis_lib.thesis.figures.chapter5 import study as figures
 
 games = [(int(Path(path).stem.split("_")[-2]), read_game(path)) for path in snakemake.input]
 folder = Path(snakemake.output[0]).parent

@@ -6,13 +6,13 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.figures.chapter5.showcase import figure_5_5a
-from thesis_lib.figures.chapter5.study import figure_movable
 from thesis_lib.figures.style import save_figure
 from thesis_lib.foundation.files import read_table, write_result
 from thesis_lib.jenga.study import tower_study as study
 from thesis_lib.jenga.tower.settings import Setup
 from thesis_lib.jenga.tower.tower import settled_tower
+from thesis_lib.thesis.figures.chapter5.showcase import figure_5_5a
+from thesis_lib.thesis.figures.chapter5.study import figure_movable
 
 setup, source, out = Setup.model_validate(snakemake.params.setup), snakemake.input, snakemake.output
 scans = {kind: [read_table(path, study.SCAN) for path in source[kind]] for kind in ("development", "test")}

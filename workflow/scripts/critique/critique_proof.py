@@ -6,12 +6,12 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 
 from pathlib import Path
 
-from thesis_lib.critique.proof.check import rerun
-from thesis_lib.critique.proof.results import outcomes, recovered
-from thesis_lib.critique.proof.summary import report
-from thesis_lib.figures.proof.pictures import pictures
 from thesis_lib.figures.style import save_figures
 from thesis_lib.foundation.files import write_result
+from thesis_lib.studies.figures.pictures import pictures
+from thesis_lib.studies.proof.check import rerun
+from thesis_lib.studies.proof.results import outcomes, recovered
+from thesis_lib.studies.proof.summary import report
 
 store, written = Path(snakemake.params.store), Path(snakemake.output.summary)
 print(report(store, written.parent))

@@ -7,7 +7,7 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.foundation.files import write_text
-from thesis_lib.report.run import chapter_report
+from thesis_lib.thesis.report.run import chapter_report
 
 findings, chapter = [Path(path) for path in snakemake.input.findings], int(snakemake.wildcards.chapter)
 params = snakemake.params

@@ -7,10 +7,10 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.foundation.files import write_table
-from thesis_lib.ledger.evaluate import evaluate
-from thesis_lib.ledger.format import read_ledger
-from thesis_lib.ledger.reading import read_present
-from thesis_lib.ledger.result import refuse_errors, summary_line, to_table, write_page
+from thesis_lib.thesis.ledger.evaluate import evaluate
+from thesis_lib.thesis.ledger.format import read_ledger
+from thesis_lib.thesis.ledger.reading import read_present
+from thesis_lib.thesis.ledger.result import refuse_errors, summary_line, to_table, write_page
 
 results = evaluate(
     read_ledger(Path(snakemake.input.ledger[0]).parent),

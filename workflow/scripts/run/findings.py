@@ -4,6 +4,6 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-from thesis_lib.records.catalogue import write_findings
+from thesis_lib.thesis.records.catalogue import write_findings
 
 write_findings(snakemake.output)

@@ -7,8 +7,8 @@ sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM1
 from pathlib import Path
 
 from thesis_lib.foundation.files import write_text
-from thesis_lib.records.catalogue import records
-from thesis_lib.report.run import run_report
+from thesis_lib.thesis.records.catalogue import records
+from thesis_lib.thesis.report.run import run_report
 
 findings, out = [Path(path) for path in snakemake.input.findings], snakemake.output
 write_text(run_report(Path("results"), findings, snakemake.params.scale, snakemake.params.absent), out.page)

@@ -1,1 +1,0 @@
-"""Reference pages in docs/, written from the code: see `thesis_lib.docs.pages`."""

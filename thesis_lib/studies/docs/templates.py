@@ -1,0 +1,139 @@
+"""Pages of README and docs/ filled with numbers from stored tables by Jinja: their templates in docs/templates/.
+
+    {% set fits = table("results/chapter2/measured_ratio.csv", "variant == 'as_published'") %}
+    m/I from the published impacts is {{ fits("ratio", ",.0f") }} ± {{ fits("std", ",.0f") }} 1/m²
+
+`table(name, where)` gives the rows of a file of the repository, or of a table in `TABLES`, that a pandas query leaves.
+Called with a column, or an expression of columns, and Python's format, they give a number as text: that of their one
+row, or what `take` (count, sum, mean, median, min, max) says of several; `where` leaves fewer rows, `times` is a
+factor, as 100 for per cent.  `rows` holds them for loops, and the filter `as` writes a value.  Minus signs are
+typographic.
+
+A table under `results/` is read from its copy in `config/results/`, which
+`python -m thesis_lib.studies.docs --results results` makes after a run at the default scale (`keep_results`).
+"""
+
+import re
+from collections.abc import Callable
+from functools import lru_cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+
+from thesis_lib.contact import LAWS, LAWS_IN_SPACE, Promise
+from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.effect import FAMILIES
+from thesis_lib.foundation.columns import meanings
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import write_text
+from thesis_lib.foundation.markdown import docstring, with_links
+from thesis_lib.statistics.wording import formatted
+from thesis_lib.studies.docs.signatures import size_that_matters, sizes_text
+from thesis_lib.studies.proof import direct_fits, mechanisms
+from thesis_lib.studies.proof.results import outcomes, recovered
+from thesis_lib.studies.proof.summary import summary
+from thesis_lib.thesis.ledger.expected import read_expected
+from thesis_lib.thesis.ledger.format import read_ledger
+
+ROOT = Path(__file__).resolve().parents[3]
+TEMPLATES = ROOT / "docs" / "templates"
+KEPT = ROOT / "config"  # results/chapter2/x.csv is kept as config/results/chapter2/x.csv
+_LARGEST = 100_000  # bytes of a table that is kept
+_RESULTS = re.compile(r'"(results/[\w./]+\.csv)"')
+
+
+def _claims() -> pd.DataFrame:
+    """Status at the default scale, and whether agreement says little, of each claim."""
+    stored = read_expected(ROOT / "config" / "claims_expected.yaml")["default"]
+    claims = read_ledger(ROOT / "config" / "claims").claims
+    rows = [(claim.id, stored.get(claim.id, "without data"), claim.weak is not None) for claim in claims]
+    return pd.DataFrame(rows, columns=["id", "status", "weak"])
+
+
+TABLES: dict[str, Callable[[], pd.DataFrame]] = {
+    "real contacts: parameters": lambda: recovered().query("contact_time >= 3e-4 and drops == 150"),
+    "proof: outcomes": outcomes,
+    "proof: summary": summary,
+    "direct fits: parameters": direct_fits.parameters,
+    "direct fits: contacts": direct_fits.contacts,
+    "direct fits: tosses": direct_fits.whole_tosses,
+    "arm and wheel: parameters": lambda: mechanisms.within(mechanisms.read()),
+    "claims": _claims,
+}
+
+
+@lru_cache
+def _read(name: str) -> pd.DataFrame:
+    if name in TABLES:
+        return TABLES[name]()
+    path = ((KEPT if name.startswith("results/") else ROOT) / name).resolve()
+    if not path.is_relative_to(ROOT) or not path.is_file():
+        kept = "; a table of results/ is kept by python -m thesis_lib.studies.docs --results results"
+        raise UserError(f"{name!r} is neither a file of the repository nor one of {', '.join(TABLES)}{kept}.")
+    return pd.read_csv(path)
+
+
+class StoredTable:
+    """Rows of a table, which give numbers as text (the module's head says how)."""
+
+    def __init__(self, name: str, where: str = "", rows: pd.DataFrame | None = None) -> None:
+        rows = _read(name) if rows is None else rows
+        self.name, self.rows = name, rows.query(where) if where else rows
+
+    def only(self, **values: Any) -> "StoredTable":
+        """The rows in which the named columns have these values."""
+        return StoredTable(self.name, " and ".join(f"{name} == {value!r}" for name, value in values.items()), self.rows)
+
+    def __call__(self, column: str, as_: str, where: str = "", take: str = "", times: float = 1.0) -> str:
+        """The number as text; UserError if its rows are not one row and `take` does not say what is made of them."""
+        found = (self.rows.query(where) if where else self.rows).eval(column)
+        if not take and len(found) != 1:
+            raise UserError(f"{self.name}: {where!r} leaves {len(found)} rows for {column!r}, not one.")
+        return formatted(times * float(getattr(found, take)() if take else found.iloc[0]), as_)
+
+
+KNOWN = {  # to templates
+    **{"table": StoredTable, "meanings": meanings, "with_links": with_links},
+    "docstring": lambda module: docstring(import_module(module)),
+    **{"LAWS": LAWS, "LAWS_IN_SPACE": LAWS_IN_SPACE, "Promise": Promise, "EFFECTS": EFFECTS, "FAMILIES": FAMILIES},
+    **{"size_that_matters": size_that_matters, "sizes_text": sizes_text},
+}
+
+
+def filled(template: str, where: str) -> str:
+    """The page of a template; UserError with its name `where` if a number or a table is not to be had."""
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    environment.filters.update({"as": formatted, "plain": "{:g}".format, "cell": lambda text: text.replace("|", "\\|")})
+    try:
+        return environment.from_string(template, KNOWN).render()
+    except (UserError, jinja2.TemplateError, KeyError, ValueError, SyntaxError, NameError, AttributeError) as error:
+        raise UserError(f"{where}: {type(error).__name__}: {error}") from error
+
+
+def keep_results(results: Path, kept: Path = KEPT, templates: Path = TEMPLATES) -> list[Path]:
+    """Copy the tables that templates read from a run's folder `results`; returns the copies that changed.
+
+    A table that the run does not have, as its dataset is absent, keeps its copy.  UserError if there is no copy either,
+    or if a table is too large to be kept.
+    """
+    changed = []
+    texts = [path.read_text(encoding="utf-8") for path in sorted(templates.rglob("*.md"))]
+    for name in sorted({name for text in texts for name in _RESULTS.findall(text)}):
+        source, copy = results / name.removeprefix("results/"), kept / name
+        if not source.is_file():
+            if not copy.is_file():
+                raise UserError(f"{templates} reads {name}, and {source} does not exist; run the rule that makes it.")
+            continue
+        content = source.read_bytes()
+        if len(content) > _LARGEST:
+            raise UserError(f"{source} has {len(content):,} bytes; a table to be kept has at most {_LARGEST:,}.")
+        if not copy.is_file() or copy.read_bytes() != content:
+            write_text(content.decode("utf-8"), copy)
+            changed.append(copy)
+    _read.cache_clear()
+    return changed

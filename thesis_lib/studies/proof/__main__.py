@@ -1,0 +1,281 @@
+"""Command line of the proofs: run cases, check stored rows, print tables, find the size of an effect.
+
+python -m thesis_lib.studies.proof run --seeds 10 --source law --truths com_offset
+python -m thesis_lib.studies.proof check --sample 10 --stamp
+python -m thesis_lib.studies.proof table
+python -m thesis_lib.studies.proof contacts
+python -m thesis_lib.studies.proof size com_offset
+python -m thesis_lib.studies.proof run --source mujoco --shape square --contact-time 1 --truths nothing
+python -m thesis_lib.studies.proof run-table --jobs 2
+python -m thesis_lib.studies.proof size com_offset_x --source mujoco --shape square
+python -m thesis_lib.studies.proof next --questions 24
+python -m thesis_lib.studies.proof engines run --jobs 2
+python -m thesis_lib.studies.proof mechanisms table
+python -m thesis_lib.studies.proof space --only nothing box
+python -m thesis_lib.studies.proof lifted --jobs 2
+python -m thesis_lib.studies.proof measured run data/measured/planar_dice --trials 150 --single
+"""
+
+import argparse
+import functools
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.foundation.command_line import FAILED, Parser, command
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.progress import Progress
+from thesis_lib.studies.proof import direct_fits, engines, measured, measured_models, mechanisms, proposals, space
+from thesis_lib.studies.proof.by_contact import as_markdown as by_contact
+from thesis_lib.studies.proof.cases import BODIES, CORNERED, OF_SOURCE, RATIO, SEEDS, SOURCES, Case, pairs, truths
+from thesis_lib.studies.proof.check import ages, check, check_sample, rows_to_check
+from thesis_lib.studies.proof.compute import compute, run
+from thesis_lib.studies.proof.find_size import find_size
+from thesis_lib.studies.proof.headline import WORLDS, planned
+from thesis_lib.studies.proof.headline import as_markdown as headline_table
+from thesis_lib.studies.proof.next_drops import QUESTIONS
+from thesis_lib.studies.proof.next_drops import as_markdown as next_experiment
+from thesis_lib.studies.proof.next_drops import run as run_questions
+from thesis_lib.studies.proof.results import outcomes, recovered
+from thesis_lib.studies.proof.sizes import require_checkout, store_cause_size, stored_factor
+from thesis_lib.studies.proof.store import STORE, put_missing, said_of
+from thesis_lib.studies.proof.summary import report
+from thesis_lib.thesis.identify.impacts import law_free, law_free_in_space
+
+SAMPLE = 2  # rows; about 20 s of CPU time each
+# other proofs than that of drops: what their options count, of `cases`
+COUNTED = {
+    engines: {"seeds": "of each engine, shape and cause"},
+    proposals: {"seeds": "of each hidden law", "nothing": "sets with nothing hidden"},
+    mechanisms: {"nothing": "recordings with nothing hidden", "causes": "recordings with each cause"},
+}
+tell = functools.partial(print, flush=True)
+
+
+@command
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command and return the exit code: 1 if a row differs, or could not be made."""
+    options = _parser().parse_args(argv)
+    require_checkout()
+    return FAILED if options.do(options) is False else 0
+
+
+def _run(options: argparse.Namespace) -> bool:
+    time = _seconds(options.contact_time)
+    cases = [
+        Case(source, truth, seed, options.drops, options.noise, options.ratio, shape or "", time)
+        for seed in range(options.first, options.first + options.seeds)
+        for source in options.source
+        for truth in _chosen(source, options.truths)
+        for shape in options.shape or [None]
+        if not (shape == "ellipse" and CORNERED & set(truth.split("+")))
+    ]
+    if not cases:
+        raise UserError(f"No truth of {', '.join(options.source)} is called {' or '.join(options.truths)}.")
+    if not options.development:
+        return run([replace(case, seed=SEEDS + case.seed) for case in cases], options.jobs, tell)
+    for case in cases:
+        tell(f"{case}: {said_of(compute(case))}")
+    return True
+
+
+def _chosen(source: str, names: Sequence[str]) -> list[str]:
+    """Truths of a source by name; "all" adds all single ones and "pairs" all pairs."""
+    single, double = truths(source), pairs(source)
+    chosen = {*names, *(single if "all" in names else ()), *(double if "pairs" in names else ())}
+    return [truth for truth in [*single, *double] if truth in chosen]
+
+
+def _run_table(options: argparse.Namespace) -> bool:
+    cases = [case for case in planned() if case.source in options.source]
+    return run(cases, options.jobs, tell, again=options.again)
+
+
+def _check(options: argparse.Namespace) -> bool:
+    tell(ages())
+    if options.all:
+        return check(rows_to_check(None, options.source), stamp=options.stamp, tell=tell)
+    return check_sample(options.sample, options.source, stamp=options.stamp, tell=tell)
+
+
+def _next(options: argparse.Namespace) -> None:
+    run_questions(options.questions, tell)
+    tell(next_experiment())
+
+
+def _size(options: argparse.Namespace) -> None:
+    known = truths(options.source)[1:]
+    if unknown := set(options.name) - set(known):
+        raise UserError(f"The source {options.source} hides no {unknown.pop()!r}; known are {', '.join(known)}.")
+    for name in options.name or known:
+        shape = "square" if name in CORNERED else options.shape or "ellipse"
+        case = Case(options.source, name, options.seed, shape=shape, contact_time=_seconds(options.contact_time))
+        try:
+            found = find_size(case)
+        except UserError as error:
+            if options.name:
+                raise
+            tell(error)
+            continue
+        stored = stored_factor(name, 1.0) if options.source == "law" else case.size(name)
+        tell(f"{name}, {shape}: {found:g}{' (factor on its scales)' * (options.source == 'law')}, stored {stored:g}")
+        if options.store and options.source != "law":
+            store_cause_size(options.source, shape, name, found)
+
+
+def _seconds(milliseconds: float | None) -> float:
+    return OF_SOURCE if milliseconds is None else 1e-3 * milliseconds
+
+
+def _run_other(proof: Any, options: argparse.Namespace) -> bool:
+    """Run another proof; rows of seeds before those of its table are printed, not stored."""
+    counts = {name: getattr(options, name) for name in (*COUNTED[proof], "first")}
+    cases = [case for case in proof.cases(**counts) if not options.only or set(options.only) & set(vars(case).values())]
+    if options.first < proof.SEEDS:
+        for case in cases:
+            tell(f"{case}: {proof.told(proof.compute(case))}")
+        return True
+    own = {"jobs": options.jobs, "again": options.again}
+    return put_missing(cases, proof.compute, lambda case: proof.ROWS, proof.told, tell, **own)
+
+
+def _run_more(compute: Callable, page: Callable[[], str], options: argparse.Namespace) -> bool:
+    made = compute(options.jobs, tell, options.again, *([options.only] if "only" in options else []))
+    tell(page())
+    return made
+
+
+def _run_measured(options: argparse.Namespace) -> None:
+    dataset = read_dataset(options.folder).first_trials(options.trials)
+    with Progress(dataset.name) as say:
+        options.compute(dataset, say, **{name: getattr(options, name) for name in options.given})
+    tell(options.table())
+
+
+def _run_fits(options: argparse.Namespace) -> None:
+    direct_fits.compute(options.drops or direct_fits.SERIES, options.measured, tell)
+
+
+def _law_free(options: argparse.Namespace) -> None:
+    dataset = read_dataset(options.folder).first_trials(options.trials)
+    if dataset.space.is_plane:
+        tell(law_free.as_text(dataset))
+    else:
+        tell(law_free_in_space.as_text(dataset, STORE / law_free_in_space.ROWS.path if options.store else None))
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="python -m thesis_lib.studies.proof",
+        description="The proofs of the critique: effects and causes hidden on purpose and looked for.",
+    )
+    commands = parser.add_subparsers(required=True)
+
+    def add(name: str, do: Callable[[argparse.Namespace], Any], about: str, to: Any = commands) -> Any:
+        new = to.add_parser(name, help=about, description=about)
+        new.set_defaults(do=do)
+        return new
+
+    def add_jobs(to: Any) -> None:
+        to.add_argument("--jobs", type=int, default=1, help="processes at a time (1)")
+
+    run = add("run", _run, "criticise datasets with hidden effects; stored results are kept")
+    run.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
+    named = "effects, causes, nothing, all, or pairs"
+    run.add_argument("--truths", nargs="+", default=["all"], metavar="NAME", help=named)
+    run.add_argument("--seeds", type=int, default=1, help="datasets of each (1)")
+    run.add_argument("--first", type=int, default=0, help="offset of the first seed (0)")
+    run.add_argument("--drops", type=int, default=150)
+    run.add_argument("--noise", type=float, default=1.0, help="times the rig's (1)")
+    run.add_argument("--ratio", type=float, default=RATIO, help="misfit over the noise floor (3)")
+    run.add_argument("--shape", nargs="+", choices=tuple(BODIES), help="ellipse, but a square where corners matter")
+    run.add_argument("--contact-time", type=float, metavar="MS", help="of a central impact, ms; that of the source")
+    run.add_argument("--development", action="store_true", help="tuning seeds; results are printed, not stored")
+    add_jobs(run)
+    right = "right verdicts by the world that made the drops, as a table in Markdown"
+    add("headline", lambda options: tell(headline_table()), right)
+    whole = "compute what is missing of the headline table, some hours; goes on where it was stopped"
+    worlds = [source for sources in WORLDS.values() for source in sources]
+    table_of = add("run-table", _run_table, whole)
+    table_of.add_argument("--source", nargs="+", choices=worlds, default=worlds)
+    add_jobs(table_of)
+    table_of.add_argument("--again", action="store_true", help="then compute rows of older code again")
+    older = "say which stored rows are older than the code, and compute some of them again"
+    again = add("check", _check, older)
+    again.add_argument("--source", nargs="+", choices=SOURCES, default=SOURCES)
+    again.add_argument("--sample", type=int, default=SAMPLE, help=f"rows to compute again, 20 s each ({SAMPLE})")
+    every = "all that are older than the code: over night; goes on with --stamp"
+    again.add_argument("--all", action="store_true", help=every)
+    again.add_argument("--stamp", action="store_true", help="store what was computed where the verdict agrees")
+    real = "contacts as long as real ones, as a table in Markdown, with every miss by name"
+    add("contacts", lambda options: print(by_contact(outcomes(), recovered()), end=""), real)
+    targets = "the stored results against the targets, the misses, the confusion table"
+    table = add("table", lambda options: print(report(folder=options.csv), end=""), targets)
+    files = "write summary.csv, real_contacts.csv, misses.csv and confusion.csv there too"
+    table.add_argument("--csv", type=Path, metavar="DIR", help=files)
+    worth = "do the proposed states settle questions with fewer drops than random ones? (10 s a question)"
+    wanted = f"questions that 50 random drops leave open; stored ones count ({QUESTIONS})"
+    add("next", _next, worth).add_argument("--questions", type=int, default=QUESTIONS, help=wanted)
+    found = "find the size of an effect or cause at which the misfit is 3 times the floor again (half a minute)"
+    size = add("size", _size, found)
+    size.add_argument("name", nargs="*", help="effects of the source law, causes of another one (all)")
+    size.add_argument("--source", choices=SOURCES, default="law", help="other than law: some minutes (law)")
+    size.add_argument("--shape", choices=tuple(BODIES), help="of the body (ellipse)")
+    size.add_argument("--contact-time", type=float, metavar="MS", help="of a cause, ms; that of the source")
+    size.add_argument("--store", action="store_true", help="put sizes of causes into config/proof_sizes.json")
+    size.add_argument("--seed", type=int, default=7, help="development seed (7)")
+
+    def add_stored(name: str, proof: Any, do: Callable[[argparse.Namespace], Any], run: str) -> Any:
+        parts = commands.add_parser(name, help=proof.__doc__.splitlines()[0]).add_subparsers(required=True)
+        add("table", lambda options: tell(proof.as_markdown()), "print what is stored", parts)
+        return add("run", do, run, parts)
+
+    for proof, counted in COUNTED.items():
+        goes_on = "compute what is not stored yet; goes on where it was stopped"
+        run = add_stored(proof.__name__.rpartition(".")[2], proof, functools.partial(_run_other, proof), goes_on)
+        defaults = inspect.signature(proof.cases).parameters
+        for option, of in (counted | {"first": "first seed; results of earlier ones are printed, not stored"}).items():
+            run.add_argument(f"--{option}", type=int, default=defaults[option].default, help=f"{of} (%(default)s)")
+        run.add_argument("--only", nargs="+", metavar="NAME", help="of what is hidden, or of what made the data")
+        run.add_argument("--again", action="store_true", help="then compute stored rows again")
+        add_jobs(run)
+    run = add_stored("measured", measured, _run_measured, "criticise a measured set and store its row")
+    models = add_stored("measured-models", measured_models, _run_measured, "compare laws and engines on a measured set")
+    for one, proof, given in ((run, measured, ("single", "effects")), (models, measured_models, ())):
+        one.set_defaults(compute=proof.compute, table=proof.as_markdown, given=given)
+        one.add_argument("folder")
+        one.add_argument("--trials", type=int, help="the first ones; default: all")
+    run.add_argument("--single", action="store_true", help="single hits only, no episodes")
+    run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
+    how, series = "fit the models and store their rows; a minute or more each", tuple(direct_fits.SERIES)
+    run = add_stored("direct-fits", direct_fits, _run_fits, how)
+    run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
+    run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
+    of_space = functools.partial(_run_more, space.run, space.as_markdown)
+    of_space = add("space", of_space, "bodies in space: compute what is missing, then print the table")
+    of_space.add_argument(
+        "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
+    )
+    missed = functools.partial(_run_more, space.run_missed, space.as_markdown)
+    of_missed = add("space-missed", missed, "what a hidden cause gains by hand where `space` is not right")
+    lifted = functools.partial(_run_more, space.run_lifted, space.lifted_as_markdown)
+    of_lifted = add("lifted", lifted, "planar sets lifted into space: compute what is missing, print the table")
+    for one in (of_space, of_missed, of_lifted):
+        one.add_argument("--again", action="store_true", help="then compute stored rows again")
+        add_jobs(one)
+    add("space-list", lambda options: space.write_list(), "write config/proof_in_space.csv, what is drawn for each set")
+    about = "what measured throws of a body with faces say without any contact law"
+    of_law_free = add("law-free", _law_free, about)
+    of_law_free.add_argument("folder")
+    of_law_free.add_argument("--trials", type=int, help="the first ones; default: all")
+    of_law_free.add_argument(
+        "--store", action="store_true", help="of a body in space: keep it in config/proof/law_free.csv"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

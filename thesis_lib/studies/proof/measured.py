@@ -1,0 +1,114 @@
+"""The critique of measured sets, stored: verdict, effects, errors, and whether what is left could be explained at all.
+
+    python -m thesis_lib.studies.proof measured run data/measured/planar_dice --trials 150 --single
+    python -m thesis_lib.studies.proof measured table
+
+`run` adds or replaces a row of config/proof/measured.csv.  CI does not run it: the sets are not part of this project.
+
+| column                     | unit | meaning                                                                    |
+|----------------------------|------|----------------------------------------------------------------------------|
+| dataset, trials, hits      |      | the set, trials with usable hits, and `all` or `single` hits               |
+| detected, used             | 1    | hits                                                                       |
+| verdict, effects           |      | effects in the order of selection, "~" before a stand-in                   |
+| chosen                     |      | `searched`, or `by hand`                                                   |
+| base, error, noise_floor   | m/s  | held-out error before and with the effects, and of noise, empty if unknown |
+| median                     | m/s  | of the held-out errors with the effects                                    |
+| learned, low, high         | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`               |
+| max_effects                | 1    | most that the search could name                                            |
+| code, made                 |      | hash of the code that made the row, empty: unknown; date                   |
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.drops.questions.floor import floor
+from thesis_lib.critique.drops.settings import CritiqueSettings
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.effects import EFFECTS
+from thesis_lib.foundation.markdown import table
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import STAMP, Rows, by_cells
+from thesis_lib.statistics.wording import number
+from thesis_lib.studies.proof.store import COMMAND, STORE, stamped
+
+KEY = ("dataset", "trials", "hits", "chosen")  # and the effects, where these were chosen by hand
+COLUMNS = (
+    *(*KEY, "detected", "used", "verdict", "effects", "base", "error", "median", "noise_floor"),
+    *("learned", "low", "high", "max_effects", *STAMP),
+)
+ORDER = by_cells(*KEY, "effects")
+ROWS = Rows(STORE / "measured.csv", COLUMNS, KEY, f"{COMMAND} measured run", digits=6, order=ORDER)
+MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
+SEED = 0
+_SEEN = {"planar_impact": "ellipse", "planar_dice": "dice"}
+
+
+def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
+    """The row of a critique."""
+    (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
+    o, stand_ins = critique.observations, critique.stand_ins
+    names = [step.effect.name for step in critique.discovery.steps if step.clears or chosen != "searched"]
+    rest = floor(fitted, critique.held_out, generator(SEED, "floor"))
+    return {
+        "dataset": critique.dataset,
+        "trials": len(np.unique(o.trial)),
+        "hits": hits,
+        "chosen": chosen,
+        "detected": int(o.hits.sum()) + len(o.found.left_out),
+        "used": int(o.hits.sum()),
+        "verdict": critique.verdict,
+        "effects": " + ".join(f"{'~' * (name in stand_ins)}{name}" for name in names),
+        "base": float(before.error.mean()),
+        "error": float(after.error.mean()),
+        "median": float(np.median(after.error)),
+        "noise_floor": after.floor,
+        "learned": rest.learned,
+        "low": rest.gain[1],
+        "high": rest.gain[2],
+        "max_effects": critique.settings.max_effects,
+    }
+
+
+def store(new: dict, rows: Rows = ROWS) -> None:
+    """Add a row, or replace that of the same key; chosen by hand, also of the same effects."""
+    by_hand = () if new["chosen"] == "searched" else ("effects",)
+    replace(rows, key=(*KEY, *by_hand)).put(stamped(new, row))
+
+
+def compute(dataset: Dataset, say: Callable[[str], None], single: bool = False, effects: str = "") -> None:
+    """Criticise a measured set, with all hits or `single` ones, and store its row.
+
+    `effects` to switch on by hand instead of the search, with commas.
+    """
+    settings = CritiqueSettings(episodes=not single, max_effects=MOST_EFFECTS)
+    by_hand = list(filter(None, effects.split(","))) or None
+    own = generator(SEED, dataset.name)
+    critique = criticise_drops(dataset, rng=own, settings=settings, effects=by_hand, say=say)
+    store(row(critique, "single" if single else "all", "by hand" if by_hand else "searched"))
+
+
+def as_markdown(rows: Rows = ROWS) -> str:
+    """The stored rows as Markdown."""
+    head = ("set", "hits used", "effects", "verdict", "before", "after (median)", "noise", "with the rest learned")
+    return table(head, [_line(one) for _, one in pd.read_csv(rows.path).iterrows()])
+
+
+def _line(one: pd.Series) -> tuple[str, ...]:
+    titles = "; ".join(
+        f"{EFFECTS[name.lstrip('~')].title}{' (a stand-in)' * name.startswith('~')}"
+        for name in str(one["effects"]).split(" + ")
+    )
+    return (
+        f"{_SEEN.get(one['dataset'], one['dataset'])}, {one['trials']} trials",
+        f"{100 * one['used'] / one['detected']:.0f} % of {one['detected']:,}",
+        titles + ("" if one["chosen"] == "searched" else " (chosen by hand)"),
+        one["verdict"],
+        number(one["base"]),
+        f"{number(one['error'])} ({number(one['median'])})",
+        "unknown" if np.isnan(one["noise_floor"]) else number(one["noise_floor"], 2),
+        number(one["learned"]),
+    )

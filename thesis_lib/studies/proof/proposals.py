@@ -1,0 +1,212 @@
+"""The proof of proposals: drops with a law that no effect names, and drops with nothing hidden.
+
+A dataset is 150 drops of the ellipse with contacts of 1 ms, integrated under forces
+(`thesis_lib/simulate/compliant/hidden_laws.py`), which knows no impact law and no term.  It goes through the critique,
+and where the verdict is `unexplained`, through the search for a term.  Where nothing is hidden, a term is looked for
+whatever the verdict.  Asked:
+
+    variable   the first term acts on the same quantity, by variables of the same kind
+    sign       and in the same direction, on random contacts of the ellipse
+    form       and it is the very term that was hidden
+    enough     the held-out error is at most `ENOUGH` times the noise floor
+    best       and at most `NEAR` times that of the energetic law with the hidden term itself, put in by hand
+    typical    and the median held-out error at most `ENOUGH` times that of noise: the mean follows few slow impacts
+    none       where nothing is hidden, nothing is proposed
+
+config/proof/proposals.csv holds a row per dataset:
+
+| column                    | unit | meaning                                                               |
+|---------------------------|------|-----------------------------------------------------------------------|
+| truth, seed               |      | the dataset                                                           |
+| verdict, named            |      | of the critique; effects joined by +                                  |
+| proposed, law             |      | terms joined by +, "" if none; the law with them                      |
+| alternatives              |      | terms that say the same as the first, joined by +                     |
+| a, a_std                  | 1    | of the first term                                                     |
+| before, after, floor      | m/s  | held-out error of the critique's model, with the proposal; noise      |
+| attainable                | m/s  | held-out error of the energetic law with the hidden term itself       |
+| excess                    | 1    | median held-out error over that of noise alone, with the proposal     |
+| seconds                   | s    | of CPU for the proposal                                               |
+| code, made                |      | hash of the code that made the row, empty: unknown; date              |
+"""
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.proposal.effect_file import effect_of, phi
+from thesis_lib.critique.proposal.propose import ENERGETIC, propose
+from thesis_lib.critique.proposal.terms import TARGETS, Term, all_terms
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.foundation.markdown import table
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
+from thesis_lib.simulate.compliant.hidden_laws import HIDDEN_LAWS, hiding
+from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, CompliantContact
+from thesis_lib.statistics.wording import count
+from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE, with_effects
+
+SEEDS = 1000  # the table's begin here; those below served to choose sizes and terms
+DROPS = 150
+MU, EPSILON, CONTACT_TIME = 0.15, 0.55, 1e-3
+ENOUGH, NEAR = 1.5, 1.1
+CONTACTS = 2000  # random ones, for the sign of a term of another form
+KEY = ("truth", "seed")
+MEASURED = ("a", "a_std", "before", "after", "floor", "attainable", "excess", "seconds")
+COLUMNS = (*KEY, "verdict", "named", "proposed", "law", "alternatives", *MEASURED, *STAMP)
+ROWS = Rows(STORE / "proposals.csv", COLUMNS, KEY, f"{COMMAND} proposals run", digits=4)
+# the term that says what each hidden law says, or of the same variable
+OWN = {
+    "restitution_by_obliquity": "restitution_by_obliquity",
+    "restitution_by_spin": "restitution_by_spin",
+    "restitution_by_fourth_harmonic": "restitution_by_quarters",
+    "friction_by_place_on_body": "friction_by_ends_and_sides",
+    "friction_by_release": "friction_by_release",
+    "friction_by_spin": "friction_by_spin",
+    "couple_by_spin": "couple_by_turning",
+    "direction_by_lever": "sideways_impulse_by_lever",
+    "restitution_by_threshold": "restitution_by_obliquity",
+    "friction_by_root_of_spin": "friction_by_spin",
+}
+FORMLESS = ("restitution_by_threshold", "friction_by_root_of_spin")  # no term says them, these only come near
+
+
+@dataclass(frozen=True)
+class ProposalCase:
+    """One dataset: a law of `HIDDEN_LAWS`, or nothing."""
+
+    truth: str
+    seed: int
+
+
+def cases(seeds: int = 3, nothing: int = 20, first: int = SEEDS) -> list[ProposalCase]:
+    """`seeds` of each hidden law, mixed with `nothing` sets without one: a part of the list is like the whole."""
+    hidden = [ProposalCase(truth, first + i) for i in range(seeds) for truth in HIDDEN_LAWS]
+    plain = [ProposalCase(NOTHING, first + i) for i in range(nothing)]
+    total = len(hidden) + len(plain)
+    places = {round((i + 0.5) * total / len(plain)) for i in range(len(plain))} if plain else set()
+    one, other = iter(hidden), iter(plain)
+    mixed = [next(other if i in places else one, None) for i in range(total + 1)]
+    return [*filter(None, mixed), *one, *other]
+
+
+def make(case: ProposalCase, drops: int = DROPS) -> Dataset:
+    """The drops of a case, as a rig records them."""
+    made = simulate_compliant_drops(
+        ELLIPSE_BODY,
+        PROOF_RELEASE,
+        drops,
+        contact=CompliantContact(mu=MU, epsilon=EPSILON, contact_time=CONTACT_TIME),
+        noise=RIG_NOISE,
+        rng=generator(case.seed, "proposal proof", case.truth),
+        engine=None if case.truth == NOTHING else hiding(case.truth),
+    )
+    return Dataset("proof", made.header, made.trajectories)
+
+
+def compute(case: ProposalCase, drops: int = DROPS) -> dict[str, object]:
+    """Criticise, propose, and sum up: a row of the table."""
+    judged = criticise_drops(make(case, drops), rng=generator(case.seed, "proposal proof critique", case.truth))
+    row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case)}
+    row |= {"verdict": judged.verdict, "named": with_effects(judged)}
+    last, found, began = judged.ladder[-1][2], None, time.process_time()
+    if case.truth == NOTHING or (judged.verdict == "unexplained" and judged.is_structured):
+        found = propose(judged, generator(case.seed, "proposal proof search", case.truth))
+    numbers = {
+        "before": float(last.error.mean()),
+        "floor": last.floor,
+        "excess": last.excess,
+        "seconds": time.process_time() - began,
+    }
+    if case.truth != NOTHING:
+        numbers["attainable"] = attainable(judged, case.truth)
+    if found is not None:
+        first, after = found.terms[0], found.after
+        row["proposed"] = "+".join(one.term.name for one in found.terms)
+        row |= {"law": found.fitted.base, "alternatives": "+".join(first.step.alternatives)}
+        a = f"{first.term.name}.a"
+        numbers |= {"a": found.fitted.values[a], "a_std": found.fitted.std[a]}
+        numbers |= {"after": float(after.error.mean()), "floor": after.floor, "excess": after.excess}
+    return row | numbers
+
+
+def attainable(judged: DropsCritique, truth: str) -> float:
+    """Held-out error in m/s of the energetic law with the hidden term: what no choice of a term could much improve on.
+
+    Few slow impacts, at which a recording says least of the velocities, dominate it.
+    """
+
+    hidden = next(term for term in all_terms() if term.name == OWN[truth])
+    world = Drops(judged.training, judged.settings)
+    fitted = world.fit(ENERGETIC, (effect_of(hidden),), effort="near")
+    return float(Drops(judged.held_out).judge(fitted).error.mean())
+
+
+def told(row: Mapping[str, Any]) -> str:
+    """A row in words."""
+    where = f"{row['before']:.4g} -> {row.get('after') or math.nan:.4g} m/s, floor {row['floor']:.4g}"
+    return f"{row['verdict']}, {row['proposed'] or 'no term'} ({where})"
+
+
+# --- what is right ---
+
+
+def right(row: Mapping[Any, Any]) -> dict[str, bool]:
+    """Requirements on a row with a hidden law, and whether it meets them."""
+    terms = {term.name: term for term in all_terms()}
+    hidden, first = terms[OWN[row["truth"]]], terms.get(str(row["proposed"]).partition("+")[0])
+    after = row["after"] if first else row["before"]
+    answers: dict[str, bool] = dict.fromkeys(("proposed", "variable", "sign", "form"), False)
+    answers["enough"] = bool(float(after) <= ENOUGH * float(row["floor"]))
+    answers["best"] = bool(float(after) <= NEAR * float(row["attainable"]))
+    answers["typical"] = bool(float(row["excess"]) <= ENOUGH)
+    if first is None:
+        return answers
+    kinds = [{factor.group for factor in term.factors} for term in (hidden, first)]
+    variable = hidden.target == first.target and kinds[0] == kinds[1]
+    wanted, got = HIDDEN_LAWS[row["truth"]].size * phi_of(hidden), float(row["a"]) * phi_of(first)
+    along = bool(np.corrcoef(wanted, got)[0, 1] > 0.0)
+    form = first is hidden and along and row["truth"] not in FORMLESS
+    return answers | {"proposed": True, "variable": variable, "sign": variable and along, "form": form}
+
+
+def phi_of(term: Term) -> np.ndarray:
+    """φ of a term on random contacts (n,) of the proof's ellipse."""
+    rng = np.random.default_rng(0)
+    theta, omega = rng.uniform(-np.pi, np.pi, CONTACTS), rng.uniform(-15.0, 15.0, CONTACTS)
+    r_x, r_y = ELLIPSE_BODY.shape.contact_point(theta).T
+    v_t, v_n = rng.uniform(-1.5, 1.5, CONTACTS), -rng.uniform(0.8, 3.3, CONTACTS)
+    values = {"v_t": v_t, "v_n": v_n, "v": np.hypot(v_t, v_n), "omega": omega, "k": ELLIPSE_BODY.radius_of_gyration}
+    values |= {"r_x": r_x, "beta": np.arctan2(r_y, r_x) - theta, "x": rng.uniform(-0.3, 0.3, CONTACTS)}
+    return phi(term, values | {"trial": (np.arange(CONTACTS) / CONTACTS - 0.5) * DROPS})
+
+
+def as_markdown(store: Rows = ROWS) -> str:
+    """Counts by hidden law as a table of a page, their sums with 95 % intervals, and sets with nothing hidden.
+
+    UserError without rows.
+    """
+    rows = store.table()
+    asked = ("proposed", "variable", "sign", "form", "enough", "best", "typical")
+    head = ("hidden", "changes", "proposed", "right variable", "and sign", "very form", "mean", "attainable", "median")
+    hidden, plain = rows[rows["truth"] != NOTHING], rows[rows["truth"] == NOTHING]
+    lines, total = [], dict.fromkeys(asked, 0)
+    for truth, part in hidden.groupby("truth", sort=False):
+        answers = [right(row) for row in part.to_dict("records")]
+        counts = {name: sum(answer[name] for answer in answers) for name in asked}
+        total = {name: total[name] + counts[name] for name in asked}
+        what = TARGETS[HIDDEN_LAWS[str(truth)].acts_on]
+        lines.append((str(truth).replace("_", " "), what, *(f"{counts[name]} of {len(part)}" for name in asked)))
+    if len(hidden):
+        lines.append(("all", "", *(count(total[name], len(hidden)) for name in asked)))
+    text = table(head, lines)
+    if len(plain):
+        none = count((plain["proposed"] == "").sum(), len(plain))
+        text += f"\n\nWith nothing hidden no term is proposed in {none} sets."
+    return text

@@ -1,0 +1,278 @@
+"""The proof in space: what the critique says of sets of tosses that are drawn from one seed, in config/proof/space.csv.
+
+| column                   | unit | meaning                                                                 |
+|--------------------------|------|-------------------------------------------------------------------------|
+| world, truth, seed       |      | the dataset (`SpaceCase`)                                               |
+| shape                    |      | of its body                                                             |
+| verdict, law, named      |      | adequate, effects, unexplained, refused or none; base law; groups       |
+| n_impacts                | 1    | hits that are used                                                      |
+| base, augmented, floor   | m/s  | held-out error of the hits before and after, and its noise floor        |
+| remaining_p              | 1    | p-value of the remaining structure                                      |
+| seconds                  | s    | CPU time of the critique                                                |
+| why                      |      | reason of a refusal                                                     |
+| code, made               |      | as in `store`                                                           |
+
+What is drawn for each set stands in config/proof_in_space.csv, stored before any was computed; a test holds it to what
+the seed draws (`simulate.tosses.drawn`).
+
+Of each set that is not right, config/proof/space_missed.csv says what its data hold of the cause: what it gains when it
+is switched on by hand instead of the search.
+
+| column                   | unit | meaning                                                                 |
+|--------------------------|------|-------------------------------------------------------------------------|
+| world, truth, seed       |      | the dataset                                                             |
+| gain, low, high          | nats | held-out gain of an impact, with 95 % interval                          |
+| without, with_it, floor  | m/s  | held-out error of the hits, and noise floor                             |
+| why                      |      | reason why the data cannot test it                                      |
+
+Ten planar sets of the proof, lifted into space (`simulate.tosses.lifted`), stand in config/proof/lifted.csv.  They were
+chosen before any but the first two was computed: causes with one size, that both worlds have.
+
+| column                | unit | meaning                                                                    |
+|-----------------------|------|----------------------------------------------------------------------------|
+| truth, shape, seed    |      | the planar set, of the source mechanism (`cases.Case`)                     |
+| plane, space          |      | verdicts                                                                   |
+| in_plane, in_space    |      | groups of effects that are named                                           |
+| sizes                 |      | of what both models have, by the name in space: plane, its standard error, |
+|                       |      | space, its standard error                                                  |
+| apart                 | 1    | largest difference of these, over the plane's standard error               |
+
+Right is, with nothing hidden, `adequate`; with one cause `effects` with one group, of at most three, that contains it.
+A wrong name is a group without what is hidden.
+"""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.effects.effect import values_in_space
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.markdown import table as markdown
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.simulate.mujoco.tosses import MujocoTosses
+from thesis_lib.simulate.tosses.drawn import DRAWN, NOTHING, WORLDS, SpaceCase, cases, make
+from thesis_lib.simulate.tosses.lifted import lifted
+from thesis_lib.simulate.tosses.own import OwnTosses
+from thesis_lib.simulate.tosses.world import TossEngine
+from thesis_lib.statistics.wording import count
+from thesis_lib.studies.proof.cases import SEEDS, Case
+from thesis_lib.studies.proof.cases import make as make_in_plane
+from thesis_lib.studies.proof.results import LARGEST_GROUP
+from thesis_lib.studies.proof.store import (
+    COMMAND,
+    CONFIG,
+    STORE,
+    criticised,
+    groups_in,
+    groups_of,
+    numbers_in,
+    put_missing,
+    said_of,
+)
+
+KEY = ("world", "truth", "seed")
+COLUMNS = (
+    *(*KEY, "shape", "verdict", "law", "named", "n_impacts", "base", "augmented", "floor", "remaining_p"),
+    *("seconds", "why", *STAMP),
+)
+ROWS = Rows(STORE / "space.csv", COLUMNS, KEY, f"{COMMAND} space", digits=6)
+MISSED_COLUMNS = (*KEY, "gain", "low", "high", "without", "with_it", "floor", "why", *STAMP)
+MISSED = Rows(STORE / "space_missed.csv", MISSED_COLUMNS, KEY, f"{COMMAND} space-missed", digits=4)
+LIST = Rows(CONFIG / "proof_in_space.csv", (*KEY, *DRAWN), KEY, f"{COMMAND} space-list")
+LIFTED = (
+    *((NOTHING, "ellipse"), ("com_offset_x", "ellipse"), ("com_offset_y", "ellipse"), ("size_error", "ellipse")),
+    *(("inertia_error", "ellipse"), ("tilt", "ellipse"), ("surface_height", "ellipse"), ("linear_drag", "ellipse")),
+    *(("gravity_error", "square"), (NOTHING, "square")),
+)
+LIFTED_KEY = ("truth", "shape", "seed")
+LIFTED_COLUMNS = (*LIFTED_KEY, "plane", "space", "in_plane", "in_space", "sizes", "apart", *STAMP)
+LIFTED_ROWS = Rows(STORE / "lifted.csv", LIFTED_COLUMNS, LIFTED_KEY, f"{COMMAND} lifted", digits=6)
+UNKNOWN = "not recorded"
+
+
+def write_list(path: Path = LIST.path) -> None:
+    """Write what is drawn for each set."""
+    for case in cases():
+        hidden = numbers_in({name: (value,) for name, value in case.hidden.items()})
+        LIST.at(path).put({**vars(case), **case.drawn, "hidden": hidden})
+
+
+def engine_of(case: SpaceCase) -> TossEngine:
+    """Simulator that moves the bodies of a case."""
+    drawn = case.drawn
+    if case.world == "own":
+        return OwnTosses()
+    return MujocoTosses(drawn["cone"], drawn["impratio"], (drawn["impedance"], drawn["impedance"]))
+
+
+def compute(case: SpaceCase) -> dict[str, object]:
+    """Make the dataset of a case, and criticise it: a row of the table."""
+    dataset = make(case, engine_of(case))
+    row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "shape": case.drawn["shape"]}
+    began = time.process_time()
+    found, critique = criticised(dataset, case.seed)
+    return row | found | ({"seconds": float(round(time.process_time() - began))} if critique else {})
+
+
+def run(jobs: int, tell: Callable[[str], object], again: bool = False, only: Collection[str] = ()) -> bool:
+    """Compute the datasets that are not stored, and return whether all were; `only`: worlds, truths or shapes.
+
+    With `again` also those whose row other code than today's made, after the others.
+    """
+    chosen = [c for c in cases() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
+    return put_missing(chosen, compute, lambda case: ROWS, said_of, tell, jobs=jobs, again=again)
+
+
+def judged(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with `right`, `first` (the cause is in the first group) and `wrong` (a group without it)."""
+    groups = [groups_of(cell) for cell in rows["named"]]
+    nothing = rows["truth"] == NOTHING
+    inside = [[truth in group for group in named] for truth, named in zip(rows["truth"], groups)]
+    alone = [len(named) == 1 and len(named[0]) <= LARGEST_GROUP for named in groups]
+    found = (rows["verdict"] == "effects").to_numpy() & np.array(alone) & [any(one) for one in inside]
+    return rows.assign(
+        right=np.where(nothing, rows["verdict"] == "adequate", found),
+        first=[bool(one) and one[0] for one in inside],
+        wrong=[not all(one) for one in inside],
+    )
+
+
+def compute_missed(case: SpaceCase) -> dict[str, object]:
+    """Evidence for its cause in the data of a case: a row of `MISSED`."""
+    dataset = make(case, engine_of(case))
+    row: dict[str, object] = {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
+    found, critique = criticised(dataset, case.seed, effects=[case.truth])
+    if critique is None:
+        return row | {"why": found["why"]}
+    (step,) = critique.discovery.steps
+    errors = {"without": found["base"], "with_it": found["augmented"], "floor": found["floor"]}
+    return row | dict(zip(("gain", "low", "high"), step.gain)) | errors
+
+
+def told_missed(row: dict) -> str:
+    """A row of `MISSED` in words."""
+    if row["why"]:
+        return row["why"]
+    errors = " to ".join(f"{float(row[name]):.2g}" for name in ("without", "with_it"))
+    gain, low, high = (f"{float(row[name]):.2g}" for name in ("gain", "low", "high"))
+    return f"{gain} ({low} to {high}) nats an impact, {errors} m/s, noise {float(row['floor']):.2g}"
+
+
+def run_missed(jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
+    """Compute what is missing of `MISSED`, with `again` also rows of older code, and return whether all were."""
+    rows = judged(ROWS.table())
+    wrong = rows[~rows["right"].astype(bool) & (rows["truth"] != NOTHING)]
+    sets = [SpaceCase(row["world"], row["truth"], int(row["seed"])) for row in wrong.to_dict("records")]
+    return put_missing(sets, compute_missed, lambda case: MISSED, told_missed, tell, jobs=jobs, again=again)
+
+
+def as_markdown(store: Rows = ROWS, missed: Rows = MISSED) -> str:
+    """The three figures by world, each miss by name, and which code made the rows."""
+    planned = cases()
+    try:
+        rows = judged(store.table())
+    except UserError:
+        return f"None of the {len(planned)} datasets is computed yet: `{COMMAND} space`."
+    nothing = rows["truth"] == NOTHING
+    figures = (
+        ("nothing hidden: `adequate`", rows[nothing], "right"),
+        ("one cause, named alone or with its group", rows[~nothing], "right"),
+        ("one cause, in the first group", rows[~nothing], "first"),
+        ("a wrong effect named", rows, "wrong"),
+    )
+    worlds = {world: (world,) for world in WORLDS} | {"both": WORLDS}
+    lines = []
+    for title, part, measure in figures:
+        of = [part.loc[part["world"].isin(which), measure] for which in worlds.values()]
+        lines.append((title, *(count(int(one.sum()), len(one)) if len(one) else "" for one in of)))
+    by = Counter(zip(rows["code"], rows["made"]))
+    codes = ", ".join(f"{n} by `{code or UNKNOWN}` on {made}" for (code, made), n in by.items())
+    by_hand = {tuple(row[k] for k in KEY): told_missed(row) for row in missed.parsed(dict)}
+    misses = [
+        (row["world"], f"`{row['truth']}`", row["shape"], row["verdict"], row["named"] or row["why"])
+        + (by_hand.get(tuple(str(row[k]) for k in KEY), ""),)
+        for row in rows[~rows["right"].astype(bool)].to_dict("records")
+    ]
+    head = ("world", "hidden", "shape", "verdict", "named", "the cause switched on by hand")
+    not_right = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
+    return f"{markdown(('', *worlds), lines)}\n\n{len(rows)} of {len(planned)} datasets: {codes}.{not_right}"
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """A planar set and its seed."""
+
+    truth: str
+    shape: str
+    seed: int = SEEDS
+
+
+def compute_lifted(case: Lifted) -> dict[str, object]:
+    """Criticise a set in the plane and in space: a row of the table."""
+    planar, _ = make_in_plane(Case("mechanism", case.truth, case.seed, shape=case.shape))
+    made = lifted(planar, generator(case.seed, "lifted", case.truth))
+    found = [criticise_drops(data, rng=generator(case.seed, "critique", data.digest())) for data in (planar, made)]
+    sizes = shared(*found)
+    return vars(case) | {
+        "plane": found[0].verdict,
+        "space": found[1].verdict,
+        "in_plane": groups_in(found[0].discovery.steps),
+        "in_space": groups_in(found[1].discovery.steps),
+        "sizes": numbers_in(sizes, 6),
+        "apart": max(abs(space - plane) / std for plane, std, space, _ in sizes.values()),
+    }
+
+
+def shared(plane: DropsCritique, space: DropsCritique) -> dict[str, tuple[float, float, float, float]]:
+    """Plane, its standard error, space and its standard error of what the law and the effects of both have.
+
+    Not of the contact time, which is 0 within its error.
+    """
+    flat, deep = plane.discovery.fitted, space.discovery.fitted
+    values, std = (dict(numbers) for numbers in (flat.values, flat.std))
+    for effect in plane.discovery.fitted.effects:
+        for numbers in (values, std):
+            own = {p.name: numbers.pop(f"{effect.name}.{p.name}") for p in effect.parameters}
+            # a factor of −1 turns the sign of a size, not of its standard error
+            there = values_in_space(effect, own)
+            numbers |= {f"{effect.name}.{k}": abs(v) if numbers is std else v for k, v in there.items()}
+    return {
+        name: (values[name], std[name], deep.values[name], deep.std[name])
+        for name in values
+        if name in deep.values and name != CONTACT_TIME.name and std.get(name, 0.0) > 0.0
+    }
+
+
+def told_lifted(row: dict) -> str:
+    """A row in words."""
+    return f"{row['plane']}, {row['in_plane'] or 'nothing'}; in space {row['space']}, {row['in_space'] or 'nothing'}"
+
+
+def run_lifted(jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
+    """Compute the sets that are not stored, with `again` also those of older code, and return whether all were."""
+    sets = [Lifted(truth, shape) for truth, shape in LIFTED]
+    return put_missing(sets, compute_lifted, lambda case: LIFTED_ROWS, told_lifted, tell, jobs=jobs, again=again)
+
+
+def lifted_as_markdown(store: Rows = LIFTED_ROWS) -> str:
+    """The rows as a table of a page, and how many agree."""
+    try:
+        rows = store.table()
+    except UserError:
+        return f"None of the {len(LIFTED)} sets is computed yet: `{COMMAND} lifted`."
+    same = (rows["plane"] == rows["space"]) & (rows["in_plane"] == rows["in_space"])
+    near = rows["apart"].astype(float) <= 1.0
+    lines = [
+        (f"`{r['truth']}`", r["shape"], told_lifted(r), f"{float(r['apart']):.2g}") for r in rows.to_dict("records")
+    ]
+    head = ("hidden", "shape", "verdict and effects", "sizes apart, in standard errors")
+    agree = f"The same verdict and effects: {count(int(same.sum()), len(rows))}; sizes within one standard error: "
+    return f"{markdown(head, lines)}\n\n{agree}{count(int(near.sum()), len(rows))}; {len(rows)} of {len(LIFTED)} sets."

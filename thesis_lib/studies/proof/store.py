@@ -1,0 +1,157 @@
+"""Shared by all proofs: tables in config/proof/, cells that hold several values, runs that go on where they stopped.
+
+A row has a dataset's case, what was found of it, and by which code and when.  Rows are sorted, so that git shows what
+changed.
+
+| cell       | form                                                                                        |
+|------------|---------------------------------------------------------------------------------------------|
+| groups     | "a/b + c": effects in the order of selection, each with those that cannot be told from it   |
+| numbers    | "name=1:2;other=3"                                                                          |
+| code, made | hash of the code that made the row, empty: unknown; and the date                            |
+"""
+
+import functools
+import inspect
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+import thesis_lib
+from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
+from thesis_lib.critique.selection.discovery import Step
+from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.isolated import Task, run_isolated
+from thesis_lib.foundation.provenance import lib_hash
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.foundation.rows import STAMP, Rows, as_cell, today
+from thesis_lib.statistics.intervals import wilson
+
+CONFIG = Path(thesis_lib.__file__).resolve().parent.parent / "config"  # in a checkout; an installed package has none
+STORE = CONFIG / "proof"
+COMMAND = "python -m thesis_lib.studies.proof"
+NOTHING = "nothing"  # hidden
+Cells = Mapping[str, str]
+
+
+def groups_of(cell: str) -> list[list[str]]:
+    """Groups of effects in a cell."""
+    return [group.split("/") for group in cell.split(" + ") if group]
+
+
+def groups_in(steps: Iterable[Step]) -> str:
+    """The cell with the effects of `steps`, and what cannot be told from them."""
+    return " + ".join("/".join((step.effect.name, *step.alternatives)) for step in steps)
+
+
+def with_effects(critique: DropsCritique) -> str:
+    """The cell with the effects of a critique alone, joined by +."""
+    return "+".join(step.effect.name for step in critique.discovery.steps)
+
+
+def criticised(dataset: Dataset, seed: int, **options: Any) -> tuple[dict[str, Any], DropsCritique | None]:
+    """Result of the critique of a dataset by column, and the critique; of a refusal its reason, and None."""
+    try:
+        critique = criticise_drops(dataset, rng=generator(seed, "critique", dataset.digest()), **options)
+    except UserError as error:
+        return {"verdict": "refused", "n_impacts": 0, "why": str(error).splitlines()[0][:200]}, None
+    base, augmented = critique.ladder[0][2], critique.ladder[-1][2]
+    found = {
+        "verdict": critique.verdict,
+        "law": critique.discovery.fitted.model.law.name,
+        "named": groups_in(critique.discovery.steps),
+        "n_impacts": len(critique.observations),
+        "base": float(base.error.mean()),
+        "augmented": float(augmented.error.mean()),
+        "floor": augmented.floor,
+        "remaining_p": critique.remaining.p_value,
+    }
+    return found, critique
+
+
+def said_of(row: Mapping[str, Any]) -> str:
+    """Verdict, and what was named, in words."""
+    return f"{row['verdict']}, {row['named'] or row['why'] or 'nothing named'}"
+
+
+def value_of(cell: str) -> float:
+    """The number in a cell, NaN in an empty one."""
+    return float(cell or "nan")
+
+
+def numbers_of(cell: str) -> dict[str, list[float]]:
+    """Numbers in a cell, by name; ValueError if it is none."""
+    parts = (part.split("=") for part in cell.split(";") if part)
+    return {name: [value_of(value) for value in values.split(":")] for name, values in parts}
+
+
+def numbers_in(named: Mapping[str, Iterable[float]], digits: int | None = None) -> str:
+    """The cell with numbers by name, with so many significant digits (None: all)."""
+    return ";".join(f"{name}={':'.join(as_cell(x, digits) for x in values)}" for name, values in named.items())
+
+
+def share(hits: pd.Series) -> dict[str, float]:
+    """Their `share`, its 95 % Wilson interval `low`, `high`, and of how many, `n`; NaN of none."""
+    n = len(hits)
+    low, high = wilson(int(hits.sum()), n)
+    return {"share": float(hits.mean()) if n else float("nan"), "low": low, "high": high, "n": n}
+
+
+@functools.cache
+def code_of(compute: Callable) -> str:
+    """Hash (16 hex digits) of all code that a function's module uses."""
+    return lib_hash(inspect.getfile(compute))
+
+
+def stamped(row: Mapping[str, Any], compute: Callable) -> dict[str, Any]:
+    """A row that `compute` has made, with the hash of its code and today's date."""
+    return {**row, **dict(zip(STAMP, (code_of(compute), today())))}
+
+
+def put_missing(
+    cases: Iterable[Any],
+    compute: Callable[[Any], dict[str, Any]],
+    rows_of: Callable[[Any], Rows],
+    told: Callable[[dict], str],
+    tell: Callable[[str], object],
+    *,
+    jobs: int = 1,
+    again: bool = False,
+    is_of_today: Callable[[Any, Cells], bool] | None = None,
+) -> bool:
+    """Store the rows that `compute` makes of cases, `tell` of each what `told` says, and return whether all were made.
+
+    Args:
+        cases: dataclasses whose fields are the key of their table; those that are stored are left out.
+        compute: function of an importable module; it runs in processes of their own, `jobs` at a time.
+        again: also the stored rows that are not of today's code, after the others.
+        is_of_today: whether the stored row of a case is; None: one that names the code of `compute`.
+    """
+    is_of_today = is_of_today or (lambda case, row: row["code"] == code_of(compute))
+    cases, stored = list(cases), {rows.path: rows for rows in map(rows_of, cases)}
+    known = {path: {itemgetter(*rows.key)(row): row for row in rows.parsed(dict)} for path, rows in stored.items()}
+
+    def row_of(case: Any) -> Cells | None:
+        rows = rows_of(case)
+        return known[rows.path].get(tuple(as_cell(vars(case)[k]) for k in rows.key))
+
+    missing = [case for case in cases if row_of(case) is None]
+    older = [case for case in cases if again and (row := row_of(case)) and not is_of_today(case, row)]
+    tell(f"{len(cases) - len(missing)} of {len(cases)} are stored, {len(missing) + len(older)} to compute")
+    complete, todo = True, {str(case): case for case in (*missing, *older)}
+    with tempfile.TemporaryDirectory() as logs:
+        tasks = [Task(name, (case,), Path(logs) / f"{i}.txt") for i, (name, case) in enumerate(todo.items())]
+        for i, done in enumerate(run_isolated(compute, tasks, jobs=jobs, preload=(__name__,)), 1):
+            said = done.failure
+            if done.result is None:
+                complete = False
+            else:
+                rows_of(todo[done.name]).put(stamped(done.result, compute))
+                said = told(done.result)
+            spent = "" if done.cpu_s is None else f"  [{done.cpu_s:.0f} s]"
+            tell(f"{i} of {len(todo)}  {done.name}: {said}{spent}")
+    return complete

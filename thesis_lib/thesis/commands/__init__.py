@@ -1,0 +1,1 @@
+"""Commands of the thesis: its claims, tables and figures."""

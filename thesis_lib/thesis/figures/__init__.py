@@ -1,0 +1,1 @@
+"""Figures of the thesis, a folder for each chapter."""

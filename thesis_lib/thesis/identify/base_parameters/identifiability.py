@@ -1,0 +1,174 @@
+"""What a window of contact can identify, and why it cannot identify the rest (thesis section 2.3.3, eqs. 2.15 to 2.18).
+
+Contact forces are unknown at every step.  Let B_k be the directions in which the contacts of step k may push: one
+direction J_n' − sgn(v_rel) μ J_t' for a sliding contact, both Jacobians for a sticking one.  Y_k Θ − B_k a_k = f_k then
+holds information on Θ only outside their span,
+
+    (I − B_k B_k⁺) Y_k Θ = (I − B_k B_k⁺) f_k,        Ỹ = (I − B B⁺) Y stacked.
+
+The rank and null space of Ỹ say which parameters the window determines, its singular values how well.  Without known
+force (f = 0), Θ and c have an undetermined common scale: Θ itself lies in the null space, and only ratios are found.
+
+The thesis eliminates the force of one sliding contact instead (eq. 2.18), which multiplied out is linear in
+(m/I, 1/m, 1/I, m/I²); `sliding_regressor` gives those columns.  With n_0 = v_y + J_n,θ ω − h g,
+e = J_n,θ + s μ J_t,θ and s = −sgn(v_rel), for a contact that comes to rest normally (ε = 0):
+
+    Δv_x + s μ n_0        = −Δv_x J_n,θ e (m/I)        + h (f_x − s μ f_y)/m + h J_n,θ (f_x e − s μ f_θ)/I
+    Δv_y + h g + n_0      = −(Δv_y + h g) J_n,θ e (m/I)                      + h J_n,θ (f_y e − f_θ)/I
+    Δω                    = −(Δω J_n,θ e + e n_0)(m/I)                       + h (f_θ − e f_y)/I  +  0 · m/I²
+
+The last column vanishes: h f_θ J_n,θ e m/I² of the body's own equation and of the contact force cancel.  In eq. 2.18 as
+printed they do not, because it has F_y + h (m/I) F_θ where the normal velocity of a torque is (m/I) J_n,θ F_θ.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.mechanisms.base_parameters import linear_combination
+from thesis_lib.thesis.identify.base_parameters.window import ContactWindow
+
+FLOOR = 1e-9  # m/s², rad/s²: accelerations that are only the rounding of a velocity difference over a step
+# of a singular value, relative to the largest: far above rounding, useless in practice below
+RANK_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Parameters that a window determines."""
+
+    names: tuple[str, ...]  # (n_Θ,)
+    singular_values: np.ndarray  # (n_Θ,) of Ỹ with columns scaled by those of Y, 1
+    rank: int  # number of independent combinations of Θ that the window determines
+    null_space: np.ndarray  # (n_Θ, n_Θ − rank) changes of Θ that it does not see, largest entry 1
+    # a sentence for each reason why something cannot be identified; empty where everything can
+    warnings: tuple[str, ...]
+
+
+def contact_directions(window: ContactWindow) -> list[np.ndarray]:
+    """For each step, the generalised directions B (nv, r) of its closed contacts' forces."""
+    directions = []
+    for k in range(len(window)):
+        closed = np.flatnonzero(window.touching[k])
+        columns = []
+        for i in closed:
+            if window.v_t[k, i] == 0.0 and window.mu > 0.0:
+                columns += [window.J_n[k, i], window.J_t[k, i]]
+            else:
+                columns.append(window.J_n[k, i] - np.sign(window.v_t[k, i]) * window.mu * window.J_t[k, i])
+        directions.append(np.array(columns).reshape(-1, window.f.shape[1]).T)
+    return directions
+
+
+def projected(window: ContactWindow) -> tuple[np.ndarray, np.ndarray]:
+    """Ỹ (m, nv, n_Θ) and f̃ (m, nv): the dynamics outside the span of possible contact forces."""
+    Y, f = window.Y.copy(), window.f.copy()
+    for k, B in enumerate(contact_directions(window)):
+        if B.size:
+            # one refinement: after a single projection, rounding of large impacts remains along B
+            complement = np.eye(len(B)) - B @ np.linalg.pinv(B)
+            Y[k], f[k] = complement @ (complement @ Y[k]), complement @ (complement @ f[k])
+    return Y, f
+
+
+def identifiability(window: ContactWindow) -> Identifiability:
+    """Rank and null space of a window, with the reasons for any deficiency."""
+    Y, _ = projected(window)
+    n = Y.shape[2]
+    size = np.linalg.norm(window.Y.reshape(-1, n), axis=0)
+    silent = size <= FLOOR * np.sqrt(window.f.size)
+    scale = np.where(silent, 1.0, size)
+    A = np.where(silent, 0.0, Y.reshape(-1, n) / scale)
+    # a column that contact forces explain to the last digits is zero: its rounding must not count
+    explained = np.linalg.norm(A, axis=0) * scale <= FLOOR * np.sqrt(window.f.size)
+    A[:, explained] = 0.0
+    # all n right singular vectors are there when rows outnumber columns
+    values, V = np.linalg.svd(A, full_matrices=len(A) < 4 * n)[1:]
+    values = np.concatenate([values, np.zeros(n - len(values))])
+    rank = int((values > RANK_TOLERANCE * max(values[0], np.finfo(float).tiny)).sum())
+    null_space = V[rank:].T / scale[:, None]
+    if null_space.size:
+        null_space = null_space / np.abs(null_space).max(axis=0)
+        # sign: the largest entry is +1
+        null_space *= np.sign(null_space[np.abs(null_space).argmax(axis=0), np.arange(null_space.shape[1])])
+    return Identifiability(
+        window.names, values, rank, null_space, tuple(_warnings(window, null_space)) if rank < n else ()
+    )
+
+
+def _warnings(window: ContactWindow, null_space: np.ndarray) -> list[str]:
+    touching = window.touching
+    forced = np.abs(window.f).max() > FLOOR
+    seen = ", ".join(linear_combination(column, window.names) for column in null_space.T)
+    what = f"this change of the parameters alters nothing that is observed: {seen}"
+    if not touching.any() and not forced:
+        where = f"no contact and no known force in the window of {len(window)} steps"
+        return [f"{where}: {what}; choose steps around an impact"]
+    reasons = []
+    if not forced:
+        reasons.append(
+            "no known external force acts and no parameter is known: masses, inertias and forces are determined up to "
+            f"a common factor only ({what}); give one parameter, for example the mass, or use a window with known force"
+        )
+        if null_space.shape[1] == 1:
+            return reasons  # only the common factor is missing
+    sliding = touching & (window.v_t != 0.0)
+    if not touching.any():
+        reasons.append(f"no contact in the window of {len(window)} steps: {what}; choose steps around an impact")
+    elif not sliding.any() and window.mu > 0.0:
+        reasons.append(
+            f"every contact of the window sticks, so that friction is unknown at each step, and {what}; "
+            "add steps that slide, for example with less friction, or that turn the body in flight or at an impact"
+        )
+    else:
+        reasons.append(f"the motion in the window does not excite all parameters: {what}; choose a richer motion")
+    return reasons
+
+
+def require_identifiable(window: ContactWindow) -> Identifiability:
+    """The identifiability of a window that determines every parameter.
+
+    Raises:
+        UserError: it does not; the text names what cannot be identified and why.
+    """
+    result = identifiability(window)
+    if result.warnings:
+        raise UserError(
+            f"the window determines {result.rank} of {len(result.names)} parameters ({', '.join(result.names)}): "
+            + "; ".join(result.warnings)
+        )
+    return result
+
+
+def sliding_regressor(
+    v: np.ndarray,
+    v_next: np.ndarray,
+    f_ext: np.ndarray,
+    J_n: np.ndarray,
+    J_t: np.ndarray,
+    *,
+    h: float,
+    mu: float,
+    gravity: float = 9.81,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (n, 3, 4) of (m/I, 1/m, 1/I, m/I²) and left-hand side (n, 3) of eq. 2.18 multiplied out.
+
+    `v`, `v_next` (n, 3) are velocities before and after n steps in sliding contact at rest normally, `f_ext` (n, 3) is
+    in N, N m, `J_n`, `J_t` (n, 3) are the contact's Jacobian rows, `h` is in s, `gravity` in m/s², downwards.
+    """
+    s = -np.sign(np.einsum("kv,kv->k", J_t, v_next))
+    j, e = J_n[:, 2], J_n[:, 2] + s * mu * J_t[:, 2]
+    n_0 = v[:, 1] + j * v[:, 2] - h * gravity
+    dx, dy, dw = (v_next - v).T
+    f_x, f_y, f_w = f_ext.T
+    zero = np.zeros(len(v))
+    fall = dy + h * gravity
+    columns = [
+        np.stack([-dx * j * e, -fall * j * e, -dw * j * e - e * n_0], axis=1),
+        h * np.stack([f_x - s * mu * f_y, zero, zero], axis=1),
+        h * np.stack([j * (f_x * e - s * mu * f_w), j * (f_y * e - f_w), f_w - e * f_y], axis=1),
+        # the body's own h f_θ J_n,θ e m/I² and the contact force's cancel
+        np.zeros((len(v), 3)),
+    ]
+    return np.stack(columns, axis=2), np.stack([dx + s * mu * n_0, fall + n_0, dw], axis=1)

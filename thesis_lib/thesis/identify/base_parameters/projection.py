@@ -1,0 +1,112 @@
+"""Projection of measured states to the contact manifold: thesis section 2.3.2, approach 3, figure 2-5.
+
+Noise and discretisation leave a contact at a small gap, where eq. 2.12 allows no force.  A step whose expected gap lies
+below a tolerance is taken as contact, and its pose moves to the nearest touching pose by Newton steps
+
+    q ← q − W⁻¹ J_n' (J_n W⁻¹ J_n')⁻¹ φ(q)
+
+over all its closed contacts at once.  Where the sliding velocity at the end of the step is below a tolerance, the
+velocity is projected likewise to J_t v = 0, and the contact sticks exactly.  W (diagonal) weighs rotation against
+translation: 1 for metres, a squared length for radians.  Contacts that cannot all close at once are closed in the
+least-squares sense.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.mechanisms.scenes import NoisyMotion
+from thesis_lib.simulate.stepping.multibody import Mechanism, PlanarFreeBody
+from thesis_lib.simulate.stepping.stepping import SimulatedMotion
+from thesis_lib.thesis.identify.base_parameters.window import States, expected_gap
+
+# Newton steps; three or four are enough for a body unless contacts contradict each other
+ITERATIONS = 20
+CLOSED = 1e-12  # m, gap at which the Newton steps end
+GAP_SIGMAS = 3.0  # gaps of this many sigmas of their noise count as contact
+
+
+@dataclass(frozen=True)
+class ProjectedRecord(States):
+    """States projected to the contact manifold."""
+
+    closed: np.ndarray  # (m, p) contacts that were projected, for the window
+    moved: np.ndarray  # (m,) distance of each pose's projection, in the metric
+
+
+def project_to_contact(
+    record: SimulatedMotion | States,
+    mechanism: Mechanism,
+    *,
+    a_free: np.ndarray,
+    gap_tolerance: float,
+    v_tolerance: float,
+    metric: np.ndarray | None = None,
+) -> ProjectedRecord:
+    """Move poses with contact until they touch, and velocities to exact sticking where they nearly stick.
+
+    Gaps and Jacobians of `record` are recomputed; `a_free` (m, nv) is the acceleration without contact forces.
+    `gap_tolerance` and `v_tolerance` (m, m/s) are a few standard deviations of the noise of gap and sliding velocity,
+    `metric` (nv,) is the diagonal of W (ones by default).
+
+    Raises:
+        UserError: states are not finite.
+    """
+    q, v = np.array(record.q, dtype=float), np.array(record.v, dtype=float)
+    if not (np.isfinite(q).all() and np.isfinite(v).all()):
+        raise UserError("poses or velocities are not finite: repair or cut the record before projecting it")
+    W_inverse = 1.0 / np.broadcast_to(1.0 if metric is None else np.asarray(metric, dtype=float), q.shape[1])
+    steps = len(record.f_ext)
+    contacts = mechanism.contacts_of(q[:steps])
+    closed = expected_gap(contacts.phi, contacts.J_n, v[:steps], a_free, record.h, gap_tolerance) == 0.0
+    for k in np.flatnonzero(closed.any(axis=1)):
+        for _ in range(ITERATIONS):
+            at = mechanism.contacts_of(q[k][None])
+            phi, J_n = at.phi[0, closed[k]], at.J_n[0, closed[k]]
+            if np.abs(phi).max() <= CLOSED:
+                break
+            q[k] -= _shortest(J_n, phi, W_inverse)
+    contacts = mechanism.contacts_of(q[:steps])
+    v_t = np.einsum("kpv,kv->kp", contacts.J_t, v[1 : steps + 1])
+    sticks = closed & (np.abs(v_t) <= v_tolerance)
+    for k in np.flatnonzero(sticks.any(axis=1)):
+        v[k + 1] -= _shortest(contacts.J_t[k, sticks[k]], v_t[k, sticks[k]], W_inverse)
+    moved = np.sqrt(np.sum((q - record.q)[:steps] ** 2 / W_inverse, axis=1))
+    return ProjectedRecord(
+        record.h, q, v, np.asarray(record.f_ext, dtype=float), contacts.phi, contacts.J_n, contacts.J_t, closed, moved
+    )
+
+
+def _shortest(J: np.ndarray, value: np.ndarray, W_inverse: np.ndarray) -> np.ndarray:
+    """Shortest δ in the metric with J δ = value, or the least-squares δ where there is no solution."""
+    return W_inverse * (J.T @ np.linalg.lstsq((J * W_inverse) @ J.T, value, rcond=1e-10)[0])
+
+
+def contact_tolerances(body: PlanarFreeBody, sigma: np.ndarray) -> tuple[float, float]:
+    """`GAP_SIGMAS` standard deviations of a gap in m and of a sliding velocity in m/s, from the noise `sigma` (2, 3).
+
+    The gap moves with y and r θ, the touching point's velocity with v_x and r ω; r is the largest there is.
+    """
+    reach = body.shape.extent
+    gap, slip = (GAP_SIGMAS * float(np.hypot(sigma[i, 1 - i], reach * sigma[i, 2])) for i in (0, 1))
+    return gap, slip
+
+
+def project_motion(motion: NoisyMotion) -> ProjectedRecord:
+    """The noisy states of a motion, projected to the contact manifold in the kinetic metric.
+
+    The tolerances use the true noise level, which an estimator does not know: this is for figures, not for estimates.
+    """
+    body = motion.body
+    noisy = replace(motion.record, q=motion.observed.q, v=motion.observed.v)
+    inertias = np.diag(body.mass_matrix(motion.record.q[0]))
+    gap, slip = contact_tolerances(body, motion.observed.sigma)
+    return project_to_contact(
+        noisy,
+        body,
+        a_free=np.tile(body.gravity(motion.record.q[0]) / inertias, (noisy.steps, 1)),
+        gap_tolerance=gap,
+        v_tolerance=slip,
+        metric=inertias / body.mass,
+    )

@@ -1,0 +1,210 @@
+"""Hypotheses about the impacts of one drop: which steps, which vertices, which modes, one hit or two.
+
+Tried are steps up to `STEP_WINDOW` from those of the segmentation, vertices of nearly equal height, two hits within a
+few steps instead of one, and under the contact law every mode.  χ²_free bounds the χ² of a hypothesis from below, which
+rules out most; the others are fitted together (`likelihood`).
+
+Source: A. H. Land, A. G. Doig, Econometrica 28 (1960) 497, doi 10.2307/1910129 (ruling out by a bound).
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from thesis_lib.thesis.identify.mass_ratio.arc_fit import ArcFit, fit_arcs
+from thesis_lib.thesis.identify.mass_ratio.likelihood import (
+    SLIDE_BACK,
+    SLIDE_FORWARD,
+    STICK,
+    ArcModel,
+    BodyShape,
+    corner_points,
+)
+from thesis_lib.thesis.identify.mass_ratio.sufficient_statistics import ArcStatistics, ArcSums
+from thesis_lib.thesis.identify.segmentation import floored
+
+STEP_WINDOW = 2  # steps tried on each side of the segmentation's
+# with more impacts, one step on each side is tried: the number of hypotheses is 5 to the number of impacts
+MANY_IMPACTS = 4
+# χ² by which a tried hypothesis may exceed the best: weights of e^-12 do not count
+OPEN = 25.0
+MAX_HYPOTHESES = 3000  # per number of impacts; the best by χ²_free are kept
+DOUBLE_HIT_STEPS = 8  # largest distance of the two hits of a split impact
+P_SPLIT = 0.02  # probability of a larger χ² below which a split is tried
+SLIDE_COST = 8.0  # χ² that sliding has to save: it adds μ, then known to about 1 % of its range
+# a sticking impact with |Δv_x| above this times μ Δv_y contradicts the μ of the sliding ones
+CONE_SLACK = 1.2
+SPLIT_GAIN = 20.0  # χ² a split has to save: it adds three unknowns and is sought at about a hundred places
+
+
+@dataclass
+class FittedHypotheses:
+    """Fits of B hypotheses with one number of impacts; `modes` is None where impulses are free.
+
+    `any`: whether one converged; `row`: of the best, whose χ² is `chi2_min` and whose misfit has `dof` and `p_value`;
+    `weight` (B,): exp(-χ²/2) relative to the best, 0 where not converged.
+    """
+
+    statistics: ArcStatistics
+    vertices: np.ndarray  # (B, J) that touch, numbered as in the shape
+    modes: np.ndarray | None  # (B, J) 0 stick, ±1 slide with that sign of c_t
+    fit: ArcFit
+    tried: int  # number of hypotheses fitted so far
+
+    def __post_init__(self):
+        usable = self.fit.converged & np.isfinite(self.fit.chi2)
+        score = self.fit.chi2.copy()
+        if self.modes is not None:
+            slides = self.modes != STICK
+            u, mu = self.fit.u, self.fit.eta[:, 2]
+            held = np.abs(u[:, 0, 2:]) <= CONE_SLACK * mu[:, None] * u[:, 1, 2:]
+            # a negative μ is the other direction of sliding, which is a separate hypothesis
+            usable &= ~slides.any(axis=1) | ((mu >= 0) & (held | slides).all(axis=1))
+            score += SLIDE_COST * slides.any(axis=1)
+        score[~usable] = np.inf
+        self.any = bool(usable.any())
+        self.row = int(np.argmin(score))
+        self.chi2_min = float(score[self.row])
+        self.weight = np.exp(-0.5 * (score - self.chi2_min)) if self.any else np.zeros(len(score))
+        self.dof = int(self.fit.dof[self.row])
+        # a drop with as many unknowns as rows fits exactly: nothing to test
+        self.p_value = float(chi2.sf(self.fit.misfit[self.row], self.dof)) if self.dof > 0 else 1.0
+
+
+class DropHypotheses:
+    """Possible courses of one drop, with time step `h` in s and noise `sigma` (2, 3).
+
+    `use_gap` says whether the gaps at the impacts are part of the likelihood.
+    """
+
+    def __init__(self, sums: ArcSums, h: float, shape: BodyShape, gravity: float, use_gap: bool, sigma: np.ndarray):
+        self.sums, self.h, self.shape, self.gravity, self.use_gap = sums, h, shape, gravity, use_gap
+        self.sigma = sigma
+
+    def estimate_noise(self, steps: np.ndarray) -> None:
+        """Set the noise from the residuals of the best free arcs near `steps` (J,)."""
+        near = self._near(steps)
+        best = near.take(np.argmin(near.chi2_free)[None])
+        spread = self.sums.residual_spread(best.steps[0], best.u[0])
+        self.sigma = floored(spread, self.sums.q, self.sums.v)
+
+    def fit_best(self, steps: np.ndarray) -> FittedHypotheses:
+        """As `fit`, with one impact split into two hits where the samples clearly prefer that."""
+        unsplit = best = self.fit(steps)
+        if corner_points(self.shape) is not None:
+            for j in range(len(steps)):
+                split = self.fit_split(steps, j, unsplit)
+                if split is not None and split.chi2_min < min(best.chi2_min, unsplit.chi2_min - SPLIT_GAIN):
+                    best = split
+        return best
+
+    def fit(self, steps: np.ndarray) -> FittedHypotheses:
+        """Every open hypothesis with as many impacts as `steps` (J,), with free impulses."""
+        return self._fit_all(self._near(steps))
+
+    def fit_split(self, steps: np.ndarray, j: int, unsplit: FittedHypotheses) -> FittedHypotheses | None:
+        """As `fit`, with impact j split into two; None if that cannot improve on `unsplit`."""
+        k = steps[j]
+        pairs = [
+            (a, b)
+            for a in range(k - DOUBLE_HIT_STEPS, k + DOUBLE_HIT_STEPS)
+            for b in range(a + 1, min(a + DOUBLE_HIT_STEPS, k + DOUBLE_HIT_STEPS) + 1)
+            if a <= k <= b
+        ]
+        candidates = [np.concatenate([steps[:j], pair, steps[j + 1 :]]) for pair in pairs]
+        candidates = self._valid(np.array(candidates))
+        if not len(candidates):
+            return None
+        statistics = self.sums.statistics(candidates, self.sigma)
+        gain = unsplit.statistics.chi2_free[unsplit.row] - statistics.chi2_free.min()
+        return self._fit_all(statistics) if gain > SPLIT_GAIN or unsplit.p_value < P_SPLIT else None
+
+    def fit_law(self, free: FittedHypotheses) -> FittedHypotheses:
+        """The open hypotheses of `free` under the contact law, with every combination of modes."""
+        open_ = np.flatnonzero(free.fit.chi2 < free.chi2_min + OPEN)
+        J = free.statistics.steps.shape[1]
+        modes = np.array(list(itertools.product((STICK, SLIDE_FORWARD, SLIDE_BACK), repeat=J)))
+        limit = max(1, MAX_HYPOTHESES // len(modes))
+        open_ = open_[np.argsort(free.fit.chi2[open_], kind="stable")][:limit]
+        rows, modes = np.repeat(open_, len(modes)), np.tile(modes, (len(open_), 1))
+        statistics, vertices = free.statistics.take(rows), free.vertices[rows]
+        model = self._model(statistics, vertices, modes)
+        fit = fit_arcs(model, free.fit.u[rows])
+        return FittedHypotheses(statistics, vertices, modes, fit, free.tried + len(rows))
+
+    def bias(self, best: FittedHypotheses) -> float:
+        """Second-order bias of m/I, 1/m²: half the curvature of the estimate along each direction of the noise.
+
+        E[f(û)] - f(u) = ½ Σ_i L_i' f'' L_i with L L' = N⁻¹ the covariance of the arcs; f'' by refitting at u ± L_i.
+        """
+        s = best.statistics.take(np.array([best.row]))
+        u, n = best.fit.u[best.row], s.u.shape[2]
+        columns = np.swapaxes(np.linalg.inv(s.root[0]), 1, 2)  # (3, n, n): rows are the columns of R⁻¹
+        moves = np.zeros((3 * n, 3, n))
+        for c in range(3):
+            moves[c * n : (c + 1) * n, c] = columns[c]
+        moved = np.concatenate([u[None], u + moves, u - moves])
+        B = len(moved)
+        rows = np.zeros(B, dtype=int)
+        statistics = replace(s.take(rows), u=moved)
+        modes = None if best.modes is None else np.repeat(best.modes[[best.row]], B, axis=0)
+        fit = fit_arcs(
+            self._model(statistics, np.repeat(best.vertices[[best.row]], B, axis=0), modes),
+            moved,
+            np.repeat(best.fit.eta[[best.row]], B, axis=0),
+        )
+        if not fit.converged.all():
+            return 0.0
+        return float(0.5 * (fit.ratio[1:] - fit.ratio[0]).sum())
+
+    def _near(self, steps: np.ndarray) -> ArcStatistics:
+        window = STEP_WINDOW if len(steps) <= MANY_IMPACTS else 1
+        offsets = np.array(list(itertools.product(range(-window, window + 1), repeat=len(steps))))
+        return self.sums.statistics(self._valid(steps + offsets), self.sigma)
+
+    def _valid(self, steps: np.ndarray) -> np.ndarray:
+        inside = (steps[:, 0] >= 1) & (steps[:, -1] < self.sums.m) & (np.diff(steps, axis=1) > 0).all(axis=1)
+        return np.unique(steps[inside], axis=0)
+
+    def _model(self, statistics: ArcStatistics, vertices: np.ndarray, modes: np.ndarray | None) -> ArcModel:
+        return ArcModel(statistics, vertices, self.h, self.shape, self.gravity, modes, self.use_gap)
+
+    def _fit_all(self, statistics: ArcStatistics) -> FittedHypotheses:
+        # χ²_free bounds χ² from below: a value far above the best cannot become the best
+        order = np.argsort(statistics.chi2_free, kind="stable")
+        order = order[statistics.chi2_free[order] < statistics.chi2_free[order[0]] + 2.0 * OPEN]
+        rows, vertices = self._vertices(statistics.take(order))
+        rows, vertices = rows[:MAX_HYPOTHESES], vertices[:MAX_HYPOTHESES]
+        statistics = statistics.take(order[rows])
+        fit = fit_arcs(self._model(statistics, vertices, None))
+        return FittedHypotheses(statistics, vertices, None, fit, len(rows))
+
+    def _vertices(self, s: ArcStatistics) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (H,) of `s` and vertices (H, J): each combination of vertices that could be the lowest."""
+        B, J = s.steps.shape
+        corners = corner_points(self.shape)
+        if corners is None:
+            return np.arange(B), np.zeros((B, J), dtype=int)
+        model = self._model(s, np.zeros((B, J), dtype=int), None)
+        theta = model.angles(s.u)
+        theta_std = np.sqrt(
+            np.einsum("bji,bij->bj", model.position, np.linalg.solve(s.N[:, 2], np.swapaxes(model.position, 1, 2)))
+        )
+        x, y = corners.T
+        sin, cos = np.sin(theta)[..., None], np.cos(theta)[..., None]
+        r_x, r_y = cos * x - sin * y, sin * x + cos * y
+        low = np.argmin(r_y, axis=2)[..., None]
+        above = r_y - np.take_along_axis(r_y, low, 2)
+        turn = np.abs(r_x - np.take_along_axis(r_x, low, 2))
+        # a higher vertex can hit if the angle is uncertain, or a few steps later (two hits in a row)
+        travel = 2.0 * self.h * np.abs(s.u[:, 1, 2:])
+        able = above <= 4.0 * theta_std[..., None] * turn + travel[..., None]
+        rows, chosen = [], []
+        for b in range(B):
+            options = [np.flatnonzero(able[b, j]) for j in range(J)]
+            for pick in itertools.product(*options):
+                rows.append(b)
+                chosen.append(pick)
+        return np.array(rows), np.array(chosen, dtype=int)

@@ -1,0 +1,91 @@
+"""The program without known external force: a singular value problem (thesis section 2.3.3, after eq. 2.14).
+
+With f = 0 eq. 2.12 is homogeneous: Θ = 0, c = 0 solves it, and any other solution only up to its scale, one for
+parameters and forces.  So the scale is fixed, and the contact forces are eliminated as in `mode_qp`,
+
+    minimise ‖Ỹ Θ‖   subject to   ‖S Θ‖ = 1,        Ỹ_k = (1 − B_k B_k⁺) Y_k,        a_k = B_k⁺ Y_k Θ,
+
+with the columns of Y S⁻¹ of unit norm.  S Θ is the right singular vector of Ỹ S⁻¹ to the least singular value.  Without
+noise that value is 0; the one above it is not, or more than the scale is undetermined: bodies that never touch each
+other have a scale each.  The sign is that with which contacts push.
+
+| in code           | on paper            | unit | shape |
+|-------------------|---------------------|------|-------|
+| `singular_values` | σ of Ỹ S⁻¹, falling | 1    | (n_Θ,) |
+| `theta`           | Θ, one of it 1      | per `unit` | (n_Θ,) |
+
+With noise the least singular value is not 0, and which Θ has the least misfit depends on S; a parameter that only noise
+excites comes out too small, as with known mass (`mass_ratio.plain_program`).
+"""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.simulate.mechanisms.motions import DEFAULT, Chapter2Bodies, block, disk
+from thesis_lib.thesis.identify.base_parameters.excitation_table import excitation_cases
+from thesis_lib.thesis.identify.base_parameters.identifiability import FLOOR, identifiability
+from thesis_lib.thesis.identify.base_parameters.window import ContactWindow
+from thesis_lib.thesis.identify.programs.mode_qp import admissible, amplitudes, edges_of, forces_of, without_forces
+from thesis_lib.thesis.identify.programs.result import ProgramResult, judged
+
+PROGRAM = "2.12 homogeneous"
+
+
+def solve_homogeneous(window: ContactWindow, unit: str = "m") -> tuple[ProgramResult, np.ndarray]:
+    """Θ and c over the parameter `unit`, which is 1, from a window without known force; and the singular values (n_Θ,).
+
+    Raises:
+        UserError: a force or a parameter is known, there is no such parameter, or more than the scale is undetermined.
+    """
+    if np.abs(window.f).max(initial=0.0) > FLOOR:
+        raise UserError("the window has a known force or parameter, which sets the scale: use solve_mode_qp")
+    if unit not in window.names:
+        raise UserError(f"no parameter {unit!r} in this window; there are {', '.join(window.names)}")
+    n = len(window.names)
+    if (known := identifiability(window)).rank < n - 1:
+        raise UserError("more than the scale is undetermined: " + "; ".join(known.warnings))
+    edges = edges_of(window, "2.12")
+    Y, _, inverse = without_forces(window, edges)
+    scale = np.linalg.norm(window.Y.reshape(-1, n), axis=0)
+    values, V = np.linalg.svd(Y.reshape(-1, n) / scale, full_matrices=False)[1:]
+    theta = V[-1] / scale
+    amplitude = amplitudes(window, inverse, theta, len(edges))
+    sign = np.sign(amplitude.sum()) or np.sign(theta @ scale)
+    # the largest force that parameters or contacts take part in is 1, as residuals are told in that unit
+    size = sign * np.abs(window.Y * theta).max()
+    theta, amplitude = theta / size, amplitude / size
+    c_n, c_t = forces_of(window, edges, amplitude)
+    cost = float(np.sum(window.residual(theta, c_n, c_t) ** 2))
+    pushes = admissible(window, theta, amplitude)
+    result = judged(window, PROGRAM, "singular value", pushes, theta, c_n, c_t, cost)
+    one = theta[window.names.index(unit)] or 1.0  # a unit that comes out as 0 explains nothing, and the status says so
+    return replace(result, theta=theta / one, c_n=c_n / one, c_t=c_t / one), values
+
+
+def ratios_table(settings: Chapter2Bodies = DEFAULT) -> pd.DataFrame:
+    """Estimates of the program in the cases of `excitation_cases` without known force; a row each.
+
+    Columns: case, ratio and truth (m/I in 1/m²), ratio_error and force_error (relative, of m/I and of the forces over
+    the mass), found; numbers are empty where the program refuses the window.
+    """
+    bodies = {"disk": disk(settings), "square": block(settings), "flight": block(settings)}
+    rows = []
+    for name, (record, window) in excitation_cases(settings).items():
+        if "no force" not in name:
+            continue
+        body = bodies[re.split("[ ,]", name)[0]]
+        row: dict[str, object] = {"case": name, "truth": body.mass / body.inertia, "found": 0}
+        try:
+            found, _ = solve_homogeneous(window)
+        except UserError:
+            rows.append(row)
+            continue
+        true, c = (np.stack([x.c_n, x.c_t]) / unit for x, unit in ((record, body.mass), (found, 1.0)))
+        row |= {"ratio": 1.0 / found.theta[1], "ratio_error": abs(body.mass / body.inertia * found.theta[1] - 1.0)}
+        row |= {"force_error": np.linalg.norm(c - true) / np.linalg.norm(true), "found": int(found.solved)}
+        rows.append(row)
+    return pd.DataFrame(rows, columns=["case", "ratio", "truth", "ratio_error", "force_error", "found"])

@@ -1,0 +1,234 @@
+"""Statements of chapter 3 as numbers with standard errors, for the claims ledger.
+
+A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if undefined), `unit`.
+
+| statement                  | value                                                                            |
+|----------------------------|----------------------------------------------------------------------------------|
+| irb_bound                  | mean held-out velocity error of the IRB Bound                                    |
+| irb_bound_mirrored         | the same after reading θ and ω clockwise (sensitivity: handedness of the angle)  |
+| over_best_post_hoc         | mean held-out error of a law minus that of Best Post Hoc of its variant          |
+| steep_friction             | mean held-out error at the inclined plane's μ = 0.3 minus that at the ensemble's μ |
+| back_spin                  | share of measured impacts after which v_t has changed its sign                   |
+| beyond_sticking            | share of measured impulses beyond the line of sticking                           |
+| predicted_back_spin, predicted_beyond_sticking | the same shares of a law's predictions                       |
+| converged_at               | least k from which on every subset's μ and ε stay within 10 % of their final value |
+| convexity_violations       | share of grid triples at which the cost of figure 3-7 is not convex              |
+| local_minima               | points of that grid that are below all eight neighbours                          |
+| small_momentum             | AP Poisson: mean error at the lowest fourth of tangential momentum over the rest |
+
+`converged_at` without a law is that of the slowest law.  `energy` explains its rows.
+
+The thesis's insights from figure 3-10, about individual parameters (μ_i, ε_i):
+
+| statement                  | law  | value                                                                       |
+|----------------------------|------|-----------------------------------------------------------------------------|
+| individual_minus_ensemble_mu, _epsilon | all | mean of the individual parameters minus the ensemble's           |
+| mu_zero                    | some | share of impacts whose individual μ is below 0.001                          |
+| mu_zero_offset             | some | mean abs(r_x) of those impacts over that of the rest (figure 3-11 a)        |
+| misfit_lower_left          | some | mean misfit where both μ_i and ε_i are in their lowest quarter, over the rest |
+| epsilon_mode               | some | where the density of the individual ε peaks (Gaussian kernel, Scott's bandwidth) |
+| epsilon_modes              | some | number of peaks above a tenth of the highest                                |
+| individual_spread_mu, _epsilon | some | standard deviation of the individual parameters over the ensemble's value |
+| flatness_mu, _epsilon      | some | width of the shortest interval with half of the values over their 95 % quantile |
+
+Flatness is 0.53 for an even density from 0 up, and 0.12 for a Gaussian whose spread is a tenth of its mean.
+`law` is one of `FOLLOWED` where only some laws have the row.  All rows describe the individually fitted impacts,
+training and held-out alike; nothing is predicted.  Undefined values are omitted (no impact has μ = 0, a group has a
+single impact).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import minimum_filter
+
+from thesis_lib.coefficients.cost import target_of
+from thesis_lib.contact import LAWS
+from thesis_lib.contact.bounds import best_post_hoc, irb_bound
+from thesis_lib.contact.space import beyond_sticking, velocity_error
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.mechanics.contact import Contact
+from thesis_lib.statistics.intervals import mean_of, ratio_of_means, share_of
+from thesis_lib.thesis.impact_study.study import convexity_violations, pick
+from thesis_lib.thesis.impact_study.tables import MU_ZERO, VARIANTS
+
+MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
+MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
+STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
+FOLLOWED = (STUDIED, "mirtich", "wang_mason", "anitescu_potra_poisson")
+
+Row = tuple[str, str, float, float, str]
+
+
+def statements(
+    impacts: Impacts,
+    split: pd.DataFrame,
+    ensemble: pd.DataFrame,
+    individual: pd.DataFrame,
+    errors: pd.DataFrame,
+    topography: pd.DataFrame,
+    convergence: pd.DataFrame,
+    energy: pd.DataFrame | None = None,
+) -> pd.DataFrame:
+    """All statements, in the kinetic weighting; predictions are judged on impacts with train = 0 in `split` only.
+
+    `ensemble` and `individual` (of all impacts studied) are of both weightings, `errors` are the `held_out_errors` in
+    the kinetic one, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`.
+    """
+    held_out = pick(impacts, split, train=0)
+    ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
+    individual = individual[individual["weighting"] == "kinetic"]
+    target = target_of(held_out)
+    slowest = {str(law): converged_at(part) for law, part in convergence.groupby("law")}
+    rows = [
+        ("irb_bound", "", *mean_of(_irb(held_out)), "m/s"),
+        ("irb_bound_mirrored", "", *mean_of(_irb(mirrored_rotation(held_out))), "m/s"),
+        ("convexity_violations", topography["law"].iloc[0], convexity_violations(topography), np.nan, "1"),
+        ("local_minima", topography["law"].iloc[0], local_minima(topography), np.nan, "1"),
+        ("back_spin", "", *share_of(reverses(target.space, target.c_t, target.c_n)), "1"),
+        ("beyond_sticking", "", *share_of(crosses(target.space, target.c_t, target.c_n)), "1"),
+        ("small_momentum", MAPPED, *_small_momentum(held_out, errors), "1"),
+    ]
+    rows += [("converged_at", law, k, np.nan, "1") for law, k in slowest.items()]
+    if slowest:
+        rows.append(("converged_at", "", max(slowest.values()), np.nan, "1"))
+    for law, fit in ensemble.iterrows():
+        with np.errstate(all="ignore"):  # branches of the law that are not taken
+            predicted = LAWS[str(law)].impulse(target.space, np.asarray(fit["mu"]), np.asarray(fit["epsilon"]))
+        rows.append(("predicted_back_spin", law, *share_of(reverses(target.space, *predicted)), "1"))
+        rows.append(("predicted_beyond_sticking", law, *share_of(crosses(target.space, *predicted)), "1"))
+        at_ensemble = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
+        steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
+        rows.append(("steep_friction", law, *mean_of(steep - at_ensemble), "m/s"))
+    rows += _over_best_post_hoc(errors)
+    rows += individual_rows(impacts, individual, ensemble)
+    table = pd.DataFrame(rows, columns=["statement", "law", "value", "std", "unit"])
+    return table if energy is None else pd.concat([table, energy], ignore_index=True)
+
+
+def reverses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+    """1.0 (n,) where the impulse (n,) changes the sign of v_t (back-spin, thesis 3.3.2), else 0.0; NaN: no impulse."""
+    # a stuck contact has v_t⁺ = 0 up to rounding
+    changes = space.velocity_after(c_t, c_n)[0] * np.sign(space.v_t) < -1e-9 * np.abs(space.v_n)
+    return np.where(np.isfinite(c_t + c_n), changes, np.nan)
+
+
+def crosses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
+    """1.0 (n,) where the impulse (n,) lies beyond the line of sticking, else 0.0; NaN: no impulse."""
+    beyond = beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)
+    return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
+
+
+def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:
+    """Least k from which one law's μ and ε of every subset stay within `share` of those at the largest k."""
+    sizes = np.sort(convergence["k"].unique())
+    off = np.zeros(len(sizes), dtype=bool)
+    for _, part in convergence.groupby("subset"):
+        values = part.sort_values("k")[["mu", "epsilon"]].to_numpy()
+        off |= np.any(np.abs(values - values[-1]) > share * np.abs(values[-1]), axis=1)
+    last_off = np.flatnonzero(off)
+    return float(sizes[last_off[-1] + 1] if len(last_off) else sizes[0])
+
+
+def local_minima(topography: pd.DataFrame) -> int:
+    """Number of grid points, borders included, with a lower cost than all their neighbours."""
+    cost = topography.pivot(index="mu", columns="epsilon", values="cost").to_numpy()
+    beside = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
+    return int((cost < minimum_filter(cost, footprint=beside, mode="constant", cval=np.inf)).sum())
+
+
+def mirrored_rotation(impacts: Impacts) -> Impacts:
+    """The same impacts with θ and ω read clockwise, and the corresponding contact point."""
+    flip = np.array([1.0, 1.0, -1.0])
+    states = {name: getattr(impacts, name) * flip for name in ("q", "v_pre", "v_post")}
+    return replace(impacts, **states, r=impacts.r * np.array([-1.0, 1.0]), cov=None)
+
+
+def _irb(impacts: Impacts) -> np.ndarray:
+    return irb_bound(impacts.v_pre, impacts.v_post, impacts.r, mass=impacts.mass, k_g=impacts.k_g).error
+
+
+def _errors_at(impacts: Impacts, law: str, mu: float, epsilon: float) -> np.ndarray:
+    out = LAWS[law](impacts.v_pre, impacts.r, mass=impacts.mass, k_g=impacts.k_g, mu=mu, epsilon=epsilon)
+    return velocity_error(impacts.v_post - out.v_post, impacts.k_g)
+
+
+def _over_best_post_hoc(errors: pd.DataFrame) -> list[tuple[str, str, float, float, str]]:
+    """Paired differences; a law of both variants is compared among the published laws."""
+    wide = errors.pivot(index=["trial", "impact"], columns="model", values="velocity_error")
+    rows = {}
+    for laws in (VARIANTS["as_defined"], VARIANTS["as_published"]):  # the later one counts
+        best = best_post_hoc(wide[list(laws)].to_numpy())[1]
+        rows |= {law: mean_of(wide[law].to_numpy() - best) for law in laws}
+    return [("over_best_post_hoc", law, *mean_and_std, "m/s") for law, mean_and_std in rows.items()]
+
+
+def _small_momentum(held_out: Impacts, errors: pd.DataFrame) -> tuple[float, float]:
+    momentum = np.abs(target_of(held_out).space.impulse_to(0.0, 0.0)[0])
+    error = errors.loc[errors["model"] == MAPPED, "velocity_error"].to_numpy()
+    small = momentum <= np.quantile(momentum, 0.25)
+    return ratio_of_means(error[small], error[~small])
+
+
+def individual_rows(impacts: Impacts, individual: pd.DataFrame, ensemble: pd.DataFrame) -> list[Row]:
+    """Rows (statement, law, value, std, unit).
+
+    `individual` (trial, impact, law, mu, epsilon, misfit; impacts among `impacts`) and `ensemble` (mu, mu_std, epsilon,
+    epsilon_std, indexed by law) are of one weighting.
+    """
+    keys = pd.MultiIndex.from_arrays([impacts.trial, impacts.impact])
+    offset = pd.Series(np.abs(impacts.r[:, 0]), keys)
+    rows: list[Row] = []
+    for law, fit in ensemble.iterrows():
+        each = individual[individual["law"] == law]
+        for name in ("mu", "epsilon"):
+            mean, std = mean_of(each[name].to_numpy())
+            std = float(np.hypot(std, fit[f"{name}_std"]))
+            rows.append((f"individual_minus_ensemble_{name}", str(law), mean - fit[name], std, "1"))
+    for law in FOLLOWED:
+        each = individual[(individual["law"] == law) & individual["misfit"].notna()]
+        r_x = offset.reindex(pd.MultiIndex.from_frame(each[["trial", "impact"]])).to_numpy()
+        rows += _of_one_law(law, each, r_x, ensemble.loc[law])
+    return [row for row in rows if np.isfinite(row[2])]
+
+
+def _of_one_law(law: str, each: pd.DataFrame, r_x: np.ndarray, fit: pd.Series) -> list[Row]:
+    mu, epsilon, misfit = (each[name].to_numpy(float) for name in ("mu", "epsilon", "misfit"))
+    zero = mu < MU_ZERO
+    lower_left = (mu <= np.quantile(mu, 0.25)) & (epsilon <= np.quantile(epsilon, 0.25))
+    peak, peaks = epsilon_modes(epsilon)
+    return [
+        ("mu_zero", law, *share_of(zero), "1"),
+        ("mu_zero_offset", law, *ratio_of_means(r_x[zero], r_x[~zero]), "1"),
+        ("misfit_lower_left", law, *ratio_of_means(misfit[lower_left], misfit[~lower_left]), "1"),
+        ("epsilon_mode", law, peak, np.nan, "1"),
+        ("epsilon_modes", law, peaks, np.nan, "1"),
+        ("individual_spread_mu", law, mu.std(ddof=1) / fit["mu"], np.nan, "1"),
+        ("individual_spread_epsilon", law, epsilon.std(ddof=1) / fit["epsilon"], np.nan, "1"),
+        ("flatness_mu", law, flatness(mu), np.nan, "1"),
+        ("flatness_epsilon", law, flatness(epsilon), np.nan, "1"),
+    ]
+
+
+def epsilon_modes(epsilon: np.ndarray) -> tuple[float, int]:
+    """Peak of the density of the ε (n,), and number of peaks above a tenth of the highest."""
+    from scipy.signal import find_peaks
+    from scipy.stats import gaussian_kde
+
+    epsilon = epsilon[np.isfinite(epsilon)]
+    if np.ptp(epsilon) == 0.0:
+        return float(epsilon[0]), 1
+    grid = np.linspace(-0.2, 1.2, 1401)
+    density = gaussian_kde(epsilon)(grid)
+    peaks, _ = find_peaks(density, height=0.1 * density.max())
+    return float(grid[np.argmax(density)]), len(peaks)
+
+
+def flatness(values: np.ndarray) -> float:
+    """Width of the shortest interval with half of the values (n,) ≥ 0, over their 95 % quantile (0 if that is 0)."""
+    ordered = np.sort(values)
+    half = (len(ordered) + 1) // 2
+    shortest = float(np.min(ordered[half - 1 :] - ordered[: len(ordered) - half + 1]))
+    top = float(np.quantile(ordered, 0.95))
+    return shortest / top if top > 0.0 else 0.0

@@ -1,0 +1,197 @@
+"""The result of a claim: its status, our value beside the published one; the table claims.csv, the page claims.html.
+
+| status             | when                                                                                        |
+|--------------------|---------------------------------------------------------------------------------------------|
+| `reproduced`       | the claim's check holds                                                                     |
+| `deviates`         | it does not hold; the result says by how much, and why if the ledger knows                  |
+| `data not present` | the run lacked a dataset that the claim needs: neutral                                      |
+| `not decided`      | the claim says that this scale is too noisy to tell: compared and shown, neutral            |
+| `error`            | nothing was compared, e.g. because a file is missing; `refuse_errors` lists all errors      |
+
+difference = ours − published (threshold checks: ours − threshold); relative_difference = difference / abs(published
+or threshold).
+
+The page is readable without network or script, and prints in black and white.  Its script adds a search and filters.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import pandas as pd
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.files import FLOAT_FORMAT, write_text
+from thesis_lib.pages import page
+from thesis_lib.thesis.ledger.checks import Interval, Threshold, Within
+from thesis_lib.thesis.ledger.format import Claim
+
+
+class ClaimStatus(StrEnum):
+    """Outcome of a claim (table in the module's head)."""
+
+    REPRODUCED = "reproduced"
+    DEVIATES = "deviates"
+    NO_DATA = "data not present"
+    UNDECIDED = "not decided"
+    ERROR = "error"
+
+
+@dataclass(frozen=True)
+class Result:
+    """One claim and what this run found.
+
+    published, ours: as shown, '' if there is none.  std: our standard error.  Numbers are NaN where they have no
+    meaning.  finding: the measurement, or what went wrong, in words.
+    """
+
+    claim: Claim
+    status: ClaimStatus
+    published: str = ""
+    ours: str = ""
+    std: float = math.nan
+    difference: float = math.nan
+    relative_difference: float = math.nan
+    finding: str = ""
+
+    @property
+    def reason(self) -> str:
+        """Why the claim is not reproduced; '' if it is."""
+        if self.status is ClaimStatus.REPRODUCED:
+            return ""
+        if self.status is ClaimStatus.DEVIATES:
+            return f"{self.finding}; {self.claim.note or 'reason unknown'}"
+        return self.finding
+
+
+TEMPLATE = Path(__file__).with_name("page.html")
+SCRIPT = Path(__file__).with_name("filter.js")
+SIGNS = {
+    ClaimStatus.REPRODUCED: "✓",
+    ClaimStatus.DEVIATES: "≠",
+    ClaimStatus.NO_DATA: "○",
+    ClaimStatus.UNDECIDED: "~",
+    ClaimStatus.ERROR: "!",
+}
+CLASSES = dict(zip(SIGNS, ("reproduced", "deviates", "no-data", "undecided", "error")))
+COLUMNS = (  # explained in foundation/columns.yaml
+    *("id", "chapter", "location", "statement", "published", "ours", "std", "unit"),
+    *("difference", "relative_difference", "status", "reason", "tolerance", "weak"),
+)
+
+
+def refuse_errors(results: Sequence[Result]) -> None:
+    """Raise a UserError that lists the claims that could not be compared, and why."""
+    errors = [f"- {r.claim.id}: {r.finding}" for r in results if r.status is ClaimStatus.ERROR]
+    if errors:
+        count = "1 claim" if len(errors) == 1 else f"{len(errors)} claims"
+        raise UserError(f"{count} could not be compared with the thesis:\n" + "\n".join(errors))
+
+
+def to_table(results: Sequence[Result]) -> pd.DataFrame:
+    """The results as text cells (claims.csv)."""
+
+    def exact(value: float) -> str:
+        return "" if math.isnan(value) else FLOAT_FORMAT % value
+
+    rows = [
+        (
+            *(r.claim.id, str(r.claim.chapter), r.claim.location, r.claim.statement),
+            *(r.published, r.ours, exact(r.std), r.claim.unit),
+            *(exact(r.difference), exact(r.relative_difference), str(r.status)),
+            *(r.reason, r.claim.check.text(), r.claim.weak or ""),
+        )
+        for r in results
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS), dtype=object)
+
+
+def count_statuses(results: Sequence[Result]) -> dict[ClaimStatus, int]:
+    """How many results have each status."""
+    return {status: sum(r.status is status for r in results) for status in ClaimStatus}
+
+
+def summary_line(results: Sequence[Result]) -> str:
+    """The number of claims, how many have each status, and how many agree where a wrong result could."""
+    counts = count_statuses(results)
+    parts = [
+        f"{counts[ClaimStatus.REPRODUCED]} reproduced",
+        f"{counts[ClaimStatus.DEVIATES]} deviate{'s' if counts[ClaimStatus.DEVIATES] == 1 else ''}",
+        f"{counts[ClaimStatus.NO_DATA]} without data",
+    ]
+    if counts[ClaimStatus.UNDECIDED]:
+        parts.append(f"{counts[ClaimStatus.UNDECIDED]} not decided at this scale")
+    if counts[ClaimStatus.ERROR]:
+        parts.append(f"{counts[ClaimStatus.ERROR]} could not be compared")
+    line = f"{len(results)} claim{'' if len(results) == 1 else 's'}: {', '.join(parts)}."
+    weak = sum(r.status is ClaimStatus.REPRODUCED and r.claim.weak is not None for r in results)
+    say = "says" if weak == 1 else "say"
+    return f"{line} Of those reproduced {weak} {say} little: a wrong result could agree as well." if weak else line
+
+
+def render_page(results: Sequence[Result], scale: str = "") -> str:
+    """The ledger as one self-contained HTML page; `scale` is shown if given.
+
+    By chapter, and in the ledger's order but for claims with which a wrong result could agree: these come last.
+    """
+    chapters = []
+    for number in sorted({result.claim.chapter for result in results}):
+        group = [result for result in results if result.claim.chapter == number]
+        look = [result for result in group if result.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR)]
+        rows = [_cells(result) for result in group]
+        chapters.append({"number": number, "summary": summary_line(group), "look": look, "rows": rows})
+    return page(
+        TEMPLATE,
+        "Claims ledger: what the thesis states, and what this program finds",
+        kind="wide",
+        script=SCRIPT.read_text(encoding="utf-8"),
+        summary=summary_line(results),
+        counts=count_statuses(results),
+        scale=scale,
+        chapters=chapters,
+        signs=SIGNS,
+        classes=CLASSES,
+    )
+
+
+def write_page(results: Sequence[Result], path: str | Path, scale: str = "") -> None:
+    """Write `render_page` to a file, atomically."""
+    write_text(render_page(results, scale), path)
+
+
+def _cells(result: Result) -> dict:
+    """The row of a claim: numbers with units, their difference, and the reason."""
+    claim = result.claim
+    unit = "" if claim.unit == "1" else f" {claim.unit}"
+    numeric = result.difference == result.difference  # NaN if the claim is not a number
+    value = f"{float(result.ours):.4g}{unit}" if numeric else result.ours
+    if result.std == result.std:
+        value += f" ± {result.std:.2g}"
+    published = result.published + unit * isinstance(claim.check, Within | Interval | Threshold)
+    reason, weak = result.reason, claim.weak if result.status is ClaimStatus.REPRODUCED else None
+    if numeric and result.status is ClaimStatus.DEVIATES:
+        reason = claim.note or "reason unknown"  # the difference has its own column
+    return {
+        "claim": claim,
+        "status": result.status,
+        "published": published,
+        "ours": value or "–",
+        "difference": _difference(result, unit) if numeric else "–",
+        "reason": reason,
+        "weak": weak,
+        "says_little": weak is not None,
+    }
+
+
+def _difference(result: Result, unit: str) -> str:
+    """By how much a number differs, as its check compares: a share only of a relative tolerance, or of a deviation."""
+    check, difference = result.claim.check, result.difference
+    if isinstance(check, Threshold):
+        return f"{abs(difference):.3g}{unit} {'above' if difference > 0.0 else 'below'} {check.threshold:g}{unit}"
+    text = f"{difference:+.3g}{unit}"
+    is_relative = check.kind == "rel" or result.status is ClaimStatus.DEVIATES
+    if not is_relative or math.isnan(result.relative_difference):
+        return text
+    return f"{text} ({100 * result.relative_difference:+.3g}\u00a0%)"

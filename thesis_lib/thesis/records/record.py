@@ -1,0 +1,215 @@
+"""A record: title, caption, finding and stored-copy rules of one figure or table, apart from its drawing.
+
+Rules take the files from it; `results/report.html`, Snakemake's report and `python -m thesis_lib figures` its caption;
+`claims check` its tolerances; results/columns.csv its columns.  It is separate from the drawing function because a job
+runs again when its code changes: a new caption must not redraw a figure.
+
+A caption says what is drawn and what to look for, in Jinja and reStructuredText with the variable `dataset`.  The
+finding, one to three sentences, is a Jinja template too, filled from tables of the run, so that it holds for every
+scale, seed and dataset; a rule writes it beside the picture (figure_4_6.png, figure_4_6.txt).  Words that judge
+("above", "within") follow from the numbers.  A template knows the tables in `reads` by their names, what `rows` and
+`statistics.wording` offer, and what the module of its chapter computes.
+"""
+
+import functools
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.regular_file import is_file, read_bytes
+
+if TYPE_CHECKING:
+    import jinja2
+
+FOUND_HERE = "Found in this run: "
+LONGEST = 10_000  # bytes of a finding
+
+
+@dataclass(frozen=True)
+class Job:
+    """The rule that makes a figure or table.
+
+    Attributes:
+        rule: its name.
+        folder: folder of the files below results; `{dataset}` is replaced by each dataset.
+        datasets: those that come with the project and have these files; empty if the folder names no dataset.
+        group: heading in Snakemake's report; by default the dataset.
+    """
+
+    rule: str
+    folder: str
+    datasets: tuple[str, ...] = ()
+    group: str | None = None
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a number may move from its stored copy, abs(ours − stored) ≤ abs + rel · abs(stored), and why."""
+
+    reason: str
+    abs: float = 0.0
+    rel: float = 0.0
+
+
+@functools.cache
+def sentences() -> "jinja2.Environment":
+    """The templates of findings: every function of `rows` and of `statistics.wording`, and as a filter."""
+    import jinja2  # late, as numpy in these: the command line lists its options without them
+
+    from thesis_lib.statistics import wording
+    from thesis_lib.thesis.records import rows
+
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.do"]
+    )
+    environment.globals.update(public(wording) | public(rows))
+    environment.filters.update({"as": wording.formatted} | public(wording))
+    return environment
+
+
+def public(module: ModuleType) -> dict[str, Any]:
+    """Public names of a module, with their values."""
+    return {name: value for name, value in vars(module).items() if not name.startswith("_")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """A figure, table or page of a run, with its text.
+
+    Attributes:
+        name: the file's stem.
+        job: the rule that makes it.
+        title: what it shows, in one line; the caption continues it.
+        caption: what is drawn and what to look for.
+        finding: template of sentences; empty if nothing is found.
+        known: what it knows beside the tables, by name.
+        reads: files in the same folder; those that end in .json are read as dictionaries.
+        suffix: of its file.
+    """
+
+    name: str
+    job: Job
+    title: str
+    caption: str = ""
+    finding: str = ""
+    known: Mapping[str, Any] = field(default_factory=dict)
+    reads: tuple[str, ...] = ()
+    suffix: str = ".csv"
+
+    @property
+    def chapter(self) -> int:
+        """Chapter of the thesis; 0 if it belongs to none."""
+        number = re.match(r"chapter(\d+)", self.job.folder)
+        return int(number[1]) if number else 0
+
+    @property
+    def short(self) -> str:
+        """Short name: the number in the thesis (3-8, 5-5a), or the name if there is none (paired)."""
+        short = self.name.removeprefix("figure_")
+        return short.replace("_", "-") if short[0].isdigit() else short
+
+    @property
+    def label(self) -> str:
+        """Figure 3-8, Table 3.1, Named physics."""
+        if self.short[0].isdigit():
+            return f"Figure {self.short}"
+        return re.sub(r"(\d) (\d)", r"\1.\2", self.short.replace("_", " ").capitalize())
+
+    @property
+    def order(self) -> tuple:
+        """Key that sorts by chapter and number; records without a number come last in their chapter."""
+        number = re.match(r"\d+-(\d+)(\w?)$", self.short)
+        return (self.chapter, not number, int(number[1]) if number else 0, number[2] if number else self.short)
+
+    @property
+    def file(self) -> str:
+        """Path below results, with `{dataset}`."""
+        return str(Path(self.job.folder, self.name + self.suffix))
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Path below results of each dataset; the only key is "" if there are no datasets."""
+        return {name: self.file.replace("{dataset}", name) for name in self.job.datasets or ("",)}
+
+    def said(self, *tables: Any) -> str:
+        """The finding from tables, or dictionaries, in the order of `reads`."""
+        named = dict(zip((Path(name).stem for name in self.reads), tables, strict=True))
+        text = sentences().from_string(self.finding).render({**self.known, **named})
+        return re.sub(r"[ \n]+", " ", text).strip()  # no-break spaces stay
+
+    def found(self, folder: Path) -> str:
+        """The finding, computed from the tables in `folder`.
+
+        Raises:
+            UserError: a table is missing, or lacks a column or row.
+        """
+        from jinja2 import UndefinedError
+
+        from thesis_lib.foundation.files import read_json, read_table  # late: loads pandas
+
+        tables = [(read_json if name.endswith(".json") else read_table)(folder / name) for name in self.reads]
+        try:
+            return self.said(*tables)
+        except (KeyError, IndexError, UndefinedError) as error:
+            names = ", ".join(str(folder / name) for name in self.reads)
+            raise UserError(f"{names} lack {error}, from which the finding is read; run the pipeline again.") from error
+
+    def markup(self) -> str:
+        """Heading, title and caption as reStructuredText, with the variable `dataset`."""
+        numbered = self.label.startswith(("Figure ", "Table "))
+        of = " of the thesis" if self.label.startswith("Figure ") else ""
+        whose = " ({{ dataset }})" if "{dataset}" in self.job.folder else ""
+        heading = f"**{self.label}**{of}{whose}. " if numbered else ""
+        return f"{heading}{self.title}. {self.caption}".strip()
+
+    def text(self, dataset: str, results: Path | None = None) -> str:
+        """The same as plain text for one dataset; with the run's finding if it is in `results`."""
+        import jinja2
+
+        text = jinja2.Template(self.markup(), undefined=jinja2.StrictUndefined).render(dataset=dataset)
+        paragraphs = [" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip()]
+        paragraphs = [re.sub(r"(\*\*?|``?)(\S(?:.*?\S)?)\1", r"\2", part) for part in paragraphs]
+        finding = results and Path(results, self.file.replace("{dataset}", dataset)).with_suffix(".txt")
+        if self.finding and finding and is_file(finding):
+            sentences = read_bytes(finding, LONGEST).decode("utf-8", "replace")
+            paragraphs.append(FOUND_HERE + " ".join(sentences.split()))
+        return "\n\n".join(paragraphs)
+
+    def report_caption(self) -> str:
+        """The same as a template of Snakemake's report, including the finding."""
+        folder = self.job.folder.replace("{dataset}", "{{ dataset }}")
+        section = f"\n\n**{FOUND_HERE.strip()}**\n\n.. include:: results/{folder}/{self.name}.txt"
+        head = "{% set dataset = snakemake.wildcards.dataset %}\n" if "{dataset}" in self.job.folder else ""
+        return f"{head}{self.markup()}{section if self.finding else ''}\n"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure(Record):
+    """A picture with a PDF and a CSV of the numbers drawn; a small copy of the CSV is stored.
+
+    Attributes:
+        keys: columns compared exactly, as text; separated by spaces.
+        tolerances: columns of numbers, separated by spaces, and how far they may move.
+        most_rows: the copy keeps at most this many rows, evenly spaced.
+        not_compared: why no copy is stored.
+        columns: unit and meaning of the columns that only this figure has.
+    """
+
+    keys: str = ""
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    most_rows: int = 40
+    not_compared: str = ""
+    columns: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    suffix: str = ".png"
+
+    @property
+    def text_columns(self) -> list[str]:
+        return self.keys.split()
+
+    @property
+    def number_columns(self) -> dict[str, Tolerance]:
+        return {name: tolerance for names, tolerance in self.tolerances.items() for name in names.split()}

@@ -1,0 +1,220 @@
+"""Results of the study of dice: tables over all held-out parts, and the throws in figures.
+
+    value = over the held-out throws of all parts, each of which is held out once;   std, low, high: bootstrap over them
+    std_splits = standard deviation over parts of the value within one
+
+The bootstrap draws held-out throws, and takes the models as trained.  Other training throws would change little if
+std_splits is not larger than √parts times `std`.  The budget is a mean over parts.  Figures of single throws and of one
+belief use part 0.
+
+Figure 4-4 shows how the belief over a throw widens from contact to contact, and how much of it contacts do.  Held-out
+throws are thrown from states drawn from the covariance of their start, once with uncertain contacts and once with the
+same contacts without uncertainty.  A throw's width is the standard deviation of x over its particles, in sides:
+
+    std, certain    median over throws of the width with uncertain contacts, and without
+    ratio           median over throws of one over the other
+
+Start noise grows on the way by itself, as a thrown die is chaotic.  So a wider belief does not show that contacts are
+uncertain, but the ratio does: it is 1 where they add nothing, and √2 where they add half of the variance.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.foundation.randomness import streams
+from thesis_lib.thesis.residual.dice.data import MeasuredContacts, ThrowReleases
+from thesis_lib.thesis.residual.dice.fit import DiceModel, contact_path, touch_down
+from thesis_lib.thesis.residual.dice.models import Thrower, perturbed, throw_starts
+from thesis_lib.thesis.residual.dice.readings import readings
+from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
+from thesis_lib.thesis.residual.dice.study import DiceStudy
+from thesis_lib.thesis.residual.dice.tables import difficulty, easy_and_hard, spread, summary
+from thesis_lib.thesis.residual.throwing.calibration import coverage_table, pit_histogram
+from thesis_lib.thesis.residual.throwing.flight import fly
+from thesis_lib.thesis.residual.throwing.propagation import Sampled
+from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
+
+BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
+PLAIN = "law"
+COMPLIANT = "compliant"
+SAMPLES = 200  # of a drawn belief
+ASKEW = 0.75  # 24 degrees from a side: the neighbour touches much later, if at all
+FAST = 0.5  # m/s; slower contacts give poor estimates of restitution
+STATES = ("start", "first contact", "second contact", "rest")
+FEWEST = 5  # particles that have a contact, for a width after it
+
+
+@dataclass(frozen=True)
+class Examples:
+    """An easy and a hard held-out throw of the first part, chosen by the belief alone; distances in sides."""
+
+    easy: int
+    hard: int
+    samples: pd.DataFrame  # contact, t, x, y, theta of the hard throw's belief
+    rest: np.ndarray  # its x at rest in m
+    beliefs: pd.DataFrame  # case, and distance at rest from the start, of both throws
+    marks: pd.DataFrame  # case, law and measured end
+
+
+def dice_tables(
+    studies: Sequence[DiceStudy], settings: DiceStudySettings, rng: np.random.Generator
+) -> dict[str, pd.DataFrame]:
+    """Tables of all parts by file name; `dice` is the summary.  `rng` is for the bootstraps."""
+    stream = streams(rng)
+    whole = {name: stacked([study.tables[name] for study in studies]) for name in studies[0].tables}
+    coverages = [
+        coverage_table(part["pit"].to_numpy(), part["trial"].to_numpy(), stream(kind, model), central=central).assign(
+            model=model, kind=kind
+        )
+        for kind, table, central in (("roll", whole["throws"], True), ("contact", whole.pop("contact_pits"), False))
+        for model, part in table.groupby("model", sort=False)
+    ]
+    coverage = pd.concat(coverages, ignore_index=True)
+    whole["calibration"] = coverage[["model", "kind", *coverage.columns.drop(["model", "kind"])]]
+    budgets = whole["budget"].drop(columns="split").groupby(["model", "contact"], sort=False)
+    whole["budget"] = budgets.mean().reset_index()
+
+    def summarised(summarise: Callable, *names: str) -> tuple[pd.DataFrame, list[pd.DataFrame]]:
+        """The summary of tables of all throws, with the spread over the summaries of parts; and these."""
+
+        def of(tables: dict[str, pd.DataFrame], *key: object) -> pd.DataFrame:
+            return summarise(*(tables[name] for name in names), settings.bootstrap, stream(*key))
+
+        parts = [of(study.tables, "part", summarise.__name__, i) for i, study in enumerate(studies)]
+        return over_parts(of(whole, "all", summarise.__name__), parts), parts
+
+    dice, parts = summarised(summary, "throws", "limit")
+    whole["parts"] = stacked(parts)
+    whole["difficulty"], _ = summarised(difficulty, "throws")
+    return {"dice": dice} | {f"dice_{name}": table for name, table in whole.items()}
+
+
+def tables_of_part(
+    study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
+) -> dict[str, pd.DataFrame]:
+    """How the beliefs of model `BELIEVED` widen, and the law with other parameters, by file name; `side` in m."""
+    held = study.releases.select(~np.isin(study.releases.trial, study.train))
+    believed, plain = study.outcomes[BELIEVED].thrower, study.outcomes[PLAIN].thrower.model
+    return {
+        "dice_widths": belief_widths(believed, held, side, settings, rng),
+        "dice_readings": readings(plain, study.releases, side, settings.throw),
+    }
+
+
+def belief_widths(
+    thrower: Thrower, held: ThrowReleases, side: float, settings: DiceStudySettings, rng: np.random.Generator
+) -> pd.DataFrame:
+    """A row per state: throws, std, certain and ratio, each with its standard error (bootstrap over throws).
+
+    `side` in m.  A throw counts where at least `FEWEST` of its particles have the contact, thrown either way.
+    """
+    start_rng, contact_rng, bootstrap_rng = rng.spawn(3)
+    q, v = perturbed(held, settings.particles, start_rng)
+
+    def widths(contact: Sampled) -> np.ndarray:
+        """Widths (states, throws), NaN where too few particles have the contact."""
+        out = throw_starts(thrower.model, contact, q, v, settings.throw, contact_rng)
+        x = np.stack([q[:, 0], out.snapshot_q[0, :, 0], out.snapshot_q[1, :, 0], out.q[:, 0]])
+        x = x.reshape(len(STATES), len(held), -1) / side
+        enough = np.isfinite(x).sum(axis=2) >= FEWEST
+        found = np.full(enough.shape, np.nan)
+        found[enough] = np.nanstd(x[enough], axis=1)
+        return found
+
+    wide, narrow, rows = widths(thrower.contact), widths(thrower.certain), []
+    for i, state in enumerate(STATES):
+        known = np.isfinite(wide[i]) & np.isfinite(narrow[i])
+        row: dict[str, object] = {"state": state, "throws": int(known.sum())}
+        for name, values in (("std", wide[i]), ("certain", narrow[i]), ("ratio", wide[i] / narrow[i])):
+            error = spread(values[known], np.median, settings.bootstrap, bootstrap_rng)[0]
+            row |= {name: float(np.median(values[known])), f"{name}_error": error}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def stacked(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The tables of all parts, with `split`, the number of the part, as first column."""
+    return pd.concat(parts, keys=range(len(parts)), names=["split"]).reset_index("split").reset_index(drop=True)
+
+
+def over_parts(whole: pd.DataFrame, parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The summary of all throws; the standard deviation of its value over the summaries of parts, and their number.
+
+    Columns before the value name a row; the value is followed by std, low and high.
+    """
+    columns = list(whole.columns[: whole.columns.get_loc("high") + 1])
+    *keys, value = columns[: columns.index("std")]
+    groups = pd.concat(parts, ignore_index=True).groupby(keys, sort=False)[value]
+    of_parts = pd.DataFrame({"std_splits": groups.std(ddof=1), "splits": groups.count()}).reset_index()
+    return whole[columns].merge(of_parts, on=keys, how="left", validate="one_to_one")
+
+
+def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """PIT histograms of resting positions, and coverages."""
+    histograms = [
+        pit_histogram(part["pit"].to_numpy()).assign(model=model) for model, part in throws.groupby("model", sort=False)
+    ]
+    return pd.concat(histograms, ignore_index=True), coverage[coverage["kind"] == "roll"]
+
+
+def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.DataFrame:
+    """Restitution against place of held-out contacts, measured and by the compliant contact (`restitution`)."""
+    held = study.contacts.select(~np.isin(study.contacts.trial, study.train))
+    return restitution(study.outcomes[COMPLIANT].thrower.model, held, settings.throw)
+
+
+def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:
+    """Restitution e_n = −v_n⁺/v_n⁻ at the touching corner against its place x (m), measured and by the fitted contact.
+
+    A row per contact: trial, first (0 or 1), x, speed (m/s of approach), measured, model.  Flights after a contact are
+    traced back to the touch.  Contacts of one corner only, far from landing flat and faster than `FAST`.
+    """
+    t, at, _, r, approach = touch_down(model, contacts)
+    shown = (np.abs(np.sin(2.0 * at[:, 2])) > ASKEW) & (approach > FAST) & (t < contacts.span)
+    start_q, start_v, span = model.seen(contacts.q)[shown], contacts.v[shown], contacts.span[shown]
+    ends = {
+        "measured": (contacts.q_after[shown] - [0.0, 0.0, model.d_theta], contacts.v_after[shown]),
+        "model": contact_path(model, start_q, start_v, span, settings),
+    }
+    table = pd.DataFrame({"trial": contacts.trial[shown], "first": contacts.first[shown].astype(int)})
+    table["x"], table["speed"] = at[shown, 0] + r[shown, 0], approach[shown]
+    for name, (end_q, end_v) in ends.items():
+        _, after = fly(model.body, end_q, end_v, t[shown] - span)
+        table[name] = (after[:, 1] + r[shown, 0] * after[:, 2]) / approach[shown]
+    return table.sort_values(["first", "x", "trial"], kind="stable").reset_index(drop=True)
+
+
+def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator) -> Examples:
+    """Throws that the figures show, and the beliefs of model `BELIEVED` about them; `side` in m."""
+    believed, plain = study.outcomes[BELIEVED], study.outcomes[PLAIN]
+    held = study.releases.select(~np.isin(study.releases.trial, study.train))
+    easy, hard = easy_and_hard(study.tables["throws"], BELIEVED)
+    beliefs, marks, rest = [], [], {}
+    for case, trial in (("hard", hard), ("easy", easy)):
+        row = int(np.flatnonzero(held.trial == trial)[0])
+        start, rest[case] = held.q[row, 0], believed.x[row]
+        beliefs.append(pd.DataFrame({"case": case, "distance": (rest[case] - start) / side}))
+        ends = (plain.certain.q[row, 0], held.end[row, 0])
+        marks.append((case, *((x - start) / side for x in ends)))
+    samples = _first_contacts(believed.thrower, held.select(held.trial == hard), settings, rng)
+    ends = pd.DataFrame(marks, columns=["case", "law", "measured"])
+    return Examples(easy, hard, samples, rest["hard"], pd.concat(beliefs, ignore_index=True), ends)
+
+
+def _first_contacts(
+    thrower: Thrower, release: ThrowReleases, settings: DiceStudySettings, rng: np.random.Generator
+) -> pd.DataFrame:
+    """Samples of the belief over one throw: contact (0: start, 1, 2, ...), t (s), x, y (m), theta (rad), trial.
+
+    Rows are at the end of their contact; particles at rest before it are left out.
+    """
+    q, v = perturbed(release, SAMPLES, rng)
+    out = throw_starts(thrower.model, thrower.contact, q, v, settings.throw, rng)
+    parts = [np.column_stack([np.zeros((SAMPLES, 2)), q])]
+    for i, (pose, t) in enumerate(zip(out.snapshot_q, out.snapshot_t), start=1):
+        parts.append(np.column_stack([np.full(SAMPLES, i), t, pose + [0.0, 0.0, thrower.model.d_theta]]))
+    table = pd.DataFrame(np.vstack(parts), columns=["contact", "t", "x", "y", "theta"]).dropna()
+    return table.assign(contact=table["contact"].astype(int), trial=release.trial[0])

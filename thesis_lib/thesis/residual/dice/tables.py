@@ -1,0 +1,180 @@
+"""Tables of the study of dice: errors and scores by throw and by model, and how well a belief ranks difficulty.
+
+    error      = (x measured − x expected)/side,  x expected the mean of the belief
+    face right = the side that is down is the most likely one of the belief
+    score      = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
+
+Intervals are the central 95 % of a bootstrap over throws.  foundation/columns.yaml explains every column.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.stats import spearmanr
+
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.foundation.randomness import streams
+from thesis_lib.statistics.bootstrap import central_95, resampled
+from thesis_lib.thesis.residual.dice.data import MeasuredContacts, ThrowReleases
+from thesis_lib.thesis.residual.dice.models import Thrower, contact_residuals
+from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
+from thesis_lib.thesis.residual.throwing.belief import RestBelief
+from thesis_lib.thesis.residual.throwing.calibration import crps, pit_of_gaussian, pit_of_samples, pit_of_student
+from thesis_lib.thesis.residual.throwing.contact_map import ContactMap
+from thesis_lib.thesis.residual.throwing.throw import Throws
+
+FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
+
+
+@dataclass(frozen=True)
+class HeldOutThrows:
+    """Held-out throws of one model."""
+
+    thrower: Thrower
+    x: np.ndarray  # x, face: (n, M) of particles, in m
+    face: np.ndarray
+    certain: Throws  # without uncertainty
+    after_first: np.ndarray  # (n,) spread of the velocity after the first contact in the kinetic norm, m/s
+
+
+def contact_pits(thrower: Thrower, contacts: MeasuredContacts, settings: DiceStudySettings) -> pd.DataFrame:
+    """PIT of held-out contacts under a law with scatter or a contact map: trial, model, pit, misfit, a row per contact.
+
+    Velocities `duration` after the first touch are compared in the kinetic metric.  `pit` is the χ² probability in
+    three dimensions, for a contact map Student's t (`calibration`); `misfit` is the distance from the mean in m/s.
+    """
+    model = thrower.model
+    rows, q, v, residual, c_n = contact_residuals(model, contacts, settings)
+    scale = velocity_error(v, model.k_g)[:, None]
+    metric = np.array([1.0, 1.0, model.k_g])
+    away = residual[:, 3:] * scale
+    if isinstance(thrower.contact, ContactMap):
+        mean, std = thrower.contact.missed(q, v)
+        away = away - mean[:, 3:] * scale
+        pit = pit_of_student(away / (std[:, 3:] * scale), thrower.contact.freedom)
+    else:
+        # the scatter was measured as a share of c_n at the centre, in this metric
+        share = np.sqrt(np.diag(thrower.contact.relative)) / metric
+        cov = ((share * np.maximum(c_n, settings.slowest)[:, None]) ** 2)[:, :, None] * np.eye(3)
+        pit = pit_of_gaussian(away, cov + FINEST * np.eye(3))
+    return pd.DataFrame(
+        {"trial": contacts.trial[rows], "model": thrower.name, "pit": pit, "misfit": np.linalg.norm(away, axis=1)}
+    )
+
+
+def impact_pits(thrower: Thrower, impacts: Impacts) -> pd.DataFrame:
+    """PIT of held-out isolated impacts under a learned impact: trial, model, pit, misfit, as in `contact_pits`.
+
+    The covariance is that of the impulse, noise included, through the dynamics (equation 4.14).  For a rigid learner it
+    has rank two, so only the velocities that an impulse through the contact point can reach are compared.
+    """
+    out = thrower.contact.trained.predict(impacts, covariance=True, noise=True)
+    # in the kinetic metric, or spin that no impulse through the point reaches would leak into the impulse
+    metric = np.array([1.0, 1.0, impacts.k_g])
+    A = np.linalg.pinv(metric[:, None] * out.jacobian)
+    away = np.einsum("nij,nj->ni", A, (impacts.v_post - out.v_post) * metric)
+    known = np.isfinite(away).all(1)
+    pit = np.full(len(impacts), np.nan)
+    pit[known] = pit_of_gaussian(away[known], out.covariance[known])
+    misfit = velocity_error(impacts.v_post - out.v_post, impacts.k_g)
+    return pd.DataFrame({"trial": impacts.trial, "model": thrower.name, "pit": pit, "misfit": misfit})
+
+
+def throw_rows(outcome: HeldOutThrows, releases: ThrowReleases, side: float, rng: np.random.Generator) -> pd.DataFrame:
+    """A row per held-out throw; see foundation/columns.yaml."""
+    model = outcome.thrower.model
+    face = model.face(releases.end[:, 2])
+    x = releases.end[:, 0]
+    beliefs = [RestBelief(a / side, b, len(model.body.faces)) for a, b in zip(outcome.x, outcome.face)]
+    scores = [belief.log_likelihood(end / side, f) for belief, end, f in zip(beliefs, x, face)]
+    return pd.DataFrame(
+        {
+            "trial": releases.trial,
+            "model": outcome.thrower.name,
+            "error": (x - outcome.x.mean(1)) / side,
+            "error_certain": (x - outcome.certain.q[:, 0]) / side,
+            "face_right": [int(b.most_likely_face == f) for b, f in zip(beliefs, face)],
+            "face_right_certain": (outcome.certain.face == face).astype(int),
+            "face_probability": [b.face_probability[f] for b, f in zip(beliefs, face)],
+            "log_score": [s[0] for s in scores],
+            "log_score_face": [s[1] for s in scores],
+            "crps": crps(x / side, outcome.x / side),
+            "pit": pit_of_samples(x, outcome.x, rng),
+            "spread_rest": outcome.x.std(1) / side,
+            "spread_first": outcome.after_first,
+            "contacts": outcome.certain.contacts,
+            "settled": outcome.certain.settled.astype(int),
+        }
+    )
+
+
+def easy_and_hard(throws: pd.DataFrame, model: str) -> tuple[int, int]:
+    """Trials at the 5 % and 95 % quantiles of the belief's spread at rest; outcomes are not used."""
+    part = throws[throws["model"] == model].sort_values(["spread_rest", "trial"])
+    away = len(part) // 20
+    return int(part["trial"].iloc[away]), int(part["trial"].iloc[-1 - away])
+
+
+def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
+    """A row per model and quantity, with a 95 % bootstrap interval over throws; `limit_…`: the limit of noise."""
+    rows, stream = [], streams(rng)
+
+    def add(model: object, quantities: dict[str, tuple[np.ndarray, Callable]]) -> None:
+        for name, (values, statistic) in quantities.items():
+            interval = spread(values, statistic, bootstrap, stream(model, name))
+            rows.append((model, name, float(statistic(values)), *interval))
+
+    for model, part in throws.groupby("model", sort=False):
+        error, certain = part["error"].to_numpy(), part["error_certain"].to_numpy()
+        quantities = {
+            "mean": (error, np.mean),
+            "std": (error, np.std),
+            "median_abs": (np.abs(error), np.median),
+            "face_right": (part["face_right"].to_numpy(float), np.mean),
+            "mean_certain": (certain, np.mean),
+            "std_certain": (certain, np.std),
+            "face_right_certain": (part["face_right_certain"].to_numpy(float), np.mean),
+            "log_score": (part["log_score"].to_numpy(), np.mean),
+            "crps": (part["crps"].to_numpy(), np.mean),
+            "wide_over_narrow": (part["spread_rest"].to_numpy(), _wide_over_narrow),
+        }
+        add(model, quantities)
+    for model, part in limit.groupby("model", sort=False):
+        still, kept = part["spread"].to_numpy(), part["face_kept"].to_numpy()
+        add(model, {"limit_std": (still, np.median), "limit_face": (kept, np.mean)})
+    return pd.DataFrame(rows, columns=["model", "quantity", "value", "std", "low", "high"])
+
+
+def _wide_over_narrow(width: np.ndarray) -> float:
+    """Ratio of the 95 % to the 5 % quantile of the beliefs' widths, as of the throws that figure 4-10 shows."""
+    low, high = np.quantile(width, [0.05, 0.95])
+    return float(high / low)
+
+
+def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
+    """Rank correlation of |error| with the belief's spread after the first contact and at rest, with intervals."""
+
+    def spearman(pair: np.ndarray) -> float:
+        return float(spearmanr(*pair.T)[0])
+
+    rows, stream = [], streams(rng)
+    for model, part in throws.groupby("model", sort=False):
+        for column in ("spread_first", "spread_rest"):
+            pair = np.column_stack([part[column], part["error"].abs()])
+            pair = pair[np.isfinite(pair).all(1)]
+            interval = spread(pair, spearman, bootstrap, stream(model, column))
+            rows.append((model, column, spearman(pair), *interval, len(pair)))
+    return pd.DataFrame(rows, columns=["model", "spread", "rank_correlation", "std", "low", "high", "n"])
+
+
+def spread(
+    values: np.ndarray, statistic: Callable, bootstrap: int, rng: np.random.Generator
+) -> tuple[float, float, float]:
+    """Bootstrap standard error of a statistic of rows, and its 95 % interval; NaN with fewer than two replicates."""
+    if bootstrap < 2:
+        return np.nan, np.nan, np.nan
+    drawn = resampled(values, statistic, bootstrap, rng)
+    return float(drawn.std(ddof=1)), *central_95(drawn)

@@ -1,0 +1,269 @@
+"""Error of learned contact models against the number of training impacts (thesis, figures 4-5 and 4-6).
+
+Each random split holds out a share of the trials and orders the others at random.  Models train on the first n impacts
+in that order, for every size n, so training sets are nested and all models of a split see the same impacts.  Errors are
+√(δv_x² + δv_y² + (k δω)²) of held-out impacts.
+
+The second study measures what remains to be learned once the critique's physics is included.  The same learners are
+added to the plain law and to the critique's law with its effects, and tested on trials that the critique never used to
+choose.  Splits then differ in their training impacts only, and intervals come from the bootstrap over held-out trials.
+
+| in code       | unit | meaning                                                                                    |
+|---------------|------|--------------------------------------------------------------------------------------------|
+| `model`       |      | law, bound or learner, see `learners` and `NAMED`                                          |
+| `mean`        | m/s  | mean error over the held-out impacts of one split                                          |
+| `infeasible`  | 1    | share of predictions that penetrate or gain energy                                         |
+| `n_converged` | 1    | least n from which on the mean error stays within 5 % of that at the largest n             |
+| `n_learned`   | 1    | the same within 5 % of the fall from the smallest to the largest n                         |
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from thesis_lib.contact.bounds import best_post_hoc, irb_bound
+from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.results.saved_model import SavedModel
+from thesis_lib.datasets.format.impacts import Impacts
+from thesis_lib.foundation.randomness import generator
+from thesis_lib.learners.bases import AugmentedBase, LawBase
+from thesis_lib.learners.learners import ImpactLearner, ImpactPrediction, ImpulseLearner, LawLearner, learners
+from thesis_lib.statistics.bootstrap import CENTRAL_95, bootstrap_mean
+from thesis_lib.statistics.intervals import student_mean
+from thesis_lib.thesis.impact_study.study import split_trials
+from thesis_lib.thesis.residual.settings import LearningStudySettings
+
+BOOTSTRAP = 1000
+BOUNDS = ("best_post_hoc", "irb_bound")
+NAMED = ("law", "law_rigid", "law_wrench", "effects", "effects_rigid", "effects_wrench")
+
+
+def learning_curves(
+    impacts: Impacts,
+    settings: LearningStudySettings,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda text: None,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors of all laws, bounds and learners on random splits of impacts from `impact_study.study.select_impacts`.
+
+    Returns curves, a row per model, n and split; and errors, a row per model and held-out impact of the first split, at
+    the size nearest to that of figure 4-5.  Raises ValueError if the smallest size exceeds a split's training impacts.
+    """
+    models: dict[str, ImpactLearner] = {name: LawLearner(LawBase(name)) for name in settings.laws}
+    models |= learners(settings.base_law, settings.gaussian_process)
+    seed = int(rng.integers(2**63))
+    curves, errors = [], []
+    for split in range(settings.splits):
+        say(f"split {split + 1} of {settings.splits}")
+        train, held_out = _split(impacts, settings.held_out_share, generator(seed, "split", str(split)))
+        sizes = _sizes(settings.sizes, len(train))
+        shown = min(sizes, key=lambda n: abs(n - settings.density_size))
+        for n, by_model in _trained(models, train, held_out, sizes, seed, split):
+            table = {name: velocity_error(held_out.v_post - p.v_post, held_out.k_g) for name, p in by_model.items()}
+            curves += [_row(name, n, split, p, held_out) for name, p in by_model.items()]
+            table |= _bounds(table, settings.laws, held_out)
+            curves += [_error_row(name, n, split, table[name]) for name in BOUNDS]
+            if split == 0 and n == shown:
+                errors = [_errors(name, error, by_model.get(name), held_out) for name, error in table.items()]
+    return pd.DataFrame(curves), pd.concat(errors, ignore_index=True).assign(n=shown)
+
+
+def named_physics_models(law: str, model: SavedModel, settings: LearningStudySettings) -> dict[str, ImpactLearner]:
+    """The models of `NAMED`: a plain law and the critique's law with effects, each alone and with residuals."""
+    gp, plain, augmented = settings.gaussian_process, LawBase(law), AugmentedBase(model)
+    models: dict[str, ImpactLearner] = {}
+    for name, base in (("law", plain), ("effects", augmented)):
+        models[name] = LawLearner(base)
+        models[f"{name}_rigid"] = ImpulseLearner("X1", False, base, True, settings=gp)
+        models[f"{name}_wrench"] = ImpulseLearner("X1", True, base, True, settings=gp)
+    return models
+
+
+def named_physics(
+    impacts: Impacts,
+    held_out: np.ndarray,
+    law: str,
+    model: SavedModel,
+    settings: LearningStudySettings,
+    rng: np.random.Generator,
+    say: Callable[[str], None] = lambda text: None,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Named physics, then residual: errors on approaching impacts of the trials that the critique held out.
+
+    `held_out` (n,) marks impacts whose trials the critique never used to choose; `law` is its base law, `model` its
+    model.json.  The splits of `settings` are here draws of the training impacts; `say` is called with a line for each.
+
+    Returns curves, a row per model, n and draw; and rungs, a row per model at the size of figure 4-5 with mean error
+    over draws, its 95 % interval by the bootstrap over held-out trials, and the IRB bound of the data as published and
+    under the effects.  Raises ValueError without training or held-out impacts.
+    """
+    if held_out.all() or not held_out.any():
+        raise ValueError("there must be impacts on both sides of the critique's held-out trials")
+    test, pool = impacts.select(held_out), impacts.select(~held_out)
+    models = named_physics_models(law, model, settings)
+    sizes = _sizes(settings.sizes, len(pool))
+    shown = min(sizes, key=lambda n: abs(n - settings.density_size))
+    seed = int(rng.integers(2**63))
+    curves, sums = [], dict.fromkeys(models, 0.0)
+    for split in range(settings.splits):
+        say(f"draw {split + 1} of {settings.splits}")
+        train = _in_random_order(pool, generator(seed, "draw", str(split)))
+        for n, by_model in _trained(models, train, test, sizes, seed, split):
+            curves += [_row(name, n, split, p, test) for name, p in by_model.items()]
+            if n == shown:
+                for name, p in by_model.items():
+                    sums[name] = sums[name] + velocity_error(test.v_post - p.v_post, test.k_g)
+    means = {name: total / settings.splits for name, total in sums.items()}
+    for name, seen in (("irb_bound", test), ("irb_bound_effects", AugmentedBase(model).seen(test))):
+        means[name] = irb_bound(seen.v_pre, seen.v_post, seen.r, mass=seen.mass, k_g=seen.k_g).error
+    bootstrap = generator(seed, "bootstrap")
+    rungs = [
+        {"model": name, "n": shown, **_interval(error, test.trial, bootstrap), "n_held_out": len(test)}
+        for name, error in means.items()
+    ]
+    return pd.DataFrame(curves), pd.DataFrame(rungs)
+
+
+def held_out_by(critique: pd.DataFrame, impacts: Impacts) -> np.ndarray:
+    """Mask (n,) of impacts whose trials the critique (its impacts.csv: trial, held_out) held out or did not use."""
+    held = critique.groupby("trial")["held_out"].max()
+    return held.reindex(impacts.trial).fillna(1).to_numpy() == 1
+
+
+def curve_summary(curves: pd.DataFrame) -> pd.DataFrame:
+    """A row per model and n: mean over splits, its 95 % interval (Student's t), and mean rates."""
+    rows = []
+    for (model, n), group in curves.groupby(["model", "n"], sort=False):
+        mean, low, high = student_mean(group["mean"].to_numpy())
+        rates = group[["infeasible"]].mean()
+        rows.append({"model": model, "n": n, "mean": mean, "low": low, "high": high, **rates})
+    return pd.DataFrame(rows)
+
+
+def convergence(curves: pd.DataFrame, within: float, rng: np.random.Generator) -> pd.DataFrame:
+    """Impacts after which the mean over splits stays within a share of that at the largest n, or of its fall.
+
+    Returns model, n_converged and n_learned (module's table), each with the ends _low and _high of its 95 % interval by
+    the bootstrap over splits.
+    """
+    rows = []
+    for model, group in curves.groupby("model", sort=False):
+        wide = group.pivot(index="split", columns="n", values="mean").dropna(axis=1)
+        sizes, values = wide.columns.to_numpy(), wide.to_numpy()
+        drawn = values[rng.integers(len(values), size=(BOOTSTRAP, len(values)))].mean(axis=1)
+        row = {"model": model}
+        for name, by_fall in (("n_converged", False), ("n_learned", True)):
+            at = [_settled(sizes, curve, within, by_fall) for curve in (values.mean(axis=0), *drawn)]
+            low, high = np.quantile(at[1:], CENTRAL_95, method="nearest")
+            row |= {name: int(at[0]), f"{name}_low": int(low), f"{name}_high": int(high)}
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+# numerator and denominator of the ratios of mean errors that the thesis claims
+CLAIMS = {
+    "rigid_over_irb": ("rigid_x1", "irb_bound"),
+    "residual_rigid_over_irb": ("residual_rigid", "irb_bound"),
+    "wrench_over_irb": ("wrench_x1", "irb_bound"),
+    "residual_wrench_over_irb": ("residual_wrench", "irb_bound"),
+    "best_post_hoc_over_rigid": ("best_post_hoc", "rigid_x1"),
+    "x2_over_x1": ("rigid_x2", "rigid_x1"),
+    "full_over_x1": ("rigid_full", "rigid_x1"),
+    "parameters_over_residual": ("law_parameters", "residual_rigid"),
+    "residual_rigid_over_rigid": ("residual_rigid", "rigid_x1"),  # class II over class I
+    "residual_wrench_over_wrench": ("residual_wrench", "wrench_x1"),
+}
+# with the fewest training impacts: purely data-driven over reinforced by a law
+OF_FEWEST = {
+    "rigid_over_residual_few": ("rigid_x1", "residual_rigid"),
+    "wrench_over_residual_few": ("wrench_x1", "residual_wrench"),
+}
+# what ten inputs cost in samples
+OF_FEW = {"full_over_x1_few": CLAIMS["full_over_x1"]}
+FEW = 100  # training impacts, from which rigid learners have converged (section 4.4)
+
+
+def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.DataFrame:
+    """Ratios of mean errors at the size of figure 4-5, of `OF_FEW` near `FEW`, and of `OF_FEWEST` at the smallest size.
+
+    Statement, n, value, std (standard error); they are paired by split.
+    """
+    pairs = CLAIMS | {"law_over_wrench": (base_law, "wrench_x1")}
+    rows = []
+    for wanted, chosen in ((density_size, pairs), (FEW, OF_FEW), (curves["n"].min(), OF_FEWEST)):
+        n = min(curves["n"].unique(), key=lambda size, wanted=wanted: abs(size - wanted))
+        wide = curves[curves["n"] == n].pivot(index="split", columns="model", values="mean")
+        for statement, (above, below) in chosen.items():
+            ratio = wide[above] / wide[below]
+            rows.append((statement, n, ratio.mean(), ratio.std(ddof=1) / np.sqrt(len(ratio))))
+    return pd.DataFrame(rows, columns=["statement", "n", "value", "std"])
+
+
+def _settled(sizes: np.ndarray, mean: np.ndarray, within: float, by_fall: bool) -> int:
+    near = np.abs(mean - mean[-1]) <= within * (abs(mean[0] - mean[-1]) if by_fall else mean[-1])
+    last_off = np.flatnonzero(~near)
+    return sizes[0] if not len(last_off) else sizes[last_off[-1] + 1]
+
+
+def _split(impacts: Impacts, share: float, rng: np.random.Generator) -> tuple[Impacts, Impacts]:
+    """Training impacts, with their trials in random order, and held-out impacts."""
+    held = split_trials(impacts.trial, share, rng)
+    return _in_random_order(impacts.select(~held), rng), impacts.select(held)
+
+
+def _in_random_order(impacts: Impacts, rng: np.random.Generator) -> Impacts:
+    trials, unit = np.unique(impacts.trial, return_inverse=True)
+    return impacts.select(np.argsort(rng.permutation(len(trials))[unit], kind="stable"))
+
+
+def _sizes(sizes: Sequence[int], available: int) -> list[int]:
+    usable = [n for n in sorted(set(sizes)) if n <= available]
+    if not usable:
+        raise ValueError(f"the smallest size is {min(sizes)}, but there are {available} training impacts")
+    return usable
+
+
+def _trained(
+    models: Mapping[str, ImpactLearner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
+) -> Iterator[tuple[int, dict[str, ImpactPrediction]]]:
+    """Predictions of all models for each size; each search starts from the model of the previous size."""
+    previous = dict.fromkeys(models)
+    for n in sizes:
+        subset, predictions = train.select(np.arange(n)), {}
+        for name, learner in models.items():
+            # a stream per name, so that adding a model changes no other
+            trained = learner.fit(subset, generator(seed, name, str(split), str(n)), previous[name])
+            previous[name], predictions[name] = trained, trained.predict(test)
+        yield n, predictions
+
+
+def _row(name: str, n: int, split: int, p: ImpactPrediction, held_out: Impacts) -> dict:
+    error = velocity_error(held_out.v_post - p.v_post, held_out.k_g)
+    return _error_row(name, n, split, error) | {"infeasible": float(np.mean(~p.feasible))}
+
+
+def _error_row(name: str, n: int, split: int, error: np.ndarray) -> dict:
+    averages = {"mean": float(np.nanmean(error)), "median": float(np.nanmedian(error))}
+    counts = {"n_held_out": len(error), "n_failed": int(np.isnan(error).sum())}
+    return {"model": name, "n": n, "split": split, **averages, **counts}
+
+
+def _bounds(table: Mapping[str, np.ndarray], laws: Sequence[str], held_out: Impacts) -> dict[str, np.ndarray]:
+    body = {"mass": held_out.mass, "k_g": held_out.k_g}
+    return {
+        "best_post_hoc": best_post_hoc(np.stack([table[law] for law in laws], axis=1))[1],
+        "irb_bound": irb_bound(held_out.v_pre, held_out.v_post, held_out.r, **body).error,
+    }
+
+
+def _errors(name: str, error: np.ndarray, p: ImpactPrediction | None, held_out: Impacts) -> pd.DataFrame:
+    table = pd.DataFrame({"model": name, "trial": held_out.trial, "impact": held_out.impact, "error": error})
+    return table.assign(feasible=1 if p is None else p.feasible.astype(int))
+
+
+def _interval(error: np.ndarray, trial: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+    """Mean error and its 95 % interval by the bootstrap over trials; failed solves (NaN) are excluded and counted."""
+    known = np.isfinite(error)
+    low, high = bootstrap_mean(error[known], trial[known], BOOTSTRAP, rng)
+    return {"mean": float(error[known].mean()), "low": low, "high": high, "n_failed": int((~known).sum())}
