@@ -99,7 +99,10 @@ def report_html(
             *("added", effects.ladder_text(critique, d, ladder), drawn.get("ladder"), effects.moved(critique)),
             *(tables.choices_table(made.get("choices")), drawn.get("parameters"), tables.parameters_table(critique)),
         ),
-        "Tosses, measured and predicted": ("replay", replay.replay(critique)),
+        f"{'Drops' if critique.space.is_plane else 'Tosses'}, measured and predicted": (
+            "replay",
+            replay.replay(critique),
+        ),
         "Which model is right": ("models", tables.models(made.get("models")), drawn.get("models")),
         "What remains open, and how to decide it": ("open", effects.untold(d), following(d)),
         "What these data could have shown": ("power", power(d), tables.detectable_table(d)),
@@ -122,7 +125,7 @@ def report_html(
         kind="fault" if fault else "",
         about=paragraph(f"What the dataset says of itself: {visible(own)}" if own.strip() else "", kind="about"),
         key_numbers=_key_numbers(d, ladder),
-        script=(impacts if critique.space.is_plane else body).SCRIPT.read_text(encoding="utf-8"),
+        script="\n".join(part.SCRIPT.read_text(encoding="utf-8") for part in (impacts, body)),
     )
 
 

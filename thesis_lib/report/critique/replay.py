@@ -1,8 +1,10 @@
 """Tosses replayed on a page: the measured body, what the final model predicts after each hit, heights over time.
 
 The prediction starts from the measured state before a hit, and is flown to the next hit that was used, or until the
-body would touch again.  replay.html draws one frame of each toss and the heights; in the browser,
-thesis_lib/pages/body.js moves the bodies by numbers that the page holds as JSON.
+body would touch again.  A motion in the plane is drawn as one in space, seen along the surface.
+
+replay.html draws one frame of each toss and the heights; in the browser, thesis_lib/pages/body.js moves the bodies by
+numbers that the page holds as JSON.
 
 | on paper  | in the JSON | unit | |
 |-----------|-------------|------|--------------------------------------------------------------------------------|
@@ -19,8 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from markupsafe import Markup
 
+from thesis_lib.bodies.shapes import Shape
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.likelihood.in_space.instants import readable
+from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.mechanics.frame import Frame
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
@@ -36,6 +40,8 @@ LONGEST = 0.5  # s that a prediction is shown
 AGAIN = 0.1  # extents below the surface, at which a body that is flown has touched again
 ELEVATION = 12.0  # degrees above the surface, from where tosses are seen
 SCENE, HEIGHTS = 250, 250  # heights of the pictures in pixels
+LARGEST = (("largest", 0), ("second largest", 1), ("third largest", 2))  # name and rank of errors
+OUTLINE = 60  # points of a planar shape that is round
 SQUARE = 0.1  # m: the squares of the surface
 LATER = 4  # frames from the largest error to the one that is shown first
 
@@ -52,38 +58,68 @@ class Toss(NamedTuple):
 
 
 def replay(critique: DropsCritique) -> Markup:
-    """The tosses of the largest, median and smallest error; empty without their trajectories, and in the plane."""
-    source, judged = critique.source, critique.ladder[-1][2]
-    if critique.space.is_plane or source is None or not critique.observations.arcs:
+    """The held-out tosses of the largest errors, and those of the median and the smallest one.
+
+    Empty without trajectories, and where a body does not fall onto a single surface.
+    """
+    source, judged, is_plane = critique.source, critique.ladder[-1][2], critique.space.is_plane
+    o = critique.observations
+    if source is None or not o.arcs or not source.gravity or o.surface.any():
         return Markup()
+    solid = _lamina(source.shape) if is_plane else polyhedron(o.rig.shape)
+    kind, elevation, square = ("drop", 0.0, None) if is_plane else ("toss", ELEVATION, SQUARE)
     trials = np.unique(judged.trial)
     errors = np.array([judged.error[judged.trial == trial].mean() for trial in trials])
     order = np.argsort(-errors, kind="stable")
-    shown = {"largest": order[0], "median": order[len(order) // 2], "smallest": order[-1]}
-    table = readable(source)[0]
-    (surface,) = surface_frames(source.in_space)
-    solid, drawn, content, labels = polyhedron(critique.observations.rig.shape), [], [], []
-    for name, i in shown.items():
-        frames = surface.seen(body_states(tracked_states(table[table["trial"] == trials[i]]), source.in_space))
-        picture, numbers = _drawn(tossed(critique, frames), solid)
+    measured, drawn, content, labels = _measured(source), [], [], []
+    for name, rank in (*LARGEST, ("median", len(order) // 2), ("smallest", len(order) - 1)):
+        i = order[min(rank, len(order) - 1)]
+        frames = measured.select(measured.trial == trials[i])
+        picture, numbers = _drawn(tossed(critique, frames), solid, axes_of_view(-90.0, elevation))
         drawn.append(picture)
         content.append(numbers)
         labels.append(f"{name} error: trial {trials[i]}, {amount(float(errors[i]), 'm/s')}")
-    numbers = {"vertices": rounded(solid.vertices, 1e-5), "faces": solid.faces, "elevation": ELEVATION}
-    finding = f"Held-out tosses by the mean error of their hits: {'; '.join(labels)}."
+    numbers = {"vertices": rounded(solid.vertices, 1e-5), "faces": solid.faces, "elevation": elevation}
+    finding = f"Held-out {kind}{'s' if is_plane else 'es'} by the mean error of their hits: {'; '.join(labels)}."
     sizes = {"width": WIDTH, "scene": SCENE, "heights": HEIGHTS, "left": LEFT, "right": WIDTH - MARGIN}
     shared = as_json(numbers | {"tosses": content})
-    return render(TEMPLATE, tosses=drawn, labels=labels, finding=finding, numbers=shared, square=SQUARE, **sizes)
+    said = {"kind": kind, "finding": finding, "square": square}
+    return render(TEMPLATE, tosses=drawn, labels=labels, numbers=shared, **said, **sizes)
+
+
+def _measured(source: Dataset) -> State:
+    """All measured poses, in space in the frame of the surface."""
+    if source.space.is_plane:
+        assert source.trajectories is not None
+        columns = (source.trajectories[name].to_numpy(float) for name in ("x", "y", "theta", "trial", "t"))
+        x, y, theta, trial, t = columns
+        return State.planar(x, y, theta, np.nan, np.nan, np.nan, trial, t)
+    (surface,) = surface_frames(source.in_space)
+    return surface.seen(body_states(tracked_states(readable(source)[0]), source.in_space))
+
+
+def _lamina(shape: Shape) -> Polyhedron:
+    """A planar shape as the one face of a solid that stands upright, seen along y."""
+    x, z = shape.outline(OUTLINE).T
+    vertices = np.column_stack([x, np.zeros_like(x), z])
+    return Polyhedron(vertices, [list(range(len(vertices)))], np.zeros((1, 4)))
+
+
+def _upright(pose: np.ndarray, height: float) -> np.ndarray:
+    """Planar poses (3, k) as poses (7, k) of a body that stands upright over a surface at this height in m."""
+    x, y, theta = pose
+    none = np.where(np.isnan(x), np.nan, 0.0)
+    return np.array([x, none, y - height, np.cos(theta / 2), none, -np.sin(theta / 2), none])
 
 
 def tossed(critique: DropsCritique, frames: State) -> Toss:
-    """One held-out toss, of its measured frames in the frame of the surface."""
+    """One held-out toss, of its measured frames; in space in the frame of the surface."""
     t = frames.t - frames.t[0]
     o = critique.held_out.select(frames.trial[:1])
     here = critique.ladder[-1][1].on(o)
     found, before, after = here.prediction, here.before, o.t + o.span
     pose = before.q if found.q is None else np.where(np.isnan(found.q), before.q, found.q)
-    starts = State.of(pose, found.v, o.trial, after, space=SPACE)
+    starts = State.of(pose, found.v, o.trial, after, space=critique.space)
     ends = np.append(o.t[1:], np.inf)
     predicted = np.full(frames.pose.shape, np.nan)
     for i, (start, end) in enumerate(zip(after, np.minimum(ends, after + LONGEST))):
@@ -91,7 +127,7 @@ def tossed(critique: DropsCritique, frames: State) -> Toss:
         if not len(rows):
             continue
         poses = here.dynamics.path(t[rows][None] - start, starts.select(slice(i, i + 1)))[0].T
-        again = _heights(critique, poses) < -AGAIN * o.rig.shape.extent
+        again = _heights(critique, frames, poses) < -AGAIN * o.rig.shape.extent
         rows = rows[: np.append(again, True).argmax()]
         predicted[:, rows] = poses[:, : len(rows)]
     last = np.flatnonzero(np.isfinite(predicted[0])).max(initial=0) + 1 or len(t)
@@ -100,23 +136,31 @@ def tossed(critique: DropsCritique, frames: State) -> Toss:
     heights = np.full((2, len(rows)), np.nan)
     for row, poses in zip(heights, both):
         known = np.isfinite(poses[0])
-        row[known] = _heights(critique, poses[:, known])
-    middle = both[0][:3].mean(axis=1) * [1.0, 1.0, 0.0]
-    x, y = both[0][:2] - middle[:2, None]
-    way = 0.5 * np.arctan2(2.0 * (x * y).sum(), (x * x - y * y).sum())  # of the largest spread
-    turned = Frame(middle, of_rotation_vector(np.array([[0.0], [0.0], [way]]))[:, 0])
-    both = [turned.seen(frames.select(rows).with_pose(poses)).pose for poses in both]
+        row[known] = _heights(critique, frames, poses[:, known])
+    if critique.space.is_plane:
+        both = [_upright(poses, critique.observations.rig.height) for poses in both]
+    else:
+        both = _along_its_way(frames.select(rows), both)
     return Toss(t[rows], *both, heights, o.t[o.t <= t[rows[-1]]])
 
 
-def _heights(critique: DropsCritique, poses: np.ndarray) -> np.ndarray:
-    """Height (k,) in m of the lowest point at poses (7, k)."""
-    return poses[2] + critique.observations.rig.shape.lowest(poses[3:])[2]
+def _along_its_way(frames: State, both: list[np.ndarray]) -> list[np.ndarray]:
+    """Poses of these frames, measured and predicted, in axes of which the first is that of the largest spread."""
+    middle = both[0][:3].mean(axis=1) * [1.0, 1.0, 0.0]
+    x, y = both[0][:2] - middle[:2, None]
+    way = 0.5 * np.arctan2(2.0 * (x * y).sum(), (x * x - y * y).sum())
+    turned = Frame(middle, of_rotation_vector(np.array([[0.0], [0.0], [way]]))[:, 0])
+    return [turned.seen(frames.with_pose(poses)).pose for poses in both]
 
 
-def _drawn(toss: Toss, solid: Polyhedron) -> tuple[dict, dict]:
+def _heights(critique: DropsCritique, frames: State, poses: np.ndarray) -> np.ndarray:
+    """Height (k,) in m of the lowest point at k poses by column, of bodies like those of `frames`."""
+    return critique.observations.rig.gap(frames.select(np.zeros(poses.shape[1], int)).with_pose(poses))
+
+
+def _drawn(toss: Toss, solid: Polyhedron, view: np.ndarray) -> tuple[dict, dict]:
     """One toss for replay.html, in pixels, and for the script."""
-    view, extent = axes_of_view(-90.0, ELEVATION), np.linalg.norm(solid.vertices, axis=1).max()
+    extent = np.linalg.norm(solid.vertices, axis=1).max()
     places = toss.measured[:3].T @ view[:2].T  # to the right and upwards, in m
     low, high = places.min(axis=0) - extent, places.max(axis=0) + extent
     per_m = float(np.min(np.array([WIDTH - 2 * MARGIN, SCENE - 2 * MARGIN]) / (high - low)))
