@@ -22,16 +22,16 @@ EDITS = [
         {"simulate_drops", "ch2_noise", "ch2_programs"},
         {"find_impacts", "ch3_identify", "ch2_gather", "ch2_table_2_1", "claims", "provenance"},
     ),
-    ("figures/chapter2/noise.py", {"ch2_table_2_1"}, None),
+    ("thesis/figures/chapter2/noise.py", {"ch2_table_2_1"}, None),
     ("datasets/impacts/detect.py", CRITIQUE | RATIOS | {"find_impacts"}, None),
-    ("records/chapter3.py", RECORDED, None),
-    ("records/chapter3.yaml", RECORDED, None),
-    ("ledger/evaluate.py", {"claims"}, None),
-    ("ledger/result.py", {"claims"}, None),
-    ("impact_study/stored_predictions.py", {"ch3_published"}, None),
+    ("thesis/records/chapter3.py", RECORDED, None),
+    ("thesis/records/chapter3.yaml", RECORDED, None),
+    ("thesis/ledger/evaluate.py", {"claims"}, None),
+    ("thesis/ledger/result.py", {"claims"}, None),
+    ("thesis/impact_study/stored_predictions.py", {"ch3_published"}, None),
     ("figures/thesis.mplstyle", DRAWN | {"critique", "critique_proof"}, UNDRAWN),
     ("figures/style.py", DRAWN | {"critique", "critique_proof"}, UNDRAWN),
-    ("figures/chapter3/errors.py", {"ch3_figures", "ch4_figures", "ch4_named_figure"}, None),
+    ("thesis/figures/chapter3/errors.py", {"ch3_figures", "ch4_figures", "ch4_named_figure"}, None),
     (
         "contact/mirtich.py",
         {"ch3_identify", "ch3_evaluate", "ch3_published", "ch3_figures"},
@@ -50,14 +50,14 @@ EDITS = [
     ("critique/likelihood/fit.py", CRITIQUE, None),
     ("report/critique/page.py", {"critique"}, None),
     (
-        "impact_study/individual.py",
+        "coefficients/individual.py",
         {"ch3_identify"},
         {"simulate_drops", "find_impacts", "convert_measured", "ch3_published", "claims", "provenance"},
     ),
     ("datasets/format/impacts.py", STUDY | {"find_impacts"}, {"datasets_present", "claims", "provenance"}),
     ("bodies/shapes.py", STUDY | {"simulate_drops", "find_impacts"}, {"datasets_present", "claims", "provenance"}),
-    ("config.py", set(), None),  # each script reads the settings of its own section
-    ("commands/claims.py", set(), None),
+    ("thesis/config.py", set(), None),  # each script reads the settings of its own section
+    ("thesis/commands/claims.py", set(), None),
     ("commands/datasets.py", set(), None),
 ]
 
@@ -108,7 +108,7 @@ def test_a_new_law_reaches_what_goes_through_the_list_of_laws(root, before):
 
 def test_a_new_effect_and_a_new_record_reach_what_lists_them(root, before):
     assert changed(root, before, "effects/new_effect.py", lambda _: "EFFECT = None\n") >= CRITIQUE | RATIOS
-    assert changed(root, before, "records/new_record.py", lambda _: "RECORDS = ()\n") == RECORDED
+    assert changed(root, before, "thesis/records/new_record.py", lambda _: "RECORDS = ()\n") == RECORDED
 
 
 def test_comments_reach_nothing(root, before):
