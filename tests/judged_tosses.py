@@ -1,4 +1,4 @@
-"""Tosses of a solid in space, with one law fitted to them and judged: what pages draw, without a search."""
+"""Tosses of a solid in space, with one law and an effect fitted to them and judged: what pages draw, without a search."""
 
 from typing import Any, cast
 
@@ -18,16 +18,17 @@ BOX = {"kind": "box", "half_extents": [0.05, 0.04, 0.03]}
 
 
 def judged_tosses(shape: dict, trials: int = 8, held_out: int = 5) -> DropsCritique:
-    """The fit of `LAW` to all tosses, judged on the last `held_out` ones."""
+    """Fits of `LAW`, alone and with an effect that is not there, to all tosses, judged on the last `held_out` ones."""
     body = {"shape": shape, "mass": 0.25, "homogeneous": True}
     header = {"schema": 2, "body": body, "rate": 240.0, "noise": NOISE}
     of_body = SpaceHeader.model_validate(header)
     made = simulate_tosses(of_body, surface_frames(of_body)[0], trials, np.random.default_rng(5), LAW)
     dataset = dataset_of(header, trajectories=made.trajectories)
-    fitted = fit_model(dataset, LAW)
-    o = fitted.whitening.observations
+    fits = [fit_model(dataset, LAW, names) for names in ((), ("wrong_size",))]
+    o = fits[0].whitening.observations
     parts = [o.select(np.arange(trials)[rows]) for rows in (slice(-held_out), slice(-held_out, None))]
-    ladder = (("no effect", fitted, judge(fitted, parts[1])),)
+    labels = ("no effect", "wrong_size")
+    ladder = tuple((label, fitted, judge(fitted, parts[1])) for label, fitted in zip(labels, fits))
     nothing = cast(Any, None)
     return DropsCritique(
         "tosses", CritiqueSettings(), o, *parts, nothing, ladder, {}, {}, nothing, 0.0, 0.0, 0.0, source=dataset

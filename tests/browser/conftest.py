@@ -12,8 +12,9 @@ from thesis_lib.critique import criticise
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.foundation.files import write_text
 from thesis_lib.report.batch_index import row_of_failure, row_of_verdict, write_index
-from thesis_lib.report.critique.body import SCRIPT, turnable
+from thesis_lib.report.critique.body import turnable
 from thesis_lib.report.critique.folder import critique_page
+from thesis_lib.report.critique.page import script
 from thesis_lib.report.critique.replay import replay
 from thesis_lib.simulate.compliant.example import simulate_example
 from thesis_lib.thesis.ledger.evaluate import evaluate
@@ -94,8 +95,8 @@ def in_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a page has of tosses in space alone."""
     tosses, path = judged_tosses(BOX), tmp_path_factory.mktemp("space") / "report.html"
     parts = {"Body": ("body", turnable(tosses)), "Tosses": ("replay", replay(tosses))}
-    diagnosis, script = {"dataset": "tosses", "verdict": "adequate"}, SCRIPT.read_text(encoding="utf-8")
-    write_text(critique_page(diagnosis, parts, "effect", script=script), path)
+    diagnosis = {"dataset": "tosses", "verdict": "adequate"}
+    write_text(critique_page(diagnosis, parts, "effect", script=script()), path)
     return path
 
 

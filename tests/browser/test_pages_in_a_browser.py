@@ -89,7 +89,7 @@ def test_foreign_scripts_and_sources_are_refused(visit, pages, name, tmp_path):
 
 
 def shown(page) -> str:
-    return page.locator(".told").inner_text()
+    return page.locator(".impacts .told").inner_text()
 
 
 def test_pointing_at_an_impact_shows_its_ellipse(visit, pages):
@@ -267,6 +267,21 @@ def test_a_body_is_turned_by_keys_and_pointer_and_comes_back(visit, in_space, st
     assert drawn(page)["hits"] == pytest.approx(first["hits"], abs=0.11)
 
 
+def test_hits_are_coloured_by_the_rung_that_is_chosen(visit, in_space):
+    page = visit(in_space).page
+    rungs = json.loads(page.locator("figure.turned script").text_content())["rungs"]
+    least, most = rungs["radii"]
+    choice = page.locator(".turned select")
+    assert choice.input_value() == str(len(rungs["errors"]) - 1)
+    for i, errors in enumerate(rungs["errors"]):
+        choice.select_option(str(i))
+        for hit in (0, len(errors) // 2, len(errors) - 1):
+            circle = page.locator(f".turned [data-hit='{hit}']")
+            share = min(errors[hit] / rungs["top"], 1.0) ** 0.5
+            assert float(circle.get_attribute("r")) == pytest.approx(least + (most - least) * share, abs=0.06)
+            assert circle.locator("title").text_content().endswith(f": {errors[hit]:g} m/s".replace("e-0", "e-"))
+
+
 def test_tosses_are_replayed(visit, in_space, still):
     page = visit(in_space).page
     data = json.loads(page.locator("figure.replay script").text_content())
@@ -285,7 +300,8 @@ def test_tosses_are_replayed(visit, in_space, still):
         assert page.locator(".replay .ghost").get_attribute("d") == ""
     play = page.locator(".replay button")
     play.click()
-    page.wait_for_function("document.querySelector('.replay input').value > 2")
+    while int(slider.input_value()) <= 2:  # the policy of the page allows no `wait_for_function`
+        page.wait_for_timeout(50)
     assert play.inner_text() == "Stop"
     play.click()
     assert play.inner_text() == "Play"

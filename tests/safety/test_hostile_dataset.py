@@ -18,6 +18,7 @@ from thesis_lib.__main__ import main
 from thesis_lib.commands.datasets import main as datasets_main
 from thesis_lib.foundation.command_line import command
 from thesis_lib.foundation.terminal import VisibleStream, visible
+from thesis_lib.report.critique.page import script
 
 ROOT = Path(__file__).resolve().parents[2]
 # all that the page is made of; none of them can run or load anything but `img`, whose source is looked at
@@ -26,9 +27,10 @@ TAGS = {
     *("h1", "h2", "h3", "ul", "li", "dl", "dt", "dd", "figure", "figcaption", "img", "strong", "em", "small"),
     *("table", "caption", "thead", "tbody", "tr", "th", "td", "details", "summary"),
     *("header", "noscript", "svg", "g", "circle", "path", "text"),
-    *("fieldset", "legend", "label", "input", "output"),  # switches, which send nothing: the page has no form
+    # switches and what is replayed, which send nothing: the page has no form
+    *("fieldset", "legend", "label", "input", "output", "select", "option", "button"),
 }
-OWN_SCRIPT = (ROOT / "thesis_lib" / "pages" / "impacts.js").read_text(encoding="utf-8")
+OWN_SCRIPT = script()
 
 
 class Page(HTMLParser):
@@ -49,12 +51,12 @@ class Page(HTMLParser):
 
 def without_own_script(text: str) -> str:
     """A page without the program's own script, the numbers that it draws, and the policy that allows no other."""
-    numbers = re.search(r'<script type="application/json">([^<]*)</script>', text)
-    assert numbers and json.loads(numbers[1])
+    numbers = re.compile(r'<script type="application/json">([^<]*)</script>')
+    assert all(json.loads(found) for found in numbers.findall(text)) and numbers.search(text)
     digest = base64.b64encode(hashlib.sha256(OWN_SCRIPT.encode()).digest()).decode()
     assert f"default-src 'none'; script-src 'sha256-{digest}';" in text
     assert text.count(f"<script>{OWN_SCRIPT}</script>") == 1
-    return text.replace(f"<script>{OWN_SCRIPT}</script>", "").replace(numbers[0], "")
+    return numbers.sub("", text.replace(f"<script>{OWN_SCRIPT}</script>", ""))
 
 
 def harmless(page: Page) -> None:

@@ -26,7 +26,7 @@ function drawnFaces(places, faces) {
 }
 
 for (const figure of document.querySelectorAll("figure.turned")) {
-  const { vertices, faces, hits, beyond, axes, centre, scale, start } = dataOf(figure);
+  const { vertices, faces, hits, beyond, axes, centre, scale, start, rungs } = dataOf(figure);
   const svg = figure.querySelector("svg");
   const part = (name) => svg.querySelector(`.${name}`);
   const circles = [...svg.querySelectorAll("[data-hit]")].sort((a, b) => a.dataset.hit - b.dataset.hit);
@@ -48,6 +48,21 @@ for (const figure of document.querySelectorAll("figure.turned")) {
     });
     [...circles, ...drawnAxes].forEach((element, i) =>
       part(beyond[i].some((face) => isFront[face]) ? "before" : "behind").append(element));
+  }
+
+  if (rungs) {
+    const [controls, choice] = ["p.controls", "select"].map((name) => figure.querySelector(name));
+    const update = () => {
+      const errors = rungs.errors[choice.value];
+      paint(circles, errors, rungs);
+      circles.forEach((circle, i) => {
+        const said = circle.querySelector("title");
+        said.textContent = said.textContent.replace(/:.*$/, `: ${errors[i] === null ? "no solution" : `${errors[i]} m/s`}`);
+      });
+    };
+    choice.addEventListener("change", update);
+    controls.hidden = false;
+    if (Number(choice.value) !== rungs.errors.length - 1) update(); // as it was before the page was loaded again
   }
 
   svg.setAttribute("role", "application");

@@ -1,5 +1,15 @@
 // Energy ellipse of the impact that is pointed at or focused; thesis_lib/report/critique/impacts.py explains the data.
 "use strict";
+// size and colour of points by their errors in m/s; a solve that failed has no error, not none
+function paint(points, errors, { top, radii, colors }) {
+  points.forEach((point, i) => {
+    const failed = errors[i] === null;
+    const share = failed ? 1 : Math.sqrt(Math.min(errors[i] / top, 1));
+    point.setAttribute("r", (radii[0] + (radii[1] - radii[0]) * share).toFixed(1));
+    point.setAttribute("fill", failed ? "#fff" : colors[Math.round((colors.length - 1) * share)]);
+  });
+}
+
 for (const figure of document.querySelectorAll("figure.impacts")) {
   const { unit, impacts } = JSON.parse(figure.querySelector("script").textContent);
   const list = figure.querySelector("[role=listbox]");
@@ -137,7 +147,7 @@ for (const figure of document.querySelectorAll("figure.impacts")) {
   // switches: the map shows what each choice of effects leaves of the errors
   const panelOfSwitches = figure.querySelector(".switches");
   if (panelOfSwitches) {
-    const { choices, top, radii, colors } = JSON.parse(figure.querySelector("script").textContent);
+    const { choices, ...scale } = JSON.parse(figure.querySelector("script").textContent);
     const boxes = [...panelOfSwitches.querySelectorAll("input")];
     const said = panelOfSwitches.querySelector("output");
     const of = figure.querySelector(".of");
@@ -145,12 +155,7 @@ for (const figure of document.querySelectorAll("figure.impacts")) {
       const one = choices.find(({ on }) => on.every((is, i) => is === boxes[i].checked));
       said.textContent = one.text;
       of.textContent = boxes.some((box) => box.checked) ? "error with these:" : "error of the base law:";
-      points.forEach((point, i) => {
-        const failed = one.errors[i] === null; // a failed solve has no error, not none
-        const share = failed ? 1 : Math.sqrt(Math.min(one.errors[i] / top, 1));
-        point.setAttribute("r", (radii[0] + (radii[1] - radii[0]) * share).toFixed(1));
-        point.setAttribute("fill", failed ? "#fff" : colors[Math.round((colors.length - 1) * share)]);
-      });
+      paint(points, one.errors, scale);
       ring.setAttribute("r", Number(points[chosen].getAttribute("r")) + 4);
     };
     panelOfSwitches.hidden = false;

@@ -97,6 +97,15 @@ def test_hits_are_told_with_their_errors(critique, body):
     assert body[0].count('class="held-out" cx') == of_key + np.isin(o.trial, critique.held_out.trial).sum()
 
 
+def test_the_errors_of_each_rung_of_the_ladder_can_be_shown(critique, body):
+    html, numbers = body
+    o, rungs = critique.observations.single, numbers["rungs"]["errors"]
+    assert len(rungs) == html.count("<option") == 2 and "and wrong size" in html
+    order = np.argsort(impact_errors(critique.ladder[-1][1], o), kind="stable")
+    for errors, (_, fitted, _) in zip(rungs, critique.ladder):
+        assert np.allclose(errors, impact_errors(fitted, o)[order], rtol=5e-3)
+
+
 def test_the_law_of_the_tosses_predicts_them_until_the_next_hit(critique):
     """What is flown after a hit is what was measured there, within what noise makes of the state before it."""
     source, apart, heights = critique.source, [], []

@@ -10,6 +10,7 @@ JSON.  A hit is drawn beside its contact point, off the body along the normal of
 |          | `hits`      | m    | places of the hits, in the order of the circles                     |
 |          | `axes`      | m    | where each axis leaves the body, and its end                        |
 |          | `beyond`    |      | of each hit and each axis the faces beyond whose planes it ends     |
+|          | `rungs`     | m/s  | errors of the hits by rung of the ladder, and how they are drawn    |
 
 What lies beyond the plane of a face that faces the reader is before a convex body, all else behind or beside it.
 """
@@ -25,13 +26,14 @@ from markupsafe import Markup
 from thesis_lib.bodies.solids import Solid
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.results.numbers import impact_errors
+from thesis_lib.critique.results.titles import effect_title, law_title
 from thesis_lib.figures.critique.where import DARK
 from thesis_lib.mechanics.space import SPACE
-from thesis_lib.pages import FOLDER, render
-from thesis_lib.report.critique.impacts import HEIGHT, LEFT, WIDTH, as_json, drawn_impacts, key_of, look
+from thesis_lib.pages import render
+from thesis_lib.report.critique.impacts import HEIGHT, LEFT, WIDTH, as_json, drawn_impacts, key_of, look, scale_of
 from thesis_lib.report.elements import amount
+from thesis_lib.statistics.intervals import clustered_mean
 
-SCRIPT: Path = FOLDER / "body.js"
 TEMPLATE = Path(__file__).with_name("body.html")
 MOST_CORNERS = 100  # of a mesh that is drawn with all of them
 MOST = 800  # hits drawn: 200 kB
@@ -135,6 +137,7 @@ def turnable(critique: DropsCritique) -> Markup:
         radius, color = look(min(float(error[row]) / top, 1.0) ** 0.5)
         circles[is_before[i]].append((i, x, y, radius, color, held_out[i], label))
     numbers = {"vertices": solid.vertices, "hits": hits, "axes": axes.swapaxes(0, 1)}
+    rungs = _rungs(critique, rows, top) if len(critique.ladder) > 1 else {}
     held_out_errors = error[rows][held_out]
     finding = f"{len(rows)} single hits, {len(held_out_errors)} of them held out, on the body."
     if len(held_out_errors):
@@ -150,11 +153,26 @@ def turnable(critique: DropsCritique) -> Markup:
         circles=circles,
         axes=list(zip("xyz", *(_seen(ends, view, scale) for ends in axes), is_before[-3:])),
         finding=finding,
+        rungs=rungs.pop("titles", []),
         numbers=as_json(
             {name: rounded(array, 1e-5) for name, array in numbers.items()}
             | {"faces": solid.faces, "beyond": beyond, "centre": CENTRE, "scale": scale, "start": START}
+            | ({"rungs": rungs} if rungs else {})
         ),
     )
+
+
+def _rungs(critique: DropsCritique, rows: np.ndarray, top: float) -> dict:
+    """The errors of each rung of the ladder at the hits `rows`, its title, and how errors are drawn."""
+    o, titles, errors, law = critique.observations.single, [], [], ""
+    for label, fitted, judged in critique.ladder:
+        mean = amount(float(clustered_mean(judged.error, judged.trial)[0]), "m/s")
+        name = f"and {effect_title(label)}" if titles else law_title(fitted.base)
+        name += f", {law_title(fitted.base)}" if titles and fitted.base != law else ""
+        law = fitted.base
+        titles.append(f"{name}: {mean} held out")
+        errors.append([float(f"{e:.3g}") if np.isfinite(e) else None for e in impact_errors(fitted, o)[rows]])
+    return {"titles": titles, "errors": errors, **scale_of(top)}
 
 
 def _seen(r: np.ndarray, view: np.ndarray, scale: float) -> np.ndarray:

@@ -34,12 +34,11 @@ from thesis_lib.critique.results.choices import Choice
 from thesis_lib.critique.results.titles import effect_title, law_title, plain
 from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
 from thesis_lib.figures.style import ImpulseAxis
-from thesis_lib.pages import FOLDER, render
+from thesis_lib.pages import render
 from thesis_lib.report.elements import percent
 from thesis_lib.statistics.intervals import clustered_mean
 from thesis_lib.statistics.wording import number
 
-SCRIPT: Path = FOLDER / "impacts.js"
 TEMPLATE = Path(__file__).with_name("impacts.html")
 MOST = 2000  # impacts drawn: a page of 2 MB at most, and points that can still be distinguished
 WORST = 0.1  # share of the impacts whose part of all errors is reported
@@ -167,8 +166,13 @@ def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarr
         failed = int(np.sum(~np.isfinite(error)))
         text += f"; no solution at {failed} of these impacts, drawn open" if failed else ""
         said.append({"on": on, "text": text, "errors": [_rounded(e) if np.isfinite(e) else None for e in error]})
+    return {"choices": said, **scale_of(_top(base))}
+
+
+def scale_of(top: float) -> dict:
+    """How the script draws errors up to `top` in m/s."""
     colors = [to_hex(COLORS(share)) for share in np.linspace(0.0, 1.0, SHADES)]
-    return {"choices": said, "top": _top(base), "radii": [SMALL, LARGE], "colors": colors}
+    return {"top": top, "radii": [SMALL, LARGE], "colors": colors}
 
 
 def _titles(critique: DropsCritique, effects: Sequence[str]) -> list[str]:

@@ -26,7 +26,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.errors import laws_sentence
 from thesis_lib.figures.style import Drawn, png_of
 from thesis_lib.foundation.terminal import visible
-from thesis_lib.pages import element
+from thesis_lib.pages import FOLDER, element
 from thesis_lib.report.critique import body, effects, impacts, replay, tables
 from thesis_lib.report.critique.folder import Contents, critique_page
 from thesis_lib.report.elements import amount, bullets, fitted, interval, paragraph, percent, picture
@@ -125,8 +125,13 @@ def report_html(
         kind="fault" if fault else "",
         about=paragraph(f"What the dataset says of itself: {visible(own)}" if own.strip() else "", kind="about"),
         key_numbers=_key_numbers(d, ladder),
-        script="\n".join(part.SCRIPT.read_text(encoding="utf-8") for part in (impacts, body)),
+        script=script(),
     )
+
+
+def script() -> str:
+    """What makes the page answer: the map of impacts, the body that can be turned, and what is replayed."""
+    return "\n".join((FOLDER / name).read_text(encoding="utf-8") for name in ("impacts.js", "body.js"))
 
 
 def _key_numbers(d: Mapping, ladder: pd.DataFrame) -> list[tuple[str, str, str]]:
