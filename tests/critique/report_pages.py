@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 from thesis_lib.figures.style import png_of
 from thesis_lib.report.critique.page import report_html
 
-VOID = {"meta", "br", "hr", "img", "link", "wbr"}
+VOID = {"meta", "br", "hr", "img", "link", "wbr", "input"}
 DIAGNOSIS = {
     "schema": 1,
     "dataset": "my_drops",

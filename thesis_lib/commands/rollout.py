@@ -23,6 +23,9 @@ Simulate measured tosses with a model.json, from how each begins to its last fra
 ways of the field (ContactNets, Acosta et al. 2021, and the mean errors used for engines). The floor says how far an
 error of the initial state alone goes. Only tosses that the critique of the model held out, unless --all.
 
+With --fit the parameters that are named are fitted to the tosses that the critique did not hold out, where they were
+fitted to hits before; the last column then compares both models on those that it did.
+
 With --mjcf the same tosses are simulated in files of your own, too, from the same beginnings: a body with a free joint,
 in whose frame the shape lies as in dataset.yaml, over the only plane of the file.
 """
@@ -31,6 +34,7 @@ examples:
   python -m thesis_lib rollout out/model.json data/tosses
   python -m thesis_lib rollout out/model.json data/tosses --start first_frame -o out
   python -m thesis_lib rollout out/model.json data/tosses --against plain/model.json      which is better?
+  python -m thesis_lib rollout out/model.json data/tosses --fit mu epsilon -o out/fitted
   python -m thesis_lib rollout out/model.json data/tosses --mjcf mine.xml better.xml --body box
   python -m thesis_lib rollout model.json data/tosses --all --json | jq .contactnets
 """
@@ -47,16 +51,26 @@ def rollout(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--all", action="store_true", help="all tosses, also those that the model was fitted to")
     parser.add_argument("--against", metavar="MODEL.json", help="compare with another model, toss by toss")
     parser.add_argument(
+        "--fit", metavar="NAME", nargs="+", default=[], help="parameters to fit to whole tosses, as mu and epsilon"
+    )
+    parser.add_argument(
         "--mjcf", metavar="FILE", nargs="+", default=[], help="the same tosses in MuJoCo by these files"
     )
     parser.add_argument("--body", metavar="NAME", help="of --mjcf: the body in them")
-    parser.add_argument("-o", "--out", metavar="DIR", help="writes rollout.json, and pictures against time and hits")
+    parser.add_argument(
+        "-o", "--out", metavar="DIR", help="writes rollout.json, pictures against time and hits, with --fit model.json"
+    )
     parser.add_argument("--json", action="store_true", help="print the content of rollout.json in place of the table")
     parser.add_argument("-q", "--quiet", action="store_true", help="nothing on stderr but errors")
     add_option(parser)
     args = parser.parse_args(argv)
     if bool(args.mjcf) != bool(args.body):
         raise UserError("--mjcf FILE and --body NAME belong together: the files, and the body in them.")
+    if args.fit and (args.all or args.against):
+        raise UserError(
+            "--fit leaves the tosses that the critique held out to judge, and compares with the model itself: "
+            "leave --all and --against out."
+        )
     load_additions(args.files, [args.data])
     with Progress(args.model, quiet=args.quiet) as say:
         say("loading")
@@ -69,9 +83,15 @@ def rollout(argv: Sequence[str] | None = None) -> int:
         other = load_named(args.against) if args.against else None
         _require_tosses(data, model, *filter(None, [other]))
         trials = data.trials if args.all else held_out(args.model, data)
+        if args.fit:
+            from thesis_lib.critique.simulation.to_tosses import fit_to_tosses
+
+            others = [trial for trial in data.trials.tolist() if trial not in set(trials)]
+            other, model = model, fit_to_tosses(model, data, others, args.fit, args.start, say)  # pyright: ignore[reportArgumentType]
         found = roll_out(model, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
         content = {"model": repr(model), "dataset": data.name, "held_out": not args.all}
         content |= found.content(args.start, generator(SEED, "rollout", "intervals"))
+        content |= {"fitted": {name: model.values[name] for name in args.fit}} if args.fit else {}
         if other:
             say("the other model")
             second = roll_out(other, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
@@ -99,6 +119,8 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             for by in ("t", "hits"):
                 save_figure(*draw_rollout(found.curve(by)), Path(args.out) / f"rollout_by_{by}.png")
             write_json(content, Path(args.out) / "rollout.json")
+            if args.fit:
+                model.save(Path(args.out) / "model.json")
     print(json.dumps(content, indent=1, ensure_ascii=False) if args.json else as_table(content))
     if args.out and not args.quiet:
         print(f"written to {args.out}", file=sys.stderr)
@@ -143,6 +165,7 @@ def as_table(content: Mapping) -> str:
     if "against" in content:
         columns["less the other"] = content["against"]["difference"]
     lines = [f"{content['model']} on {content['dataset']}: {content['contactnets']['n']} tosses"]
+    lines += [f"{name} = {value:.4g}, fitted to the other tosses" for name, value in content.get("fitted", {}).items()]
     lines.append("".join([f"{'':<38}", *(f"{name:<30}" for name in columns)]).rstrip())
     for group, keys in GROUPS.items():
         for key in keys:

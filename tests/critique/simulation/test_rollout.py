@@ -143,6 +143,26 @@ def test_the_command_writes_numbers_and_pictures(simulated, tmp_path, capsys):
     assert main(command) == 2 and "does not exist" in capsys.readouterr().err
 
 
+@pytest.mark.slow
+def test_parameters_are_fitted_to_whole_tosses(simulated, tmp_path, capsys):
+    """Tosses of a known μ bring it back from a wrong one; the command judges the fit on tosses that it did not see."""
+    _, data = simulated
+    model, truth = space_model(**COMPLIANT, mu=0.32), 0.25
+    model.save(tmp_path / "model.json")
+    write_dataset(data.first_trials(7), tmp_path / "set")
+    pd.DataFrame({"trial": range(7), "held_out": [0] * 4 + [1] * 3}).to_csv(tmp_path / "errors.csv")
+    command = ["rollout", str(tmp_path / "model.json"), str(tmp_path / "set"), "-q", "--fit"]
+    assert main([*command, "mu", "-o", str(tmp_path / "out"), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    fitted = json.loads((tmp_path / "out" / "model.json").read_text())["parameters"]
+    assert fitted["mu"] == {"value": pytest.approx(content["fitted"]["mu"]), "std": None, "unit": "1"}
+    assert content["fitted"]["mu"] == pytest.approx(truth, abs=0.01) and fitted["epsilon"]["value"] == 0.5
+    assert content["contactnets"]["n"] == 3 and content["against"]["difference"]["acosta"]["loss"] < 0.0
+    assert main([*command, "radius"]) == 2
+    assert "has no parameter radius to fit; it has mu, epsilon, tau" in capsys.readouterr().err
+    assert main([*command, "mu", "--all"]) == 2 and "leave --all and --against out" in capsys.readouterr().err
+
+
 def test_what_cannot_be_rolled_out_is_refused(simulated, tmp_path, capsys):
     model, data = simulated
     plane, space, flat, given = (str(tmp_path / name) for name in ("plane.json", "model.json", "flat", "given"))
