@@ -129,6 +129,17 @@ def test_the_installed_library_criticises_a_dataset_elsewhere(installed, tmp_pat
 
 
 @pytest.mark.slow
+def test_the_installed_library_has_no_command_of_the_thesis_and_says_where_there_is_one(installed, tmp_path):
+    program = (sys.executable, "-m", "thesis_lib")
+    printed = run(*program, "--help", folder=tmp_path, path=installed)
+    assert "rollout" in printed and "claims" not in printed and "the thesis" not in printed
+    with pytest.raises(AssertionError, match="run python -m thesis_lib claims in a clone of the repository"):
+        run(*program, "claims", "check", folder=tmp_path, path=installed)
+    listed = run(*program, "effects", folder=tmp_path, path=installed)
+    assert "com_offset" in listed
+
+
+@pytest.mark.slow
 def test_an_effect_in_a_file_of_the_users_is_found_with_the_installed_package_alone(installed, tmp_path):
     """The drops obey the equation of the effect, but are made without its code and not by the library's simulator."""
     write_impacts(tmp_path / "my_drops", 150, h=-0.2)

@@ -1,9 +1,9 @@
 """`python -m thesis_lib COMMAND`: each command is a module that is imported when it is called."""
 
 import importlib
-import importlib.util
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from thesis_lib import __version__
 from thesis_lib.foundation.command_line import command, near
@@ -86,7 +86,7 @@ def help_text() -> str:
 
 def _groups() -> dict[str, dict[str, tuple[str, str, str]]]:
     """The groups of commands that are here: a library that pip installed holds nothing of the thesis."""
-    held = importlib.util.find_spec("thesis_lib.thesis") is not None
+    held = (Path(__file__).parent / "thesis" / "__init__.py").is_file()
     return {title: group for title, group in COMMANDS.items() if held or title != "the thesis"}
 
 
