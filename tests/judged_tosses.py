@@ -1,4 +1,4 @@
-"""Tosses of a solid in space, with one law and an effect fitted to them and judged: what pages draw, without a search."""
+"""Tosses of a solid in space, with a law and an effect fitted to them and judged: what pages draw, without a search."""
 
 from typing import Any, cast
 
