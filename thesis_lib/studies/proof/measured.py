@@ -13,7 +13,7 @@
 | chosen                     |      | `searched`, or `by hand`                                                   |
 | base, error, noise_floor   | m/s  | held-out error before and with the effects, and of noise, empty if unknown |
 | median                     | m/s  | of the held-out errors with the effects                                    |
-| learned, low, high         | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`               |
+| learned, low, high         | m/s  | `questions.floor` of held-out single hits: `learned`, `gain`; none in space |
 | max_effects                | 1    | most that the search could name                                            |
 | code, made                 |      | hash of the code that made the row, empty: unknown; date                   |
 """
@@ -28,6 +28,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.floor import floor
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.datasets.format.dataset import Dataset
+from thesis_lib.datasets.sources.along_throws import along_throws, hidden_drift
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.markdown import table
 from thesis_lib.foundation.randomness import generator
@@ -44,7 +45,7 @@ ORDER = by_cells(*KEY, "effects")
 ROWS = Rows(STORE / "measured.csv", COLUMNS, KEY, f"{COMMAND} measured run", digits=6, order=ORDER)
 MOST_EFFECTS = 10  # a rig that nobody made for this has more than four faults
 SEED = 0
-_SEEN = {"planar_impact": "ellipse", "planar_dice": "dice"}
+_SEEN = {"planar_impact": "ellipse", "planar_dice": "dice", "contactnets_cube": "cube"}
 
 
 def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
@@ -52,7 +53,7 @@ def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
     (_, _, before), (_, fitted, after) = critique.ladder[0], critique.ladder[-1]
     o, stand_ins = critique.observations, critique.stand_ins
     names = [step.effect.name for step in critique.discovery.steps if step.clears or chosen != "searched"]
-    rest = floor(fitted, critique.held_out, generator(SEED, "floor"))
+    rest = floor(fitted, critique.held_out, generator(SEED, "floor")) if critique.space.is_plane else None
     return {
         "dataset": critique.dataset,
         "trials": len(np.unique(o.trial)),
@@ -66,9 +67,7 @@ def row(critique: DropsCritique, hits: str, chosen: str) -> dict:
         "error": float(after.error.mean()),
         "median": float(np.median(after.error)),
         "noise_floor": after.floor,
-        "learned": rest.learned,
-        "low": rest.gain[1],
-        "high": rest.gain[2],
+        **({"learned": rest.learned, "low": rest.gain[1], "high": rest.gain[2]} if rest else {}),
         "max_effects": critique.settings.max_effects,
     }
 
@@ -84,7 +83,10 @@ def compute(dataset: Dataset, say: Callable[[str], None], single: bool = False, 
 
     `effects` to switch on by hand instead of the search, with commas.
     """
-    settings = CritiqueSettings(episodes=not single, max_effects=MOST_EFFECTS)
+    most = MOST_EFFECTS if dataset.space.is_plane else None  # in space that of the library
+    settings = CritiqueSettings(episodes=not single, max_effects=most)
+    if not dataset.space.is_plane and hidden_drift(dataset):
+        dataset = along_throws(dataset)
     by_hand = list(filter(None, effects.split(","))) or None
     own = generator(SEED, dataset.name)
     critique = criticise_drops(dataset, rng=own, settings=settings, effects=by_hand, say=say)
@@ -110,5 +112,5 @@ def _line(one: pd.Series) -> tuple[str, ...]:
         number(one["base"]),
         f"{number(one['error'])} ({number(one['median'])})",
         "unknown" if np.isnan(one["noise_floor"]) else number(one["noise_floor"], 2),
-        number(one["learned"]),
+        "" if np.isnan(one["learned"]) else number(one["learned"]),
     )
