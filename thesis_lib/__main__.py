@@ -35,20 +35,16 @@ usage: python -m thesis_lib COMMAND ...
 examples:
   python -m thesis_lib datasets example -o data/example      drops of a rig that is not quite what it seems
   python -m thesis_lib critique data/example                 what is it? open results/critique/example/report.html
+
+Results go where -o says, a critique without it into results/critique/<name of the dataset>.
 {of_thesis}
 Exit codes: 0 done; 1 what was checked fails; 2 wrong use or bad input, with what to do on stderr; 130 interrupted.
 python -m thesis_lib COMMAND --help explains a command, with examples; --version says which version this is.
 """
 OF_THESIS = """\
-  python -m thesis_lib figures 3-8                           where a figure of the thesis is, and what makes it
-
-Results go where -o says, a critique without it into results/critique/<name of the dataset>. The pipeline that makes
-all of the thesis (make reproduce, or snakemake --cores 2 chapter3) writes into results/; start with
-results/claims.html.
-"""
-INSTALLED = """
-Results go where -o says, a critique without it into results/critique/<name of the dataset>.
-"""  # a library without the thesis
+The pipeline that makes all of the thesis (make reproduce, or snakemake --cores 2 chapter3) writes into results/; start
+with results/claims.html. python -m thesis_lib figures 3-8 says where a figure is, and what makes it.
+"""  # where the thesis is
 
 
 @command
@@ -80,7 +76,7 @@ def help_text() -> str:
         "\n".join([f"{title}:", *(f"  {name:<10} {what}" for name, (_, _, what) in group.items())])
         for title, group in _groups().items()
     ]
-    of_thesis = OF_THESIS if "the thesis" in _groups() else INSTALLED
+    of_thesis = OF_THESIS if "the thesis" in _groups() else ""
     return HELP.format(commands="\n\n".join(groups), of_thesis=of_thesis)
 
 

@@ -87,11 +87,13 @@ def rollout(argv: Sequence[str] | None = None) -> int:
             from thesis_lib.critique.simulation.to_tosses import fit_to_tosses
 
             others = [trial for trial in data.trials.tolist() if trial not in set(trials)]
-            other, model = model, fit_to_tosses(model, data, others, args.fit, args.start, say)  # pyright: ignore[reportArgumentType]
+            other = model
+            model, ended = fit_to_tosses(model, data, others, args.fit, args.start, say)  # pyright: ignore[reportArgumentType]
         found = roll_out(model, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
         content = {"model": repr(model), "dataset": data.name, "held_out": not args.all}
         content |= found.content(args.start, generator(SEED, "rollout", "intervals"))
-        content |= {"fitted": {name: model.values[name] for name in args.fit}} if args.fit else {}
+        if args.fit:
+            content |= {"fitted": {name: model.values[name] for name in args.fit}, "search_ended": ended}
         if other:
             say("the other model")
             second = roll_out(other, data, trials, generator(SEED, "rollout"), args.start, say)  # pyright: ignore[reportArgumentType]
@@ -166,6 +168,8 @@ def as_table(content: Mapping) -> str:
         columns["less the other"] = content["against"]["difference"]
     lines = [f"{content['model']} on {content['dataset']}: {content['contactnets']['n']} tosses"]
     lines += [f"{name} = {value:.4g}, fitted to the other tosses" for name, value in content.get("fitted", {}).items()]
+    if not content.get("search_ended", True):
+        lines.append("the search for these stopped at its limit of evaluations: fit again from the model.json written")
     lines.append("".join([f"{'':<38}", *(f"{name:<30}" for name in columns)]).rstrip())
     for group, keys in GROUPS.items():
         for key in keys:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from thesis_lib.critique.results.saved_in_space import SavedSpaceModel
+from thesis_lib.critique.results.saved_model import SavedParameter
 from thesis_lib.critique.simulation.first_flight import MeasuredTosses
 from thesis_lib.critique.simulation.rollout import STARTS, of_frames, of_tosses
 from thesis_lib.critique.simulation.tosses import reported, toss
@@ -33,10 +34,11 @@ def fit_to_tosses(
     names: Sequence[str],
     start: str = "first_flight",
     say: Callable[[str], None] = lambda text: None,
-) -> SavedSpaceModel:
-    """The model with the parameters `names` as these tosses have them; judge it on others.
+) -> tuple[SavedSpaceModel, bool]:
+    """The model with the parameters `names` as these tosses have them, to be judged on others; and whether the search
+    came to its end within `MOST` evaluations for each.
 
-    Standard errors of these parameters are not known afterwards.
+    Standard errors of these parameters are not known afterwards.  Values with which a toss has no solution are none.
 
     Raises:
         UserError: the model has no such parameter, or no first flight is seen.
@@ -62,8 +64,9 @@ def fit_to_tosses(
         tosses = toss(dynamics, dynamics.to_true(beginning.state), measured.times)
         path = reported(dynamics, tosses)
         frames = of_frames(changed, path, measured.states, measured.times, measured.seen, tosses.hits)
-        errors = of_tosses(changed, frames).mean()
-        found, count = 0.01 * errors["pos_int_percent"] + errors["angle_rad"], count + 1
+        errors = of_tosses(changed, frames)[["pos_int_percent", "angle_rad"]].to_numpy()
+        found, count = float((errors @ [0.01, 1.0]).mean()), count + 1
+        found = found if np.isfinite(found) else np.inf  # a toss without a solution must not drop out of the mean
         best = min(best, found)
         say(f"{len(measured.trials)} whole tosses, {count} of at most {MOST * len(names)}: error {best:.4g}")
         return found
@@ -72,12 +75,11 @@ def fit_to_tosses(
 
     simplex = np.vstack([np.zeros(len(names)), np.eye(len(names))])
     options = {"initial_simplex": simplex, "maxfev": MOST * len(names), "xatol": CLOSE, "fatol": np.inf}
-    z = minimize(loss, simplex[0], method="Nelder-Mead", options=options).x
-    return with_values(model, dict(zip(names, (first + steps * z).tolist())))
+    found = minimize(loss, simplex[0], method="Nelder-Mead", options=options)
+    return with_values(model, dict(zip(names, (first + steps * found.x).tolist()))), bool(found.success)
 
 
 def with_values(model: SavedSpaceModel, values: dict[str, float]) -> SavedSpaceModel:
     """The model with other values of some parameters, whose errors are unknown."""
-    unit = {name: model.parameters[name].unit for name in values}
-    changed = {name: type(model.parameters[name])(value=values[name], unit=unit[name]) for name in values}
+    changed = {name: SavedParameter(value=value, unit=model.parameters[name].unit) for name, value in values.items()}
     return model.model_copy(update={"parameters": {**model.parameters, **changed}})
