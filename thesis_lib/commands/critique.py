@@ -94,6 +94,8 @@ def build_parser() -> Parser:
     )
     parser.add_argument("--propose", metavar="FILE.py", help=proposed)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
+    shared = "processes that share the work, with --batch datasets at a time; default: the number of cores"
+    parser.add_argument("--jobs", type=int, metavar="N", help=shared)
     parser.add_argument("--json", action="store_true", help=printed)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
     batch = parser.add_argument_group(
@@ -102,7 +104,6 @@ def build_parser() -> Parser:
         "it stopped: what is done is skipped unless data, settings or code have changed.",
     )
     batch.add_argument("--batch", action="store_true", help="criticise each dataset on its own")
-    batch.add_argument("--jobs", type=int, metavar="N", help="datasets at a time; default: the number of cores")
     limit = "seconds a dataset; default: %(default)g"
     batch.add_argument("--time-limit", type=float, default=3600.0, metavar="S", help=limit)
     batch.add_argument("--memory-limit", type=float, metavar="GB", help="of a dataset; default: none but the machine's")
@@ -114,6 +115,11 @@ def critique(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     if args.seed < 0:
         raise UserError(f"--seed must be 0 or more, got {args.seed}.")
+    for name in ("jobs", "time_limit", "memory_limit"):
+        value = getattr(args, name)
+        if value is not None and not value > 0:
+            raise UserError(f"--{name.replace('_', '-')} must be above 0, got {value:g}.")
+    args.jobs = args.jobs or len(os.sched_getaffinity(0))
     args.effects = args.effects and tuple(dict.fromkeys(args.effects))
     if args.models is not None:
         from thesis_lib.critique.engines.compare import read_models
@@ -180,7 +186,7 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
         options = {"effects": args.effects, "models": args.models or (), "propose": args.propose and True}
-        found = criticise(path, **options, seed=args.seed, say=say)
+        found = criticise(path, **options, jobs=args.jobs, seed=args.seed, say=say)
         return found.save(folder, proposal=args.propose), folder
 
 
@@ -191,17 +197,13 @@ def _batch(args: argparse.Namespace) -> int:
         if not args.quiet:
             print(text, file=sys.stderr, flush=True)
 
-    for name in ("jobs", "time_limit", "memory_limit"):
-        value = getattr(args, name)
-        if value is not None and not value > 0:
-            raise UserError(f"--{name.replace('_', '-')} must be above 0, got {value:g}.")
     paths, others = find_datasets(args.paths)
     if others:
         say(f"no datasets, passed over: {', '.join(map(str, others))}")
     out = Path(args.out or "results/critique")
     memory = None if args.memory_limit is None else args.memory_limit * 1e9
     options = {"effects": args.effects, "files": args.files, "additions": args.additions}
-    options |= {"jobs": args.jobs or len(os.sched_getaffinity(0)), "memory_limit": memory}
+    options |= {"jobs": args.jobs, "memory_limit": memory}
     try:
         batch = run_batch(paths, out, args.seed, time_limit=args.time_limit, say=say, **options)
     except KeyboardInterrupt:

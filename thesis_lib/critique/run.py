@@ -32,6 +32,7 @@ def criticise(
     arcs: ArcSettings | None = None,
     models: Sequence[str] = (),
     propose: bool | None = None,
+    jobs: int = 1,
     seed: int = SEED,
     say: Callable[[str], None] = lambda text: None,
 ) -> Critique:
@@ -46,6 +47,7 @@ def criticise(
         settings, arcs: thresholds of the critique, and the detection of impacts.
         models: what is compared beside the critique, of `thesis_lib.critique.engines.compare.MODELS`.
         propose: whether a term is looked for where no effect explains the rest; None: only where `effects` is None.
+        jobs: processes of the search for effects of drops; no result depends on their number.
         seed: of splits and resamples, whose streams depend on the content of the data, too.
         say: receives a line for each step.
 
@@ -63,7 +65,7 @@ def criticise(
             if asked:
                 raise UserError(f"{data.name} is the recording of a mechanism; {option} is for drops. Leave it out.")
         return _of_mechanism(data, effects, seed, say)
-    return _of_drops(data, effects, settings, arcs, models, propose, seed, say)
+    return _of_drops(data, effects, settings, arcs, models, propose, jobs, seed, say)
 
 
 def read(path: str | Path) -> Dataset | Recording:
@@ -115,6 +117,7 @@ def _of_drops(
     arcs: ArcSettings | None,
     models: Sequence[str],
     propose: bool | None,
+    jobs: int,
     seed: int,
     say: Callable[[str], None],
 ) -> Critique:
@@ -125,7 +128,7 @@ def _of_drops(
     settings, content = settings or CritiqueSettings(), dataset.digest()
     rng = generator(seed, "critique", content)
     try:
-        found = criticise_drops(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+        found = criticise_drops(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, jobs=jobs, say=say)
     except TooFew as few:
         if effects or models or propose or not few.say_something:
             raise

@@ -18,6 +18,7 @@ from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
 
 CLOSE = 1e-4  # standard deviations; an instant of touch is found to a nanometre, on a bent plate to ten
+EFFORTS = ("quick", "near", "full")
 
 
 @pytest.fixture(scope="module", params=["ellipse", "square"])
@@ -102,3 +103,25 @@ def test_where_an_effect_is_absent_its_place_is_no_direction(observations, name)
     fitted = world.fit("mirtich", (), effort="near")
     columns = world.slopes(fitted, [EFFECTS[name]]).candidates[name]
     assert columns[:, 0].any() and not columns[:, 1:].any()
+
+
+def test_fits_and_judgements_by_several_processes_equal_those_of_one(observations):
+    def results(jobs: int) -> tuple:
+        world = Drops(observations, jobs=jobs)
+        names = ("wrong_inertia", "com_offset", "wrong_gravity")
+        start = world.fit("mirtich", (), effort="near")
+        asked = [("mirtich", (world.candidates[name],), start.values, effort) for name in names for effort in EFFORTS]
+        fits = world.fits(asked)
+        assert all(
+            f.whitening.observations is (world.quick if a[3] == "quick" else observations) for a, f in zip(asked, fits)
+        )
+        folds = np.arange(len(world.trials)) % 3
+        return fits, world.cross_validated(fits[:3], folds)
+
+    (fits, judged), (others, judged_by_others) = results(1), results(2)
+    assert [(f.values, f.score, f.sigma_m, f.std) for f in fits] == [
+        (f.values, f.score, f.sigma_m, f.std) for f in others
+    ]
+    for one, other in zip(judged, judged_by_others, strict=True):
+        np.testing.assert_array_equal(one.score, other.score)
+        assert one.sigmas == other.sigmas

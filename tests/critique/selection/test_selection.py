@@ -278,7 +278,12 @@ def test_a_base_of_the_reserve_that_ends_worse_is_left_again():
             return self.of_line(worse) and super().is_material(better, worse, candidate, settings)
 
         def cross_validate(self, fitted, folds):
-            judged = super().cross_validate(fitted, folds)
+            return self.noted(fitted, super().cross_validate(fitted, folds))
+
+        def judge(self, fitted):
+            return self.noted(fitted, super().judge(fitted))
+
+        def noted(self, fitted, judged):
             self.bends = {**getattr(self, "bends", {}), id(judged): (fitted.base, judged)}
             return judged
 
@@ -291,6 +296,13 @@ def test_a_base_of_the_reserve_that_ends_worse_is_left_again():
     assert "another base, bend" in said and "on line once more, with other effects" in said
     assert discovery.base == discovery.fitted.base == "line"
     assert len(discovery.steps) == 2
+    # where enough effects were found on it, the base stood in for none of them; here there is none
+    path, copy = Path("bend", None, None), Path("line", None, None)
+    assert path.simpler_within(1) is None
+    path.simpler = copy
+    assert path.simpler_within(1) is copy
+    path.steps = [*discovery.steps]
+    assert path.simpler_within(2) is None and path.simpler_within(3) is copy
 
 
 def test_on_a_base_of_the_reserve_slopes_name_a_finalist_that_quick_fits_misjudge(monkeypatch):
@@ -384,6 +396,17 @@ def test_two_effects_are_both_found_and_each_is_worth_its_gain_on_unseen_trials(
     totals = [judgement.total for _, _, judgement in ladder]
     assert len(totals) == 3 and totals == sorted(totals)
     assert set(without) == names and all(judged.total < totals[-1] for judged in without.values())
+
+
+@pytest.mark.parametrize(("size", "asked"), [(4.0, 0), (0.35, 1)])
+def test_k_fold_is_asked_whether_an_effect_is_needed_only_where_fits_leave_it_open(size, asked):
+    world = line(3, square=4.0 * SIZE, wave=size)
+    discovery = found(world, fixed=["square", "wave"])
+    evidence, judged = Evidence(world, SearchSettings(), np.random.default_rng(1)), []
+    world.cross_validate = lambda fitted, folds: judged.append(fitted) or Line.cross_validate(world, fitted, folds)
+    square, wave = discovery.steps
+    assert evidence.superfluous([square, wave], [square, wave]) == (None if size > 1.0 else "wave")
+    assert [len(fitted.effects) for fitted in judged] == [1] * asked
 
 
 def test_an_effect_that_is_significant_but_does_not_matter_is_told():

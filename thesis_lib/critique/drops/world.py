@@ -46,11 +46,12 @@ from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.critique.likelihood.whitening import Whitening, weight
 from thesis_lib.critique.selection.discovery import Discovery
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import Effort, Slopes, World
+from thesis_lib.critique.selection.world import Asked, Effort, Slopes, World
 from thesis_lib.effects import EFFECTS, Effect, effects_in
 from thesis_lib.effects.at_wall import effects_at
 from thesis_lib.effects.effect import Rig
 from thesis_lib.extensions.registry import added_laws
+from thesis_lib.foundation.forked import each
 from thesis_lib.mechanics.space import Space
 
 # an impulse that takes time, integrated; in space hits are so precise that gravity shows during a contact, and with
@@ -70,8 +71,8 @@ class Drops(World[Effect, Fit, Judgement]):
 
     unit = "impact"
 
-    def __init__(self, observations: Observations, settings: CritiqueSettings | None = None) -> None:
-        self.settings = settings or CritiqueSettings()
+    def __init__(self, observations: Observations, settings: CritiqueSettings | None = None, jobs: int = 1) -> None:
+        self.settings, self.jobs = settings or CritiqueSettings(), jobs
         self.timed = self.settings.contact_time and observations.arcs
         self.observations, self.rivals = observations, self.settings.rivals
         # in space hits are so precise that most rigid laws fail by the time that contacts take
@@ -107,6 +108,25 @@ class Drops(World[Effect, Fit, Judgement]):
         if effort == "quick":
             return fit(model.limit, self.quick, start, 1, self._noise_without(model.limit, start))
         return fit(model, self.observations, start, rounds=ROUNDS if effort == "full" else 1)
+
+    def fits(self, asked: Sequence[Asked]) -> list[Fit]:
+        sent = each(lambda one: self._sent(self.fit(*one)), asked, self.jobs)
+        return [self._received(one, parts) for one, parts in zip(asked, sent)]
+
+    def _sent(self, fitted: Fit) -> tuple:
+        """What a fit has of its own: a process that was forked sends no model and no data."""
+        found, of = fitted.whitening, fitted.whitening.observations
+        return fitted.values, fitted.score, found.S, found.sigma_m, found.known, of is self.observations
+
+    def _received(self, asked: Asked, sent: tuple) -> Fit:
+        base, effects, _, effort = asked
+        values, score, S, sigma_m, known, of_all = sent
+        model, of = self.model(base, effects), self.observations if of_all else self.quick
+        model = model.limit if effort == "quick" else model
+        return Fit(model, values, score, len(of), Whitening(model, of, S, sigma_m, known))
+
+    def cross_validated(self, fits: Sequence[Fit], folds: np.ndarray) -> list[Judgement]:
+        return each(lambda fitted: self.cross_validate(fitted, folds), fits, self.jobs)
 
     def _noise_without(self, model: Model, start: Mapping[str, float] | None) -> Noise | None:
         """Noise of the quick impacts in a model without its last effect, if `start` is a fit of that; kept."""
@@ -248,7 +268,7 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
         synthetic = synthesise(Comparison(fitted.model.limit, fitted.values, self.observations), rng, fitted.sigma_m)
-        return type(self)(synthetic, self.settings)
+        return type(self)(synthetic, self.settings, self.jobs)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
         model, S = fitted.model, fitted.on(self.observations).covariance()

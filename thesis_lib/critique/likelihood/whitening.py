@@ -52,7 +52,7 @@ class Whitening:
         self._inverse = np.linalg.inv(L)
         self._log_det = 2.0 * np.log(np.einsum("nii->ni", L)).sum(1)
         self._kept: dict[tuple, OfFlights] = {}
-        self._known = known
+        self.known = known
         self._whole: tuple[Whitening, np.ndarray] | None = None  # what this is of some trials of, and these
 
     def of(self, trials: np.ndarray) -> "Whitening":
@@ -125,7 +125,7 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
     found, missing = {}, []
     for i, (whitening, points) in enumerate(requests):
         for k, values in enumerate(points):
-            known = whitening._known
+            known = whitening.known
             if known is not None and known[0] == values:
                 found[i, k] = known[1]
             else:

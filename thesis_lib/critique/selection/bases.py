@@ -80,7 +80,7 @@ class Bases(Generic[E, F, J]):
     def with_best_base(self, step: Step[E, F, J]) -> Step[E, F, J]:
         """The step, fitted in full, with the base that fits best; without the effect another may have compensated."""
         world, fitted, least = self.world, step.fitted, self.settings.tell_apart
-        others = [world.fit(name, fitted.effects, fitted.values, "quick") for name in world.bases]
+        others = world.fits([(name, fitted.effects, fitted.values, "quick") for name in world.bases])
         others += world.reserve_fits(fitted) if fitted.base in world.reserve else []
         others = [fit for fit in others if fit.base != fitted.base]
         for quick in sorted(others, key=lambda fit: -fit.score)[:1]:

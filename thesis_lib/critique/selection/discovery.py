@@ -104,6 +104,10 @@ class Path(Generic[E, F, J]):
         """Note that an effect leaves."""
         self.left.setdefault(name, []).append(self.entered)
 
+    def simpler_within(self, effects: int) -> "Path[E, F, J] | None":
+        """The path before a base of the reserve was taken, if fewer than so many `effects` were found with that."""
+        return self.simpler if self.simpler and len(self.steps) < len(self.simpler.steps) + effects else None
+
     @property
     def barred(self) -> set[str]:
         """Effects that may not enter: until another one has entered, and for good once they have left twice."""
@@ -199,10 +203,10 @@ def judge_held_out(
         final, without = discovery.fitted, {}
         spoiled: dict[int, tuple[J, J]] = {}  # by the number of a step: with it, and what is better
         alone = []  # those that the final model is better without
-        for i, step in enumerate(discovery.steps):
-            others = tuple(e for e in final.effects if e.name != step.effect.name)
-            smaller = held_out.judge(training.fit(final.base, others, final.values, "near"))
-            without[step.effect.name] = smaller
+        rests = [tuple(e for e in final.effects if e.name != step.effect.name) for step in discovery.steps]
+        fits = training.fits([(final.base, rest, final.values, "near") for rest in rests])
+        for i, (step, fitted) in enumerate(zip(discovery.steps, fits)):
+            smaller = without[step.effect.name] = held_out.judge(fitted)
             idle = not by_hand and not held_out.is_material(ladder[-1][2], smaller, step.effect, confirming)
             if idle or held_out.is_vetoed(ladder[-1][2], smaller, settings):
                 spoiled[i] = ladder[-1][2], smaller

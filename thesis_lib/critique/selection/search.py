@@ -12,8 +12,8 @@
 5. Where a model leaves an error, a base of the reserve takes the place of its base if it predicts clearly better than
    the next effect would.  In space one that leaves no error is taken before any effect is tried.  Where quick fits say
    that it gains far more than any effect, no effect is judged before it.  Where a step leaves an error, the next best
-   effects are tried with these bases, too.  If an error is left in the end, the search goes on without the reserve from
-   where it was taken, and the better of the two ends counts.
+   effects are tried with these bases, too.  If an error is left in the end, and few effects were found on the reserve,
+   the search goes on without it from where it was taken, and the better of the two ends counts.
 6. Effects that were found on a simpler base are fitted once more on the reserve, and stay there if it predicts better.
 """
 
@@ -29,7 +29,7 @@ from thesis_lib.critique.selection.discovery import Discovery, Limit, Path, Shor
 from thesis_lib.critique.selection.evidence import Drop, Evidence
 from thesis_lib.critique.selection.scan import Scan
 from thesis_lib.critique.selection.settings import SearchSettings
-from thesis_lib.critique.selection.world import E, F, J, World
+from thesis_lib.critique.selection.world import Asked, E, F, J, World
 
 
 def split(trials: np.ndarray, share: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -75,7 +75,7 @@ class Search(Generic[E, F, J]):
 
     def run(self) -> Discovery[E, F, J]:
         world, fixed = self.world, self.fixed
-        plain = {name: world.fit(name, (), effort="near") for name in world.bases}
+        plain = dict(zip(world.bases, world.fits([(name, (), None, "near") for name in world.bases])))
         ranked = sorted(plain, key=lambda name: -plain[name].score)
         base, judgements = next(self.evidence.judged_in_turn(plain, ranked))
         judged = judgements[base]
@@ -87,8 +87,9 @@ class Search(Generic[E, F, J]):
             if other:
                 self.on_other_base(path, other)
         path = self.extend(path)
-        if path.simpler is not None and world.leaves_an_error(path.judged):
-            path = self.better_of(path, path.simpler)
+        simpler = path.simpler_within(self.settings.enough_on_reserve)
+        if simpler and world.leaves_an_error(path.judged):
+            path = self.better_of(path, simpler)
         if path.steps:
             self.refine(path, "useless" if fixed is None else "none")
         rest = [e for e in world.candidates.values() if e not in path.fitted.effects]
@@ -221,18 +222,19 @@ class Search(Generic[E, F, J]):
         """
         world, rivalled = self.world, self.settings.rivalled
 
-        def with_effect(f: F, e: E) -> F:
-            return world.fit(f.base, (*f.effects, e), world.start_with(f, e), "quick")
+        def with_effect(f: F, e: E) -> Asked:
+            return f.base, (*f.effects, e), world.start_with(f, e), "quick"
 
         first, *rivals = contenders
-        quick = {e.name: with_effect(first, e) for e in candidates}
+        quick = dict(zip((e.name for e in candidates), world.fits([with_effect(first, e) for e in candidates])))
         ranked = self.ranked(quick, fitted)
         turned = [name for name in ranked[rivalled:] if world.turns_bases(quick[name].effects[-1])]
         # one that fits far worse with the best base is wrong with all of them
         turned = [n for n in turned if rivals and world.quick_gain(quick[n], [first]) > -self.settings.close]
-        for name in [*ranked[:rivalled], *turned] if rivals else []:
-            others = [with_effect(f, quick[name].effects[-1]) for f in rivals]
-            quick[name] = max([quick[name], *others], key=lambda fit: fit.score)
+        asked = [with_effect(f, quick[n].effects[-1]) for n in [*ranked[:rivalled], *turned] for f in rivals]
+        for other in world.fits(asked):
+            name = other.effects[-1].name
+            quick[name] = max(quick[name], other, key=lambda fit: fit.score)
         return {name: quick[name] for name in self.ranked(quick, fitted)}
 
     def ranked(self, fits: Mapping[str, F], fitted: F) -> list[str]:
@@ -256,7 +258,7 @@ class Search(Generic[E, F, J]):
             best_slope = max(quick, key=lambda name: tests.gain[name])
             others = [name for name, fit in quick.items() if world.misjudged(fit.effects[-1])]
             names += [name for name in dict.fromkeys([best_slope, *others]) if name not in names]
-        near = {name: self.near_fit(quick[name], fitted, shortlist.base) for name in names}
+        near = dict(zip(names, world.fits([self.near_fit(quick[n], fitted, shortlist.base) for n in names])))
         near |= self.simpler_fits(near, quick, fitted)
         # relative to the best base without the effect: a rival that fits better by itself does not count for the effect
         best = max([fitted, *contenders], key=lambda fit: fit.score)
@@ -292,12 +294,12 @@ class Search(Generic[E, F, J]):
                 return Step(e, others, fails, p_value, gain, near[name], judgement, tests), None, ()
         return None, below, unasked
 
-    def near_fit(self, quick: F, fitted: F, base: str | None) -> F:
+    def near_fit(self, quick: F, fitted: F, base: str | None) -> Asked:
         """The fit that is judged; on a `base` of whose limit the quick fit is, from where the model stands."""
         if base is None:
-            return self.world.fit(quick.base, quick.effects, quick.values, "near")
+            return quick.base, quick.effects, quick.values, "near"
         start = quick.values if self.world.turns_bases(quick.effects[-1]) else {**quick.values, **fitted.values}
-        return self.world.fit(base, quick.effects, start, "near")
+        return base, quick.effects, start, "near"
 
     def simpler_fits(self, near: Mapping[str, F], quick: Mapping[str, F], fitted: F) -> dict[str, F]:
         """Fits with effects that the best one is at some of its parameters, from where that one ends, if better."""

@@ -65,6 +65,12 @@ class SearchSettings(Section):
         ge=1,
         description="effects tried with bases of the reserve where the best leaves an error: each costs slow fits",
     )
+    enough_on_reserve: int = Field(
+        4,
+        ge=1,
+        description="effects found on a base of the reserve with which the search does not go back to where it took "
+        "that: it stood in for none of them",
+    )
     nearly: float = Field(
         0.8, ge=0, le=1, description="least quick gain of a runner-up, over the best: the wrong base may turn that much"
     )

@@ -52,6 +52,8 @@ class HeldOutScores(Protocol):
 
 Effort = Literal["quick", "near", "full"]  # a part of the data; all of them in one round; until nothing changes
 
+Asked = tuple[str, tuple[Any, ...], Mapping[str, Any] | None, Effort]  # base, effects, start and effort of a fit
+
 E = TypeVar("E", bound=Candidate)
 F = TypeVar("F", bound=FittedModel)
 J = TypeVar("J", bound=HeldOutScores)
@@ -108,6 +110,7 @@ class World(ABC, Generic[E, F, J]):
         unit: "impact" or "window".
         resamples: draws of null distributions and of the bootstrap.
         refits: fits to data drawn without an effect whose gain is near the null.
+        jobs: processes for what can be done side by side.
     """
 
     candidates: Mapping[str, E]
@@ -121,6 +124,7 @@ class World(ABC, Generic[E, F, J]):
     unit: str
     resamples: int = 999
     refits: int = 199
+    jobs: int = 1
 
     @abstractmethod
     def fit(
@@ -131,6 +135,10 @@ class World(ABC, Generic[E, F, J]):
         A "quick" fit ranks, and may take a part of the data; a "near" one is near enough to be compared, and is
         repeated in "full" if it is chosen.
         """
+
+    def fits(self, asked: Sequence[Asked]) -> list[F]:
+        """Several fits, each as `fit` makes it from these arguments; a world may make them side by side."""
+        return [self.fit(*one) for one in asked]
 
     def quick_gain(self, fitted: F, contenders: Sequence[F]) -> float:
         """Gain in nats of a quick fit over the best of the contenders, which lack its last effect."""
@@ -143,6 +151,10 @@ class World(ABC, Generic[E, F, J]):
     @abstractmethod
     def cross_validate(self, fitted: F, folds: np.ndarray) -> J:
         """Judge each fold by a fit to the others; `folds` holds the fold of each trial."""
+
+    def cross_validated(self, fits: Sequence[F], folds: np.ndarray) -> list[J]:
+        """Several models, each judged as `cross_validate` does; a world may judge them side by side."""
+        return [self.cross_validate(fitted, folds) for fitted in fits]
 
     @abstractmethod
     def slopes(self, fitted: F, candidates: Sequence[E]) -> Slopes:

@@ -1,0 +1,49 @@
+"""The same work on each of several items, shared by processes that are forked from this one.
+
+A forked process knows all that this one knows, so that nothing is sent to it; only results come back.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from typing import Any, TypeVar
+
+from thesis_lib.foundation.errors import UserError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # of a forked process; None in the first one
+
+
+def each(work: Callable[[T], R], items: Sequence[T], jobs: int) -> list[R]:
+    """`work` of each item, in their order, by up to `jobs` processes, each of which ends with this call.
+
+    The results are equal for any number of `jobs` if `work` leaves nothing behind that a later call depends on; what
+    it leaves in a forked process is lost.  In such a process there is no further fork.
+
+    UserError if a process was killed, as it is where memory runs out.
+    """
+    if min(jobs, len(items)) < 2 or _task is not None:
+        return [work(item) for item in items]
+    context = get_context("fork")  # to others all data would have to be sent
+    try:
+        with ProcessPoolExecutor(min(jobs, len(items)), context, _begin, (work, items)) as pool:
+            return list(pool.map(_answer, range(len(items))))
+    except BrokenProcessPool:
+        raise UserError(
+            f"One of {jobs} processes was killed, as happens where memory runs out. Fewer of them need less: --jobs 1."
+        ) from None
+
+
+def _begin(work: Callable[[Any], Any], items: Sequence[Any]) -> None:
+    global _task
+    _task = work, items
+
+
+def _answer(i: int) -> Any:
+    if _task is None:
+        raise RuntimeError("This is not a forked process.")
+    work, items = _task
+    return work(items[i])
