@@ -7,34 +7,40 @@ import numpy as np
 import pytest
 
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.forked import each
+from thesis_lib.foundation.forked import each, processes, sharing
 
 
 def test_results_come_in_order_from_other_processes():
     data = np.arange(5.0)  # known after the fork, and never sent
-    found = each(lambda i: (os.getpid(), data[i] ** 2), range(5), 2)
+    with sharing(2):
+        found = each(lambda i: (os.getpid(), data[i] ** 2), range(5))
     assert [square for _, square in found] == [0.0, 1.0, 4.0, 9.0, 16.0]
     assert os.getpid() not in {pid for pid, _ in found}
 
 
 @pytest.mark.parametrize(("items", "jobs"), [(range(3), 1), (range(1), 4), ([], 4)])
 def test_what_one_process_does_stays_here(items, jobs):
-    assert each(lambda i: (i, os.getpid()), items, jobs) == [(i, os.getpid()) for i in items]
+    with sharing(jobs):
+        assert each(lambda i: (i, os.getpid()), items) == [(i, os.getpid()) for i in items]
 
 
 def test_a_forked_process_forks_no_further():
-    inner = each(lambda _: [os.getpid(), *each(lambda _: os.getpid(), range(3), 2)], range(2), 2)
-    assert all(len(set(pids)) == 1 for pids in inner)
+    assert processes() == 1
+    with sharing(2):
+        assert processes() == 2
+        inner = each(lambda _: [os.getpid(), *each(lambda _: os.getpid(), range(3))], range(2))
+        assert each(lambda _: processes(), range(2)) == [1, 1]
+    assert all(len(set(pids)) == 1 for pids in inner) and processes() == 1
 
 
 def test_an_error_is_raised_here():
     def fail(i: int) -> int:
         raise UserError(f"item {i} is wrong")
 
-    with pytest.raises(UserError, match="item 0 is wrong"):
-        each(fail, range(4), 2)
+    with sharing(2), pytest.raises(UserError, match="item 0 is wrong"):
+        each(fail, range(4))
 
 
 def test_a_process_that_is_killed_is_an_error_with_a_way_out():
-    with pytest.raises(UserError, match="--jobs 1"):
-        each(lambda i: os.kill(os.getpid(), signal.SIGKILL), range(4), 2)
+    with sharing(2), pytest.raises(UserError, match="--jobs 1"):
+        each(lambda i: os.kill(os.getpid(), signal.SIGKILL), range(4))

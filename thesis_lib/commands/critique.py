@@ -178,6 +178,7 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         say("loading")
         from thesis_lib.critique.run import criticise
         from thesis_lib.datasets.recordings.recording import is_recording
+        from thesis_lib.foundation.forked import sharing
 
         if args.files and is_recording(path):
             raise UserError(f"{path} is the recording of a mechanism; --effects adds effects of drops. Leave it out.")
@@ -187,7 +188,8 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
         options = {"effects": args.effects, "models": args.models or (), "propose": args.propose and True}
         found = criticise(path, **options, jobs=args.jobs, seed=args.seed, say=say)
-        return found.save(folder, proposal=args.propose), folder
+        with sharing(args.jobs):
+            return found.save(folder, proposal=args.propose), folder
 
 
 def _batch(args: argparse.Namespace) -> int:

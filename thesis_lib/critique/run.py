@@ -19,6 +19,7 @@ from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.recordings.recording import Recording, is_recording, read_recording
 from thesis_lib.foundation import SEED
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.forked import sharing
 from thesis_lib.foundation.randomness import generator
 
 Data = Dataset | Recording | str | Path
@@ -65,7 +66,8 @@ def criticise(
             if asked:
                 raise UserError(f"{data.name} is the recording of a mechanism; {option} is for drops. Leave it out.")
         return _of_mechanism(data, effects, seed, say)
-    return _of_drops(data, effects, settings, arcs, models, propose, jobs, seed, say)
+    with sharing(jobs):
+        return _of_drops(data, effects, settings, arcs, models, propose, seed, say)
 
 
 def read(path: str | Path) -> Dataset | Recording:
@@ -117,7 +119,6 @@ def _of_drops(
     arcs: ArcSettings | None,
     models: Sequence[str],
     propose: bool | None,
-    jobs: int,
     seed: int,
     say: Callable[[str], None],
 ) -> Critique:
@@ -128,7 +129,7 @@ def _of_drops(
     settings, content = settings or CritiqueSettings(), dataset.digest()
     rng = generator(seed, "critique", content)
     try:
-        found = criticise_drops(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, jobs=jobs, say=say)
+        found = criticise_drops(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
     except TooFew as few:
         if effects or models or propose or not few.say_something:
             raise

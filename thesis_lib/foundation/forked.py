@@ -3,9 +3,11 @@
 A forked process knows all that this one knows, so that nothing is sent to it; only results come back.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from contextvars import ContextVar
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
@@ -14,22 +16,39 @@ from thesis_lib.foundation.errors import UserError
 T = TypeVar("T")
 R = TypeVar("R")
 
+_jobs: ContextVar[int] = ContextVar("jobs", default=1)
 _task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # of a forked process; None in the first one
 
 
-def each(work: Callable[[T], R], items: Sequence[T], jobs: int) -> list[R]:
-    """`work` of each item, in their order, by up to `jobs` processes, each of which ends with this call.
+@contextmanager
+def sharing(jobs: int) -> Iterator[None]:
+    """Let `each` share its work among up to so many processes."""
+    token = _jobs.set(jobs)
+    try:
+        yield
+    finally:
+        _jobs.reset(token)
 
-    The results are equal for any number of `jobs` if `work` leaves nothing behind that a later call depends on; what
-    it leaves in a forked process is lost.  In such a process there is no further fork.
+
+def processes() -> int:
+    """How many processes share the work here: 1 in a forked one, and where nothing else is asked."""
+    return 1 if _task is not None else _jobs.get()
+
+
+def each(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """`work` of each item, in their order, by `processes` that end with this call.
+
+    The results are equal for any number of them if `work` leaves nothing behind that a later call depends on; what it
+    leaves in a forked process is lost.
 
     UserError if a process was killed, as it is where memory runs out.
     """
-    if min(jobs, len(items)) < 2 or _task is not None:
+    jobs = min(processes(), len(items))
+    if jobs < 2:
         return [work(item) for item in items]
     context = get_context("fork")  # to others all data would have to be sent
     try:
-        with ProcessPoolExecutor(min(jobs, len(items)), context, _begin, (work, items)) as pool:
+        with ProcessPoolExecutor(jobs, context, _begin, (work, items)) as pool:
             return list(pool.map(_answer, range(len(items))))
     except BrokenProcessPool:
         raise UserError(

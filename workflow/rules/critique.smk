@@ -16,6 +16,7 @@ rule critique_dataset:
         "results/logs/benchmarks/critique_dataset/{dataset}.tsv"
     conda:
         "../envs/thesis.yaml"
+    threads: lambda wildcards: CONFIG.critique.jobs.get(wildcards.dataset, 1)
     resources:
         **needs("critique_dataset"),
     params:

@@ -12,12 +12,14 @@ from thesis_lib.critique.contacts.episodes import MOST_HITS, play
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
+from thesis_lib.critique.likelihood import comparison, whitening
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import fit
 from thesis_lib.critique.likelihood.in_space.hits import HARD, hard_hits, observe_in_space
 from thesis_lib.critique.likelihood.synthesis import synthesise
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import Rig
+from thesis_lib.foundation.forked import sharing
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.tosses.example import CONTACT_TIME, simulate_tosses
@@ -136,6 +138,26 @@ def test_hits_and_episodes_drawn_from_a_model_differ_from_it_by_their_noise(toss
     squares = np.einsum("ni,nij,nj->n", noisy.value, np.linalg.inv(noisy.covariance()), noisy.value)
     # chi square with 12 degrees of freedom: 11.3; a minority lands on the other side of a branch
     assert 9.0 < np.median(squares[of_episodes]) < 14.5 and 9.0 < np.median(squares[~of_episodes]) < 15.5
+
+
+def test_predictions_and_covariances_that_processes_share_are_equal(tossed, monkeypatch):
+    monkeypatch.setattr(whitening, "SHARED", 100)
+    monkeypatch.setattr(comparison, "SHARED", 400)
+    model = Model(BASES["compliant_contact"], takes_time=True, space=SPACE)
+    points = [VALUES | {"mu": mu} for mu in (0.2, 0.22, 0.3)]
+
+    def results(jobs: int) -> tuple:
+        fresh = replace(tossed)  # keeps no residuals
+        with sharing(jobs):
+            here = whitening.Whitening.at(model, points[0], fresh)
+            return here.S, *(part for z in here.many(points) for part in z)
+
+    one, two = results(1), results(2)
+    for array, other in zip(one, two, strict=True):
+        np.testing.assert_array_equal(array, other)
+    monkeypatch.undo()
+    for array, whole in zip(one, results(1), strict=True):
+        np.testing.assert_allclose(array, whole, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from thesis_lib.critique.likelihood.observations import observe
 from thesis_lib.critique.likelihood.whitening import Whitening, together
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.effects import EFFECTS, effects_in
+from thesis_lib.foundation.forked import sharing
 from thesis_lib.mechanics.space import PLANE
 from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
 from thesis_lib.simulate.rig.hidden_causes import ELLIPSE_BODY, PROOF_RELEASE, RIG_NOISE, SQUARE, CompliantContact
@@ -107,21 +108,21 @@ def test_where_an_effect_is_absent_its_place_is_no_direction(observations, name)
 
 def test_fits_and_judgements_by_several_processes_equal_those_of_one(observations):
     def results(jobs: int) -> tuple:
-        world = Drops(observations, jobs=jobs)
-        names = ("wrong_inertia", "com_offset", "wrong_gravity")
-        start = world.fit("mirtich", (), effort="near")
-        asked = [("mirtich", (world.candidates[name],), start.values, effort) for name in names for effort in EFFORTS]
-        fits = world.fits(asked)
-        assert all(
-            f.whitening.observations is (world.quick if a[3] == "quick" else observations) for a, f in zip(asked, fits)
-        )
-        folds = np.arange(len(world.trials)) % 3
-        return fits, world.cross_validated(fits[:3], folds)
+        world = Drops(observations)
+        names, folds = ("wrong_inertia", "com_offset", "wrong_gravity"), np.arange(len(world.trials)) % 3
+        with sharing(jobs):
+            start = world.fit("mirtich", (), effort="near")
+            asked = [("mirtich", (world.candidates[n],), start.values, effort) for n in names for effort in EFFORTS]
+            fits = world.fits(asked)
+            of = [world.quick if effort == "quick" else observations for *_, effort in asked]
+            assert all(fitted.whitening.observations is o for fitted, o in zip(fits, of))
+            slopes = world.slopes(start, list(world.candidates.values()))
+            return fits, world.cross_validated(fits[:3], folds), slopes
 
-    (fits, judged), (others, judged_by_others) = results(1), results(2)
-    assert [(f.values, f.score, f.sigma_m, f.std) for f in fits] == [
-        (f.values, f.score, f.sigma_m, f.std) for f in others
-    ]
+    (fits, judged, slopes), (others, judged_by_others, other_slopes) = results(1), results(2)
+    assert [(f.values, f.score, f.std) for f in fits] == [(f.values, f.score, f.std) for f in others]
     for one, other in zip(judged, judged_by_others, strict=True):
         np.testing.assert_array_equal(one.score, other.score)
         assert one.sigmas == other.sigmas
+    for name, columns in slopes.candidates.items():
+        np.testing.assert_array_equal(columns, other_slopes.candidates[name])

@@ -138,7 +138,7 @@ class _Play:
     def _advance(self, rows: np.ndarray) -> None:
         """Fly the bodies `rows` to the end, or to the next hit, which is resolved."""
         left = self.span[rows] - self.t[rows]
-        steps = int(np.ceil(left.max() / STEP))
+        steps = np.ceil(left / STEP).astype(int)  # of each body alone: what else is played changes nothing of it
         h = left / steps
         hit, step, start = self._fly(rows, h, steps)
         self.t[rows] = self.span[rows]
@@ -151,8 +151,8 @@ class _Play:
         self.t[rows] = self.span[rows] - left[hit] + step * h + t
         self._hit(rows)
 
-    def _fly(self, rows: np.ndarray, h: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray, State]:
-        """Fly the bodies `rows` by `steps` of h (n,) in s, or until they land.
+    def _fly(self, rows: np.ndarray, h: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, State]:
+        """Fly the bodies `rows` by `steps` (n,) of h (n,) in s, or until they land.
 
         Returns those that land, as numbers (k,) among `rows`, the steps (k,) after which they do within the next, and
         their states then; the others are set to where they end.  A few steps are looked at in one go, because most
@@ -161,23 +161,25 @@ class _Play:
         at, state, done, first = np.arange(len(rows)), self._state(rows), 0, True
         origin, landed, after, starts = state, [], [], []
         soon = not self.hits[rows].any()
-        while len(at) and done < steps:
+        while len(at):
             limit = AT_FIRST if soon and first else AHEAD
-            ahead = min(steps - done, limit, max(1, IN_CACHE // (len(at) * self.points)))
+            left = steps[at] - done
+            ahead = min(int(left.max()), limit, max(1, IN_CACHE // (len(at) * self.points)))
             path = self._path(origin, state, h[at], done, ahead, rows[at])
             looked = path if first else path.select(slice(len(at), None))
             count = ahead + first
             lands = self._lands(looked, np.tile(rows[at], count)).reshape(count, len(at))
+            lands &= np.arange(1 - first, ahead + 1)[:, None] <= left
             any_lands = lands.any(axis=0)
             hit = np.flatnonzero(any_lands)
             before = np.maximum(lands[:, hit].argmax(axis=0) - first, 0)
             landed.append(at[hit])
             after.append(done + before)
             starts.append(path.select(before * len(at) + hit))
-            fly = np.flatnonzero(~any_lands)
+            over, fly = np.flatnonzero(~any_lands & (left <= ahead)), np.flatnonzero(~any_lands & (left > ahead))
+            self._set(rows[at[over]], path.select(left[over] * len(at) + over))
             state, origin = path.select(ahead * len(at) + fly), origin.select(fly)
             at, done, first = at[fly], done + ahead, False
-        self._set(rows[at], state)
         return np.concatenate(landed), np.concatenate(after), State.joined(starts)
 
     def _path(self, origin: State, state: State, h: np.ndarray, done: int, ahead: int, rows: np.ndarray) -> State:

@@ -133,7 +133,6 @@ def criticise_drops(
     settings: CritiqueSettings | None = None,
     arcs: ArcSettings | None = None,
     effects: Sequence[str] | None = None,
-    jobs: int = 1,
     say: Callable[[str], None] = lambda text: None,
 ) -> DropsCritique:
     """Criticise contact models against drops.
@@ -142,7 +141,6 @@ def criticise_drops(
         rng: for split, folds and resamples; seed it from the dataset's content for reproducible results.
         arcs: settings of the detection of impacts.
         effects: names of effects to switch on instead of the automatic choice.
-        jobs: processes of the search; no result depends on their number.
         say: receives a line for each step.
 
     Raises:
@@ -163,7 +161,7 @@ def criticise_drops(
     observations, training = (part.counted_from(training.middle) for part in (observations, training))
     observations = predictable(observations, training, settings)
     training, held_out = (observations.select(np.unique(part.trial)) for part in (training, held_out))
-    world = Drops(training, settings, jobs)
+    world = Drops(training, settings)
     say(f"fitting {len(world.bases)} laws")
     discovery = search(world, settings, rng, effects, say)
     discovery = discovery.each(lambda fitted: seeing(fitted, observations))

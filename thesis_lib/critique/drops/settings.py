@@ -98,6 +98,10 @@ class CritiqueRun(Section):
     max_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
         {"planar_dice": 150, "contactnets_cube": 300}, description="dataset -> first trials used; others: all"
     )
+    jobs: dict[Name, Annotated[int, Field(ge=1)]] = Field(
+        {"contactnets_cube": 64},
+        description="dataset -> processes that share its critique, at most the cores of the run; others: 1",
+    )
     proof: tuple[str, ...] = Field(
         ("law/nothing", "law/tangential_restitution", "law/com_offset", "mechanism/nothing", "mechanism/hunt_crossley"),
         description="source/truth of the proof's datasets that the pipeline runs again to check the stored table",

@@ -71,8 +71,8 @@ class Drops(World[Effect, Fit, Judgement]):
 
     unit = "impact"
 
-    def __init__(self, observations: Observations, settings: CritiqueSettings | None = None, jobs: int = 1) -> None:
-        self.settings, self.jobs = settings or CritiqueSettings(), jobs
+    def __init__(self, observations: Observations, settings: CritiqueSettings | None = None) -> None:
+        self.settings = settings or CritiqueSettings()
         self.timed = self.settings.contact_time and observations.arcs
         self.observations, self.rivals = observations, self.settings.rivals
         # in space hits are so precise that most rigid laws fail by the time that contacts take
@@ -110,7 +110,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return fit(model, self.observations, start, rounds=ROUNDS if effort == "full" else 1)
 
     def fits(self, asked: Sequence[Asked]) -> list[Fit]:
-        sent = each(lambda one: self._sent(self.fit(*one)), asked, self.jobs)
+        sent = each(lambda one: self._sent(self.fit(*one)), asked)
         return [self._received(one, parts) for one, parts in zip(asked, sent)]
 
     def _sent(self, fitted: Fit) -> tuple:
@@ -126,7 +126,7 @@ class Drops(World[Effect, Fit, Judgement]):
         return Fit(model, values, score, len(of), Whitening(model, of, S, sigma_m, known))
 
     def cross_validated(self, fits: Sequence[Fit], folds: np.ndarray) -> list[Judgement]:
-        return each(lambda fitted: self.cross_validate(fitted, folds), fits, self.jobs)
+        return each(lambda fitted: self.cross_validate(fitted, folds), fits)
 
     def _noise_without(self, model: Model, start: Mapping[str, float] | None) -> Noise | None:
         """Noise of the quick impacts in a model without its last effect, if `start` is a fit of that; kept."""
@@ -183,21 +183,28 @@ class Drops(World[Effect, Fit, Judgement]):
         turn = fitted.values["tau"] * float(np.median(np.linalg.norm(after.spin - before.spin, axis=0)))
         rigid = fit(fitted.model, self.quick, fitted.values, rounds=1)
         of_law = {p.name for p in BASE_PARAMETERS}
-        start, fits = {name: value for name, value in rigid.values.items() if name not in of_law}, []
-        for name in REFINED if refine and self.space.is_plane else self.reserve:
+        start = {name: value for name, value in rigid.values.items() if name not in of_law}
+
+        def fitted_with(name: str) -> Fit | None:
             model = self.model(name, fitted.effects)
-            best = max(fits, key=lambda fit: fit.score, default=rigid)
-            # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long
-            if isinstance(model.law.force, PressureField) and not isinstance(best.model.law.force, HuntCrossley):
-                continue
             if model.limit is model:
-                fits.append(fit(model, self.quick, rigid.values, rounds=2))
-                continue
+                return fit(model, self.quick, rigid.values, rounds=2)
             limit = fit(model.limit, self.quick, start, rounds=1)
             gains = limit.score > rigid.score + self.settings.reserve_gain
             # in space hits and episodes are so precise that no limit says what a contact gains that takes time
             if not self.space.is_plane or refine or is_compliant or gains or turn > self.settings.reserve_turn:
-                fits.append(fit(model, self.quick, limit.values, rounds=1))
+                return fit(model, self.quick, limit.values, rounds=1)
+            return None
+
+        if not self.space.is_plane:
+            sent = each(lambda name: self._sent(fitted_with(name)), self.reserve)
+            return [self._received((name, fitted.effects, None, "near"), one) for name, one in zip(self.reserve, sent)]
+        fits = []
+        for name in REFINED if refine else self.reserve:
+            best = max(fits, key=lambda fit: fit.score, default=rigid)
+            # a pressure field loses as Hunt and Crossley's contact does, and takes ten times as long
+            if not isinstance(BASES[name].force, PressureField) or isinstance(best.model.law.force, HuntCrossley):
+                fits += filter(None, [fitted_with(name)])
         return fits
 
     def errs_more(self, judged: Judgement, than: Judgement, settings: SearchSettings) -> bool:
@@ -268,7 +275,7 @@ class Drops(World[Effect, Fit, Judgement]):
 
     def drawn(self, fitted: Fit, rng: np.random.Generator) -> Self:
         synthetic = synthesise(Comparison(fitted.model.limit, fitted.values, self.observations), rng, fitted.sigma_m)
-        return type(self)(synthetic, self.settings, self.jobs)
+        return type(self)(synthetic, self.settings)
 
     def slopes(self, fitted: Fit, candidates: Sequence[Effect]) -> Slopes:
         model, S = fitted.model, fitted.on(self.observations).covariance()
@@ -281,13 +288,11 @@ class Drops(World[Effect, Fit, Judgement]):
             change = whitening.stacked({**values, name: values[name] + step}) - base
             return weights * change / step if np.abs(change).max(initial=0.0) > ROUNDING else 0.0 * change
 
-        share = SLOPE_STEP * (WIDER[-1] if jumps(model) else 1.0)
-        columns = [
-            slope(here, fitted.values, name, inward(p, fitted.values[name], share * p.scale))
-            for name, p in model.fitted_parameters.items()
-        ]
-        of_candidates = {}
-        for effect in candidates:
+        def of_fitted(name: str) -> np.ndarray:
+            share, p = SLOPE_STEP * (WIDER[-1] if jumps(model) else 1.0), model.fitted_parameters[name]
+            return slope(here, fitted.values, name, inward(p, fitted.values[name], share * p.scale))
+
+        def of_candidate(effect: Effect) -> np.ndarray:
             with_it = Whitening(model.with_effect(effect), self.observations, S, fitted.sigma_m)
             parameters = model.parameters_of(effect)
             values = fitted.values | {f"{effect.name}.{p.name}": p.absent_at(fitted.values) for p in parameters}
@@ -296,8 +301,11 @@ class Drops(World[Effect, Fit, Judgement]):
                 name = f"{effect.name}.{p.name}"
                 steps = [option - p.null for option in p.options] or [inward(p, values[name], p.scale)]
                 secants += [slope(with_it, values, name, step) for step in steps]
-            of_candidates[effect.name] = np.stack(secants, axis=1)
-        return Slopes(weights * base, np.stack(columns, axis=1), of_candidates, unit_noise=False)
+            return np.stack(secants, axis=1)
+
+        columns = np.stack(each(of_fitted, list(model.fitted_parameters)), axis=1)
+        of_candidates = dict(zip((effect.name for effect in candidates), each(of_candidate, candidates)))
+        return Slopes(weights * base, columns, of_candidates, unit_noise=False)
 
 
 def testable_effects(observations: Observations, timed: bool) -> tuple[dict[str, Effect], dict[str, str]]:

@@ -28,6 +28,7 @@ from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.at_impact import state_beside
 from thesis_lib.critique.likelihood.covariance import INSTANT, Noisy, copies_moved, noisy
 from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.foundation.forked import each
 from thesis_lib.mechanics.state import State
 
 # of an unknown spin, in standard deviations: nodes (turns, k) and their weights for a normal distribution (Gauss and
@@ -36,6 +37,8 @@ _NODES, _WEIGHTS = hermegauss(7)
 _FEWER, _OF_FEWER = hermegauss(5)
 SPINS = {2: _NODES[None], 3: np.array([*(axis.ravel() for axis in np.meshgrid(_FEWER, _FEWER)), np.zeros(25)])}
 _OF_SPIN = {len(w): w / w.sum() for w in (_WEIGHTS, np.outer(_OF_FEWER, _OF_FEWER).ravel())}
+SHARED = 1000  # impacts of a part of the work that processes share: a tenth of a second where contacts are integrated
+COPIES = 25  # of an episode in space, moved to either side along each axis of its noise
 KEPT = 8  # points whose residuals observations keep: a fit ends where the next begins
 
 
@@ -142,14 +145,14 @@ class Comparison:
             return self._of_single()
         m = 2 * o.space.motions + 1
         whole = Noisy(*(np.zeros((len(o), m) + (m,) * k) for k in (0, 1, 0)))
-        for rows, part in ((o.span == 0.0, Comparison._of_single), (o.span != 0.0, Comparison._of_episodes)):
-            if rows.any():
-                found = part(self.on(o.rows(np.flatnonzero(rows))))
-                whole.value[rows], whole.noise[rows], whole.by_instant[rows] = (
-                    found.value,
-                    found.noise,
-                    found.by_instant,
-                )
+        parts = []
+        for rows, of_part in ((o.span == 0.0, Comparison._of_single), (o.span != 0.0, Comparison._of_episodes)):
+            count = 1
+            if self.dynamics.integrated and not o.space.is_plane:  # these take a while, and processes share them
+                count += np.count_nonzero(rows) * COPIES // SHARED
+            parts += [(some, of_part) for some in np.array_split(np.flatnonzero(rows), count) if len(some)]
+        for (rows, _), found in zip(parts, each(lambda part: part[1](self.on(o.rows(part[0]))), parts)):
+            whole.value[rows], whole.noise[rows], whole.by_instant[rows] = found.value, found.noise, found.by_instant
         return whole
 
     def covariance(self, instant: np.ndarray | float = INSTANT) -> np.ndarray:

@@ -16,12 +16,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import gammaln
 
-from thesis_lib.critique.contacts.kinds import bind
+from thesis_lib.critique.contacts.kinds import bind, kind_of
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.likelihood.beside import whitened
-from thesis_lib.critique.likelihood.comparison import Comparison
+from thesis_lib.critique.likelihood.comparison import SHARED, Comparison
 from thesis_lib.critique.likelihood.levenberg_marquardt import Weighted
 from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.foundation.forked import each
 from thesis_lib.mechanics.state import State
 
 NU = 8.0
@@ -133,7 +134,7 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
     flights = _beside(requests)
     for alike in _of_one_choice(missing):
         model = alike[0][2].model
-        R = residuals(model, [(w.observations, flights[i, k][0], values) for i, k, w, values in alike])
+        R = shared_residuals(model, [(w.observations, flights[i, k][0], values) for i, k, w, values in alike])
         found |= {(i, k): part for (i, k, _, _), part in zip(alike, R)}
 
     def all_parts(i: int, k: int, w: Whitening, values: Mapping[str, float]) -> Parts:
@@ -142,6 +143,20 @@ def together(requests: Sequence[Request]) -> list[list[Parts]]:
         return (w._inverse @ found[i, k][:, :, None])[:, :, 0], flights[i, k][1], *supports
 
     return [[all_parts(i, k, w, at) for k, at in enumerate(points)] for i, (w, points) in enumerate(requests)]
+
+
+def shared_residuals(
+    model: Model, points: Sequence[tuple[Observations, tuple[State, State], Mapping[str, float]]]
+) -> list[np.ndarray]:
+    """The same as `residuals`, in parts that several processes share where contacts of bodies in space are integrated.
+
+    The parts are always these, as last digits depend on what goes together.
+    """
+    size = max(1, SHARED // max(len(points[0][0]), 1))
+    if model.space.is_plane or not kind_of(model).integrated or len(points) <= size:
+        return residuals(model, points)
+    parts = [points[i : i + size] for i in range(0, len(points), size)]
+    return [R for part in each(lambda part: residuals(model, part), parts) for R in part]
 
 
 def residuals(

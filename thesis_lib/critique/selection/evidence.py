@@ -13,6 +13,7 @@ from thesis_lib.critique.selection.discovery import Failure, Step, paired_gain
 from thesis_lib.critique.selection.scan import Scan, scan
 from thesis_lib.critique.selection.settings import SearchSettings
 from thesis_lib.critique.selection.world import E, F, HeldOutScores, J, Slopes, World
+from thesis_lib.foundation.forked import processes
 from thesis_lib.foundation.randomness import generator
 
 # an effect that predicts no better or spoils an error leaves; with "immaterial" also one that lowers none by an amount
@@ -106,8 +107,8 @@ class Evidence(Generic[E, F, J]):
         world, last = self.world, steps[-1]
         names = [step.effect.name for step in steps]
         at_fit = world.judge(last.fitted)
-        for at in range(0, len(asked), world.jobs):
-            part = asked[at : at + world.jobs]
+        for first in range(0, len(asked), processes()):
+            part = asked[first : first + processes()]
             others = [tuple(e for e in last.fitted.effects if e.name != step.effect.name) for step in part]
             fits = world.fits([(last.fitted.base, rest, last.fitted.values, "near") for rest in others])
             smaller = dict(zip((step.effect.name for step in part), fits))

@@ -110,7 +110,6 @@ class World(ABC, Generic[E, F, J]):
         unit: "impact" or "window".
         resamples: draws of null distributions and of the bootstrap.
         refits: fits to data drawn without an effect whose gain is near the null.
-        jobs: processes for what can be done side by side.
     """
 
     candidates: Mapping[str, E]
@@ -124,7 +123,6 @@ class World(ABC, Generic[E, F, J]):
     unit: str
     resamples: int = 999
     refits: int = 199
-    jobs: int = 1
 
     @abstractmethod
     def fit(

@@ -18,6 +18,7 @@ found = criticise(
     effects=params.effects,
     settings=CritiqueSettings.model_validate(params.settings),
     arcs=ArcSettings.model_validate(params.arcs),
+    jobs=snakemake.threads,
     seed=params.seed,
     say=print,
 )

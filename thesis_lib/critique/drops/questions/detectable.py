@@ -25,7 +25,8 @@ from thesis_lib.critique.likelihood.channels import CHANNELS, Misfits, concerned
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.fit import SLOPE_STEP
 from thesis_lib.critique.likelihood.whitening import Whitening
-from thesis_lib.effects.effect import Parameter
+from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.foundation.forked import each
 from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.spread import robust_std
 
@@ -118,18 +119,16 @@ def material_sizes(critique: DropsCritique) -> Sizes:
         moved = at(model, {**values, name: values[name] + step})
         return {key: (moved[key] - here[key]) / step for key in here}
 
-    slopes = {
-        name: slope(final.model, final.values, name, inward(p, final.values[name], SLOPE_STEP * p.scale))
-        for name, p in final.model.fitted_parameters.items()
-    }
-    sizes: Sizes = {}
-    for name, effect in testable_effects(o, final.model.takes_time)[0].items():
-        inside = effect in final.model.effects
+    def of_fitted(name: str) -> Parts:
+        p = final.model.fitted_parameters[name]
+        return slope(final.model, final.values, name, inward(p, final.values[name], SLOPE_STEP * p.scale))
+
+    def of_effect(effect: Effect) -> dict[str, float | None]:
+        name, inside, sizes = effect.name, effect in final.model.effects, {}
         model = final.model if inside else final.model.with_effect(effect)
         parameters = model.parameters_of(effect)
         values = {f"{name}.{p.name}": p.absent_at(final.values) for p in parameters} | final.values
         others = [column for other, column in slopes.items() if not other.startswith(f"{name}.")]
-        sizes[name] = {}
         for p in parameters:
             key = f"{name}.{p.name}"
             if p.discrete is None:
@@ -138,8 +137,12 @@ def material_sizes(critique: DropsCritique) -> Sizes:
                 step = p.null - values[key] if inside else p.discrete - p.null
             shift = slope(model, values, key, step) if step else {k: 0.0 * v for k, v in here.items()}
             shift = _compensated(shift, others)
-            sizes[name][p.name] = _material(here, shift, concerned(effect), floors, critique, p)
-    return sizes
+            sizes[p.name] = _material(here, shift, concerned(effect), floors, critique, p)
+        return sizes
+
+    fitted, testable = list(final.model.fitted_parameters), testable_effects(o, final.model.takes_time)[0]
+    slopes = dict(zip(fitted, each(of_fitted, fitted)))
+    return dict(zip(testable, each(of_effect, list(testable.values()))))
 
 
 def _compensated(shift: Parts, others: list[Parts]) -> Parts:
