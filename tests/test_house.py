@@ -201,8 +201,11 @@ def test_versions_and_licence_agree():
 def test_changelog_keeps_its_format():
     """https://keepachangelog.com: newest first, known kinds of change, no empty section."""
     sections = re.findall(r"^## \[(.+?)\](.*)$", TEXT["CHANGELOG.md"], re.M)
-    assert sections and sections[0][0] == "Unreleased"
-    assert all(re.fullmatch(r" - \d{4}-\d{2}-\d{2}", date) for _, date in sections[1:])
+    releases = [section for section in sections if section[0] != "Unreleased"]
+    assert sections[-len(releases) :] == releases and releases[0][0] == thesis_lib.__version__
+    assert all(re.fullmatch(r" - \d{4}-\d{2}-\d{2}", date) for _, date in releases)
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert releases[0][1] == f" - {citation['date-released']}"
     kinds = re.split(r"^### ", TEXT["CHANGELOG.md"], flags=re.M)[1:]
     for kind in kinds:
         title, *lines = kind.splitlines()

@@ -94,6 +94,7 @@ def test_docstrings_of_functions_and_classes_do_not_count(root):
         ("thesis_lib/deep/below.py", "Z = 4\n", {"law", "laws", "laws_late"}),
         ("thesis_lib/deep/__init__.py", "import os\n", {"law", "laws", "laws_late"}),
         ("thesis_lib/__init__.py", "import os\n", set(SCRIPTS)),
+        ("thesis_lib/__init__.py", '__version__ = "2.0"\n', set()),
         ("thesis_lib/figures/print.mplstyle", "lines.linewidth: 2\n", {"figures"}),
         ("thesis_lib/contact/new_law.py", "LAW = 1\n", {"laws", "laws_late"}),
         ("thesis_lib/contact/kind/__init__.py", "LAW = 1\n", {"laws", "laws_late"}),

@@ -6,6 +6,6 @@ digits as the command line.
 
 from thesis_lib.foundation.kernels import use_common_kernels
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 use_common_kernels()

@@ -2,11 +2,11 @@
 
 `lib_hash` is the part that Snakemake cannot see: a hash of the modules of thesis_lib that a script uses, directly or
 through other modules. Rules carry it as a parameter, so that an edit reruns exactly the rules that use the edited
-module; comments, layout, docstrings and the place of a module do not count. Imports are followed statically, also
-inside functions. A module that looks through its folder (`pkgutil.iter_modules`), as registries do, uses all modules
-and YAML files of it. Of a package that an import only passes on the way to a module, the `__init__` counts, and not
-what it imports. What was read of a module is kept beside the byte code, under the SHA-256 of its text: most have not
-changed since.
+module; comments, layout, docstrings, the place of a module and `__version__` do not count. Imports are followed
+statically, also inside functions. A module that looks through its folder (`pkgutil.iter_modules`), as registries do,
+uses all modules and YAML files of it. Of a package that an import only passes on the way to a module, the `__init__`
+counts, and not what it imports. What was read of a module is kept beside the byte code, under the SHA-256 of its text:
+most have not changed since.
 """
 
 import ast
@@ -27,7 +27,7 @@ from thesis_lib.foundation.kernels import processor
 PACKAGE = "thesis_lib"
 KEPT = "code_hashes.json"  # in the __pycache__ of the package
 LISTING = ("iter_modules", "walk_packages")  # functions of pkgutil
-READER = 2  # what was kept by another one is read anew
+READER = 3  # what was kept by another one is read anew
 MOST_KEPT = 5000  # modules, of several versions
 DATA_SUFFIXES = (".mplstyle", ".txt", ".html", ".css", ".js")  # data files that modules of a folder read
 
@@ -199,9 +199,15 @@ def _without_paths(block: list[ast.stmt], imports: list[tuple[str, str]]) -> lis
             run += [(alias.asname or alias.name, alias.name, node.module or "") for alias in node.names]
         else:
             close()
-            out.append(node)
+            if not _is_version(node):
+                out.append(node)
     close()
     return out
+
+
+def _is_version(node: ast.stmt) -> bool:
+    """Whether a statement sets the number of a release, which changes no result."""
+    return isinstance(node, ast.Assign) and [getattr(name, "id", "") for name in node.targets] == ["__version__"]
 
 
 def _module_file(name: str, root: Path) -> Path | None:
