@@ -193,8 +193,8 @@ class OfDrops(Critique):
     def choices(self) -> pd.DataFrame:
         """Held-out error with each choice of the effects found and of their closest rival, as choices.csv holds it.
 
-        Columns effects (joined by +, or “no effect”), law, error, error_low, error_high (m/s, 95 %); no rows in space,
-        without an effect, or with more than three.
+        Columns effects (joined by +, or “no effect”), law, error, error_low, error_high (m/s, 95 %); no rows without an
+        effect, or with more than three.
         """
         found = self._findings.tables.get("choices")
         return choices_table([]) if found is None else found.copy()

@@ -9,6 +9,7 @@ from judged_tosses import BOX, judged_tosses
 from report_pages import DIAGNOSIS, Page
 
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Sphere
+from thesis_lib.critique.results.choices import Choice
 from thesis_lib.critique.results.numbers import impact_errors
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.report.critique.body import OFF, axes_of_view, drawn_faces, polyhedron, turnable
@@ -103,6 +104,17 @@ def test_the_errors_of_each_rung_of_the_ladder_can_be_shown(critique, body):
     assert len(rungs) == html.count("<option") == 2 and "and wrong size" in html
     order = np.argsort(impact_errors(critique.ladder[-1][1], o), kind="stable")
     for errors, (_, fitted, _) in zip(rungs, critique.ladder):
+        assert np.allclose(errors, impact_errors(fitted, o)[order], rtol=5e-3)
+
+
+def test_the_errors_of_each_choice_of_effects_can_be_shown_the_final_model_last(critique):
+    (_, *base), (name, *final) = critique.ladder
+    made = [Choice((name,), *final), Choice((), *base), Choice((name, "angle_offset"), *base)]
+    html = turnable(critique, made)
+    rungs, o = data_in(html)["rungs"]["errors"], critique.observations.single
+    assert len(rungs) == html.count("<option") == 3 and "with wrong size: " in html and "wrong size, " in html
+    order = np.argsort(impact_errors(critique.ladder[-1][1], o), kind="stable")
+    for errors, fitted in ((rungs[0], critique.ladder[0][1]), (rungs[-1], critique.ladder[-1][1])):
         assert np.allclose(errors, impact_errors(fitted, o)[order], rtol=5e-3)
 
 

@@ -44,15 +44,13 @@ def choices(critique: DropsCritique, candidates: pd.DataFrame) -> list[Choice]:
     every = [*found, *(training.candidates[name] for name in rivals[: MOST - len(found)][:1])]
     final, base = critique.ladder[-1][1], critique.discovery.base
     known = {frozenset(e.name for e in fitted.effects): (fitted, judged) for _, fitted, judged in critique.ladder}
-    made = []
-    for chosen in chain.from_iterable(combinations(every, n) for n in range(len(every) + 1)):
-        names = tuple(effect.name for effect in chosen)
-        if frozenset(names) not in known:
-            law = final.base if any(effect in found for effect in chosen) else base
-            fitted = training.fit(law, chosen, final.values, "near")
-            known[frozenset(names)] = fitted, unseen.judge(fitted)
-        made.append(Choice(names, *known[frozenset(names)]))
-    return made
+    chosen = list(chain.from_iterable(combinations(every, n) for n in range(len(every) + 1)))
+    missing = [one for one in chosen if frozenset(e.name for e in one) not in known]
+    laws = [final.base if any(effect in found for effect in one) else base for one in missing]
+    fits = training.fits([(law, one, final.values, "near") for law, one in zip(laws, missing)])
+    known |= {frozenset(e.name for e in fitted.effects): (fitted, unseen.judge(fitted)) for fitted in fits}
+    names = [tuple(effect.name for effect in one) for one in chosen]
+    return [Choice(one, *known[frozenset(one)]) for one in names]
 
 
 def choices_table(made: list[Choice]) -> pd.DataFrame:

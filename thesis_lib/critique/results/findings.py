@@ -162,7 +162,7 @@ class Findings:
     tables: by the name of their file.
     regions: content of where.json, None where regions are not looked for.
     model: content of model.json, None of a mechanism and of a mesh in space.
-    choices: in the plane the model with each choice of the effects that were found and of their closest rival.
+    choices: the model with each choice of the effects that were found and of their closest rival.
     """
 
     diagnosis: dict
@@ -185,8 +185,7 @@ def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataF
         content["models"] = json.loads(models.to_json(orient="records"))
     if len(tried := candidates(critique)):
         made["candidates"] = tried
-    switched = choices(critique, tried) if critique.space.is_plane else []
-    if switched:
+    if switched := choices(critique, tried):
         made["choices"] = choices_table(switched)
     model = _saved(critique.ladder[-1][1], critique.observations.rig, critique.dataset, critique.source)
     return Findings(content, made, regions, model, switched)

@@ -10,7 +10,7 @@ JSON.  A hit is drawn beside its contact point, off the body along the normal of
 |          | `hits`      | m    | places of the hits, in the order of the circles                     |
 |          | `axes`      | m    | where each axis leaves the body, and its end                        |
 |          | `beyond`    |      | of each hit and each axis the faces beyond whose planes it ends     |
-|          | `rungs`     | m/s  | errors of the hits by rung of the ladder, and how they are drawn    |
+|          | `rungs`     | m/s  | errors of the hits by model, the final one last, and how to draw it |
 
 What lies beyond the plane of a face that faces the reader is before a convex body, all else behind or beside it.
 """
@@ -25,6 +25,10 @@ from markupsafe import Markup
 
 from thesis_lib.bodies.solids import Solid
 from thesis_lib.critique.drops.criticise import DropsCritique
+from thesis_lib.critique.drops.judgement import Judgement
+from thesis_lib.critique.likelihood.fit import Fit
+from thesis_lib.critique.likelihood.observations import Observations
+from thesis_lib.critique.results.choices import Choice
 from thesis_lib.critique.results.numbers import impact_errors
 from thesis_lib.critique.results.titles import effect_title, law_title
 from thesis_lib.figures.critique.where import DARK
@@ -109,8 +113,11 @@ def path(places: np.ndarray) -> str:
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in places)
 
 
-def turnable(critique: DropsCritique) -> Markup:
-    """The body with its hits; empty in the plane, where nothing has to be turned."""
+def turnable(critique: DropsCritique, choices: Sequence[Choice] = ()) -> Markup:
+    """The body with its hits; empty in the plane, where nothing has to be turned.
+
+    The reader chooses between the models of `choices`, or between the rungs of the ladder.
+    """
     if critique.space.is_plane:
         return Markup()
     o, final = critique.observations.single, critique.ladder[-1][1]
@@ -137,7 +144,8 @@ def turnable(critique: DropsCritique) -> Markup:
         radius, color = look(min(float(error[row]) / top, 1.0) ** 0.5)
         circles[is_before[i]].append((i, x, y, radius, color, held_out[i], label))
     numbers = {"vertices": solid.vertices, "hits": hits, "axes": axes.swapaxes(0, 1)}
-    rungs = _rungs(critique, rows, top) if len(critique.ladder) > 1 else {}
+    models = _choices(critique, choices) if choices else _rungs(critique)
+    rungs = _errors(models, o, rows, top) if len(models) > 1 else {}
     held_out_errors = error[rows][held_out]
     finding = f"{len(rows)} single hits, {len(held_out_errors)} of them held out, on the body."
     if len(held_out_errors):
@@ -162,16 +170,37 @@ def turnable(critique: DropsCritique) -> Markup:
     )
 
 
-def _rungs(critique: DropsCritique, rows: np.ndarray, top: float) -> dict:
-    """The errors of each rung of the ladder at the hits `rows`, its title, and how errors are drawn."""
-    o, titles, errors, law = critique.observations.single, [], [], ""
+def _rungs(critique: DropsCritique) -> list[tuple[str, Fit]]:
+    """Each rung of the ladder with its title."""
+    found, law = [], ""
     for label, fitted, judged in critique.ladder:
-        mean = amount(float(clustered_mean(judged.error, judged.trial)[0]), "m/s")
-        name = f"and {effect_title(label)}" if titles else law_title(fitted.base)
-        name += f", {law_title(fitted.base)}" if titles and fitted.base != law else ""
+        name = f"and {effect_title(label)}" if found else law_title(fitted.base)
+        name += f", {law_title(fitted.base)}" if found and fitted.base != law else ""
         law = fitted.base
-        titles.append(f"{name}: {mean} held out")
-        errors.append([float(f"{e:.3g}") if np.isfinite(e) else None for e in impact_errors(fitted, o)[rows]])
+        found.append((f"{name}: {_held_out(judged)}", fitted))
+    return found
+
+
+def _choices(critique: DropsCritique, choices: Sequence[Choice]) -> list[tuple[str, Fit]]:
+    """Each choice of effects with its title, the final model last."""
+    final, found = {e.name for e in critique.ladder[-1][1].effects}, []
+    for one in sorted(choices, key=lambda one: set(one.effects) == final):
+        name = ", ".join(map(effect_title, one.effects))
+        name = f"{law_title(one.fitted.base)} with {name}" if name else law_title(one.fitted.base)
+        found.append((f"{name}: {_held_out(one.judged)}", one.fitted))
+    return found
+
+
+def _held_out(judged: Judgement) -> str:
+    return f"{amount(float(clustered_mean(judged.error, judged.trial)[0]), 'm/s')} held out"
+
+
+def _errors(models: Sequence[tuple[str, Fit]], o: Observations, rows: np.ndarray, top: float) -> dict:
+    """The errors of each model at the hits `rows`, its title, and how errors are drawn."""
+    titles, fits = zip(*models)
+    errors = [
+        [float(f"{e:.3g}") if np.isfinite(e) else None for e in impact_errors(fitted, o)[rows]] for fitted in fits
+    ]
     return {"titles": titles, "errors": errors, **scale_of(top)}
 
 

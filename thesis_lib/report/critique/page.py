@@ -74,7 +74,7 @@ def report_html(
     ladder = ladder_table(critique, made)
     models = {**critique.discovery.bases, "augmented": critique.ladder[-1][1]}
     contents = {
-        "The body, and what the model misses there": ("body", body.turnable(critique)),
+        "The body, and what the model misses there": ("body", body.turnable(critique, choices)),
         "First: the measurements themselves": ("faults", effects.faults(d)),
         "1. How far the laws are from the measurements": (
             *("compare", data(critique, d), drawn.get("data"), laws(critique, d, ladder), drawn.get("laws")),
