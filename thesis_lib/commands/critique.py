@@ -11,6 +11,7 @@ from thesis_lib.commands.effects import add_option, load_additions
 from thesis_lib.foundation import SEED
 from thesis_lib.foundation.command_line import FAILED, INTERRUPTED, Parser, command
 from thesis_lib.foundation.errors import UserError
+from thesis_lib.foundation.forked import cores, sharing
 from thesis_lib.foundation.progress import Progress
 
 STAGES = {  # share of the time that had passed by then, on the example of the README
@@ -119,7 +120,7 @@ def critique(argv: Sequence[str] | None = None) -> int:
         value = getattr(args, name)
         if value is not None and not value > 0:
             raise UserError(f"--{name.replace('_', '-')} must be above 0, got {value:g}.")
-    args.jobs = args.jobs or len(os.sched_getaffinity(0))
+    args.jobs = args.jobs or cores()
     args.effects = args.effects and tuple(dict.fromkeys(args.effects))
     if args.models is not None:
         from thesis_lib.critique.engines.compare import read_models
@@ -178,7 +179,6 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         say("loading")
         from thesis_lib.critique.run import criticise
         from thesis_lib.datasets.recordings.recording import is_recording
-        from thesis_lib.foundation.forked import sharing
 
         if args.files and is_recording(path):
             raise UserError(f"{path} is the recording of a mechanism; --effects adds effects of drops. Leave it out.")

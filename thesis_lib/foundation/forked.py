@@ -3,6 +3,8 @@
 A forked process knows all that this one knows, so that nothing is sent to it; only results come back.
 """
 
+import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -28,6 +30,11 @@ def sharing(jobs: int) -> Iterator[None]:
         yield
     finally:
         _jobs.reset(token)
+
+
+def cores() -> int:
+    """How many cores this process may use; 1 where a fork is not safe, as on macOS, or not known, as on Windows."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1
 
 
 def processes() -> int:
