@@ -167,7 +167,7 @@ def test_an_open_mesh_needs_what_is_believed_of_its_mass(tmp_path, capsys):
     assert "error: --shape: the mesh is not closed, so that it has neither volume nor inertia. Close it, or say" in (
         capsys.readouterr().err
     )
-    believed = ["--radii-of-gyration", "0.03,0.03,0.035", "--center-of-mass", "0,0,0.001"]
+    believed = ["--radii-of-gyration", "0.03,0.03,0.035", "--center-of-mass", "-0.0,0,0.001"]
     code, made = init(tmp_path, frame, *options, *believed)
     assert code == 0 and made.header.body.radii_of_gyration == (0.03, 0.03, 0.035)
     assert made.header.body.center_of_mass == (0.0, 0.0, 0.001)
@@ -179,11 +179,21 @@ def test_an_open_mesh_needs_what_is_believed_of_its_mass(tmp_path, capsys):
 
 def test_what_is_too_slow_for_flights_is_refused_with_that_reason(tmp_path, capsys):
     slow = flights(trials=12).iloc[::8]
-    assert init(tmp_path, slow, "--quaternion", "xyzw", *SHAPE, "--up", "x", "--tracked", "shape")[0] == 2
+    assert init(tmp_path, slow, "--quaternion", "xyzw", *SHAPE, "--up", "-x", "--tracked", "shape")[0] == 2
     assert (
         "At 30 Hz a flight has few samples, and two hits often lie within one step (33 ms)" in capsys.readouterr().err
     )
     assert too_slow(60.0) == ""
+    # heights that were smoothed fall slower than anything that is let go
+    smooth = slow.assign(
+        z=slow.groupby("trial")["z"].transform(lambda z: z.rolling(9, center=True, min_periods=1).mean())
+    )
+    for table, is_smoothed in ((slow, False), (smooth, True)):
+        assert (
+            init(tmp_path, table, "--force", "--quaternion", "xyzw", *SHAPE, "--up", "x", "--tracked", "shape")[0] == 2
+        )
+        said = capsys.readouterr().err
+        assert ("the positions were smoothed" in said) == is_smoothed, said
 
 
 @pytest.mark.slow

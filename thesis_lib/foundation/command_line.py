@@ -112,10 +112,14 @@ def command(main: Callable[[Sequence[str] | None], int]) -> Callable[..., int]:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose help keeps its line breaks and whose errors look like all others."""
+    """An argument parser whose help keeps its line breaks and whose errors look like all others.
+
+    Values such as -0.01,0,0 and -y are taken for values, not for options.
+    """
 
     def __init__(self, *args, formatter_class: type = argparse.RawDescriptionHelpFormatter, **kwargs):
         super().__init__(*args, formatter_class=formatter_class, **kwargs)
+        self._negative_number_matcher = re.compile(r"-(\.?\d.*|[xyz])$")
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong, the usage and where to read more; exit code 2."""

@@ -14,6 +14,7 @@ from thesis_lib.datasets.space.torque_free import falling
 
 MOST_OUT = 0.05  # share of the energy out of the plane from which on a trial is left out
 PART = 100  # samples within which a clock of arrival wanders by less than it jitters
+FRAMES, SMOOTHED = 5, 0.7  # frames whose parabola, in a flight, has this share of gravity at least
 STRAIGHT = 0.99  # share of a direction along an axis, from which on it is that axis
 
 
@@ -59,7 +60,9 @@ class Recorded:
         """Advice where nothing falls as it should."""
         motion, gravity = self.motion, self.gravity
         if slow := too_slow(1.0 / long_period(motion.t, self.piece)):
-            return f"no free flight is found along the axis that is up. {slow} Record at 100 Hz or more."
+            return (
+                f"no free flight is found along the axis that is up. {slow} Record at 100 Hz or more.{self._smoothed()}"
+            )
         if found := falling(motion.t, motion.position, gravity):
             unit, down, number = found
             axis = int(np.abs(down).argmax())
@@ -71,6 +74,25 @@ class Recorded:
         return (
             f"no free flight is in it: nowhere does the body accelerate by {gravity:g} m/s² along an axis. Check "
             "the units of length and time; on an inclined plane give --plane, and its own --gravity if that differs."
+        )
+
+    def _smoothed(self) -> str:
+        """What it means where no recording falls over `FRAMES` frames as a free body does; "" elsewhere."""
+        most = []
+        for piece in np.unique(self.piece):
+            t, position = self.motion.t[self.piece == piece], self.motion.position[self.piece == piece]
+            windows = [slice(i, i + FRAMES) for i in range(len(t) - FRAMES + 1)]
+            if windows:
+                a = 2.0 * np.array([np.polyfit(t[part] - t[part.start], position[part], 2)[0] for part in windows])
+                rise = a @ self.view.up
+                across = np.linalg.norm(a - rise[:, None] * self.view.up, axis=1)
+                most.append(max(-rise.min(), across.max()))  # across, too, where another axis is up
+        fastest = float(np.median(most)) if most else self.gravity
+        if fastest > SMOOTHED * self.gravity:
+            return ""
+        return (
+            f" Over {FRAMES} frames the body falls with {fastest:.1f} m/s² at most (median of {len(most)} recordings), "
+            f"and not with {self.gravity:g}: the positions were smoothed, or it was not let go."
         )
 
     def no_drop(self, drops: Sequence[Drop], height: np.ndarray) -> str:
