@@ -94,6 +94,8 @@ def build_parser() -> Parser:
         "named; without this option it lies beside DIR as <DIR>_proposal.py"
     )
     parser.add_argument("--propose", metavar="FILE.py", help=proposed)
+    first = "use the first N trials alone: a first look at a large dataset"
+    parser.add_argument("--trials", type=int, metavar="N", help=first)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
     shared = "processes that share the work, with --batch datasets at a time; default: the number of cores"
     parser.add_argument("--jobs", type=int, metavar="N", help=shared)
@@ -116,7 +118,7 @@ def critique(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     if args.seed < 0:
         raise UserError(f"--seed must be 0 or more, got {args.seed}.")
-    for name in ("jobs", "time_limit", "memory_limit"):
+    for name in ("jobs", "trials", "time_limit", "memory_limit"):
         value = getattr(args, name)
         if value is not None and not value > 0:
             raise UserError(f"--{name.replace('_', '-')} must be above 0, got {value:g}.")
@@ -130,6 +132,8 @@ def critique(argv: Sequence[str] | None = None) -> int:
         args.models = read_models(args.models)
     if args.propose is not None:
         _require_place(args.propose, args)
+    if args.trials is not None and args.batch:
+        raise UserError("--trials takes the first trials of one dataset; leave out --batch.")
     args.additions = load_additions(args.files, args.paths)
     if args.batch:
         return _batch(args)
@@ -177,17 +181,19 @@ def _one(args: argparse.Namespace) -> int:
 def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[dict, Path]:
     with Progress(path, quiet=args.quiet, stages=STAGES) as say:
         say("loading")
-        from thesis_lib.critique.run import criticise
+        from thesis_lib.critique.run import criticise, read
         from thesis_lib.datasets.recordings.recording import is_recording
 
-        if args.files and is_recording(path):
-            raise UserError(f"{path} is the recording of a mechanism; --effects adds effects of drops. Leave it out.")
+        for option, asked in (("--effects adds effects", args.files), ("--trials takes trials", args.trials)):
+            if asked and is_recording(path):
+                raise UserError(f"{path} is the recording of a mechanism; {option} of drops. Leave it out.")
         # unlike Path.resolve, realpath survives a loop of links, which reading then refuses
         folder = Path(out) if out else Path("results/critique") / Path(os.path.realpath(path)).name
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
         options = {"effects": args.effects, "models": args.models or (), "propose": args.propose and True}
-        found = criticise(path, **options, jobs=args.jobs, seed=args.seed, say=say)
+        data = path if args.trials is None else read(path).first_trials(args.trials)
+        found = criticise(data, **options, jobs=args.jobs, seed=args.seed, say=say)
         with sharing(args.jobs):
             return found.save(folder, proposal=args.propose), folder
 

@@ -94,11 +94,12 @@ def test_the_library_writes_the_same_bytes_as_the_command(dataset_folder, run_fo
 def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(no_pictures, dataset_folder, tmp_path, capsys):
     out = tmp_path / "run"
     command = ["critique", str(dataset_folder), "-o", str(out), "--effect", "wrong_inertia", "--seed", "3"]
-    assert main(command) == 0
+    assert main([*command, "--trials", "60", "--jobs", "2"]) == 0
     shown = capsys.readouterr()
     assert "wrong_inertia.d_I" in shown.out and "report.html" in shown.out
     assert shown.err == ""  # progress is for terminals, and for logs once a minute
     content = json.loads((out / "diagnosis.json").read_text())
+    assert content["n_trials"] == 60
     assert [(effect["name"], effect["clears"]) for effect in content["effects"]] == [("wrong_inertia", False)]
     assert "Switched on by you: wrong inertia; these data do not ask for it" in shown.out
 
@@ -177,6 +178,8 @@ def test_two_runs_are_compared_in_standard_errors(run_folder, tmp_path, capsys):
         (["critique", "DATA", "--effect", "gravity_waves"], "no effect 'gravity_waves'"),
         (["critique", "DATA", "--effect", "linear_drag"], "cannot test the effect linear_drag: no trajectories"),
         (["critique", "DATA", "--seed", "-1"], "--seed"),
+        (["critique", "DATA", "--trials", "0"], "--trials must be above 0"),
+        (["critique", "DATA", "--trials", "9", "--batch"], "--trials takes the first trials of one dataset"),
         (["critique", "DATA", "-o", "DATA"], "is the dataset itself"),
         (["critique", "RUN"], "written by a critique"),
         (["predict", "nowhere.json", "states.csv"], "no model"),
