@@ -7,8 +7,9 @@ import pytest
 
 from thesis_lib.bodies.shapes import Polygon
 from thesis_lib.bodies.solids import Box, Hull
+from thesis_lib.critique.contacts import episodes
 from thesis_lib.critique.contacts.bases import BASES
-from thesis_lib.critique.contacts.episodes import MOST_HITS, play
+from thesis_lib.critique.contacts.episodes import MOST_HITS, _Play, play
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.world import Drops
@@ -138,6 +139,24 @@ def test_hits_and_episodes_drawn_from_a_model_differ_from_it_by_their_noise(toss
     squares = np.einsum("ni,nij,nj->n", noisy.value, np.linalg.inv(noisy.covariance()), noisy.value)
     # chi square with 12 degrees of freedom: 11.3; a minority lands on the other side of a branch
     assert 9.0 < np.median(squares[of_episodes]) < 14.5 and 9.0 < np.median(squares[~of_episodes]) < 15.5
+
+
+@pytest.mark.parametrize("size", [0.0, 0.05])
+def test_no_hit_is_of_a_point_above_the_surface(tossed, monkeypatch, size):
+    """Also where the body is believed too large, so that corners are below it from the start and rise."""
+    model = Model(BASES["mirtich"], (EFFECTS["wrong_size"],), takes_time=True, space=SPACE)
+    gaps, hit = [], _Play._hit
+
+    def noted(self, rows):
+        gap, v_n = self._gaps(self._state(rows), rows)
+        gaps.extend(np.where(v_n < 0.0, gap, np.inf).min(axis=0))
+        hit(self, rows)
+
+    monkeypatch.setattr(_Play, "_hit", noted)
+    for step in (1e-3, 2e-4):
+        monkeypatch.setattr(episodes, "STEP", step)
+        assert np.isfinite(Comparison(model, VALUES | {"wrong_size.s": size}, tossed).R).all()
+    assert len(gaps) > 100 and max(gaps) < 1e-6
 
 
 def test_predictions_and_covariances_that_processes_share_are_equal(tossed, monkeypatch):

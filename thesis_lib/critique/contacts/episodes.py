@@ -136,30 +136,38 @@ class _Play:
         self.motion[rows, :poses], self.motion[rows, poses:] = state.q, state.v
 
     def _advance(self, rows: np.ndarray) -> None:
-        """Fly the bodies `rows` to the end, or to the next hit, which is resolved."""
-        left = self.span[rows] - self.t[rows]
-        steps = np.ceil(left / STEP).astype(int)  # of each body alone: what else is played changes nothing of it
-        h = left / steps
-        hit, step, start = self._fly(rows, h, steps)
-        self.t[rows] = self.span[rows]
-        if not len(hit):
-            return
-        rows, h = rows[hit], h[hit]
-        a = self.dynamics.select(rows).middle_acceleration(start, h)
-        t = self._instant(start, a, h, rows)
-        self._set(rows, start.flown(a, t))
-        self.t[rows] = self.span[rows] - left[hit] + step * h + t
-        self._hit(rows)
+        """Fly the bodies `rows` to the end, or to the next hit, which is resolved.
+
+        Each is looked at in steps from where it is, whatever is played beside it: where these lie decides whether a
+        touch that is shorter than a step is seen.
+        """
+        dynamics, end, h = self.dynamics.select(rows), self.span[rows], np.full(len(rows), STEP)
+        lands, step, start = self._fly(rows, h, np.ceil((end - self.t[rows]) / STEP).astype(int))
+        t, own = self.t[rows] + step * STEP, np.flatnonzero(lands)
+        if len(own):
+            struck, at_step = rows[own], start.select(own)
+            a = dynamics.select(own).middle_acceleration(at_step, h[own])
+            rest = self._instant(at_step, a, h[own], struck)
+            in_time = t[own] + rest <= end[own]
+            lands[own] = in_time
+            self._set(struck, at_step.flown(a, rest))
+            self.t[struck] = t[own] + rest
+        flies = np.flatnonzero(~lands)
+        if len(flies):
+            self._set(rows[flies], dynamics.select(flies).flown(start.select(flies), (end - t)[flies]))
+            self.t[rows[flies]] = end[flies]
+        if lands.any():
+            self._hit(rows[lands])
 
     def _fly(self, rows: np.ndarray, h: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, State]:
-        """Fly the bodies `rows` by `steps` (n,) of h (n,) in s, or until they land.
+        """Fly the bodies `rows` by fewer than `steps` (n,) of h (n,) in s, or until they land.
 
-        Returns those that land, as numbers (k,) among `rows`, the steps (k,) after which they do within the next, and
-        their states then; the others are set to where they end.  A few steps are looked at in one go, because most
-        bodies land early, and because what fits the processor's cache is faster.
+        Returns which of them land (n,), after how many steps (n,) they do or end within the next, and their states
+        then.  A few steps are looked at in one go, because most bodies land early, and because what fits the
+        processor's cache is faster.
         """
         at, state, done, first = np.arange(len(rows)), self._state(rows), 0, True
-        origin, landed, after, starts = state, [], [], []
+        origin, found, after, starts, landed = state, [], [], [], np.zeros(len(rows), bool)
         soon = not self.hits[rows].any()
         while len(at):
             limit = AT_FIRST if soon and first else AHEAD
@@ -171,16 +179,17 @@ class _Play:
             lands = self._lands(looked, np.tile(rows[at], count)).reshape(count, len(at))
             lands &= np.arange(1 - first, ahead + 1)[:, None] <= left
             any_lands = lands.any(axis=0)
-            hit = np.flatnonzero(any_lands)
-            before = np.maximum(lands[:, hit].argmax(axis=0) - first, 0)
-            landed.append(at[hit])
+            ends = np.flatnonzero(any_lands | (left <= ahead))
+            before = np.where(any_lands, np.maximum(lands.argmax(axis=0) - first, 0), left - 1)[ends]
+            landed[at[any_lands]] = True
+            found.append(at[ends])
             after.append(done + before)
-            starts.append(path.select(before * len(at) + hit))
-            over, fly = np.flatnonzero(~any_lands & (left <= ahead)), np.flatnonzero(~any_lands & (left > ahead))
-            self._set(rows[at[over]], path.select(left[over] * len(at) + over))
+            starts.append(path.select(before * len(at) + ends))
+            fly = np.flatnonzero(~any_lands & (left > ahead))
             state, origin = path.select(ahead * len(at) + fly), origin.select(fly)
             at, done, first = at[fly], done + ahead, False
-        return np.concatenate(landed), np.concatenate(after), State.joined(starts)
+        order = np.argsort(np.concatenate(found))
+        return landed, np.concatenate(after)[order], State.joined(starts).select(order)
 
     def _path(self, origin: State, state: State, h: np.ndarray, done: int, ahead: int, rows: np.ndarray) -> State:
         """The states (n,) after `done`, `done` + 1, ... `done` + `ahead` steps of h (n,) in s, ((ahead + 1) n,).
@@ -197,13 +206,28 @@ class _Play:
         return path.flown(dynamics.rig.fall(path).T, times.ravel())
 
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Times (n,) in s after `start` at which the first point touches; after `h` it has."""
-        t, each = h, np.arange(len(h))
+        """Times (n,) in s after `start` at which the first point touches; after `h` it has.
+
+        A point that is below the surface before, and rises there, touches when it comes down.
+        """
+        (before, rate), (after, last), each = (
+            self._gaps(start, rows),
+            self._gaps(start.flown(a, h), rows),
+            np.arange(len(h)),
+        )
+        above = before > 0.0
+        bend = (after - before - rate * h) / (h * h)  # the root of the parabola through both, where the point is above
+        root = np.sqrt(np.maximum(rate * rate - 4.0 * bend * before, 0.0)) - rate
+        crosses = np.divide(
+            2.0 * before, root, out=np.array(np.broadcast_to(h, before.shape)), where=above & (root > 0.0)
+        )
+        when = np.where(above, np.minimum(crosses, h), h * (rate >= 0.0))
+        point = np.where((after <= 0.0) & (last < 0.0), when, np.inf).argmin(axis=0)
+        t, above = when[point, each], above[point, each]
         for _ in range(NEWTON):
-            gap, v_n = self._gaps(start.flown(a, t), rows)
-            point = _first(gap, v_n)
-            gap, v_n = gap[point, each], v_n[point, each]
-            t = np.clip(t - np.divide(gap, v_n, out=np.zeros_like(gap), where=v_n != 0.0), 0.0, h)
+            gap, v_n = (part[point, each] for part in self._gaps(start.flown(a, t), rows))
+            step = np.divide(gap, v_n, out=np.zeros_like(gap), where=above & (v_n != 0.0))
+            t = np.clip(t - step, 0.0, h)
         return t
 
     def rise(self, state: State) -> tuple[np.ndarray, np.ndarray]:

@@ -96,7 +96,7 @@ class CritiqueRun(Section):
     )
     effects: dict[Name, tuple[Name, ...]] = Field({}, description="dataset -> effects to switch on instead of choosing")
     max_trials: dict[Name, Annotated[int, Field(ge=10)]] = Field(
-        {"planar_dice": 150, "contactnets_cube": 300}, description="dataset -> first trials used; others: all"
+        {"planar_dice": 150, "contactnets_cube": 120}, description="dataset -> first trials used; others: all"
     )
     jobs: dict[Name, Annotated[int, Field(ge=1)]] = Field(
         {"contactnets_cube": 64},

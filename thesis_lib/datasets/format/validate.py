@@ -293,15 +293,16 @@ def whole_poses(table: UsableRows) -> UsableRows:
         what = f"the length of the quaternion is {length[wrong][0]:.4g}, and that of a rotation is 1"
         remedy = "are these the four columns of a quaternion, the scalar in qw?"
         table.error("columns qw, qx, qy, qz", what, remedy, wrong)
-    data = data.assign(**dict(zip(QUATERNION, _of_one_sign(q, length).T)))
+    data = data.assign(**dict(zip(QUATERNION, of_one_sign(q).T)))
     seen = placed == 3
     if not seen.any() and table.complete:
         table.error("columns x, y, z", "no row has a position", "write the positions, or delete the file")
     return replace(table, data=data[seen])
 
 
-def _of_one_sign(q: np.ndarray, length: np.ndarray) -> np.ndarray:
+def of_one_sign(q: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) of length 1, of which the first number that is not 0 is positive."""
+    length = np.linalg.norm(q, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = np.where((np.abs(length - 1.0) > EXACT)[:, None], q / length[:, None], q)
         first = np.take_along_axis(unit, (unit != 0.0).argmax(axis=1)[:, None], axis=1)

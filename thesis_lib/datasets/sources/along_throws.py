@@ -24,6 +24,7 @@ from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.frames import surface_frames, tracked_states
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, POSITION
+from thesis_lib.datasets.format.validate import of_one_sign
 from thesis_lib.datasets.space.flights import find_flights, follow
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.frame import Frame
@@ -101,7 +102,7 @@ def along_throws(dataset: Dataset) -> Dataset:
     states = tracked_states(table)
     position = origin + rotated(turn, states.position - origin)
     turned = np.where(table["qw"].notna(), multiplied(turn, states.attitude), np.nan)
-    poses = dict(zip(POSE_IN_SPACE, np.concatenate([position, turned])))
+    poses = dict(zip(POSE_IN_SPACE, np.concatenate([position, of_one_sign(turned.T).T])))
     text = f"{header.description.rstrip('. ')}; {ADDED}" if header.description else ADDED
     header = header.model_copy(update={"description": text})
     return replace(dataset, header=header, trajectories=table.assign(**poses), impacts=None)

@@ -7,12 +7,13 @@
 Called with a column, or an expression of columns, and Python's format, they give a number as text: that of their one
 row, or what `take` (count, sum, mean, median, min, max) says of several; `where` leaves fewer rows, `times` is a
 factor, as 100 for per cent.  `rows` holds them for loops, and the filter `as` writes a value.  Minus signs are
-typographic.
+typographic.  `critique(name)` gives the contents of a diagnosis.json.
 
 A table under `results/` is read from its copy in `config/results/`, which
 `python -m thesis_lib.studies.docs --results results` makes after a run at the default scale (`keep_results`).
 """
 
+import json
 import re
 from collections.abc import Callable
 from functools import lru_cache
@@ -24,12 +25,16 @@ import jinja2
 import pandas as pd
 
 from thesis_lib.contact import LAWS, LAWS_IN_SPACE, Promise
+from thesis_lib.critique.likelihood.channels import CHANNELS
+from thesis_lib.critique.results.titles import effect_title
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import FAMILIES
+from thesis_lib.effects.effect import FAMILIES, parameters_in
 from thesis_lib.foundation.columns import meanings
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.markdown import docstring, with_links
+from thesis_lib.mechanics.space import PLANE, SPACE
+from thesis_lib.report.elements import amount, fitted, symbol
 from thesis_lib.statistics.wording import formatted
 from thesis_lib.studies.docs.signatures import size_that_matters, sizes_text
 from thesis_lib.studies.proof import direct_fits, mechanisms
@@ -42,7 +47,7 @@ ROOT = Path(__file__).resolve().parents[3]
 TEMPLATES = ROOT / "docs" / "templates"
 KEPT = ROOT / "config"  # results/chapter2/x.csv is kept as config/results/chapter2/x.csv
 _LARGEST = 100_000  # bytes of a table that is kept
-_RESULTS = re.compile(r'"(results/[\w./]+\.csv)"')
+_RESULTS = re.compile(r'"(results/[\w./]+\.(?:csv|json))"')
 
 
 def _claims() -> pd.DataFrame:
@@ -65,15 +70,48 @@ TABLES: dict[str, Callable[[], pd.DataFrame]] = {
 }
 
 
-@lru_cache
-def _read(name: str) -> pd.DataFrame:
-    if name in TABLES:
-        return TABLES[name]()
+def stored_critique(name: str) -> dict:
+    """The contents of a diagnosis.json, with what a page says of it.
+
+    `found`: title, sizes, channels and gain of each effect; `seen`: the smallest size that would have been seen of each
+    effect that did not enter; `unseen`: titles of those of which none would have been.
+    """
+    d = json.loads(_path(name).read_text(encoding="utf-8"))
+    space = SPACE if d["dimensions"] == 3 else PLANE
+    found = [
+        {
+            "name": e["name"],
+            "title": effect_title(e["name"]),
+            "sizes": "; ".join(fitted(parameter, p) for parameter, p in e["parameters"].items()),
+            "channels": ", ".join(CHANNELS[channel].text for channel in e["material_in"]),
+        }
+        | e["gain"]
+        for e in d["effects"]
+    ]
+    seen, unseen = [], []
+    for e in d["detectable"]:
+        if e["name"] in {one["name"] for one in found}:
+            continue
+        sizes = [
+            "would show" if p.discrete is not None else f"{symbol(p.name)} {amount(e['smallest'][p.name], p.unit, 2)}"
+            for p in parameters_in(EFFECTS[e["name"]], space)
+            if e["smallest"][p.name] is not None
+        ]
+        (seen if sizes else unseen).append((effect_title(e["name"]), "; ".join(dict.fromkeys(sizes))))
+    return d | {"found": found, "seen": seen, "unseen": [title for title, _ in unseen]}
+
+
+def _path(name: str) -> Path:
     path = ((KEPT if name.startswith("results/") else ROOT) / name).resolve()
     if not path.is_relative_to(ROOT) or not path.is_file():
         kept = "; a table of results/ is kept by python -m thesis_lib.studies.docs --results results"
         raise UserError(f"{name!r} is neither a file of the repository nor one of {', '.join(TABLES)}{kept}.")
-    return pd.read_csv(path)
+    return path
+
+
+@lru_cache
+def _read(name: str) -> pd.DataFrame:
+    return TABLES[name]() if name in TABLES else pd.read_csv(_path(name))
 
 
 class StoredTable:
@@ -96,7 +134,7 @@ class StoredTable:
 
 
 KNOWN = {  # to templates
-    **{"table": StoredTable, "meanings": meanings, "with_links": with_links},
+    **{"table": StoredTable, "critique": stored_critique, "meanings": meanings, "with_links": with_links},
     "docstring": lambda module: docstring(import_module(module)),
     **{"LAWS": LAWS, "LAWS_IN_SPACE": LAWS_IN_SPACE, "Promise": Promise, "EFFECTS": EFFECTS, "FAMILIES": FAMILIES},
     **{"size_that_matters": size_that_matters, "sizes_text": sizes_text},
