@@ -138,20 +138,24 @@ class _Play:
     def _advance(self, rows: np.ndarray) -> None:
         """Fly the bodies `rows` to the end, or to the next hit, which is resolved.
 
-        Each is looked at in steps from where it is, whatever is played beside it: where these lie decides whether a
-        touch that is shorter than a step is seen.
+        In space each is looked at in steps from where it is, whatever is played beside it.  In the plane those that go
+        together take as many steps, as stored results were made.
         """
-        dynamics, end, h = self.dynamics.select(rows), self.span[rows], np.full(len(rows), STEP)
-        lands, step, start = self._fly(rows, h, np.ceil((end - self.t[rows]) / STEP).astype(int))
-        t, own = self.t[rows] + step * STEP, np.flatnonzero(lands)
+        dynamics, end = self.dynamics.select(rows), self.span[rows]
+        left = end - self.t[rows]
+        steps, h = np.ceil(left / STEP).astype(int), np.full(len(rows), STEP)
+        if self.start.space.is_plane:
+            steps[:] = steps.max()
+            h = left / steps
+        lands, step, start = self._fly(rows, h, steps)
+        t, own = self.t[rows] + step * h, np.flatnonzero(lands)
         if len(own):
             struck, at_step = rows[own], start.select(own)
             a = dynamics.select(own).middle_acceleration(at_step, h[own])
             rest = self._instant(at_step, a, h[own], struck)
-            in_time = t[own] + rest <= end[own]
-            lands[own] = in_time
             self._set(struck, at_step.flown(a, rest))
             self.t[struck] = t[own] + rest
+            lands[own] = self.t[struck] <= end[own]
         flies = np.flatnonzero(~lands)
         if len(flies):
             self._set(rows[flies], dynamics.select(flies).flown(start.select(flies), (end - t)[flies]))
@@ -208,8 +212,17 @@ class _Play:
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Times (n,) in s after `start` at which the first point touches; after `h` it has.
 
-        A point that is below the surface before, and rises there, touches when it comes down.
+        In space a point that is below the surface before, and rises there, touches when it comes down.  In the plane
+        the point is chosen anew at each step, as stored results were made.
         """
+        if start.space.is_plane:
+            t, each = h, np.arange(len(h))
+            for _ in range(NEWTON):
+                gap, v_n = self._gaps(start.flown(a, t), rows)
+                point = _first(gap, v_n)
+                gap, v_n = gap[point, each], v_n[point, each]
+                t = np.clip(t - np.divide(gap, v_n, out=np.zeros_like(gap), where=v_n != 0.0), 0.0, h)
+            return t
         (before, rate), (after, last), each = (
             self._gaps(start, rows),
             self._gaps(start.flown(a, h), rows),
