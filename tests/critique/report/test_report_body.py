@@ -112,7 +112,7 @@ def test_the_errors_of_each_choice_of_effects_can_be_shown_the_final_model_last(
     made = [Choice((name,), *final), Choice((), *base), Choice((name, "angle_offset"), *base)]
     html = turnable(critique, made)
     rungs, o = data_in(html)["rungs"]["errors"], critique.observations.single
-    assert len(rungs) == html.count("<option") == 3 and "with wrong size: " in html and "wrong size, " in html
+    assert len(rungs) == html.count("<option") == 3 and "and wrong size: " in html and "wrong size, " in html
     order = np.argsort(impact_errors(critique.ladder[-1][1], o), kind="stable")
     for errors, fitted in ((rungs[0], critique.ladder[0][1]), (rungs[-1], critique.ladder[-1][1])):
         assert np.allclose(errors, impact_errors(fitted, o)[order], rtol=5e-3)

@@ -27,6 +27,8 @@ LEAD, MOST_BACK = 2e-3, 8  # s, and times that a body may fly back by it
 LATEST = 8e-3  # s
 LONGEST = 2e-2  # s; longer contacts do not count as hits
 STEP = 1e-3  # s; a corner 0.05 m from the centre that turns with 60 rad/s is off a straight line by 0.02 mm
+ON = 1e-9  # m; a point that is nearer lies on the surface
+SLOWEST, LATER = 1e-6, 0.125  # m/s at which a point comes down that touches; if it does not yet, so many steps later
 NEWTON = 3  # steps to the instant of a touch within a step: the gap to 1 nm
 LARGEST = 400_000  # contact points of paths that share a number of steps
 AHEAD, IN_CACHE = 16, 16_000  # steps, and contact points, that are looked at in one go
@@ -223,24 +225,21 @@ class _Play:
                 gap, v_n = gap[point, each], v_n[point, each]
                 t = np.clip(t - np.divide(gap, v_n, out=np.zeros_like(gap), where=v_n != 0.0), 0.0, h)
             return t
-        (before, rate), (after, last), each = (
-            self._gaps(start, rows),
-            self._gaps(start.flown(a, h), rows),
-            np.arange(len(h)),
-        )
-        above = before > 0.0
-        bend = (after - before - rate * h) / (h * h)  # the root of the parabola through both, where the point is above
-        root = np.sqrt(np.maximum(rate * rate - 4.0 * bend * before, 0.0)) - rate
-        crosses = np.divide(
-            2.0 * before, root, out=np.array(np.broadcast_to(h, before.shape)), where=above & (root > 0.0)
-        )
-        when = np.where(above, np.minimum(crosses, h), h * (rate >= 0.0))
+        (before, rate), (after, last) = self._gaps(start, rows), self._gaps(start.flown(a, h), rows)
+        each, bend = np.arange(len(h)), (after - before - rate * h) / (h * h)
+        before, above = np.where(np.abs(before) < ON, 0.0, before), before > -ON
+        # where the parabola through both comes down through the surface
+        root = np.sqrt(np.maximum(rate * rate - 4.0 * bend * before, 0.0))
+        late = np.divide(root + rate, -2.0 * bend, out=np.array(np.broadcast_to(h, rate.shape)), where=bend < 0.0)
+        when = np.divide(2.0 * before, root - rate, out=late, where=rate < 0.0)
+        when = np.where(above, np.clip(when, 0.0, h), h * (rate >= 0.0))
         point = np.where((after <= 0.0) & (last < 0.0), when, np.inf).argmin(axis=0)
         t, above = when[point, each], above[point, each]
-        for _ in range(NEWTON):
+        for k in range(NEWTON + 1):
             gap, v_n = (part[point, each] for part in self._gaps(start.flown(a, t), rows))
-            step = np.divide(gap, v_n, out=np.zeros_like(gap), where=above & (v_n != 0.0))
-            t = np.clip(t - step, 0.0, h)
+            falls = v_n < -SLOWEST
+            step = np.divide(-gap, v_n, out=np.zeros_like(gap), where=above & falls) * (k < NEWTON)
+            t = np.clip(np.where(falls, t + step, t + LATER * h), 0.0, h)
         return t
 
     def rise(self, state: State) -> tuple[np.ndarray, np.ndarray]:

@@ -186,7 +186,7 @@ def _choices(critique: DropsCritique, choices: Sequence[Choice]) -> list[tuple[s
     final, found = {e.name for e in critique.ladder[-1][1].effects}, []
     for one in sorted(choices, key=lambda one: set(one.effects) == final):
         name = ", ".join(map(effect_title, one.effects))
-        name = f"{law_title(one.fitted.base)} with {name}" if name else law_title(one.fitted.base)
+        name = f"{law_title(one.fitted.base)} and {name}" if name else law_title(one.fitted.base)
         found.append((f"{name}: {_held_out(one.judged)}", one.fitted))
     return found
 
