@@ -181,7 +181,8 @@ def _one(args: argparse.Namespace) -> int:
 def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[dict, Path]:
     with Progress(path, quiet=args.quiet, stages=STAGES) as say:
         say("loading")
-        from thesis_lib.critique.run import criticise, read
+        from thesis_lib.critique.run import criticise
+        from thesis_lib.datasets.read import read_dataset
         from thesis_lib.datasets.recordings.recording import is_recording
 
         for option, asked in (("--effects adds effects", args.files), ("--trials takes trials", args.trials)):
@@ -192,7 +193,7 @@ def _run(path: str, out: str | Path | None, args: argparse.Namespace) -> tuple[d
         if os.path.realpath(folder) == os.path.realpath(path):
             raise UserError(f"-o {folder} is the dataset itself; choose another folder.")
         options = {"effects": args.effects, "models": args.models or (), "propose": args.propose and True}
-        data = path if args.trials is None else read(path).first_trials(args.trials)
+        data = path if args.trials is None else read_dataset(path).first_trials(args.trials)
         found = criticise(data, **options, jobs=args.jobs, seed=args.seed, say=say)
         with sharing(args.jobs):
             return found.save(folder, proposal=args.propose), folder

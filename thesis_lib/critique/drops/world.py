@@ -197,8 +197,9 @@ class Drops(World[Effect, Fit, Judgement]):
             return None
 
         if not self.space.is_plane:
-            sent = each(lambda name: self._sent(fitted_with(name)), self.reserve)
-            return [self._received((name, fitted.effects, None, "near"), one) for name, one in zip(self.reserve, sent)]
+            sent = each(lambda name: self._sent(one) if (one := fitted_with(name)) else (), self.reserve)
+            found = zip(self.reserve, sent)
+            return [self._received((name, fitted.effects, None, "near"), one) for name, one in found if one]
         fits = []
         for name in REFINED if refine else self.reserve:
             best = max(fits, key=lambda fit: fit.score, default=rigid)
