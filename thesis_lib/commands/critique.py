@@ -97,7 +97,7 @@ def build_parser() -> Parser:
     first = "use the first N trials alone: a first look at a large dataset"
     parser.add_argument("--trials", type=int, metavar="N", help=first)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
-    shared = "processes that share the work, with --batch datasets at a time; default: the number of cores"
+    shared = "processes that share the work, with --batch datasets at a time; default: the number of cores, at most 16"
     parser.add_argument("--jobs", type=int, metavar="N", help=shared)
     parser.add_argument("--json", action="store_true", help=printed)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
