@@ -11,7 +11,7 @@ from thesis_lib.commands.effects import add_option, load_additions
 from thesis_lib.foundation import SEED
 from thesis_lib.foundation.command_line import FAILED, INTERRUPTED, Parser, command
 from thesis_lib.foundation.errors import UserError
-from thesis_lib.foundation.forked import cores, sharing
+from thesis_lib.foundation.forked import MOST, cores, sharing
 from thesis_lib.foundation.progress import Progress
 
 STAGES = {  # share of the time that had passed by then, on the example of the README
@@ -97,7 +97,10 @@ def build_parser() -> Parser:
     first = "use the first N trials alone: a first look at a large dataset"
     parser.add_argument("--trials", type=int, metavar="N", help=first)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
-    shared = "processes that share the work, with --batch datasets at a time; default: the number of cores, at most 16"
+    shared = (
+        "processes that share the work, with --batch datasets at a time; default: the number of cores, of one dataset at "
+        f"most {MOST}"
+    )
     parser.add_argument("--jobs", type=int, metavar="N", help=shared)
     parser.add_argument("--json", action="store_true", help=printed)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
@@ -122,7 +125,7 @@ def critique(argv: Sequence[str] | None = None) -> int:
         value = getattr(args, name)
         if value is not None and not value > 0:
             raise UserError(f"--{name.replace('_', '-')} must be above 0, got {value:g}.")
-    args.jobs = args.jobs or cores()
+    args.jobs = args.jobs or (cores() if args.batch else min(cores(), MOST))
     args.effects = args.effects and tuple(dict.fromkeys(args.effects))
     if args.models is not None:
         from thesis_lib.critique.engines.compare import read_models

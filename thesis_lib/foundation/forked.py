@@ -18,7 +18,9 @@ from thesis_lib.foundation.errors import UserError
 T = TypeVar("T")
 R = TypeVar("R")
 
-MOST = 16  # processes, unless more are asked for: each takes some 100 MB, and a search has some 40 items at a time
+MOST = (
+    16  # processes of one search, unless more are asked for: each takes some 100 MB, and some 40 items come at a time
+)
 _jobs: ContextVar[int] = ContextVar("jobs", default=1)
 _task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # of a forked process; None in the first one
 
@@ -34,8 +36,8 @@ def sharing(jobs: int) -> Iterator[None]:
 
 
 def cores() -> int:
-    """How many cores this process may use, at most `MOST`; 1 where a fork is not safe, as on macOS, or not known."""
-    return min(len(os.sched_getaffinity(0)), MOST) if sys.platform == "linux" else 1
+    """How many cores this process may use; 1 where a fork is not safe, as on macOS, or not known."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else 1
 
 
 def processes() -> int:

@@ -295,7 +295,7 @@ class Search(Generic[E, F, J]):
         return None, below, unasked
 
     def near_fit(self, quick: F, fitted: F, base: str | None) -> Asked:
-        """The fit that is judged; on a `base` of whose limit the quick fit is, from where the model stands."""
+        """What to fit to be judged; on a `base` of whose limit the quick fit is, from where the model stands."""
         if base is None:
             return quick.base, quick.effects, quick.values, "near"
         start = quick.values if self.world.turns_bases(quick.effects[-1]) else {**quick.values, **fitted.values}

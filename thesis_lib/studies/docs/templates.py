@@ -71,7 +71,7 @@ TABLES: dict[str, Callable[[], pd.DataFrame]] = {
 
 
 def stored_critique(name: str) -> dict:
-    """The contents of a diagnosis.json, with what a page says of it.
+    """The contents of a diagnosis.json, prepared for a page.
 
     `found`: title, sizes, channels and gain of each effect; `seen`: the smallest size that would have been seen of each
     effect that did not enter; `unseen`: titles of those of which none would have been.
