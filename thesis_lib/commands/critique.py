@@ -98,8 +98,8 @@ def build_parser() -> Parser:
     parser.add_argument("--trials", type=int, metavar="N", help=first)
     parser.add_argument("--seed", type=int, default=SEED, help="of splits and resamples; default: %(default)s")
     shared = (
-        "processes that share the work, with --batch datasets at a time; default: the number of cores, of one dataset at "
-        f"most {MOST}"
+        "processes that share the work, with --batch datasets at a time; default: the number of cores, "
+        f"of one dataset at most {MOST}"
     )
     parser.add_argument("--jobs", type=int, metavar="N", help=shared)
     parser.add_argument("--json", action="store_true", help=printed)
