@@ -18,9 +18,7 @@ from thesis_lib.foundation.errors import UserError
 T = TypeVar("T")
 R = TypeVar("R")
 
-MOST = (
-    16  # processes of one search, unless more are asked for: each takes some 100 MB, and some 40 items come at once
-)
+MOST = 16  # processes of one search, unless more are asked for: each takes some 100 MB, and some 40 items come at once
 _jobs: ContextVar[int] = ContextVar("jobs", default=1)
 _task: tuple[Callable[[Any], Any], Sequence[Any]] | None = None  # of a forked process; None in the first one
 
