@@ -18,6 +18,7 @@ from thesis_lib.thesis.impact_study.statements import (
     mirrored_rotation,
     reverses,
     statements,
+    tail_outside,
 )
 from thesis_lib.thesis.impact_study.tables import SIX_AS_PUBLISHED
 
@@ -93,6 +94,16 @@ class TestConvergence:
         assert converged_at(self.table({0: [0.1, 0.1, 0.2, 0.1]})) == 200
 
 
+def test_the_tail_of_errors_lies_outside_the_range_only_if_its_impulses_do():
+    rows = pd.DataFrame({"trial": np.arange(100), "impact": 0})
+    errors, misfit = rows.assign(velocity_error=np.arange(100.0)), np.where(np.arange(100) % 3, 0.0, 0.2)
+    none, std = tail_outside(errors, rows.assign(misfit=misfit), 0.1)
+    assert abs(none) < std and 0.1 < std < 0.2
+    misfit[90:] = 0.2
+    rest = np.mean(misfit[:90] > 0.1)
+    assert tail_outside(errors, rows.assign(misfit=misfit)[::-1], 0.1)[0] == pytest.approx(1.0 - rest)
+
+
 def test_local_minima():
     x, y = np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 1, 21), indexing="ij")
     for cost, count in (
@@ -125,6 +136,7 @@ def study_tables():
         "errors": study.held_out_errors(impacts, split, ensemble, "kinetic"),
         "topography": study.topography_table(training, "whittaker", 50, *axes, rng),
         "convergence": study.convergence_table(training, ("whittaker",), (5, 20, 80), 2, rng),
+        "tolerance": 0.01,
     }
 
 
@@ -227,8 +239,8 @@ class TestAll:
         assert self.value(table, "small_momentum", law).value == pytest.approx(ratio, rel=0.05)
 
     def test_tables_may_come_from_files(self, study_tables, table, tmp_path):
-        read = {"impacts": study_tables["impacts"]}
-        for name in set(study_tables) - {"impacts"}:
+        read = {name: study_tables[name] for name in ("impacts", "tolerance")}
+        for name in set(study_tables) - set(read):
             write_table(study_tables[name], tmp_path / f"{name}.csv")
             read[name] = read_table(tmp_path / f"{name}.csv")
         again = statements(**read)

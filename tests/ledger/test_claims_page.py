@@ -42,7 +42,7 @@ def found(entries, make_claim, results):
     claims = [
         *entries,
         make_claim("wrong", CHECK, 1.0, chapter=2, statement=f"Statement {odd}", note=f"Note {odd}", unit="m/s"),
-        make_claim("absent", CHECK, 1.0, needs=["dice"]),
+        make_claim("absent", CHECK, 1.0, needs=["dice"], chapter=6),
         make_claim("broken", CHECK, 1.0, column="missing", location=f"Table {odd} | 3"),
     ]
     ledger = Ledger.model_validate({"schema": 1, "claims": claims})
@@ -53,10 +53,20 @@ def test_it_is_well_formed_and_complete(found):
     page = Outline(render_page(found, "quick"))
     text = " ".join(page.text)
     assert "12 claims: 9 reproduced, 1 deviates, 1 without data, 1 could not be compared." in text
-    for words in ("Chapter 2", "Chapter 3", "✓ reproduced", "≠ deviates", "○ data not present", "! error", "quick"):
+    for words in (
+        "Chapter 2",
+        "Chapter 3",
+        "The measured cube",
+        "✓ reproduced",
+        "≠ deviates",
+        "○ data not present",
+        "! error",
+        "quick",
+    ):
         assert words in text
     assert len(page.ids) == len(set(page.ids)) == 12 + 1  # a row each, and the content
-    assert text.index("Chapter 2") < text.index("Chapter 3")
+    assert text.index("Chapter 2") < text.index("Chapter 3") < text.index("The measured cube")
+    assert "Chapter 6" not in text
 
 
 def test_every_text_is_escaped(found):
@@ -74,7 +84,7 @@ def test_it_works_offline_and_for_readers_of_any_kind(found):
     assert not re.search(r"https?://|src=|@import|url\(", html)
     page = Outline(html)
     tags = [tag for tag, _ in page.tags]
-    assert tags.count("caption") == tags.count("table") == 2
+    assert tags.count("caption") == tags.count("table") == 3
     assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")
     assert ("html", {"lang": "en"}) in page.tags
     targets = {attrs["href"][1:] for tag, attrs in page.tags if tag == "a"} - {"main"}

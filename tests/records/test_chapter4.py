@@ -223,8 +223,8 @@ def test_ends_in_their_beliefs(measured: float, inside: str, low: float, word: s
         columns=["case", "distance", "density", "law", "measured", "std"],
     )
     rank = pd.DataFrame(
-        [("compliant_residual", "spread_rest", 0.3, low, 0.5)],
-        columns=["model", "spread", "rank_correlation", "low", "high"],
+        [("compliant_residual", "spread_rest", "error", 0.3, low, 0.5)],
+        columns=["model", "spread", "of", "rank_correlation", "low", "high"],
     )
     said = records()["figure_4_10"].said(drawn, rank)
     assert f"ends {inside} the central 95" in said

@@ -6,7 +6,7 @@ import pandas as pd
 
 from thesis_lib.critique.engines.compare import bounded_text, model_sentences, row_title
 from thesis_lib.critique.results.titles import counted_from, handy_unit, origin_text
-from thesis_lib.statistics.wording import bounded, carried
+from thesis_lib.statistics.wording import bounded, carried, number
 
 STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad", "x": " m"}
 
@@ -84,8 +84,12 @@ def _models(rows: Sequence[Mapping]) -> list[str]:
     lines = [f"  {sentence}" for sentence in model_sentences(pd.DataFrame(rows))]
     titles = [row_title(row) for row in rows]
     width = max(map(len, titles))
-    lines.append(f"    {'model':<{width}}  effects  error (m/s)  mu      epsilon")
+    follows = "position" in rows[0]
+    head = "  tosses: position, angle" * follows
+    lines.append(f"    {'model':<{width}}  effects  error (m/s)  mu      epsilon{head}")
     for title, row in zip(titles, rows):
         numbers = f"{row['error']:<11.4g}  {bounded_text(row, 'mu', 3):<7} {bounded_text(row, 'epsilon', 3)}"
+        if follows:
+            numbers = f"{numbers:<28}  {number(row['position'])} %, {number(row['angle'])}°"
         lines.append(f"    {title:<{width}}  {row['effects']:<7}  {numbers}")
     return lines

@@ -1,6 +1,11 @@
 # The critique: which physical effect is missing from the contact models, for every dataset that is present.
 CRITIQUE_DATASETS = [name for name in CONFIG.critique.datasets if DATASETS[name].present]
 
+CRITIQUE_CLAIMED = [  # what the ledger reads
+    f"results/critique/{name}/law_free.csv"
+    for name, source in SOURCES.items()
+    if source.dimensions == 3 and DATASETS[name].present
+]
 CRITIQUE_FOUND = [f"results/critique/{name}/verdict.txt" for name in CRITIQUE_DATASETS]
 
 
@@ -31,6 +36,29 @@ rule critique_dataset:
         "Criticising contact models against {wildcards.dataset}"
     script:
         "../scripts/critique/critique.py"
+
+
+rule critique_law_free:
+    input:
+        dataset_files,
+    output:
+        "results/critique/{dataset}/law_free.csv",
+    log:
+        "results/logs/critique_law_free/{dataset}.log",
+    benchmark:
+        "results/logs/benchmarks/critique_law_free/{dataset}.tsv"
+    conda:
+        "../envs/thesis.yaml"
+    resources:
+        **needs("critique_law_free"),
+    params:
+        folder=lambda wildcards: DATASETS[wildcards.dataset].folder,
+        trials=300,  # those that are published beside the project: the same numbers for whoever has all 570
+        lib=code_of("critique_law_free"),
+    message:
+        "What {wildcards.dataset} shows without any contact law"
+    script:
+        "../scripts/critique/critique_law_free.py"
 
 
 rule critique_findings:

@@ -11,12 +11,14 @@ from tosses import simulate_tosses
 from thesis_lib.bodies.solids import Sphere
 from thesis_lib.contact import LAWS, LAWS_IN_SPACE
 from thesis_lib.critique import criticise
+from thesis_lib.critique.contacts.engine_contact import default_values, engine_law
 from thesis_lib.critique.contacts.kinds import bind
 from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
+from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, whole_tosses
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
@@ -30,6 +32,7 @@ from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
+from thesis_lib.report.critique.tables import models
 from thesis_lib.simulate.tosses.drawn import SpaceCase, make
 from thesis_lib.simulate.tosses.own import OwnTosses
 
@@ -99,6 +102,20 @@ def test_the_diagnosis_says_which_contacts_err(centre_hidden):
     held_out = centre_hidden.found.held_out
     assert 0 < sum(kind["n"] for kind in kinds.values()) <= held_out.hits.sum()
     assert centre_hidden.summary().startswith("drops: effects")
+
+
+@pytest.mark.slow
+def test_models_are_followed_through_whole_tosses(centre_hidden):
+    """The named effect lets the toss end where it did; an engine at its defaults does not."""
+    found = centre_hidden.found
+    table = compare_models(found, ("laws",)).set_index(["model", "effects"])
+    own, lost = (table.loc[("anitescu_potra_newton", effects)] for effects in (WITH, WITHOUT))
+    of_engine = Model(engine_law("mujoco:default"), found.ladder[-1][1].effects, True, space=SPACE)
+    values = found.ladder[-1][1].values | default_values("mujoco", 1.0)
+    engine = whole_tosses(found, of_engine, values)
+    for name in ("position", "angle"):
+        assert own[f"{name}_low"] < own[name] < own[f"{name}_high"] < min(lost[f"{name}_low"], engine[f"{name}_low"])
+    assert "tosses: position" in models(table.reset_index())
 
 
 def test_the_error_of_a_hit_counts_the_spin_by_the_inertia_where_the_body_lies(observed, rng):

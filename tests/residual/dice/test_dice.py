@@ -29,7 +29,7 @@ from thesis_lib.thesis.residual.dice.models import (
 from thesis_lib.thesis.residual.dice.results import dice_tables, examples, over_parts, tables_of_part
 from thesis_lib.thesis.residual.dice.settings import DiceDataSettings, DiceStudySettings
 from thesis_lib.thesis.residual.dice.study import dice_study, parts_of, side_of
-from thesis_lib.thesis.residual.dice.tables import contact_pits, difficulty, spread
+from thesis_lib.thesis.residual.dice.tables import contact_pits, difficulty, spread, summary
 from thesis_lib.thesis.residual.throwing.flight import first_touch
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 from thesis_lib.thesis.residual.throwing.throw import simulate_throws, state_at
@@ -251,20 +251,47 @@ def test_leave_one_out_is_what_leaving_one_out_gives():
         assert z[i, 0] == pytest.approx((process.y[i, 0] - k @ process.y[rest, 0]) / np.sqrt(variance))
 
 
+def made_throws(n: int, rng: np.random.Generator) -> pd.DataFrame:
+    """Throws of a law that ends at one of two places, and of a learned model, whose belief is wide where that errs."""
+    wide, side = rng.uniform(0.1, 2.0, n), rng.choice([-1.0, 1.0], n)
+    law = pd.DataFrame({"trial": np.arange(n), "model": "law", "spread_rest": wide, "spread_first": wide})
+    law["error"] = law["error_certain"] = 0.5 + 2.0 * side + 0.2 * rng.normal(size=n)
+    learned = law.assign(model="learned", spread_rest=wide, spread_first=rng.permutation(wide))
+    learned["error_certain"] = learned["error"] = wide * rng.normal(size=n)
+    table = pd.concat([law, learned[::-1]], ignore_index=True)
+    table["first_slope"] = 2.0 - np.abs(table["error"])  # hits at a corner miss by less
+    rest = ("face_right", "face_right_certain", "log_score", "crps")
+    return table.assign(**dict.fromkeys(rest, 1.0))
+
+
 def test_difficulty_sees_a_spread_that_predicts_the_error_and_one_that_does_not():
     rng = np.random.default_rng(0)
-    spread = rng.uniform(0.1, 2.0, 400)
-    table = pd.DataFrame(
-        {
-            "model": "law",
-            "spread_first": rng.permutation(spread),
-            "spread_rest": spread,
-            "error": spread * rng.normal(size=400),
-        }
-    )
-    found = difficulty(table, 200, rng).set_index("spread")
-    assert found.loc["spread_rest", "low"] > 0.2
-    assert found.loc["spread_first", "low"] < 0.0 < found.loc["spread_first", "high"]
+    table = made_throws(400, rng)
+    found = difficulty(table, 200, rng).set_index(["model", "spread", "of"])
+    assert found.loc[("learned", "spread_rest", "error"), "low"] > 0.2
+    first = found.loc[("learned", "spread_first", "error")]
+    assert first["low"] < 0.0 < first["high"]
+    assert found.loc[("learned", "first_slope", "error"), "rank_correlation"] == pytest.approx(-1.0)
+    # the law ends 2 sides away from the middle of all beliefs, whatever their width
+    apart = found.loc[("learned", "spread_rest", "law")]
+    assert apart["low"] < 0.1 and ("law", "spread_rest", "law") not in found.index
+    near = table["model"] == "law"
+    table.loc[near, "error_certain"] = table.loc[~near].set_index("trial")["error"].loc[table.loc[near, "trial"]].values
+    table.loc[near, "error_certain"] += table.loc[~near].set_index("trial")["spread_rest"].to_numpy()[::-1]
+    assert difficulty(table, 2, rng).set_index(["of"]).loc["law", "rank_correlation"] == pytest.approx(1.0)
+
+
+def test_errors_with_two_peaks_are_bimodal_and_means_are_compared_by_their_size():
+    rng = np.random.default_rng(1)
+    table = made_throws(400, rng)
+    limit = pd.DataFrame({"model": ["law"], "spread": [0.1], "face_kept": [1.0]})
+    found = summary(table, limit, 100, rng).set_index(["model", "quantity"])
+    row = found.loc[("law", "bimodality_certain")]
+    assert row["value"] > 0.9 and row["low"] > 5.0 / 9.0 + 5.0 * row["std"]
+    assert found.loc[("learned", "bimodality"), "high"] < 5.0 / 9.0
+    means = table.groupby("model")["error"].mean().abs()
+    beyond = found.loc[("learned", "mean_size_beyond_law")]
+    assert beyond["value"] == pytest.approx(means["learned"] - means["law"]) and beyond["high"] < -0.2
 
 
 def test_tables_over_parts_are_of_all_throws_and_show_the_spread():

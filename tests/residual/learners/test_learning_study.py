@@ -105,6 +105,11 @@ def test_ratios_are_paired_by_split(curves):
     row = ratios.loc["wrench_over_residual_few"]
     assert row["n"] == fewest < 40
     assert row["value"] == pytest.approx((wide["wrench_x1"] / wide["residual_wrench"]).mean())
+    # over the bound at whatever number of impacts is the worst
+    means = curves[0].pivot(index="n", columns=["split", "model"], values="mean").stack("split", future_stack=True)
+    most = (means["wrench_x1"] / means["irb_bound"]).groupby("n").mean()
+    row = ratios.loc["wrench_over_irb_most"]
+    assert (row["n"], row["value"]) == (most.idxmax(), pytest.approx(most.max()))
 
 
 def test_what_ten_inputs_cost_is_told_at_few_impacts():

@@ -140,15 +140,11 @@ class _Play:
     def _advance(self, rows: np.ndarray) -> None:
         """Fly the bodies `rows` to the end, or to the next hit, which is resolved.
 
-        In space each is looked at in steps from where it is, whatever is played beside it.  In the plane those that go
-        together take as many steps, as stored results were made.
+        Each is looked at in steps from where it is, whatever is played beside it.
         """
         dynamics, end = self.dynamics.select(rows), self.span[rows]
         left = end - self.t[rows]
         steps, h = np.ceil(left / STEP).astype(int), np.full(len(rows), STEP)
-        if self.start.space.is_plane:
-            steps[:] = steps.max()
-            h = left / steps
         lands, step, start = self._fly(rows, h, steps)
         t, own = self.t[rows] + step * h, np.flatnonzero(lands)
         if len(own):
@@ -214,17 +210,8 @@ class _Play:
     def _instant(self, start: State, a: np.ndarray, h: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Times (n,) in s after `start` at which the first point touches; after `h` it has.
 
-        In space a point that is below the surface before, and rises there, touches when it comes down.  In the plane
-        the point is chosen anew at each step, as stored results were made.
+        A point that is below the surface before, and rises there, touches when it comes down.
         """
-        if start.space.is_plane:
-            t, each = h, np.arange(len(h))
-            for _ in range(NEWTON):
-                gap, v_n = self._gaps(start.flown(a, t), rows)
-                point = _first(gap, v_n)
-                gap, v_n = gap[point, each], v_n[point, each]
-                t = np.clip(t - np.divide(gap, v_n, out=np.zeros_like(gap), where=v_n != 0.0), 0.0, h)
-            return t
         (before, rate), (after, last) = self._gaps(start, rows), self._gaps(start.flown(a, h), rows)
         each, bend = np.arange(len(h)), (after - before - rate * h) / (h * h)
         before, above = np.where(np.abs(before) < ON, 0.0, before), before > -ON

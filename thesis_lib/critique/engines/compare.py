@@ -1,7 +1,8 @@
 """Which model is right about this object?  Laws and physics engines side by side, without and with the named effects.
 
 Every model is fitted to the training trials of a critique and judged on its held-out trials, alike.  An engine that
-cannot have one of the effects is fitted without it, and says so.
+cannot have one of the effects is fitted without it, and says so.  Bodies in space are followed through whole held-out
+tosses, too; an engine is there the law that stands near it, with the engine's numbers.
 
 Sentences from the table say which model, and why.
 """
@@ -49,6 +50,7 @@ COLUMNS = (
     *("mu_bound", "epsilon_bound"),
     *("error", "error_low", "error_high", "behind", "behind_low", "behind_high", "noise_floor"),
 )
+OF_TOSSES = {"position": "pos_int_percent", "angle": "angle_int_deg"}  # in space, each with _low and _high
 FRICTIONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 1.0, 1.5)  # from which a search starts
 WITHOUT, WITH = "without", "with"
 
@@ -91,7 +93,9 @@ def compare_models(
     Columns: `COLUMNS`; in m/s error with its 95 % interval, and how far it is behind the best with the same effects,
     compared impact by impact; `mu_bound`, `epsilon_bound`: lower or upper where there is only a bound; contact time in
     s at 1 m/s (NaN where contacts are taken as instants: engines then have `engine_contact.INSTANT`); `lacks`:
-    effects that the model cannot have, by name.  UserError if an engine is not installed.
+    effects that the model cannot have, by name.  In space, for whole tosses, also `position` in % of the width and
+    `angle` in degrees, means over the frames of a toss (`simulation.rollout`), with their intervals.  UserError if an
+    engine is not installed.
     """
     engines, space = [name for name in names if name in STAND_INS], critique.observations.space
     final = critique.ladder[-1][1]
@@ -99,6 +103,8 @@ def compare_models(
     laws = list(dict.fromkeys([*laws, *added_laws(), final.base]))  # and what stands at the end
     laws = [name for name in laws if space.dimension in BASES[name].dimensions]
     sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
+    follows = not space.is_plane and critique.source is not None and critique.source.trajectories is not None
+    columns = [*COLUMNS, *([f"{name}{end}" for name in OF_TOSSES for end in ("", "_low", "_high")] if follows else ())]
     parts = []
     for label, effects in sets.items():
         rows, errors = [], []
@@ -114,13 +120,36 @@ def compare_models(
             for kind, fitted in found:
                 row, error = _judged(critique, fitted)
                 rows.append(row | {"kind": kind, "effects": label, "lacks": " + ".join(missing)})
+                if follows:
+                    rows[-1] |= whole_tosses(critique, fitted.model, fitted.values)
                 errors.append(error)
         best = errors[int(np.argmin([error.mean() for error in errors]))]
         behind = [clustered_mean(error - best, critique.held_out.trial) for error in errors]
         part = pd.DataFrame(rows).assign(noise_floor=critique.ladder[-1][2].floor)
         part[["behind", "behind_low", "behind_high"]] = np.array(behind)
         parts.insert(0, part.sort_values("error", kind="stable"))
-    return pd.concat(parts, ignore_index=True)[list(COLUMNS)]
+    return pd.concat(parts, ignore_index=True)[columns]
+
+
+def whole_tosses(critique: DropsCritique, model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    """What a model in space misses of whole held-out tosses, from their first flights: `OF_TOSSES`, with intervals."""
+    from thesis_lib.critique.results.saved_in_space import saved_in_space
+    from thesis_lib.critique.simulation.rollout import rolled_out_by
+    from thesis_lib.critique.simulation.tosses import toss
+
+    assert critique.source is not None  # as `compare_models` asks
+    engine = model.law.name.removesuffix(DEFAULT)
+    model = replace(model, law=BASES[STAND_INS[engine][0]] if engine in STAND_INS else model.law)
+    numbers = {name: {"value": values[name], "std": None, "unit": p.unit} for name, p in model.parameters.items()}
+    near = replace(critique.ladder[-1][1], model=model, values=dict(values))
+    saved = saved_in_space(near, critique.source.in_space, critique.source.name, numbers)
+    trials = np.unique(critique.held_out.trial).tolist()
+    tosses = rolled_out_by(toss, saved, critique.source, trials)
+    found: dict[str, float] = {}
+    for name, column in OF_TOSSES.items():
+        means = clustered_mean(tosses[column].to_numpy(), tosses.index.to_numpy())
+        found |= dict(zip((name, f"{name}_low", f"{name}_high"), means))
+    return found
 
 
 def _fitted(

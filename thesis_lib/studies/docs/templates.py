@@ -54,8 +54,8 @@ def _claims() -> pd.DataFrame:
     """Status at the default scale, and whether agreement says little, of each claim."""
     stored = read_expected(ROOT / "config" / "claims_expected.yaml")["default"]
     claims = read_ledger(ROOT / "config" / "claims").claims
-    rows = [(claim.id, stored.get(claim.id, "without data"), claim.weak is not None) for claim in claims]
-    return pd.DataFrame(rows, columns=["id", "status", "weak"])
+    rows = [(c.id, c.chapter, stored.get(c.id, "without data"), c.weak is not None) for c in claims]
+    return pd.DataFrame(rows, columns=["id", "chapter", "status", "weak"])
 
 
 TABLES: dict[str, Callable[[], pd.DataFrame]] = {

@@ -244,12 +244,12 @@ def _parser() -> Parser:
         add_jobs(run)
     run = add_stored("measured", measured, _run_measured, "criticise a measured set and store its row")
     models = add_stored("measured-models", measured_models, _run_measured, "compare laws and engines on a measured set")
-    for one, proof, given in ((run, measured, ("single", "effects")), (models, measured_models, ())):
+    for one, proof, given in ((run, measured, ("single", "effects")), (models, measured_models, ("effects",))):
         one.set_defaults(compute=proof.compute, table=proof.as_markdown, given=given)
         one.add_argument("folder")
         one.add_argument("--trials", type=int, help="the first ones; default: all")
+        one.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
     run.add_argument("--single", action="store_true", help="single hits only, no episodes")
-    run.add_argument("--effects", default="", help="to switch on by hand, with commas, instead of the search")
     how, series = "fit the models and store their rows; a minute or more each", tuple(direct_fits.SERIES)
     run = add_stored("direct-fits", direct_fits, _run_fits, how)
     run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")

@@ -8,6 +8,7 @@ A row has `statement`, `law` ('' if it concerns none), `value`, `std` (NaN if un
 | irb_bound_mirrored         | the same after reading θ and ω clockwise (sensitivity: handedness of the angle)  |
 | over_best_post_hoc         | mean held-out error of a law minus that of Best Post Hoc of its variant          |
 | steep_friction             | mean held-out error at the inclined plane's μ = 0.3 minus that at the ensemble's μ |
+| tail_outside               | share of impulses out of a law's range in the tail of its errors, less that in the rest |
 | back_spin                  | share of measured impacts after which v_t has changed its sign                   |
 | beyond_sticking            | share of measured impulses beyond the line of sticking                           |
 | predicted_back_spin, predicted_beyond_sticking | the same shares of a law's predictions                       |
@@ -56,6 +57,7 @@ from thesis_lib.thesis.impact_study.tables import MU_ZERO, VARIANTS
 MU_INCLINED_PLANE = 0.3  # PLA on aluminium, thesis section 3.4
 MAPPED = "anitescu_potra_poisson"  # the law of figure 3-9
 STUDIED = "anitescu_potra_newton"  # the law of figures 3-10 and 3-11
+TAIL = 0.1  # share of the held-out impacts with the largest errors
 FOLLOWED = (STUDIED, "mirtich", "wang_mason", "anitescu_potra_poisson")
 
 Row = tuple[str, str, float, float, str]
@@ -69,12 +71,14 @@ def statements(
     errors: pd.DataFrame,
     topography: pd.DataFrame,
     convergence: pd.DataFrame,
+    tolerance: float,
     energy: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """All statements, in the kinetic weighting; predictions are judged on impacts with train = 0 in `split` only.
 
     `ensemble` and `individual` (of all impacts studied) are of both weightings, `errors` are the `held_out_errors` in
     the kinetic one, `topography` and `convergence` (any laws) as in figure 3-7, `energy` from `energy_statements`.
+    Impulses within `tolerance` in m/s, over the mass, of what a law can predict are in its range.
     """
     held_out = pick(impacts, split, train=0)
     ensemble = ensemble[ensemble["weighting"] == "kinetic"].set_index("law")
@@ -98,7 +102,10 @@ def statements(
             predicted = LAWS[str(law)].impulse(target.space, np.asarray(fit["mu"]), np.asarray(fit["epsilon"]))
         rows.append(("predicted_back_spin", law, *share_of(reverses(target.space, *predicted)), "1"))
         rows.append(("predicted_beyond_sticking", law, *share_of(crosses(target.space, *predicted)), "1"))
-        at_ensemble = errors.loc[errors["model"] == law, "velocity_error"].to_numpy()
+        of_law = errors[errors["model"] == law]
+        at_ensemble = of_law["velocity_error"].to_numpy()
+        each = individual[individual["law"] == law]
+        rows.append(("tail_outside", law, *tail_outside(of_law, each, tolerance * impacts.mass), "1"))
         steep = _errors_at(held_out, str(law), MU_INCLINED_PLANE, fit["epsilon"])
         rows.append(("steep_friction", law, *mean_of(steep - at_ensemble), "m/s"))
     rows += _over_best_post_hoc(errors)
@@ -118,6 +125,19 @@ def crosses(space: Contact, c_t: np.ndarray, c_n: np.ndarray) -> np.ndarray:
     """1.0 (n,) where the impulse (n,) lies beyond the line of sticking, else 0.0; NaN: no impulse."""
     beyond = beyond_sticking(space, c_t, c_n) > 1e-9 * np.hypot(c_t, c_n)
     return np.where(np.isfinite(c_t + c_n), beyond, np.nan)
+
+
+def tail_outside(errors: pd.DataFrame, individual: pd.DataFrame, tolerance: float) -> tuple[float, float]:
+    """Share of impulses outside a law's range among the largest errors less that among the others, and standard error.
+
+    `errors` (trial, impact, velocity_error) and `individual` (trial, impact, misfit) are of one law; an impulse lies
+    outside if its misfit exceeds `tolerance` in N s.
+    """
+    rows = errors.merge(individual[["trial", "impact", "misfit"]], on=["trial", "impact"])
+    outside = (rows["misfit"] > tolerance).to_numpy(float)
+    tail = (rows["velocity_error"] >= rows["velocity_error"].quantile(1.0 - TAIL)).to_numpy()
+    (worst, of_worst), (rest, of_rest) = share_of(outside[tail]), share_of(outside[~tail])
+    return worst - rest, float(np.hypot(of_worst, of_rest))
 
 
 def converged_at(convergence: pd.DataFrame, share: float = 0.1) -> float:

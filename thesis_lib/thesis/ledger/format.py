@@ -1,5 +1,7 @@
 """The format of config/claims/: each number and each ordering that the thesis states, one file for each chapter.
 
+What was published with the measured cube has a file, too, and a chapter number of its own, `CUBE`.
+
 ```yaml
 schema: 1
 defaults: {chapter: 3}        # optional: `chapter` and `needs` for claims that give none
@@ -71,6 +73,7 @@ from thesis_lib.thesis.ledger.checks import (
 from thesis_lib.thesis.ledger.reading import Name, Text, load_yaml, validate
 
 Chapter = Annotated[int, Field(ge=1, le=9)]
+CUBE = 6  # the thesis's chapters with claims are 2 to 5
 
 
 class Claim(Section):

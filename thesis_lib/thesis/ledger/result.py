@@ -26,7 +26,7 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import FLOAT_FORMAT, write_text
 from thesis_lib.pages import page
 from thesis_lib.thesis.ledger.checks import Interval, Threshold, Within
-from thesis_lib.thesis.ledger.format import Claim
+from thesis_lib.thesis.ledger.format import CUBE, Claim
 
 
 class ClaimStatus(StrEnum):
@@ -141,7 +141,8 @@ def render_page(results: Sequence[Result], scale: str = "") -> str:
         group = [result for result in results if result.claim.chapter == number]
         look = [result for result in group if result.status in (ClaimStatus.DEVIATES, ClaimStatus.ERROR)]
         rows = [_cells(result) for result in group]
-        chapters.append({"number": number, "summary": summary_line(group), "look": look, "rows": rows})
+        title = "The measured cube" if number == CUBE else f"Chapter {number}"
+        chapters.append({"title": title, "summary": summary_line(group), "look": look, "rows": rows})
     return page(
         TEMPLATE,
         "Claims ledger: what the thesis states, and what this program finds",

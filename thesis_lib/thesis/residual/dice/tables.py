@@ -3,6 +3,8 @@
     error      = (x measured − x expected)/side,  x expected the mean of the belief
     face right = the side that is down is the most likely one of the belief
     score      = log p(x, side) of the true end under the belief, x in sides            (`belief.RestBelief`)
+    bimodality = (s² + 1)/κ of the errors, with their skewness s and kurtosis κ: 5/9 for a uniform distribution, 1 for
+                 two points, 1/3 for a normal one; Pfister et al., doi 10.3389/fpsyg.2013.00700
 
 Intervals are the central 95 % of a bootstrap over throws.  foundation/columns.yaml explains every column.
 """
@@ -12,13 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import spearmanr
+from scipy.stats import kurtosis, skew, spearmanr
 
 from thesis_lib.contact.space import velocity_error
 from thesis_lib.datasets.format.impacts import Impacts
 from thesis_lib.foundation.randomness import streams
 from thesis_lib.statistics.bootstrap import central_95, resampled
 from thesis_lib.thesis.residual.dice.data import MeasuredContacts, ThrowReleases
+from thesis_lib.thesis.residual.dice.fit import touch_down
 from thesis_lib.thesis.residual.dice.models import Thrower, contact_residuals
 from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
 from thesis_lib.thesis.residual.throwing.belief import RestBelief
@@ -27,6 +30,7 @@ from thesis_lib.thesis.residual.throwing.contact_map import ContactMap
 from thesis_lib.thesis.residual.throwing.throw import Throws
 
 FINEST = 1e-8  # (m/s)², so that a law without scatter has a covariance
+PLAIN = "law"  # model whose single end is compared with the beliefs of the others
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,8 @@ def throw_rows(outcome: HeldOutThrows, releases: ThrowReleases, side: float, rng
     x = releases.end[:, 0]
     beliefs = [RestBelief(a / side, b, len(model.body.faces)) for a, b in zip(outcome.x, outcome.face)]
     scores = [belief.log_likelihood(end / side, f) for belief, end, f in zip(beliefs, x, face)]
+    turn = 2.0 * np.pi / len(model.body.faces)
+    at_touch = touch_down(model, releases)[1][:, 2]
     return pd.DataFrame(
         {
             "trial": releases.trial,
@@ -105,6 +111,7 @@ def throw_rows(outcome: HeldOutThrows, releases: ThrowReleases, side: float, rng
             "pit": pit_of_samples(x, outcome.x, rng),
             "spread_rest": outcome.x.std(1) / side,
             "spread_first": outcome.after_first,
+            "first_slope": np.abs((at_touch + 0.5 * turn) % turn - 0.5 * turn),
             "contacts": outcome.certain.contacts,
             "settled": outcome.certain.settled.astype(int),
         }
@@ -134,6 +141,8 @@ def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.r
             "std": (error, np.std),
             "median_abs": (np.abs(error), np.median),
             "face_right": (part["face_right"].to_numpy(float), np.mean),
+            "bimodality": (error, _bimodality),
+            "bimodality_certain": (certain, _bimodality),
             "mean_certain": (certain, np.mean),
             "std_certain": (certain, np.std),
             "face_right_certain": (part["face_right_certain"].to_numpy(float), np.mean),
@@ -142,6 +151,8 @@ def summary(throws: pd.DataFrame, limit: pd.DataFrame, bootstrap: int, rng: np.r
             "wide_over_narrow": (part["spread_rest"].to_numpy(), _wide_over_narrow),
         }
         add(model, quantities)
+    for model, pair in _beside_plain(throws, "error", "error_certain").items():
+        add(model, {"mean_size_beyond_law": (pair, _beyond)})
     for model, part in limit.groupby("model", sort=False):
         still, kept = part["spread"].to_numpy(), part["face_kept"].to_numpy()
         add(model, {"limit_std": (still, np.median), "limit_face": (kept, np.mean)})
@@ -154,20 +165,47 @@ def _wide_over_narrow(width: np.ndarray) -> float:
     return float(high / low)
 
 
+def _bimodality(error: np.ndarray) -> float:
+    return float((skew(error) ** 2 + 1.0) / kurtosis(error, fisher=False))
+
+
+def _beyond(pair: np.ndarray) -> float:
+    """Size of the mean of the first column less that of the second."""
+    return float(np.abs(pair[:, 0].mean()) - np.abs(pair[:, 1].mean()))
+
+
+def _beside_plain(throws: pd.DataFrame, column: str, of_plain: str) -> dict[str, np.ndarray]:
+    """By model (n, 2): a column of its throws, and another one of the same throws by the plain law."""
+    plain = throws[throws["model"] == PLAIN].set_index("trial")[of_plain]
+    others = throws[throws["model"] != PLAIN].groupby("model", sort=False)
+    return {model: np.column_stack([part[column], plain.loc[part["trial"]]]) for model, part in others}
+
+
 def difficulty(throws: pd.DataFrame, bootstrap: int, rng: np.random.Generator) -> pd.DataFrame:
-    """Rank correlation of |error| with the belief's spread after the first contact and at rest, with intervals."""
+    """Rank correlations over throws, with intervals: what should grade how hard a throw is to predict, and how it is.
+
+    `spread` is correlated with the size of the error (`of` = error), and the spread at rest also with the distance of
+    the belief's mean from the plain law's single end (`of` = law).
+    """
 
     def spearman(pair: np.ndarray) -> float:
         return float(spearmanr(*pair.T)[0])
 
     rows, stream = [], streams(rng)
+
+    def add(model: object, column: str, of: str, pair: np.ndarray, *key: object) -> None:
+        pair = pair[np.isfinite(pair).all(1)]
+        interval = spread(pair, spearman, bootstrap, stream(model, column, *key))
+        rows.append((model, column, of, spearman(pair), *interval, len(pair)))
+
+    ends = _beside_plain(throws, "error", "error_certain")
     for model, part in throws.groupby("model", sort=False):
-        for column in ("spread_first", "spread_rest"):
-            pair = np.column_stack([part[column], part["error"].abs()])
-            pair = pair[np.isfinite(pair).all(1)]
-            interval = spread(pair, spearman, bootstrap, stream(model, column))
-            rows.append((model, column, spearman(pair), *interval, len(pair)))
-    return pd.DataFrame(rows, columns=["model", "spread", "rank_correlation", "std", "low", "high", "n"])
+        for column in ("spread_first", "spread_rest", "first_slope"):
+            add(model, column, "error", np.column_stack([part[column], part["error"].abs()]))
+        if model in ends:
+            apart = np.abs(np.diff(ends[model], axis=1))
+            add(model, "spread_rest", "law", np.column_stack([part["spread_rest"], apart]), "law")
+    return pd.DataFrame(rows, columns=["model", "spread", "of", "rank_correlation", "std", "low", "high", "n"])
 
 
 def spread(

@@ -1,0 +1,14 @@
+"""What measured tosses of a cube show without any contact law, for the claims on what was published with them."""
+
+import sys
+
+sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
+
+from thesis_lib.datasets.read import read_dataset
+from thesis_lib.foundation.files import write_result
+from thesis_lib.thesis.identify.impacts.law_free_in_space import law_free
+
+params = snakemake.params
+table = law_free(read_dataset(params.folder).first_trials(params.trials))
+print(table.to_string())
+write_result(table, snakemake.output[0])
