@@ -65,6 +65,18 @@ def test_all_series_are_stored():
     ]
 
 
+def test_what_is_fitted_to_whole_tosses_predicts_other_tosses_better():
+    hits, tosses = (
+        found.set_index(["drops", "model", "name"])["value"]
+        for found in (direct_fits.whole_tosses(), direct_fits.refitted())
+    )
+    wanted = {(name, model) for name, series in SERIES.items() for model in series.to_tosses}
+    assert {key[:2] for key in tosses.index} == wanted and wanted
+    for key in wanted:
+        for number in ("pos_int_percent", "angle_int_deg"):
+            assert tosses[(*key, number)] < hits[(*key, number)]
+
+
 def test_the_command_prints_the_table(capsys):
     assert main(["direct-fits", "table"]) == 0
     assert capsys.readouterr().out == "\n\n".join(tables()) + "\n"

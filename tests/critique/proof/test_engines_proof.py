@@ -89,13 +89,20 @@ def test_a_case_is_made_the_same_each_time_and_hides_its_cause():
 
 def test_rows_of_a_measured_set_become_a_table(tmp_path):
     numbers = dict.fromkeys(measured_models.ROUNDED, 0.25)
-    one = {"dataset": "die", "trials": 9, "named": "", "effects": "without", "lacks": ""} | numbers
+    planar = numbers | {name: float("nan") for name in numbers if name.startswith(("position", "angle"))}
+    one = {"dataset": "die", "trials": 9, "named": "", "effects": "without", "lacks": ""} | planar
+    store = measured_models.ROWS.at(tmp_path / "m.csv")
     for model, kind, more in (
         ("drake:default", "friction", {"error": 0.5, "lacks": "wear + com_offset", "noise_floor": float("nan")}),
         ("mirtich", "law", {"error": 0.1, "contact_time": float("nan")}),
     ):
-        measured_models.ROWS.at(tmp_path / "m.csv").put(one | {"model": model, "kind": kind} | more)
-    lines = measured_models.as_markdown(measured_models.ROWS.at(tmp_path / "m.csv")).splitlines()
+        store.put(one | {"model": model, "kind": kind} | more)
+    assert measured_models.as_markdown(store, planar=False).startswith("None is compared yet")
+    store.put(one | numbers | {"dataset": "box", "model": "mirtich", "kind": "law", "angle": 1.5})
+    lines = measured_models.as_markdown(store, planar=False).splitlines()
+    assert len(lines) == 3 and "| tosses: position, % | angle, ° |" in lines[0] and "| 0.250 | 1.50 |" in lines[2]
+    lines = measured_models.as_markdown(store).splitlines()
+    assert len(lines) == 4
     assert lines[2].startswith("| die, 9 | Mirtich | without | 0.100 (0.250 to 0.250) | 0.250 | 0.250 | 0.250 |  |  |")
     assert "at its defaults, friction fitted | without | 0.500" in lines[3]
     assert "| unknown |" in lines[3] and lines[3].endswith("| 250 ms | wear, displaced centre of mass |")

@@ -1,4 +1,4 @@
-"""Fit a physics engine to drops, by the likelihood that laws are fitted by.
+"""Fit a physics engine to drops in the plane, by the likelihood that laws are fitted by.
 
 The compliant law that stands near the engine (`engine_contact.STAND_INS`) is fitted first.  It gives the start, and the
 covariance of the residuals, which hang on the law far less than the residuals do.  From there least squares are the
@@ -16,7 +16,7 @@ from thesis_lib.critique.likelihood.bounds import Bound, doubtful, profiled
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.levenberg_marquardt import NEAR, levenberg_marquardt
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.likelihood.whitening import Whitening, robust, transformed, weighted
+from thesis_lib.critique.likelihood.whitening import Whitening, robust, transformed
 
 STEP = 5e-3  # of a parameter's scale, for slopes; an engine's own rounding is below a tenth of what that changes
 ROUNDS = 2  # of the scatter beyond noise, unless it stays, within this factor as a logarithm, or is far below noise
@@ -51,8 +51,6 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
     step = np.array([abs(inward(p, value, STEP * p.scale)) for value, p in zip(x.tolist(), free.values())])
     values = dict(near.values)
 
-    left = transformed if model.space.is_plane else weighted  # as in `likelihood.fit`
-
     def at(point: np.ndarray) -> dict[str, float]:
         return values | dict(zip(free, point.tolist()))
 
@@ -60,7 +58,7 @@ def fit_engine(name: str, near: Fit, observations: Observations) -> EngineFit:
         search = levenberg_marquardt(x, low, high, step, NEAR)
         points = next(search)
         while points:
-            found = [left(whitening(at(point)), NO_PRIOR) for point in points]
+            found = [transformed(whitening(at(point)), NO_PRIOR) for point in points]
             try:
                 points = search.send(found)
             except StopIteration as end:

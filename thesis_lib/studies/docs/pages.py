@@ -48,6 +48,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "proposals": proposals.as_markdown,
     "next experiment": next_drops.as_markdown,
     "models of measured sets": measured_models.as_markdown,
+    "models of the cube": lambda: measured_models.as_markdown(planar=False),
 }
 _BLOCK = re.compile(
     r"(<!-- written by python -m thesis_lib\.studies\.docs: (?P<name>[^>]+) -->\n).*?(<!-- end of (?P=name) -->)", re.S

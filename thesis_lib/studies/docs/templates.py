@@ -65,6 +65,7 @@ TABLES: dict[str, Callable[[], pd.DataFrame]] = {
     "direct fits: parameters": direct_fits.parameters,
     "direct fits: contacts": direct_fits.contacts,
     "direct fits: tosses": direct_fits.whole_tosses,
+    "direct fits: refitted": direct_fits.refitted,
     "arm and wheel: parameters": lambda: mechanisms.within(mechanisms.read()),
     "claims": _claims,
 }

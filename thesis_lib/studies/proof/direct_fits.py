@@ -4,9 +4,9 @@
     python -m thesis_lib.studies.proof direct-fits run --drops "die, single hits" --measured data/measured
     python -m thesis_lib.studies.proof direct-fits table
 
-Two kinds of drops: simulated ones, most with nothing hidden, all of which are fitted and judged, as nothing is chosen
-by them; and measured ones, with the effects that residuals ask for, judged on the 30 % of the trials that are
-not fitted.  Effects are added in their order.  `run` replaces the rows of some drops in config/proof/direct_fits.csv.
+Simulated drops, most with nothing hidden, are all fitted and judged, as nothing is chosen by them; measured ones, with
+the effects that residuals ask for, are judged on the 30 % of the trials that are not fitted.  Effects are added in
+their order.  `run` replaces the rows of some drops in config/proof/direct_fits.csv.
 
 | column              | unit | meaning                                                                     |
 |---------------------|------|-----------------------------------------------------------------------------|
@@ -23,12 +23,13 @@ not fitted.  Effects are added in their order.  `run` replaces the rows of some 
 |                     |      | hits, and share of all such hits that is used; e.g. "corner=0.1:0.02:90:0.9;…"      |
 | tosses              |      | of a body in space, of whole held-out tosses from their first flight: each number   |
 |                     |      | of `simulation.rollout` with its 95 % interval, and the same of the floor           |
+| refitted, refitted_parameters | | the same of `tosses` with these parameters fitted to whole tosses (`to_tosses`) |
 | parameters          |      | with standard errors                                                        |
 | code, made          |      | hash of the code that made the row, empty: unknown; date                    |
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,10 @@ from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.in_space.hits import hard_hits, observe_in_space
 from thesis_lib.critique.likelihood.observations import Observations, observe
-from thesis_lib.critique.results.saved_in_space import saved_in_space
+from thesis_lib.critique.results.saved_in_space import SavedSpaceModel, saved_in_space
 from thesis_lib.critique.selection.search import split
 from thesis_lib.critique.simulation.rollout import GROUPS, roll_out
+from thesis_lib.critique.simulation.to_tosses import fit_to_tosses
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.read import read_dataset
 from thesis_lib.datasets.sources.along_throws import along_throws
@@ -64,21 +66,22 @@ from thesis_lib.studies.proof.store import COMMAND, NOTHING, STORE, numbers_in, 
 
 COLUMNS = (
     *("drops", "model", "detected", "used", "gain", "error", "median", "noise_floor", "single", "episodes"),
-    *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "tosses", "parameters", *STAMP),
+    *("flat_hits", "flat", "learned", "low", "high", "pairs", "by_contact", "tosses"),
+    *("refitted", "refitted_parameters", "parameters", *STAMP),
 )
 HERTZ_TIME = 3e-3  # s
 MEASURED = ("planar_", "contactnets_")  # how the names of measured sets begin
 FLAT = np.radians(2.0)  # of a face: both of its corners touch within a contact of 1 ms
 HELD_OUT = 0.3  # of the trials
 SEED = 0
-START = "first_flight"
 
 
 @dataclass(frozen=True)
 class Series:
     """Drops of a source of the proof, of "hertz", or of a measured set, and the models that are fitted to them.
 
-    `along_throws`: whether each toss is turned to be thrown along the same axis (`datasets turn`).
+    `along_throws`: whether each toss is turned to be thrown along the same axis (`datasets turn`).  `to_tosses`: by
+    model, parameters that are fitted to whole tosses, too, instead of to hits.
     """
 
     source: str
@@ -88,6 +91,7 @@ class Series:
     episodes: bool = False
     truth: str = NOTHING  # what is hidden in simulated drops
     along_throws: bool = False
+    to_tosses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def is_measured(self) -> bool:
@@ -140,6 +144,7 @@ SERIES = {
         trials=300,
         episodes=True,
         along_throws=True,
+        to_tosses={f"mirtich+{_CUBE_AND_CAMERA}": ("mu", "epsilon", "sliding_friction.mu_s")},
     ),
     "measured ellipse": Series("planar_impact", (_PLATE, f"{_PLATE}+angle_offset+time_lag")),
 }
@@ -192,7 +197,7 @@ def rows(name: str, dataset: Dataset) -> list[dict]:
         | {"model": model, "gain": fitted.score - fits[0].score}
         | _errors(fitted, judged)
         | (_floor(fitted, judged) if series.is_measured and o.space.is_plane else {})
-        | ({} if o.space.is_plane else _in_space(fitted, o, judged, dataset))
+        | ({} if o.space.is_plane else _in_space(fitted, o, judged, dataset, series.to_tosses.get(model, ())))
         | {"parameters": "; ".join(told_parameters(fitted))}
         for model, fitted in zip(series.models, fits)
     ]
@@ -231,21 +236,38 @@ def by_contact(fitted: Fit, o: Observations, judged: Observations) -> dict[str, 
     return found
 
 
-def _in_space(fitted: Fit, o: Observations, judged: Observations, dataset: Dataset) -> dict[str, str]:
+def _in_space(
+    fitted: Fit, o: Observations, judged: Observations, dataset: Dataset, to_tosses: Sequence[str]
+) -> dict[str, str]:
     model = saved_in_space(fitted, dataset.in_space, dataset.name)
-    held_out = np.unique(judged.trial).tolist()
-    said = roll_out(model, dataset, held_out, generator(SEED, "rollout")).content(START, generator(SEED, "intervals"))
+    found = {"by_contact": numbers_in(by_contact(fitted, o, judged), 6), "tosses": _rolled_out(model, dataset, judged)}
+    if not to_tosses:
+        return found
+    model, _ = fit_to_tosses(model, dataset, np.setdiff1d(dataset.trials, judged.trial).tolist(), to_tosses)
+    sizes = "; ".join(f"{name} {number(model.values[name])}" for name in to_tosses)
+    return found | {"refitted": _rolled_out(model, dataset, judged), "refitted_parameters": sizes}
+
+
+def _rolled_out(model: SavedSpaceModel, dataset: Dataset, judged: Observations) -> str:
+    """Each number of the judged trials' whole tosses, with interval and floor."""
+    found = roll_out(model, dataset, np.unique(judged.trial).tolist(), generator(SEED, "rollout"))
+    said = found.content("first_flight", generator(SEED, "intervals"))
     tosses = {
         name: (said[group][name], *said[group]["interval"][name], said["floor"][group][name])
         for group, names in GROUPS.items()
         for name in names
     }
-    return {"by_contact": numbers_in(by_contact(fitted, o, judged), 6), "tosses": numbers_in(tosses, 6)}
+    return numbers_in(tosses, 6)
 
 
 def whole_tosses(path: Path = ROWS.path) -> pd.DataFrame:
     """The stored numbers of whole tosses, a row each: drops, model, name, value, low, high, floor."""
     return _numbers("tosses", ("name", "value", "low", "high", "floor"), path)
+
+
+def refitted(path: Path = ROWS.path) -> pd.DataFrame:
+    """The same with parameters fitted to whole tosses instead of to hits."""
+    return _numbers("refitted", ("name", "value", "low", "high", "floor"), path)
 
 
 def contacts(path: Path = ROWS.path) -> pd.DataFrame:
