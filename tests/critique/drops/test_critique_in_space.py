@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
-from thesis_lib.critique.engines.compare import WITH, WITHOUT, compare_models, whole_tosses
+from thesis_lib.critique.engines.compare import WITH, WITHOUT, _default, _fitted, compare_models, whole_tosses
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
@@ -29,6 +30,7 @@ from thesis_lib.datasets.format.frames import surface_frames, tracked_of_body
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects import EFFECTS
+from thesis_lib.effects.as_written import AsWritten
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
@@ -116,6 +118,16 @@ def test_models_are_followed_through_whole_tosses(centre_hidden):
     for name in ("position", "angle"):
         assert own[f"{name}_low"] < own[name] < own[f"{name}_high"] < min(lost[f"{name}_low"], engine[f"{name}_low"])
     assert "tosses: position" in models(table.reset_index())
+
+
+@pytest.mark.parametrize("name", ["mirtich", "mujoco"])
+def test_compared_models_have_what_every_model_of_the_data_has(observed, name):
+    """Attitudes of the file in another reading than that by which flights were found: without it all hits miss."""
+    always = (AsWritten(np.eye(4)),)
+    final = SimpleNamespace(model=Model(LAWS["whittaker"], always=always, space=SPACE))
+    critique = SimpleNamespace(ladder=[("", final)], training=observed, observations=observed, source=None)
+    assert _fitted(critique, name, (), {}).model.always == always
+    assert all(fitted.model.always == always for fitted in _default(critique, "mujoco", (), {}))
 
 
 def test_the_error_of_a_hit_counts_the_spin_by_the_inertia_where_the_body_lies(observed, rng):

@@ -160,7 +160,7 @@ def _fitted(
 ) -> Fit | EngineFit:
     """One model fitted to the training trials."""
     base = STAND_INS[name][0] if name in STAND_INS else name
-    model = Model(BASES[base], effects, critique.ladder[-1][1].model.takes_time, space=critique.observations.space)
+    model = replace(critique.ladder[-1][1].model, law=BASES[base], effects=effects)
     law = replace(fit(model, critique.training, start, rounds=ROUNDS), seen=critique.observations)
     if name not in STAND_INS:
         return law
@@ -176,7 +176,7 @@ def _default(
     best; the effects are as the critique fitted them."""
     body = critique.source.header.body if critique.source else None
     values = {**default_values(name, (body.mass if body else None) or MASS), **start}
-    model = Model(engine_law(f"{name}{DEFAULT}"), effects, takes_time=True, space=critique.observations.space)
+    model = replace(critique.ladder[-1][1].model, law=engine_law(f"{name}{DEFAULT}"), effects=effects, takes_time=True)
     suited = values | {"mu": best_friction(model, values, critique.training)}
     return [EngineFit(model, numbers, dict.fromkeys(values, 0.0)) for numbers in (values, suited)]
 
