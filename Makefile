@@ -78,7 +78,7 @@ docs: setup  ## write the reference pages in docs/ from the code (with pictures:
 
 site: setup  ## build the documentation with search and an API reference (site/index.html)
 	$(BIN)/pip install --quiet --disable-pip-version-check $(PIP_OPTIONS) --requirement docs/site/requirements.txt
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 check: lint types  ## lint, formatting and types, as CI does (make -j2 check: both at once)
 
