@@ -324,6 +324,7 @@ def test_claims_are_searched_and_filtered_and_links_still_find_them(visit, pages
     page.uncheck("input[value=deviates]")
     assert page.evaluate(shown) == [names[0], names[2]]
     page.click(f"a[href='#{names[1]}']")  # to one that is hidden
+    page.locator(f"tr[id='{names[1]}']").wait_for()
     assert page.evaluate(shown) == names
     page.fill("input[type=search]", "no such claim")
     assert page.inner_text("output") == "0 of 3 claims"
