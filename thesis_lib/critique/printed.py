@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from thesis_lib.critique.engines.compare import bounded_text, model_sentences, row_title
+from thesis_lib.critique.engines.compare import bounded_text, missed_tosses, model_sentences, row_title
 from thesis_lib.critique.results.titles import counted_from, handy_unit, origin_text
-from thesis_lib.statistics.wording import bounded, carried, number
+from thesis_lib.statistics.wording import bounded, carried
 
 STATE_UNITS = {"vx": " m/s", "vy": " m/s", "omega": " rad/s", "theta": " rad", "x": " m"}
 
@@ -90,6 +90,6 @@ def _models(rows: Sequence[Mapping]) -> list[str]:
     for title, row in zip(titles, rows):
         numbers = f"{row['error']:<11.4g}  {bounded_text(row, 'mu', 3):<7} {bounded_text(row, 'epsilon', 3)}"
         if follows:
-            numbers = f"{numbers:<28}  {number(row['position'])} %, {number(row['angle'])}°"
+            numbers = f"{numbers:<28}  {', '.join(missed_tosses(row))}"
         lines.append(f"    {title:<{width}}  {row['effects']:<7}  {numbers}")
     return lines

@@ -19,7 +19,15 @@ from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.drops.own_restitution import own_restitution
 from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.drops.world import testable_effects as usable_effects
-from thesis_lib.critique.engines.compare import WITH, WITHOUT, _default, _fitted, compare_models, whole_tosses
+from thesis_lib.critique.engines.compare import (
+    WITH,
+    WITHOUT,
+    _default,
+    _fitted,
+    compare_models,
+    missed_tosses,
+    whole_tosses,
+)
 from thesis_lib.critique.likelihood.at_impact import lines_beside, state_beside
 from thesis_lib.critique.likelihood.comparison import Comparison
 from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
@@ -118,6 +126,10 @@ def test_models_are_followed_through_whole_tosses(centre_hidden):
     for name in ("position", "angle"):
         assert own[f"{name}_low"] < own[name] < own[f"{name}_high"] < min(lost[f"{name}_low"], engine[f"{name}_low"])
     assert "tosses: position" in models(table.reset_index())
+    cut = found.source.trajectories.groupby("trial").tail(5)  # fewer frames than a first flight has
+    unseen = whole_tosses(replace(found, source=replace(found.source, trajectories=cut)), of_engine, values)
+    assert unseen.keys() == engine.keys() and all(np.isnan(list(unseen.values())))
+    assert missed_tosses(unseen) == ["–", "–"]
 
 
 @pytest.mark.parametrize("name", ["mirtich", "mujoco"])

@@ -106,7 +106,9 @@ def compare_models(
     laws = list(dict.fromkeys([*laws, *added_laws(), final.base]))  # and what stands at the end
     laws = [name for name in laws if space.dimension in BASES[name].dimensions]
     sets = {WITHOUT: (), WITH: final.effects} if final.effects else {WITHOUT: ()}
-    follows = not space.is_plane and critique.source is not None and critique.source.trajectories is not None
+    source = critique.source
+    follows = source is not None and not space.is_plane and source.trajectories is not None
+    follows = follows and len(source.in_space.planes) == 1  # pyright: ignore[reportOptionalMemberAccess]
     columns = [*COLUMNS, *([f"{name}{end}" for name in OF_TOSSES for end in ("", "_low", "_high")] if follows else ())]
     parts = []
     for label, effects in sets.items():
@@ -135,7 +137,10 @@ def compare_models(
 
 
 def whole_tosses(critique: DropsCritique, model: Model, values: Mapping[str, float]) -> dict[str, float]:
-    """What a model in space misses of whole held-out tosses, from their first flights: `OF_TOSSES`, with intervals."""
+    """What a model in space misses of whole held-out tosses, from their first flights: `OF_TOSSES`, with intervals.
+
+    NaN where no first flight is seen.
+    """
     from thesis_lib.critique.results.saved_in_space import saved_in_space
     from thesis_lib.critique.simulation.rollout import rolled_out_by
     from thesis_lib.critique.simulation.tosses import toss
@@ -147,8 +152,11 @@ def whole_tosses(critique: DropsCritique, model: Model, values: Mapping[str, flo
     near = replace(critique.ladder[-1][1], model=model, values=dict(values))
     saved = saved_in_space(near, critique.source.in_space, critique.source.name, numbers)
     trials = np.unique(critique.held_out.trial).tolist()
-    tosses = rolled_out_by(toss, saved, critique.source, trials)
-    found: dict[str, float] = {}
+    found = {f"{name}{end}": np.nan for name in OF_TOSSES for end in ("", "_low", "_high")}
+    try:
+        tosses = rolled_out_by(toss, saved, critique.source, trials)
+    except UserError:
+        return found
     for name, column in OF_TOSSES.items():
         means = clustered_mean(tosses[column].to_numpy(), tosses.index.to_numpy())
         found |= dict(zip((name, f"{name}_low", f"{name}_high"), means))
@@ -241,6 +249,12 @@ def row_title(row: Mapping) -> str:
 def bounded_text(row: Mapping, name: str, digits: int) -> str:
     """μ or ε of a row to some decimals, with ≥ or ≤ before a bound."""
     return {"lower": "≥ ", "upper": "≤ "}.get(row[f"{name}_bound"], "") + f"{row[name]:.{digits}f}"
+
+
+def missed_tosses(row: Mapping) -> list[str]:
+    """Position and angle of whole tosses in a row of the table, – where no first flight is seen."""
+    units = {"position": " %", "angle": "°"}
+    return [f"{number(row[name])}{unit}" if pd.notna(row[name]) else "–" for name, unit in units.items()]
 
 
 def model_sentences(table: pd.DataFrame) -> list[str]:

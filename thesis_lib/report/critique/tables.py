@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import alternatives_listed, plain_rule, reason_text
-from thesis_lib.critique.engines.compare import bounded_text, model_sentences, row_title
+from thesis_lib.critique.engines.compare import bounded_text, missed_tosses, model_sentences, row_title
 from thesis_lib.critique.likelihood.channels import CHANNELS, IMPACT, concerned
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.results.titles import counted_from, effect_title, law_title, origin_text, symbol
@@ -333,7 +333,7 @@ def models(found: pd.DataFrame | None) -> Markup:
             for name in ("mu", "epsilon")
         ]
         error = (number(row["error"]), interval(row["error_low"], row["error_high"]))
-        tosses = [f"{number(row['position'])} %", f"{number(row['angle'])}°"] if follows else []
+        tosses = missed_tosses(row) if follows else []
         rows.append((row_title(row), str(row["effects"]), *error, *tosses, *pairs, lasting, lacks or "–"))
     of_tosses = ("tosses: position", "angle") if follows else ()
     columns = ("model", "named effects", "error", "95 % interval", *of_tosses, "μ", "ε", "contact", "cannot have")

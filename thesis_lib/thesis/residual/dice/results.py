@@ -31,14 +31,13 @@ from thesis_lib.thesis.residual.dice.models import Thrower, perturbed, throw_sta
 from thesis_lib.thesis.residual.dice.readings import readings
 from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
 from thesis_lib.thesis.residual.dice.study import DiceStudy
-from thesis_lib.thesis.residual.dice.tables import difficulty, easy_and_hard, spread, summary
+from thesis_lib.thesis.residual.dice.tables import PLAIN, difficulty, easy_and_hard, spread, summary
 from thesis_lib.thesis.residual.throwing.calibration import coverage_table, pit_histogram
 from thesis_lib.thesis.residual.throwing.flight import fly
 from thesis_lib.thesis.residual.throwing.propagation import Sampled
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 
 BELIEVED = "compliant_residual"  # the model whose beliefs are drawn
-PLAIN = "law"
 COMPLIANT = "compliant"
 SAMPLES = 200  # of a drawn belief
 ASKEW = 0.75  # 24 degrees from a side: the neighbour touches much later, if at all
