@@ -67,6 +67,15 @@ def test_ends_of_recordings_are_kept(kind: str):
     np.testing.assert_allclose(out[1:2, :40], alone, atol=EXACT)
 
 
+def test_a_median_leaves_a_straight_line_and_takes_a_wrong_pose_out():
+    line = np.arange(60.0)[None, :, None] * np.array([1.0, -2.0, 0.5])
+    wrong = line.copy()
+    wrong[0, 30] += 100.0
+    np.testing.assert_allclose(smoothed(line, "median", CUTOFF, RATE), line, atol=1e-9)
+    off = np.abs(smoothed(wrong, "median", CUTOFF, RATE) - line)
+    assert off.max() <= 4.0 and np.count_nonzero(off.max(axis=2)) <= 20
+
+
 def test_low_pass_is_exact_for_a_ramp_and_decays_after_a_corner():
     T, t = 3e-3, np.linspace(0.0, 0.1, 401)
     corner = np.maximum(t - 0.05, 0.0)

@@ -63,6 +63,14 @@ class Mesh(Section):
         """The convex hull of the mesh, which is what a surface touches."""
         return _hull_of(self._content, Path(self.file).suffix.lower(), self.scale, self.edge_radius)
 
+    def scaled(self, factor: float) -> "Mesh":
+        """The same file with all lengths times `factor`, as of a `Solid`."""
+        return self.model_copy(update={"scale": factor * self.scale, "edge_radius": factor * self.edge_radius})
+
+    def rounded(self, edge_radius: float) -> "Mesh":
+        """The same file with edges of another radius in m."""
+        return self.model_copy(update={"edge_radius": edge_radius})
+
     @property
     def moments(self) -> Moments:
         """Volume, centre of mass and inertia per mass of the homogeneous solid within the mesh.

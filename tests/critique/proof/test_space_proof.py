@@ -1,6 +1,7 @@
 """The proof in space: its datasets follow from the seed alone, and its table counts what is right."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,19 +11,36 @@ from thesis_lib.critique.likelihood.in_space.hits import observe_in_space
 from thesis_lib.datasets.format.frames import body_states, tracked_states
 from thesis_lib.effects import EFFECTS
 from thesis_lib.foundation.randomness import generator
-from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES
+from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES, RANGES_OF_MORE
 from thesis_lib.simulate.tosses.drawn import NOTHING, NOTHING_HIDDEN, OF_EACH_CAUSE, SpaceCase, cases, make
+from thesis_lib.simulate.tosses.drawn_in_worlds import MISSING_IN, SHAPES_IN, worlds_cases
 from thesis_lib.simulate.tosses.lifted import lifted
 from thesis_lib.studies.proof import space
 from thesis_lib.studies.proof.cases import Case
 from thesis_lib.studies.proof.cases import make as make_in_plane
-from thesis_lib.studies.proof.space import LIST, engine_of, write_list
+from thesis_lib.studies.proof.space import engine_of, write_list
 
 
-def test_the_stored_list_is_what_the_seed_draws(tmp_path):
-    path = tmp_path / "list.csv"
-    write_list(path)
-    assert path.read_bytes() == LIST.path.read_bytes()
+@pytest.mark.parametrize("proof", [space.FIRST, space.IN_WORLDS], ids=["two worlds", "three worlds"])
+def test_the_stored_list_is_what_the_seed_draws(proof, tmp_path):
+    there = replace(proof, drawn=proof.drawn.at(tmp_path / "list.csv"))
+    write_list(there)
+    assert there.drawn.path.read_bytes() == proof.drawn.path.read_bytes()
+
+
+def test_the_three_worlds_have_what_was_asked_for_each_cause_in_all_worlds_that_have_it():
+    planned = worlds_cases()
+    kinds = Counter(space.kind_of(case.truth) for case in planned)
+    assert kinds == {NOTHING: 60, "one": 120, "pair": 40, "outside": 40} and len(set(planned)) == 260
+    made = Counter((case.world, case.truth) for case in planned)
+    for cause in (*RANGES, *RANGES_OF_MORE):
+        having = [world for world, missing in MISSING_IN.items() if cause not in missing]
+        of = [made[world, cause] for world in MISSING_IN]
+        assert sum(of) >= 3 and [bool(n) for n in of] == [world in having for world in MISSING_IN], cause
+    for case in planned:
+        assert case.drawn["shape"] in SHAPES_IN[case.world]
+        assert {name.split(".")[0] for name in case.hidden} == set(case.truth.split("+")) - {NOTHING}
+        assert not set(case.truth.split("+")) & set(MISSING_IN[case.world])
 
 
 def test_every_cause_is_hidden_twice_and_in_both_worlds_where_it_can_be():
@@ -59,13 +77,14 @@ def test_a_dataset_of_the_proof_is_in_axes_of_its_own():
 
 
 def row(world, truth, verdict, named, seed=0):
-    case = {"world": world, "truth": truth, "seed": seed, "shape": "box"}
+    case = {"world": world, "truth": truth, "seed": seed, "shape": "box", "sizes": "a.b=1:1.1:0.1;a.c=1:2:0.1"}
     return case | {"verdict": verdict, "named": named, "code": "abc", "made": "2026-11-26"}
 
 
 def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
-    store = space.ROWS.at(tmp_path / "space.csv")
-    assert "None of the 80 datasets" in space.as_markdown(store)
+    store, by_hand = space.FIRST.rows.at(tmp_path / "space.csv"), space.FIRST.missed.at(tmp_path / "missed.csv")
+    proof = replace(space.FIRST, rows=store, missed=by_hand)
+    assert "None of the 80 datasets" in space.as_markdown(proof)
     store.put(
         row("own", NOTHING, "adequate", ""),
         row("own", NOTHING, "effects", "magnus", 1),
@@ -73,6 +92,10 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
         row("mujoco", "com_offset", "unexplained", "com_offset"),
         row("mujoco", "magnus", "effects", "magnus + com_offset"),
         row("own", "magnus", "effects", "magnus/a/b/c"),
+        row("drake", "a+b", "effects", "x/b + a"),
+        row("drake", "a+b", "effects", "a/b", 1),
+        row("mujoco", "hand", "unexplained", ""),
+        row("mujoco", "hand", "unexplained", "magnus", 1),
     )
     judged = space.judged(store.table()).set_index(["world", "truth", "seed"])
     assert judged["right"].to_dict() == {
@@ -82,15 +105,23 @@ def test_the_table_counts_what_is_right_first_and_wrong(tmp_path):
         ("mujoco", "com_offset", 0): False,
         ("mujoco", "magnus", 0): False,
         ("own", "magnus", 0): False,
+        ("drake", "a+b", 0): True,
+        ("drake", "a+b", 1): False,
+        ("mujoco", "hand", 0): True,
+        ("mujoco", "hand", 1): True,
     }
-    assert judged["first"].sum() == 4
-    assert list(judged.index[judged["wrong"]]) == [("mujoco", "magnus", 0), ("own", NOTHING, 1)]
-    by_hand = space.MISSED.at(tmp_path / "space_missed.csv")
+    assert judged["first"].sum() == 6
+    wrong = [("mujoco", "hand", 1), ("mujoco", "magnus", 0), ("own", NOTHING, 1)]
+    assert sorted(judged.index[judged["wrong"]]) == wrong
     untold = dict.fromkeys(space.MISSED_COLUMNS, "") | {"code": "abc", "made": "2026-11-26"}
     by_hand.put(untold | {"world": "mujoco", "truth": "magnus", "seed": 0, "why": "no flight"})
-    page = space.as_markdown(store, by_hand)
-    assert "named | the cause switched on by hand |" in page and "no flight |" in page
-    assert "1 of 2 (" in page and "6 of 80 datasets: 6 by `abc`" in page and "magnus + com_offset" in page
+    page = space.as_markdown(proof)
+    assert (
+        "Sizes in their 95 % interval: " in page
+        and "named | the cause switched on by hand |" in page
+        and "no flight |" in page
+    )
+    assert "1 of 2 (" in page and "10 of 80 datasets: 10 by `abc`" in page and "magnus + com_offset" in page
 
 
 @pytest.mark.slow

@@ -18,23 +18,24 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Solid, Sphere
+from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Solid, Sphere
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, rotation_matrix
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.mujoco.contact import solref
+from thesis_lib.simulate.mujoco.outside import HAND, in_body, material, pushes, table
 from thesis_lib.simulate.rig.causes_in_space import air
-from thesis_lib.simulate.tosses.causes import HIT, LATER, NOT_IN_MUJOCO, SUPPORTED
+from thesis_lib.simulate.tosses.causes import AIR, HIT, LATER, NOT_IN_MUJOCO, SUPPORTED
 from thesis_lib.simulate.tosses.world import TossedWorld
 from thesis_lib.statistics.wording import listed
 
-AIR = ("linear_drag", "spin_damping", "quadratic_drag", "magnus")
 BY_TOUCH = (
     *("velocity_dependent_restitution", "position_dependent_restitution", "orientation_dependent_restitution"),
     *("position_dependent_friction", "orientation_dependent_friction"),
-    *("later_restitution", "later_friction", "sliding_friction"),
+    *("later_restitution", "later_friction", "sliding_friction", "two_materials"),
 )
 PIECE = 5e-4  # s, in which air and coefficients do not change
+MESH = "hull"
 STEP = 1e-4  # s at most
 FINER = 8  # steps during a hit for one elsewhere
 OVER = 2.0  # contact times after a hit began, when it is over
@@ -56,17 +57,17 @@ class MujocoTosses:
         step = min(world.contact_time / self.steps, STEP)
         model = mujoco.MjModel.from_xml_string(self._xml(world, step))
         data, follow = mujoco.MjData(model), _Changes(world, model)
-        poses, motions = [], []
+        poses, motions, hand = [], [], pushes(world, len(release))
         spin = SPACE.turned_back(release.attitude, release.spin)
         for i in range(len(release)):
             mujoco.mj_resetData(model, data)
-            follow.begin()
-            data.qpos[:], data.qvel[:3], data.qvel[3:] = release.pose[:, i], release.velocity[:, i], spin[:, i]
+            follow.begin(hand[:, i])
+            data.qpos[:7], data.qvel[:3], data.qvel[3:6] = release.pose[:, i], release.velocity[:, i], spin[:, i]
             done = 0
             for t in times[i]:
                 done = follow.until(data, done, int(t / step), step)
-                poses.append(data.qpos.copy())
-                motions.append(data.qvel.copy())
+                poses.append(data.qpos[:7].copy())
+                motions.append(data.qvel[:6].copy())
         ahead = times.ravel() - (times / step).astype(int).ravel() * step
         pose, motion = np.array(poses).T, np.array(motions).T
         motion[3:] = SPACE.turned(pose[3:], motion[3:])
@@ -76,6 +77,7 @@ class MujocoTosses:
     def _xml(self, world: TossedWorld, step: float) -> str:
         """The model, its joint at the origin of the shape's frame."""
         rig, turning = world.rig, world.of("torsional_friction.m_t")
+        shell = world.mass * (1.0 - world.of("loose_mass.share"))
         moments = world.mass * rig.body.inertia_per_mass[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         stiffness, damping = solref(world.epsilon, world.contact_time, 1.0)
         friction = f'condim="{4 if turning else 3}" friction="{world.mu:.12g} {turning or 1e-3:.12g} 0.0001"'
@@ -84,12 +86,13 @@ class MujocoTosses:
   <option timestep="{step:.12g}" gravity="{_text(rig.gravity)}" integrator="implicitfast" cone="{self.cone}"
     impratio="{self.impratio:.12g}"/>
   <default><geom {friction} solref="{stiffness:.12g} {damping:.12g}" solimp="{_text(self.impedance)} 0.001"/></default>
+  {_meshes(rig.body.solid)}
   <worldbody>
-    <geom type="plane" size="10 10 1" pos="0 0 {world.height:.12g}"/>
     <body><freejoint/>
-      <inertial pos="{_text(rig.body.centre)}" mass="{world.mass:.12g}" fullinertia="{_text(moments)}"/>
-      {_geoms(rig.body.solid)}
+      <inertial pos="{_text(rig.body.centre)}" mass="{shell:.12g}" fullinertia="{_text(moments)}"/>
+      {_geoms(rig.body.solid)}{in_body(world)}
     </body>
+    {table(world)}
   </worldbody>
 </mujoco>"""
 
@@ -99,11 +102,14 @@ def _text(values) -> str:
 
 
 def _geoms(solid: Solid) -> str:
-    """The shape; that of a rounded box are the balls with which it can touch a plane."""
-    if isinstance(solid, Box) and solid.edge_radius:
-        corners = solid.rounded(0.0).corners
-        inner = corners - solid.edge_radius * np.sign(corners)
-        return "\n".join(f'<geom type="sphere" size="{solid.edge_radius:.12g}" pos="{_text(one)}"/>' for one in inner.T)
+    """The shape; of one with rounded edges the balls with which it can touch a plane."""
+    points = solid.minkowski
+    if isinstance(solid, Box | Hull) and points.radius:
+        return "\n".join(
+            f'<geom type="sphere" size="{points.radius:.12g}" pos="{_text(one)}"/>' for one in points.centres.T
+        )
+    if isinstance(solid, Hull):
+        return f'<geom type="mesh" mesh="{MESH}"/>'
     if isinstance(solid, Box):
         size = solid.half_extents
     elif isinstance(solid, Ellipsoid):
@@ -113,8 +119,15 @@ def _geoms(solid: Solid) -> str:
     elif isinstance(solid, Capsule | Cylinder):
         size = (solid.radius, solid.half_length)
     else:
-        raise UserError("MuJoCo tosses a box, sphere, ellipsoid, cylinder or capsule.")
+        raise UserError("MuJoCo tosses a box, sphere, ellipsoid, cylinder, capsule or hull.")
     return f'<geom type="{solid.kind}" size="{_text(size)}"/>'
+
+
+def _meshes(solid: Solid) -> str:
+    """The vertices of a sharp hull, whose frame MuJoCo moves to its centre, and back where it is used."""
+    if not isinstance(solid, Hull) or solid.edge_radius:
+        return ""
+    return f'<asset><mesh name="{MESH}" vertex="{_text(solid.corners.T.ravel())}"/></asset>'
 
 
 class _Changes:
@@ -122,7 +135,7 @@ class _Changes:
 
     def __init__(self, world: TossedWorld, model) -> None:
         self.world, self.model = world, model
-        self.in_air, self.by_touch = world.has(AIR), world.has(BY_TOUCH)
+        self.in_air, self.by_touch = world.has((*AIR, "hand")), world.has(BY_TOUCH)
         self.outline = world.rig.body.solid.minkowski
         restitution, friction = "{}_dependent_restitution.".format, "{}_dependent_friction.".format
         self.by_speed = world.of(restitution("velocity") + "c")
@@ -134,10 +147,11 @@ class _Changes:
         self.sliding = world.of("sliding_friction.d_mu")
         self.reach = float(world.rig.body.solid.extent)
         self.epsilon = world.epsilon  # that of the model
-        self.begin()
+        self.begin(np.zeros(3))
 
-    def begin(self) -> None:
-        """A new toss."""
+    def begin(self, hand: np.ndarray) -> None:
+        """A new toss, in which a hand pushes the body with this force (3,) in N."""
+        self.hand = hand
         self.first = self.hit = -1.0
         self.fine_until = 0.0
 
@@ -172,7 +186,7 @@ class _Changes:
         """R (3, 3), ω (3,) in rad/s, and the points (3, p) in m from the body's origin with which it may touch."""
         R = rotation_matrix(data.qpos[3:, None])[..., 0]
         points = self.outline.support(-R[2][:, None], np.arange(self.outline.centres.shape[1]))
-        return R, R @ data.qvel[3:], R @ points
+        return R, R @ data.qvel[3:6], R @ points
 
     def _set(self, data, t: float) -> None:
         R, spin, r = self._points(data)
@@ -181,6 +195,8 @@ class _Changes:
             pushed, slowed = air(self.world.hidden, v[:, None], spin[:, None])
             couple = R @ self.world.rig.body.inertia_per_mass @ R.T @ slowed[:, 0]
             data.xfrc_applied[1] = self.world.mass * np.concatenate([pushed[:, 0], couple])
+            if HAND[0] <= t < HAND[1]:
+                data.xfrc_applied[1, :3] += self.hand
         if self.by_touch:
             r = r[:, r[2].argmin()]
             speed = -(data.qvel[2] + spin[0] * r[1] - spin[1] * r[0])
@@ -194,9 +210,13 @@ class _Changes:
     def _set_coefficients(self, place: np.ndarray, speed: float, face: np.ndarray, t: float) -> None:
         later = float(self.first >= 0.0 and t - self.first > LATER)
         epsilon, mu = (
-            of * (1.0 + by_place @ place) * (1.0 + by_face @ face) * (1.0 + later * more)
-            for of, by_place, by_face, more in zip(
-                (self.world.epsilon, self.world.mu), self.by_place, self.by_face, self.later
+            of * share * (1.0 + by_place @ place) * (1.0 + by_face @ face) * (1.0 + later * more)
+            for of, share, by_place, by_face, more in zip(
+                (self.world.epsilon, self.world.mu),
+                material(self.world, place),
+                self.by_place,
+                self.by_face,
+                self.later,
             )
         )
         epsilon *= np.exp(-self.by_speed * speed)

@@ -128,20 +128,19 @@ def true_rig(header: SpaceHeader, hidden: Hidden) -> SpaceHeader:
     """Body, tracked frame, table and gravity as they are, where the dataset states `header`.
 
     Raises:
-        UserError: the shape is a mesh, or has no edges that could be rounded.
+        UserError: the shape has no edges that could be rounded.
     """
     body, tracked, get = header.body, header.tracked, _getter(hidden)
-    if isinstance(shape := body.shape, Mesh):
-        raise UserError("Nothing is hidden in a mesh; toss another shape.")
+    shape = body.shape
     axes = principal_axes(body.inertia_per_mass)
     principal = np.diag(axes.T @ body.inertia_per_mass @ axes) * (1.0 + get("wrong_inertia.d_I"))
     principal = principal * (1.0 + np.array([0.0, get("inertia_ratios.a_y"), get("inertia_ratios.a_z")]))
     axes = rotation_matrix(of_rotation_vector(_vector(get, "inertia_axes.b_"))) @ axes
     tensor = (body.mass or 1.0) * (axes * principal) @ axes.T
     if s := get("wrong_size.s"):
-        shape = body.solid.scaled(1.0 + s)
+        shape = shape.scaled(1.0 + s)
     if rho := get("rounded_corners.rho"):
-        if not isinstance(shape, Edged):
+        if not isinstance(shape, Edged | Mesh):
             raise UserError(f"--hidden rounded_corners: a {body.shape.kind} has no edges.")
         shape = shape.rounded(shape.edge_radius + rho)
     (frame,) = surface_frames(header)

@@ -3,12 +3,13 @@
 | name                     | what it does                                                                              |
 |--------------------------|-------------------------------------------------------------------------------------------|
 | `moving_average`         | mean of N poses about each one, N odd; gain |sin(π N f/f_s) / (N sin(π f/f_s))|           |
+| `median`                 | median of as many poses about each one, each channel for itself                           |
 | `butterworth`            | second-order Butterworth filter, as a tracker runs it: what it writes comes late          |
 | `zero_phase_butterworth` | the same forwards and backwards (`filtfilt`): its gain is the square                      |
 | `kalman_smoother`        | Rauch-Tung-Striebel smoother of constant acceleration, driven by white jerk of density q  |
 
-All have the gain 1/√2 at the cutoff f_c.  For the smoother of samples with unit noise, Δt apart, the gain is
-1/(1 + ω⁶ Δt/q), so q = Δt ω_c⁶/(√2 − 1).  `low_pass` is the first-order filter T ẏ + y = x in continuous time.
+All but the median have the gain 1/√2 at the cutoff f_c.  For the smoother of samples with unit noise, Δt apart, the
+gain is 1/(1 + ω⁶ Δt/q), so q = Δt ω_c⁶/(√2 − 1).  `low_pass` is the first-order filter T ẏ + y = x in continuous time.
 
 Ends are extended by a reflection in the end point, as `scipy.signal.filtfilt` does.
 
@@ -40,9 +41,13 @@ def _filtered(poses: np.ndarray, kind: str, cutoff: float, rate: float) -> np.nd
     before = 2.0 * poses[:, :1] - poses[:, pad:0:-1]
     after = 2.0 * poses[:, -1:] - poses[:, -2 : -pad - 2 : -1]
     x = np.concatenate([before, poses, after], axis=1)
-    if kind == "moving_average":
+    if kind in ("moving_average", "median"):
         # gain of N poses: 1/√2 at f_s 0.443 / √(N² − 1)
         n = 1 + 2 * max(1, round((np.sqrt(1.0 + (0.443 * rate / cutoff) ** 2) - 1.0) / 2.0))
+        if kind == "median":
+            from scipy.ndimage import median_filter
+
+            return np.asarray(median_filter(x, (1, n, 1), mode="nearest"))[:, pad : pad + size]
         total = np.cumsum(np.pad(x, ((0, 0), (n // 2 + 1, n // 2), (0, 0)), mode="edge"), axis=1)
         y = (total[:, n:] - total[:, :-n]) / n
     else:

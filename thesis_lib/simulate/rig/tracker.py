@@ -19,7 +19,7 @@ from thesis_lib.bodies.body import Noise
 from thesis_lib.foundation.settings import Section
 from thesis_lib.simulate.rig.smoothing import smoothed
 
-FilterName = Literal["none", "moving_average", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
+FilterName = Literal["none", "moving_average", "median", "butterworth", "zero_phase_butterworth", "kalman_smoother"]
 
 
 class Tracker(Section):

@@ -10,7 +10,7 @@ from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE
 from thesis_lib.foundation.settings import Section
 from thesis_lib.mechanics.frame import on_body
-from thesis_lib.mechanics.space import SPACE
+from thesis_lib.mechanics.space import SPACE, multiplied, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.causes_in_space import filmed
 from thesis_lib.simulate.rig.smoothing import smoothed
@@ -18,6 +18,7 @@ from thesis_lib.simulate.rig.tracker import FilterName
 from thesis_lib.simulate.tosses.world import TossedWorld, TossEngine, released
 
 LAG = "time_lag.lag"  # here the orientation truly is older
+FLIP = (0.0, 0.7, 0.0)  # rad, turn between the two poses of a tag, in its axes
 START = 0.02  # s after the release, longer than any lag
 
 
@@ -32,6 +33,7 @@ class CameraInSpace(Section):
     dropped: float = Field(0.0, ge=0, lt=1, description="share of frames that are not written")
     bursts: float = Field(0.0, ge=0, le=1, description="share of tosses in which a run of `burst_length` is lost")
     burst_length: int = Field(6, ge=1, description="frames in that run")
+    flips: float = Field(0.0, ge=0, lt=1, description="share of frames in which a tag is read in its other pose")
     filter: FilterName = Field("none", description="what smooths the poses before they are written")
     cutoff: float = Field(40.0, gt=0, description="Hz; there the filter's gain is 1/√2")
 
@@ -49,6 +51,9 @@ def film(
     states = _seen(world, engine, release, taken)
     stamped = np.maximum.accumulate(taken + camera.stamps * frame_rng.standard_normal(taken.shape), axis=1)
     poses = _with_noise(states, header, noise_rng).reshape(7, tosses, frames)
+    if camera.flips:
+        other = multiplied(poses[3:], of_rotation_vector(np.array(FLIP))[:, None, None])
+        poses[3:] = np.where(lost_rng.random(taken.shape) < camera.flips, other, poses[3:])
     if camera.filter != "none":
         poses = _filtered(poses, camera, rate)
     lost = lost_rng.random(taken.shape) < camera.dropped

@@ -94,8 +94,33 @@ RANGES: Mapping[str, Range] = {
     "wrong_inertia": Range(("d_I",), 0.1, 0.3),
     "wrong_size": Range(("s",), 0.02, 0.05),
 }
+RANGES_OF_MORE: Mapping[str, Range] = {  # causes that entered the library after those
+    "anisotropic_friction": Range(("a_c", "a_s"), 0.2, 0.4),
+    "curved_surface": Range(("kappa",), 0.1, 0.3, fixed={"x_0": 0.0, "y_0": 0.0}),
+    "inertia_axes": Range(_vector("b_"), 0.1, 0.3),
+    "lens": Range(("k_1",), 0.2, 0.6, fixed={"c_u": 0.0, "c_v": 0.0}),
+    "moving_surface": Range(("V_x", "V_y"), 0.1, 0.3),
+    "orientation_dependent_contact_time": Range(_vector("a_"), 0.3, 0.7),
+    "position_dependent_contact_time": Range(("g_tau_x", "g_tau_y"), 1.0, 2.5),
+    "spin_damping": Range(("c_w",), 0.3, 1.0, signed=False),
+}
+AIR = ("linear_drag", "spin_damping", "quadratic_drag", "magnus")
 CORNERED = ("rounded_corners", "angle_offset")  # what a sphere cannot show
 NOT_IN_MUJOCO = (  # it has no element for them
     *("contact_torque", "velocity_dependent_friction", "anisotropic_friction", "curved_surface", "moving_surface"),
     *("orientation_dependent_contact_time", "position_dependent_contact_time"),
 )
+NOT_IN_DRAKE = (
+    *NOT_IN_MUJOCO,
+    *("velocity_dependent_restitution", "position_dependent_restitution", "orientation_dependent_restitution"),
+    *("position_dependent_friction", "orientation_dependent_friction", "later_restitution", "later_friction"),
+    *("sliding_friction", "torsional_friction"),
+)
+# causes without an effect of the library, and the ranges of their parameters (`simulate.mujoco.outside`)
+OUTSIDE: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "loose_mass": {"share": (0.15, 0.4), "frequency": (4.0, 15.0), "damping": (0.05, 0.2)},
+    "two_materials": {"edge": (-0.03, 0.03), "friction": (1.6, 2.5), "restitution": (0.5, 0.75)},
+    "hand": {"push": (5.0, 20.0), "share": (0.3, 0.8)},
+    "second_object": {"x": (-0.05, 0.05), "y": (-0.05, 0.05), "radius": (0.02, 0.05)},
+    "light_table": {"mass": (1.0, 4.0), "frequency": (15.0, 60.0), "damping": (0.05, 0.3)},
+}

@@ -6,19 +6,23 @@ tracked frame lies off the centre, turned at random, and is stated.  What is smo
 only what is written.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.header import SpaceHeader
+from thesis_lib.foundation.files import write_text
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.mechanics.space import of_rotation_vector, rotated
 from thesis_lib.simulate.tosses.camera import CameraInSpace, film
-from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES
+from thesis_lib.simulate.tosses.causes import CORNERED, NOT_IN_MUJOCO, RANGES, RANGES_OF_MORE
 from thesis_lib.simulate.tosses.world import TossedWorld, TossEngine
 
 SEED = 4600  # of everything that is drawn
@@ -27,6 +31,8 @@ NOTHING = "nothing"
 NOTHING_HIDDEN, OF_EACH_CAUSE = 20, 2
 SHAPES = ("cube", "box", "sphere")
 G = 9.81  # m/s²
+BRACKET_FILE = "bracket.obj"
+CaseType = TypeVar("CaseType", bound="SpaceCase")
 DRAWN = (
     *("shape", "size", "tosses", "rate", "position", "rotation", "contact_time", "mu", "epsilon"),
     *("cone", "impratio", "impedance", "filter", "cutoff", "dropped", "bursts", "irregular", "hidden"),
@@ -40,6 +46,9 @@ class SpaceCase:
     world: str
     truth: str
     seed: int
+
+    proof: ClassVar[str] = "proof in space"
+    seed_of_all: ClassVar[int] = SEED
 
     def __str__(self) -> str:
         return f"{self.world}/{self.truth} {self.seed}"
@@ -55,17 +64,17 @@ class SpaceCase:
         return _drawn(self)
 
 
-@cache
-def _drawn(case: SpaceCase) -> dict:
-    rng = generator(SEED, "proof in space", case.world, case.truth, str(case.seed))
+def drawn_number(rng: np.random.Generator, low: float, high: float, log: bool = True) -> float:
+    """A number between limits, even in its logarithm or in itself, with three digits."""
+    value = np.exp(rng.uniform(np.log(low), np.log(high))) if log else rng.uniform(low, high)
+    return float(f"{value:.3g}")
 
-    def between(low: float, high: float, log: bool = True) -> float:
-        value = np.exp(rng.uniform(np.log(low), np.log(high))) if log else rng.uniform(low, high)
-        return float(f"{value:.3g}")
 
-    shape = SHAPES[rng.integers(2 if case.truth in CORNERED else 3)]
-    drawn = {
-        "shape": shape,
+def recording(rng: np.random.Generator, shapes: Sequence[str]) -> dict:
+    """Body, contact, camera and noise, all but filter and stamps."""
+    between = partial(drawn_number, rng)
+    return {
+        "shape": shapes[rng.integers(len(shapes))],
         "size": between(0.9, 1.4, log=False),
         "tosses": int(rng.integers(60, 121)),
         "rate": between(100.0, 500.0),
@@ -81,12 +90,18 @@ def _drawn(case: SpaceCase) -> dict:
         "dropped": between(0.005, 0.05),
         "bursts": between(0.02, 0.2),
     }
+
+
+@cache
+def _drawn(case: SpaceCase) -> dict:
+    rng = generator(SEED, case.proof, case.world, case.truth, str(case.seed))
+    drawn = recording(rng, SHAPES[:2] if case.truth in CORNERED else SHAPES)
     smoothed = drawn["filter"] != "none"
     drawn["cutoff"] = float(f"{0.2 * drawn['rate']:.3g}") if smoothed else 0.0
-    drawn["irregular"] = 0.0 if smoothed else between(0.01, 0.2)
+    drawn["irregular"] = 0.0 if smoothed else drawn_number(rng, 0.01, 0.2)
     if case.world == "own":
         drawn |= {"cone": "", "impratio": 0.0, "impedance": 0.0}
-    return drawn | {"hidden": _hidden(case.truth, drawn, rng)}
+    return drawn | {"hidden": hidden_size(case.truth, drawn, rng)}
 
 
 def cases() -> list[SpaceCase]:
@@ -95,56 +110,86 @@ def cases() -> list[SpaceCase]:
     for cause in RANGES:
         worlds = [world for world in WORLDS if world == "own" or cause not in NOT_IN_MUJOCO]
         wanted |= {(world, cause): OF_EACH_CAUSE // len(worlds) for world in worlds}
-    placed, rng = [], generator(SEED, "order of the proof in space")
+    return spread(wanted, SpaceCase, generator(SEED, "order of the proof in space"))
+
+
+def spread(wanted: Mapping[tuple[str, str], int], case: type[CaseType], rng: np.random.Generator) -> list[CaseType]:
+    """So many cases of each world and truth, in an order in which every part has its share of all."""
+    placed = []
     for (world, truth), n in wanted.items():
         shift = rng.uniform()
-        placed += [((i + shift) / n, SpaceCase(world, truth, i)) for i in range(n)]
-    return [case for _, case in sorted(placed, key=lambda one: one[0])]
+        placed += [((i + shift) / n, case(world, truth, i)) for i in range(n)]
+    return [one for _, one in sorted(placed, key=lambda both: both[0])]
 
 
-def _hidden(truth: str, drawn: Mapping, rng: np.random.Generator) -> dict[str, float]:
+def hidden_size(truth: str, drawn: Mapping, rng: np.random.Generator) -> dict[str, float]:
     """A size from the range of the cause that a body can have; {} for nothing."""
     while truth != NOTHING:
-        hidden = {f"{truth}.{name}": value for name, value in RANGES[truth].drawn(rng).items()}
+        sizes = (RANGES | RANGES_OF_MORE)[truth].drawn(rng)
+        hidden = {f"{truth}.{name}": value for name, value in sizes.items()}
         try:
-            _ = TossedWorld(_header(drawn, np.array([0.0, 0.0, 1.0]), rng), hidden=hidden).rig
+            _ = TossedWorld(header_of(drawn, np.array([0.0, 0.0, 1.0]), rng), hidden=hidden).rig
         except ValidationError:  # no body has such an inertia
             continue
         return hidden
     return {}
 
 
-def _header(drawn: Mapping, up: np.ndarray, rng: np.random.Generator) -> SpaceHeader:
+def header_of(drawn: Mapping, up: np.ndarray, rng: np.random.Generator) -> SpaceHeader:
     """Dataset header as the owner believes it, with a tracked frame anywhere on the body."""
-    shape: dict = {"kind": "sphere", "radius": 0.04 * drawn["size"]}
-    if drawn["shape"] != "sphere":
-        sides = (1.0, 1.0, 1.0) if drawn["shape"] == "cube" else (0.5, 1.0, 1.5)
-        shape = {"kind": "box", "half_extents": tuple(0.04 * drawn["size"] * side for side in sides)}
+    shape = _shape(drawn["shape"], 0.04 * drawn["size"])
     off, turn = rng.standard_normal(3), of_rotation_vector(2.0 * rng.standard_normal((3, 1)))[:, 0]
     off *= rng.uniform(0.02, 0.06) / np.linalg.norm(off)
-    return SpaceHeader.model_validate(
-        {
-            "schema": 2,
-            "body": {"shape": shape, "mass": 0.25, "homogeneous": True},
-            "tracked": {"position": tuple(off), "quaternion": tuple(turn)},
-            "surface": {"point": tuple(rng.uniform(-1.0, 1.0, 3))},
-            "gravity": tuple(-G * up),
-            "rate": drawn["rate"],
-            "noise": {"position": drawn["position"], "rotation": drawn["rotation"]},
-        }
-    )
+    content = {
+        "schema": 2,
+        "body": {"shape": shape, "mass": 0.25, "homogeneous": True},
+        "tracked": {"position": tuple(off), "quaternion": tuple(turn)},
+        "surface": {"point": tuple(rng.uniform(-1.0, 1.0, 3))},
+        "gravity": tuple(-G * up),
+        "rate": drawn["rate"],
+        "noise": {"position": drawn["position"], "rotation": drawn["rotation"]},
+    }
+    with TemporaryDirectory() as folder:
+        write_text(_bracket(), Path(folder) / BRACKET_FILE)
+        return SpaceHeader.model_validate(content, context={"folder": folder})
+
+
+def _shape(name: str, size: float) -> dict:
+    """A shape about as large as a cube with half edges of `size` in m."""
+    if name == "sphere":
+        return {"kind": "sphere", "radius": size}
+    if name == "ellipsoid":
+        return {"kind": "ellipsoid", "semi_axes": (0.8 * size, size, 1.4 * size)}
+    if name == "cylinder":
+        return {"kind": "cylinder", "radius": 0.9 * size, "half_length": 1.25 * size}
+    if name == "bracket":
+        return {"kind": "mesh", "file": BRACKET_FILE, "scale": size}
+    sides = (1.0, 1.0, 1.0) if name == "cube" else (0.5, 1.0, 1.5)
+    return {"kind": "box", "half_extents": tuple(size * side for side in sides)}
+
+
+def _bracket() -> str:
+    """An L of two legs as a Wavefront file, in units of the size, with the corner of the L at its origin."""
+    outline = ((0.0, 0.0), (2.4, 0.0), (2.4, 0.8), (0.8, 0.8), (0.8, 2.4), (0.0, 2.4))
+    ends = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
+    n = len(outline)
+    sides = [(i, (i + 1) % n, n + (i + 1) % n, n + i) for i in range(n)]
+    triangles = [(c, b, a) for a, b, c in ends] + [tuple(n + k for k in end) for end in ends]
+    triangles += [part for a, b, c, d in sides for part in ((a, b, c), (a, c, d))]
+    lines = [f"v {x} {y} {z}" for z in (-0.5, 0.5) for x, y in outline]
+    return "\n".join(lines + ["f " + " ".join(str(k + 1) for k in one) for one in triangles]) + "\n"
 
 
 def make(case: SpaceCase, engine: TossEngine) -> Dataset:
     """The tosses of a case as its owner has them."""
-    drawn, rng = case.drawn, generator(SEED, "tosses of the proof in space", case.world, case.truth, str(case.seed))
+    salt = f"tosses of the {case.proof}", case.world, case.truth, str(case.seed)
+    drawn, rng = case.drawn, generator(case.seed_of_all, *salt)
     up = rotated(of_rotation_vector(2.0 * rng.standard_normal((3, 1))), np.array([[0.0], [0.0], [1.0]]))[:, 0]
     contact = {name: drawn[name] for name in ("mu", "epsilon", "contact_time")}
-    world = TossedWorld(_header(drawn, up, rng), hidden=case.hidden, **contact)
+    world = TossedWorld(header_of(drawn, up, rng), hidden=case.hidden, **contact)
     smoothing = {"filter": drawn["filter"], "cutoff": drawn["cutoff"]} if drawn["filter"] != "none" else {}
-    camera = CameraInSpace(
-        dropped=drawn["dropped"], bursts=drawn["bursts"], irregular=drawn["irregular"], stamps=2e-5, **smoothing
-    )
+    lost = {name: drawn.get(name, 0.0) for name in ("dropped", "bursts", "irregular", "flips")}
+    camera = CameraInSpace(stamps=2e-5, **lost, **smoothing)
     made = film("proof", world, engine, camera, drawn["tosses"], rng)
     return (
         Dataset(made.name, made.in_space.model_copy(update={"noise": None}), made.trajectories) if smoothing else made

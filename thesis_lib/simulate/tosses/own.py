@@ -9,9 +9,7 @@ from thesis_lib.mechanics.space import SPACE
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.tosses.causes import HIT, LATER, SUPPORTED
 from thesis_lib.simulate.tosses.compiled import OnBalls, _damping, toss
-from thesis_lib.simulate.tosses.world import TossedWorld
-
-STRAIGHT = (1.0, 0.0, 0.0, 0.0)
+from thesis_lib.simulate.tosses.world import STRAIGHT, TossedWorld
 
 
 @dataclass(frozen=True)
@@ -23,7 +21,7 @@ class OwnTosses:
     def moves(self, world: TossedWorld, release: State, times: np.ndarray) -> State:
         own, n = self._world(world), len(release)
         to_centre = world.rig.body.centre
-        centre = on_body(release, to_centre, np.array(STRAIGHT))
+        centre = on_body(release, to_centre, STRAIGHT)
         poses = np.empty((*times.shape, 7))
         for i in range(n):
             place, attitude, velocity, spin = (
@@ -39,7 +37,7 @@ class OwnTosses:
             None,
             SPACE,
         )
-        return on_body(moved, -to_centre, np.array(STRAIGHT))
+        return on_body(moved, -to_centre, STRAIGHT)
 
     def _world(self, world: TossedWorld) -> OnBalls:
         balls, radius = world.balls

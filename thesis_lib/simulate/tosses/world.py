@@ -11,13 +11,13 @@ from typing import Protocol
 import numpy as np
 
 from thesis_lib.bodies.solid_body import FlatSurface
-from thesis_lib.bodies.solids import Box, Capsule, Hull, Sphere
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 from thesis_lib.simulate.rig.causes_in_space import Hidden, true_rig
 
+STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])  # attitude of a body along the axes of the surface
 SPINS = (2.0, 15.0)  # rad/s
 HEIGHTS = (0.12, 0.35)  # m, from the lowest point that any attitude can have to the surface
 ASIDE, ACROSS, UPWARDS = 0.15, 0.7, (-1.0, 0.5)  # m, m/s, m/s
@@ -73,18 +73,12 @@ class TossedWorld:
         """Points (k, 3) in m in axes of the shape, and the radius of the balls about them.
 
         Raises:
-            UserError: the body is not a ball, box, capsule or sharp hull.
+            UserError: the body is an ellipsoid or a cylinder.
         """
-        solid = self.rig.body.solid
-        if isinstance(solid, Sphere):
-            return np.zeros((1, 3)), solid.radius
-        if isinstance(solid, Capsule):
-            return solid.half_length * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]), solid.radius
-        if isinstance(solid, Box):
-            return (solid.corners - solid.edge_radius * np.sign(solid.corners)).T.copy(), solid.edge_radius
-        if isinstance(solid, Hull) and not solid.edge_radius:
-            return solid.corners.T.copy(), 0.0
-        raise UserError("our own contact has points for a sphere, box, capsule or hull with sharp edges.")
+        points = self.rig.body.solid.minkowski
+        if points.squares.any():
+            raise UserError("our own contact has points for a sphere, box, capsule or hull: no ellipsoid or cylinder.")
+        return points.centres.T.copy(), points.radius
 
 
 class TossEngine(Protocol):

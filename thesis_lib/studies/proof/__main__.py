@@ -12,6 +12,7 @@ python -m thesis_lib.studies.proof next --questions 24
 python -m thesis_lib.studies.proof engines run --jobs 2
 python -m thesis_lib.studies.proof mechanisms table
 python -m thesis_lib.studies.proof space --only nothing box
+python -m thesis_lib.studies.proof space --worlds --jobs 2
 python -m thesis_lib.studies.proof lifted --jobs 2
 python -m thesis_lib.studies.proof measured run data/measured/planar_dice --trials 150 --single
 """
@@ -143,8 +144,15 @@ def _run_other(proof: Any, options: argparse.Namespace) -> bool:
 
 
 def _run_more(compute: Callable, page: Callable[[], str], options: argparse.Namespace) -> bool:
-    made = compute(options.jobs, tell, options.again, *([options.only] if "only" in options else []))
+    made = compute(options.jobs, tell, options.again)
     tell(page())
+    return made
+
+
+def _space(options: argparse.Namespace) -> bool:
+    only = {"only": options.only} if "only" in options else {}
+    made = options.compute(options.proof, options.jobs, tell, options.again, **only)
+    tell(space.as_markdown(options.proof))
     return made
 
 
@@ -254,19 +262,24 @@ def _parser() -> Parser:
     run = add_stored("direct-fits", direct_fits, _run_fits, how)
     run.add_argument("--drops", action="append", choices=series, help="once or more; default: all")
     run.add_argument("--measured", type=Path, default=Path("data/measured"), help="folder of the measured sets")
-    of_space = functools.partial(_run_more, space.run, space.as_markdown)
-    of_space = add("space", of_space, "bodies in space: compute what is missing, then print the table")
+    lifting = functools.partial(_run_more, space.run_lifted, space.lifted_as_markdown)
+    of_lifted = add("lifted", lifting, "planar sets lifted into space: compute what is missing, print the table")
+    of_space = add("space", _space, "bodies in space: compute what is missing, then print the table")
+    of_missed = add("space-missed", _space, "what a hidden cause gains by hand where `space` is not right")
+    listing = add("space-list", lambda options: space.write_list(options.proof), "write what is drawn for each set")
+    of_space.set_defaults(compute=space.run)
+    of_missed.set_defaults(compute=space.run_missed)
     of_space.add_argument(
         "--only", nargs="*", default=(), metavar="NAME", help="worlds, shapes, or what is hidden (all)"
     )
-    missed = functools.partial(_run_more, space.run_missed, space.as_markdown)
-    of_missed = add("space-missed", missed, "what a hidden cause gains by hand where `space` is not right")
-    lifted = functools.partial(_run_more, space.run_lifted, space.lifted_as_markdown)
-    of_lifted = add("lifted", lifted, "planar sets lifted into space: compute what is missing, print the table")
+    for one in (of_space, of_missed, listing):
+        three = "three worlds, pairs, and causes from outside the library; default: the first proof in space"
+        one.add_argument(
+            "--worlds", dest="proof", action="store_const", const=space.IN_WORLDS, default=space.FIRST, help=three
+        )
     for one in (of_space, of_missed, of_lifted):
         one.add_argument("--again", action="store_true", help="then compute stored rows again")
         add_jobs(one)
-    add("space-list", lambda options: space.write_list(), "write config/proof_in_space.csv, what is drawn for each set")
     about = "what measured throws of a body with faces say without any contact law"
     of_law_free = add("law-free", _law_free, about)
     of_law_free.add_argument("folder")

@@ -24,7 +24,7 @@ without hidden effects their misfit is below 1.)  If no effect is known, impacts
 | σ/σ_CR             | `width`                                 | 1    | `recovered` | std over the Cramér-Rao bound  |
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import permutations
 from pathlib import Path
 
@@ -62,10 +62,15 @@ def is_right(case: Case, verdict: str, groups: Sequence[Sequence[str]]) -> bool:
     verdict, groups = _without_own(case, verdict, groups)
     if case.kind in (NOTHING, "outside"):
         return verdict == ("adequate" if case.kind == NOTHING else "unexplained")
-    if verdict != "effects" or len(groups) != len(case.hidden) or any(len(group) > LARGEST_GROUP for group in groups):
+    return is_exact(verdict, case.expected, groups)
+
+
+def is_exact(verdict: str, expected: Sequence[Collection[str]], groups: Sequence[Sequence[str]]) -> bool:
+    """Whether the verdict names each hidden cause, of which any of its `expected` names will do, in its own group."""
+    if verdict != "effects" or len(groups) != len(expected) or any(len(group) > LARGEST_GROUP for group in groups):
         return False
     return any(
-        all(set(names) & set(group) for names, group in zip(case.expected, chosen)) for chosen in permutations(groups)
+        all(set(names) & set(group) for names, group in zip(expected, chosen)) for chosen in permutations(groups)
     )
 
 

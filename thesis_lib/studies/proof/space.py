@@ -1,4 +1,7 @@
-"""The proof in space: what the critique says of sets of tosses that are drawn from one seed, in config/proof/space.csv.
+"""The proofs in space: what the critique says of sets of tosses that are drawn from one seed.
+
+The first proof has two worlds and one cause at most (config/proof/space.csv), the second three worlds, pairs of causes
+and causes that the library has no effect for (config/proof/worlds.csv).
 
 | column                   | unit | meaning                                                                 |
 |--------------------------|------|-------------------------------------------------------------------------|
@@ -8,15 +11,17 @@
 | n_impacts                | 1    | hits that are used                                                      |
 | base, augmented, floor   | m/s  | held-out error of the hits before and after, and its noise floor        |
 | remaining_p              | 1    | p-value of the remaining structure                                      |
+| sizes                    |      | by parameter of a hidden effect that is named: true, found, its         |
+|                          |      | standard error                                                          |
 | seconds                  | s    | CPU time of the critique                                                |
 | why                      |      | reason of a refusal                                                     |
 | code, made               |      | as in `store`                                                           |
 
-What is drawn for each set stands in config/proof_in_space.csv, stored before any was computed; a test holds it to what
-the seed draws (`simulate.tosses.drawn`).
+What is drawn for each set stands in config/proof_in_space.csv and config/proof_in_worlds.csv, stored before any was
+computed; a test holds them to what the seeds draw (`simulate.tosses.drawn`, `drawn_in_worlds`).
 
-Of each set that is not right, config/proof/space_missed.csv says what its data hold of the cause: what it gains when it
-is switched on by hand instead of the search.
+Of each set of one cause that is not right, a second table (…_missed.csv) says what its data hold of the cause: what it
+gains when it is switched on by hand instead of the search.
 
 | column                   | unit | meaning                                                                 |
 |--------------------------|------|-------------------------------------------------------------------------|
@@ -37,17 +42,15 @@ chosen before any but the first two was computed: causes with one size, that bot
 |                       |      | space, its standard error                                                  |
 | apart                 | 1    | largest difference of these, over the plane's standard error               |
 
-Right is, with nothing hidden, `adequate`; with one cause `effects` with one group, of at most three, that contains it.
-A wrong name is a group without what is hidden.
+Right is, with nothing hidden, `adequate`; with a cause from outside the library `unexplained`; with one or two causes
+`effects` with a group for each, of at most three, that contains it.  A wrong name is a group without what is hidden.
 """
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from thesis_lib.critique.contacts.contact_time import CONTACT_TIME
@@ -57,23 +60,29 @@ from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.markdown import table as markdown
 from thesis_lib.foundation.randomness import generator
 from thesis_lib.foundation.rows import STAMP, Rows
+from thesis_lib.simulate.drake.tosses import DrakeTosses
 from thesis_lib.simulate.mujoco.tosses import MujocoTosses
-from thesis_lib.simulate.tosses.drawn import DRAWN, NOTHING, WORLDS, SpaceCase, cases, make
+from thesis_lib.simulate.tosses.causes import OUTSIDE
+from thesis_lib.simulate.tosses.drawn import DRAWN, SpaceCase, cases, make
+from thesis_lib.simulate.tosses.drawn_in_worlds import DRAWN_IN_WORLDS, SHAPES_IN, WorldsCase, worlds_cases
 from thesis_lib.simulate.tosses.lifted import lifted
 from thesis_lib.simulate.tosses.own import OwnTosses
 from thesis_lib.simulate.tosses.world import TossEngine
+from thesis_lib.statistics.intervals import Z95
 from thesis_lib.statistics.wording import count
 from thesis_lib.studies.proof.cases import SEEDS, Case
 from thesis_lib.studies.proof.cases import make as make_in_plane
-from thesis_lib.studies.proof.results import LARGEST_GROUP
+from thesis_lib.studies.proof.results import is_exact
 from thesis_lib.studies.proof.store import (
     COMMAND,
     CONFIG,
+    NOTHING,
     STORE,
     criticised,
     groups_in,
     groups_of,
     numbers_in,
+    numbers_of,
     put_missing,
     said_of,
 )
@@ -81,12 +90,13 @@ from thesis_lib.studies.proof.store import (
 KEY = ("world", "truth", "seed")
 COLUMNS = (
     *(*KEY, "shape", "verdict", "law", "named", "n_impacts", "base", "augmented", "floor", "remaining_p"),
-    *("seconds", "why", *STAMP),
+    *("sizes", "seconds", "why", *STAMP),
 )
-ROWS = Rows(STORE / "space.csv", COLUMNS, KEY, f"{COMMAND} space", digits=6)
 MISSED_COLUMNS = (*KEY, "gain", "low", "high", "without", "with_it", "floor", "why", *STAMP)
-MISSED = Rows(STORE / "space_missed.csv", MISSED_COLUMNS, KEY, f"{COMMAND} space-missed", digits=4)
-LIST = Rows(CONFIG / "proof_in_space.csv", (*KEY, *DRAWN), KEY, f"{COMMAND} space-list")
+KINDS = {NOTHING: "nothing hidden: `adequate`", "one": "one cause, named alone or with its group"}
+KINDS |= {"first": "one cause, in the first group", "pair": "a pair of causes, each named"}
+KINDS |= {"outside": "a cause from outside: `unexplained`", "wrong": "a wrong effect named"}
+UNKNOWN = "not recorded"
 LIFTED = (
     *((NOTHING, "ellipse"), ("com_offset_x", "ellipse"), ("com_offset_y", "ellipse"), ("size_error", "ellipse")),
     *(("inertia_error", "ellipse"), ("tilt", "ellipse"), ("surface_height", "ellipse"), ("linear_drag", "ellipse")),
@@ -95,22 +105,49 @@ LIFTED = (
 LIFTED_KEY = ("truth", "shape", "seed")
 LIFTED_COLUMNS = (*LIFTED_KEY, "plane", "space", "in_plane", "in_space", "sizes", "apart", *STAMP)
 LIFTED_ROWS = Rows(STORE / "lifted.csv", LIFTED_COLUMNS, LIFTED_KEY, f"{COMMAND} lifted", digits=6)
-UNKNOWN = "not recorded"
 
 
-def write_list(path: Path = LIST.path) -> None:
+@dataclass(frozen=True)
+class SpaceProof:
+    """Datasets, and the tables of what was drawn for them, what was found of them, and of those that are not right."""
+
+    sets: Callable[[], Sequence[SpaceCase]]
+    case: type[SpaceCase]
+    drawn: Rows
+    rows: Rows
+    missed: Rows
+    command: str
+
+    @classmethod
+    def named(cls, name: str, sets: Callable, case: type[SpaceCase], drawn: Sequence[str], option: str) -> "SpaceProof":
+        """The proof with its tables in config/."""
+        return cls(
+            sets,
+            case,
+            Rows(CONFIG / f"proof_in_{name}.csv", (*KEY, *drawn), KEY, f"{COMMAND} space-list{option}"),
+            Rows(STORE / f"{name}.csv", COLUMNS, KEY, f"{COMMAND} space{option}", digits=6),
+            Rows(STORE / f"{name}_missed.csv", MISSED_COLUMNS, KEY, f"{COMMAND} space-missed{option}", digits=4),
+            f"{COMMAND} space{option}",
+        )
+
+
+FIRST = SpaceProof.named("space", cases, SpaceCase, DRAWN, "")
+IN_WORLDS = SpaceProof.named("worlds", worlds_cases, WorldsCase, DRAWN_IN_WORLDS, " --worlds")
+
+
+def write_list(proof: SpaceProof) -> None:
     """Write what is drawn for each set."""
-    for case in cases():
+    for case in proof.sets():
         hidden = numbers_in({name: (value,) for name, value in case.hidden.items()})
-        LIST.at(path).put({**vars(case), **case.drawn, "hidden": hidden})
+        proof.drawn.put({**vars(case), **case.drawn, "hidden": hidden})
 
 
 def engine_of(case: SpaceCase) -> TossEngine:
     """Simulator that moves the bodies of a case."""
     drawn = case.drawn
-    if case.world == "own":
-        return OwnTosses()
-    return MujocoTosses(drawn["cone"], drawn["impratio"], (drawn["impedance"], drawn["impedance"]))
+    if case.world == "mujoco":
+        return MujocoTosses(drawn["cone"], drawn["impratio"], (drawn["impedance"], drawn["impedance"]))
+    return OwnTosses() if case.world == "own" else DrakeTosses()
 
 
 def compute(case: SpaceCase) -> dict[str, object]:
@@ -119,34 +156,52 @@ def compute(case: SpaceCase) -> dict[str, object]:
     row: dict[str, object] = {**dict.fromkeys(COLUMNS, ""), **vars(case), "shape": case.drawn["shape"]}
     began = time.process_time()
     found, critique = criticised(dataset, case.seed)
-    return row | found | ({"seconds": float(round(time.process_time() - began))} if critique else {})
+    if critique is None:
+        return row | found
+    sizes = numbers_in(_sizes(critique, case.hidden), 6)
+    return row | found | {"sizes": sizes, "seconds": float(round(time.process_time() - began))}
 
 
-def run(jobs: int, tell: Callable[[str], object], again: bool = False, only: Collection[str] = ()) -> bool:
+def _sizes(critique: DropsCritique, hidden: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
+    fitted = critique.discovery.fitted
+    both = [name for name in hidden if fitted.std.get(name, 0.0) > 0.0]
+    return {name: (hidden[name], fitted.values[name], fitted.std[name]) for name in both}
+
+
+def run(
+    proof: SpaceProof, jobs: int, tell: Callable[[str], object], again: bool = False, only: Collection[str] = ()
+) -> bool:
     """Compute the datasets that are not stored, and return whether all were; `only`: worlds, truths or shapes.
 
     With `again` also those whose row other code than today's made, after the others.
     """
-    chosen = [c for c in cases() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
-    return put_missing(chosen, compute, lambda case: ROWS, said_of, tell, jobs=jobs, again=again)
+    chosen = [c for c in proof.sets() if not only or {c.world, c.truth, c.drawn["shape"]} & set(only)]
+    return put_missing(chosen, compute, lambda case: proof.rows, said_of, tell, jobs=jobs, again=again)
+
+
+def kind_of(truth: str) -> str:
+    """Of `KINDS`: what is hidden."""
+    if truth == NOTHING or truth in OUTSIDE:
+        return NOTHING if truth == NOTHING else "outside"
+    return "pair" if "+" in truth else "one"
 
 
 def judged(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with `right`, `first` (the cause is in the first group) and `wrong` (a group without it)."""
-    groups = [groups_of(cell) for cell in rows["named"]]
-    nothing = rows["truth"] == NOTHING
-    inside = [[truth in group for group in named] for truth, named in zip(rows["truth"], groups)]
-    alone = [len(named) == 1 and len(named[0]) <= LARGEST_GROUP for named in groups]
-    found = (rows["verdict"] == "effects").to_numpy() & np.array(alone) & [any(one) for one in inside]
-    return rows.assign(
-        right=np.where(nothing, rows["verdict"] == "adequate", found),
-        first=[bool(one) and one[0] for one in inside],
-        wrong=[not all(one) for one in inside],
-    )
+    """The rows with `kind`, `right`, `first` (a cause is in the first group) and `wrong` (a group without one)."""
+    kinds, made = [kind_of(truth) for truth in rows["truth"]], []
+    for truth, kind, verdict, cell in zip(rows["truth"], kinds, rows["verdict"], rows["named"]):
+        hidden, groups = truth.split("+") if kind in ("one", "pair") else [], groups_of(cell)
+        inside = [bool(set(hidden) & set(group)) for group in groups]
+        right = is_exact(verdict, [(name,) for name in hidden], groups)
+        if not hidden:
+            right = verdict == ("adequate" if kind == NOTHING else "unexplained")
+        made.append((right, bool(inside) and inside[0], not all(inside)))
+    right, first, wrong = map(list, zip(*made))
+    return rows.assign(kind=kinds, right=right, first=first, wrong=wrong)
 
 
 def compute_missed(case: SpaceCase) -> dict[str, object]:
-    """Evidence for its cause in the data of a case: a row of `MISSED`."""
+    """Evidence for its cause in the data of a case: a row of the table of those that are not right."""
     dataset = make(case, engine_of(case))
     row: dict[str, object] = {**dict.fromkeys(MISSED_COLUMNS, ""), **vars(case)}
     found, critique = criticised(dataset, case.seed, effects=[case.truth])
@@ -158,7 +213,7 @@ def compute_missed(case: SpaceCase) -> dict[str, object]:
 
 
 def told_missed(row: dict) -> str:
-    """A row of `MISSED` in words."""
+    """A row of `compute_missed` in words."""
     if row["why"]:
         return row["why"]
     errors = " to ".join(f"{float(row[name]):.2g}" for name in ("without", "with_it"))
@@ -166,36 +221,32 @@ def told_missed(row: dict) -> str:
     return f"{gain} ({low} to {high}) nats an impact, {errors} m/s, noise {float(row['floor']):.2g}"
 
 
-def run_missed(jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
-    """Compute what is missing of `MISSED`, with `again` also rows of older code, and return whether all were."""
-    rows = judged(ROWS.table())
-    wrong = rows[~rows["right"].astype(bool) & (rows["truth"] != NOTHING)]
-    sets = [SpaceCase(row["world"], row["truth"], int(row["seed"])) for row in wrong.to_dict("records")]
-    return put_missing(sets, compute_missed, lambda case: MISSED, told_missed, tell, jobs=jobs, again=again)
+def run_missed(proof: SpaceProof, jobs: int, tell: Callable[[str], object], again: bool = False) -> bool:
+    """Compute what is missing of those not right, with `again` also rows of older code; return whether all were."""
+    rows = judged(proof.rows.table())
+    wrong = rows[~rows["right"].astype(bool) & (rows["kind"] == "one")]
+    sets = [proof.case(row["world"], row["truth"], int(row["seed"])) for row in wrong.to_dict("records")]
+    return put_missing(sets, compute_missed, lambda case: proof.missed, told_missed, tell, jobs=jobs, again=again)
 
 
-def as_markdown(store: Rows = ROWS, missed: Rows = MISSED) -> str:
-    """The three figures by world, each miss by name, and which code made the rows."""
-    planned = cases()
+def as_markdown(proof: SpaceProof) -> str:
+    """The figures by world, the share of sizes in their interval, each miss by name, and which code made the rows."""
+    planned = proof.sets()
     try:
-        rows = judged(store.table())
+        rows = judged(proof.rows.table())
     except UserError:
-        return f"None of the {len(planned)} datasets is computed yet: `{COMMAND} space`."
-    nothing = rows["truth"] == NOTHING
-    figures = (
-        ("nothing hidden: `adequate`", rows[nothing], "right"),
-        ("one cause, named alone or with its group", rows[~nothing], "right"),
-        ("one cause, in the first group", rows[~nothing], "first"),
-        ("a wrong effect named", rows, "wrong"),
-    )
-    worlds = {world: (world,) for world in WORLDS} | {"both": WORLDS}
+        return f"None of the {len(planned)} datasets is computed yet: `{proof.command}`."
+    names = [world for world in SHAPES_IN if any(case.world == world for case in planned)]
     lines = []
-    for title, part, measure in figures:
-        of = [part.loc[part["world"].isin(which), measure] for which in worlds.values()]
-        lines.append((title, *(count(int(one.sum()), len(one)) if len(one) else "" for one in of)))
+    for kind, title in KINDS.items():
+        part = rows if kind == "wrong" else rows[rows["kind"] == ("one" if kind == "first" else kind)]
+        measure = kind if kind in ("first", "wrong") else "right"
+        of = [part.loc[part["world"].isin(which), measure] for which in (*((name,) for name in names), names)]
+        if len(of[-1]):
+            lines.append((title, *(count(int(one.sum()), len(one)) if len(one) else "" for one in of)))
     by = Counter(zip(rows["code"], rows["made"]))
     codes = ", ".join(f"{n} by `{code or UNKNOWN}` on {made}" for (code, made), n in by.items())
-    by_hand = {tuple(row[k] for k in KEY): told_missed(row) for row in missed.parsed(dict)}
+    by_hand = {tuple(row[k] for k in KEY): told_missed(row) for row in proof.missed.parsed(dict)}
     misses = [
         (row["world"], f"`{row['truth']}`", row["shape"], row["verdict"], row["named"] or row["why"])
         + (by_hand.get(tuple(str(row[k]) for k in KEY), ""),)
@@ -203,7 +254,16 @@ def as_markdown(store: Rows = ROWS, missed: Rows = MISSED) -> str:
     ]
     head = ("world", "hidden", "shape", "verdict", "named", "the cause switched on by hand")
     not_right = f"\n\nNot right:\n\n{markdown(head, misses)}" if misses else ""
-    return f"{markdown(('', *worlds), lines)}\n\n{len(rows)} of {len(planned)} datasets: {codes}.{not_right}"
+    made = f"{len(rows)} of {len(planned)} datasets: {codes}."
+    return f"{markdown(('', *names, 'all'), lines)}\n\n{_covered(rows)}{made}{not_right}"
+
+
+def _covered(rows: pd.DataFrame) -> str:
+    """How many sizes of causes that are named lie in their 95 % interval."""
+    of = rows[rows["right"].astype(bool)]["sizes"].astype(str)
+    found = [values for cell in of for values in numbers_of(cell).values()]
+    inside = [abs(size - true) <= Z95 * std for true, size, std in found]
+    return f"Sizes in their 95 % interval: {count(sum(inside), len(inside))}.  " if inside else ""
 
 
 @dataclass(frozen=True)
