@@ -110,6 +110,46 @@ def test_compliance_agrees_with_fine_integration_of_forces(eta: float, zeta: flo
     assert (np.abs(made.c_t) <= 0.3 * made.c_n * (1 + EXACT)).all()
 
 
+def random_contacts_in_space(rng: np.random.Generator, n: int) -> Contact:
+    """Skewed contacts that slide any way."""
+    root = np.eye(3)[:, :, None] * np.sqrt([2.0, 3.0, 1.2])[:, None, None] + rng.uniform(-0.25, 0.25, (3, 3, n))
+    v = np.concatenate([rng.uniform(-2.0, 2.0, (2, n)), -rng.uniform(0.5, 2.0, (1, n))])
+    return Contact(v, np.einsum("ikn,jkn->ijn", root, root))
+
+
+def compliant_motion_in_space(space: Contact, mu: float, epsilon: float, eta: float, zeta: float, steps: int):
+    """c (3, n) as `compliant_motion`, with a spring and a damper alike in both directions."""
+    n, k_t, (K, v) = len(space.v_n), 1.0 / eta, (space.K, space.v.copy())
+    along = np.einsum("in,ijn,jn->n", v[:2], K[:2, :2], v[:2]) / (v[:2] ** 2).sum(axis=0)
+    damping = 2.0 * zeta * np.sqrt(k_t / along)
+    dt = 0.5 * np.pi / np.sqrt(K[2, 2]) * epsilon / steps
+    z, depth, deepest, c = np.zeros((n, 2)), np.zeros(n), np.zeros(n), np.zeros((3, n))
+    for _ in range(6 * steps):
+        depth = depth - 0.5 * dt * v[2]
+        deepest = np.maximum(deepest, depth)
+        f_n = np.maximum((depth - (1.0 - epsilon**2) * deepest) / epsilon**2, 0.0)
+        slip = (v[:2] + dt * K[:2, 2] * f_n).T
+        f_t = -k_t * (z + dt[:, None] * slip) - damping[:, None] * slip
+        f_t *= np.minimum(1.0, mu * f_n / np.maximum(np.hypot(*f_t.T), 1e-30))[:, None]
+        z = ((damping / dt)[:, None] * z - f_t) / (k_t + damping / dt)[:, None]
+        f = np.concatenate([f_t.T, f_n[None]])
+        v, c = v + dt * np.einsum("ijn,jn->in", K, f), c + dt * f
+        depth = depth - 0.5 * dt * v[2]
+    return c
+
+
+@pytest.mark.parametrize("eta, zeta", [(0.04, 0.15), (0.3, 0.1), (1.1, 0.03)])
+def test_compliance_in_space_agrees_with_fine_integration_of_forces(eta: float, zeta: float) -> None:
+    mu, epsilon = np.full(80, 0.3), np.full(80, 0.6)
+    space = random_contacts_in_space(np.random.default_rng(4), 80).with_coefficients(mu, epsilon)
+    c = compliant_motion_in_space(space, 0.3, 0.6, eta, zeta, 500)
+    law = Impulse(np.array(LAWS["mirtich"].impulse(space, mu, epsilon)), np.zeros((3, 80)))
+    made = EFFECTS["tangential_compliance"].impulse(law, space, None, {"eta": eta, "zeta": zeta}, DISK)
+    rest, before = (np.linalg.norm(one.c - c, axis=0) for one in (made, law))
+    assert rest.mean() < SPRING_ERROR * np.abs(c[:2]).mean() and before.mean() > 1.5 * rest.mean()
+    assert (np.hypot(*made.c[:2]) <= 0.3 * made.c[2] * (1 + EXACT)).all()
+
+
 def test_compliance_reverses_slip_and_gains_no_energy() -> None:
     rng = np.random.default_rng(2)
     space = Contact.planar(rng.uniform(-2, 2, N), np.full(N, -1.0), np.full(N, 3.0), np.ones(N), np.zeros(N))

@@ -58,14 +58,22 @@ def with_and_without(impulse: Impulse, contact: Contact, spin: np.ndarray, **par
     with_it, without = np.zeros((6, n)), np.zeros((6, n))
     _follow(v, w, r, K, mobility, mu, epsilon, dp, s, v_s, m_t, m_r, a_c, a_s, STEPS, with_it)
     _follow(v, w, r, K, mobility, mu, epsilon, dp, none, v_s, none, none, none, none, STEPS, without)
-    more = with_it - without
-    more = np.where(np.isfinite(more), more, 0.0)
-    c = np.array(impulse.c)
+    made = added_in_space(impulse, with_it - without, mu * (1.0 + np.maximum(s, 0.0)) * (1.0 + np.hypot(a_c, a_s)))
+    more, c_n = _finite((with_it - without)[3:]), made.c[2]
+    couple = np.concatenate([_within(more[:2], m_r * c_n), np.clip(more[2:], -m_t * c_n, m_t * c_n)])
+    return Impulse(made.c, impulse.couple + couple)
+
+
+def added_in_space(impulse: Impulse, more: np.ndarray, mu: np.ndarray) -> Impulse:
+    """`impulse` with `more` (3, n), as `impulse_path.added` in the plane."""
+    c, more = np.array(impulse.c), _finite(more)
     c_n = np.maximum(c[2] + more[2], 0.0)
-    most = np.maximum(mu * (1.0 + np.maximum(s, 0.0)) * (1.0 + np.hypot(a_c, a_s)) * c_n, np.hypot(c[0], c[1]))
-    c_t, rolling = _within(c[:2] + more[:2], most), _within(more[3:5], m_r * c_n)
-    couple = np.concatenate([rolling, np.clip(more[5:], -m_t * c_n, m_t * c_n)])
-    return Impulse(np.concatenate([c_t, c_n[None]]), impulse.couple + couple)
+    c_t = _within(c[:2] + more[:2], np.maximum(mu * c_n, np.hypot(c[0], c[1])))
+    return Impulse(np.concatenate([c_t, c_n[None]]), impulse.couple)
+
+
+def _finite(more: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(more), more, 0.0)
 
 
 def _within(u: np.ndarray, most: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@
 | on paper | in code   | unit | shape |                                                         |
 |----------|-----------|------|-------|---------------------------------------------------------|
 | d_x      | `d_x`     | m/s  |       | velocity that the camera adds                           |
+|          | `d_x`, `d_y` | m/s |     | in space: along both axes of the surface                |
 | t        | `state.t` | s    | (n,)  | where unknown, x stays as it is                         |
 | t_0      | `rig.reference.t` | s |  | when x is right                                         |
 
@@ -13,7 +14,9 @@ A body at rest would show it.  Impacts alone cannot tell it from a moving surfac
 
 import numpy as np
 
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter, components, vector
+
+_VELOCITY = Parameter("d_x", "m/s", null=0.0, low=-1.0, high=1.0, scale=0.1)
 
 
 class SensorDrift(Effect):
@@ -21,24 +24,31 @@ class SensorDrift(Effect):
     family = "measurement"
     title = "drifting camera"
     equation = "x_measured = x + d_x (t − t₀)"
-    parameters = (Parameter("d_x", "m/s", null=0.0, low=-1.0, high=1.0, scale=0.1),)
+    parameters = (_VELOCITY,)
+    own_in_space = components(_VELOCITY, ("d_x", "d_y"))
+    level = (("d_x", "d_y", 1),)
+    embedded = (("d_x", "d_x", 1.0),)
     needs_one_surface = True
     reference = "Galilean invariance"
     breaks_mirror = True
     along = ("t",)
     rank = 70
+    dimensions = IN_SPACE
 
     def to_true(self, state, p, rig):
-        return _drifted(state, -p["d_x"], rig)
+        return _drifted(state, p, -1.0, rig)
 
     def to_measured(self, state, p, rig):
-        return _drifted(state, p["d_x"], rig)
+        return _drifted(state, p, 1.0, rig)
 
 
-def _drifted(state, velocity, rig):
-    """State as from a camera that adds `velocity`."""
+def _drifted(state, p, way, rig):
+    """State as from a camera that adds the velocity `way` times that of the parameters."""
     since = np.where(np.isfinite(state.t), state.t - rig.reference.t, 0.0)
-    return state.moved(x=state.x + velocity * since, vx=state.vx + velocity)
+    names = ("d_x",) if state.space.is_plane else ("d_x", "d_y")
+    along = way * vector(p, names)
+    along = np.concatenate([along, np.zeros_like(along[:1])])  # none along the normal
+    return state.changed(position=state.position + along * since, velocity=state.velocity + along)
 
 
 EFFECT = SensorDrift()

@@ -16,14 +16,21 @@ rigid path, also changes v_n and the end of restitution (impulse_path.py).
 | η = k_n / k_t | `eta`   | 1    |       | compliance ratio; (2 − ν)/(2(1 − ν)) ≈ 1.2 for smooth elastic bodies     |
 | ζ             | `zeta`  | 1    |       | damping ratio of the tangential spring with K_tt                        |
 | z             | `z`     | m Ω  | (n,)  | stretch of the tangential spring                                        |
+
+In space spring and damper are alike in both directions along the surface, and ζ is that along the first slip.  Stuck,
+the contact is an oscillator along each principal axis of the tangential K; the slider bears |f_t| ≤ μ f_n.
 """
 
 import numpy as np
 from numba import njit
 
+from thesis_lib.contact.compliant.compiled_in_space import in_ball
+from thesis_lib.contact.mirtich import impulse as exact_impulse
 from thesis_lib.contact.slip_path import slip_path
-from thesis_lib.effects.effect import Effect, Impulse, Parameter
+from thesis_lib.effects.effect import IN_SPACE, Effect, Impulse, Parameter
 from thesis_lib.effects.impulse_path import NormalPath, added, whole_impulse
+from thesis_lib.effects.path_in_space import added_in_space
+from thesis_lib.mechanics.contact import Contact
 
 STEPS = 20  # in each phase; fewer leave 2.4 instead of 2.0 mm/s against the integrated motion (16)
 _NODES = np.linspace(0.0, np.pi / 2.0, STEPS + 1)
@@ -46,6 +53,7 @@ class TangentialCompliance(Effect):
     )
     needs_angle = True
     rank = 3
+    dimensions = IN_SPACE
     reference = (
         "Maw, Barber and Fawcett 1976, doi:10.1016/0043-1648(76)90201-5; Stronge 1994, doi:10.1016/0734-743X(94)80027-7"
     )
@@ -54,6 +62,9 @@ class TangentialCompliance(Effect):
         if not np.any(p["eta"]):
             return impulse
         with np.errstate(all="ignore"):
+            if contact.dimension == 3:
+                more = _more_in_space(contact, p["eta"], p["zeta"])
+                return added_in_space(impulse, more, contact.mu)
             paths = _paths(contact, p["eta"], p["zeta"])
         return added(impulse, paths, contact.mu)
 
@@ -82,6 +93,73 @@ def _paths(contact, eta, zeta) -> Impulse:
     for pair in zip(dp, d_t):
         path.step(*pair)
     return path.end(contact.epsilon)
+
+
+def _more_in_space(contact, eta, zeta) -> np.ndarray:
+    """Impulse (3, n) at the end of the compliant path less that of the rigid one."""
+    n = len(contact.v_n)
+    mu = np.broadcast_to(contact.mu, n)
+    K = np.array([[np.broadcast_to(part, n) for part in row] for row in contact.K])
+    K_tt, turn = np.linalg.eigh(np.moveaxis(K[:2, :2], -1, 0))  # along principal axes (n, 2), (n, 2, 2)
+    K_tt, turn = K_tt.T, np.moveaxis(turn, 0, -1)
+    K_tn, v_t = (np.einsum("ijn,in->jn", turn, np.array(part)[:2]) for part in (K[:, 2], contact.v))
+    p_c = exact_impulse(contact, contact.mu, np.zeros(n))[-1]
+    ratio = np.maximum(whole_impulse(contact) / p_c - 1.0, _SHORTEST)
+    spring = -p_c / (eta * contact.v_n)
+    w = np.sqrt(spring * K_tt)
+    along = (K_tt * v_t * v_t).sum(axis=0) / np.maximum((v_t * v_t).sum(axis=0), 1e-30)
+    zeta = zeta * np.sqrt(K_tt / along)  # one damper for both directions
+    stuck = np.array([_propagator(w, zeta, h) for h in (np.full(n, _STEP), _STEP * ratio)])  # (2, 4, 2, n)
+    dp = _MEAN[:, None] * np.repeat([p_c * h for h in (np.full(n, _STEP), _STEP * ratio)], STEPS, axis=0)
+    d_t = _slide_in_space(K_tt, K_tn, v_t, np.array(mu), K_tn / (w * w) * p_c, mu * p_c / spring, stuck, dp)
+    # what the normal path sees of friction is one number
+    path = NormalPath(Contact.planar(None, contact.v_n, None, contact.K_nn, 1.0))
+    for pair in zip(dp, np.einsum("spkn,kn->spn", d_t, K_tn)):
+        path.step(*pair)
+    c_n = path.end(contact.epsilon).c_n
+    c_t = d_t.sum(axis=0) + (c_n - dp.sum(axis=0))[:, None] / dp[-1] * d_t[-1]
+    more = np.einsum("ijn,jn->in", turn, c_t[0] - c_t[1])
+    return np.concatenate([more, (c_n[0] - c_n[1])[None]])
+
+
+@njit(cache=True, error_model="numpy")
+def _slide_in_space(K_tt, K_tn, v_t, mu, rest, bears, stuck, dp):
+    """Friction impulses (s, 2, 2, n) of the s steps of both paths; arrays are (2, n), along the principal axes."""
+    d_t = np.zeros((len(dp), 2, 2, dp.shape[1]))
+    for k in range(dp.shape[1]):
+        z, off, lost = np.zeros(2), np.zeros(2), np.zeros(2)
+        v, rigid = v_t[:, k].copy(), v_t[:, k].copy()
+        for i in range(len(dp)):
+            push = mu[k] * dp[i, k]
+            for j in range(2):
+                zz, zv, vz, vv = stuck[i // STEPS, :, j, k]
+                middle = rest[j, k] * _MEAN[i]
+                off[j] = z[j] - middle
+                kicked = K_tn[j, k] * dp[i, k]
+                # what friction has to end: what the oscillator loses
+                lost[j] = (v[j] + kicked - (vz * off[j] + vv * v[j])) / -K_tt[j, k]
+                z[j] = middle + zz * off[j] + zv * v[j]
+                v[j], rigid[j] = v[j] + kicked, rigid[j] + kicked
+            if _shorten(z, bears[k] * _END[i]):  # it slides, and the spring shows which way
+                along = (lost[0] * z[0] + lost[1] * z[1]) / (z[0] * z[0] + z[1] * z[1])
+                lost[0], lost[1] = along * z[0], along * z[1]
+            _shorten(lost, push)
+            d_t[i, 0, 0, k], d_t[i, 0, 1, k] = lost
+            x, y, _z = in_ball(K_tt[0, k], 0.0, 0.0, K_tt[1, k], 0.0, 1.0, rigid[0], rigid[1], 0.0, push)
+            d_t[i, 1, 0, k], d_t[i, 1, 1, k] = x, y
+            for j in range(2):
+                v[j] += K_tt[j, k] * d_t[i, 0, j, k]
+                rigid[j] += K_tt[j, k] * d_t[i, 1, j, k]
+    return d_t
+
+
+@njit(cache=True, error_model="numpy")
+def _shorten(u, most):
+    """The vector u (2,) shortened to `most`, in place, and whether it was longer."""
+    length = np.sqrt(u[0] * u[0] + u[1] * u[1])
+    if length > most:
+        u[0], u[1] = u[0] * most / length, u[1] * most / length
+    return length > most
 
 
 @njit(cache=True, error_model="numpy")
