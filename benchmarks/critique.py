@@ -6,7 +6,8 @@
 - `--hidden`: the example of the command line with a hidden cause, by `python -m thesis_lib critique`;
 - an ellipse with single hits only, and a square with all episodes, nothing hidden and contacts of 1 ms: what is asked
   for 300 drops is at most `ASKED` CPU seconds;
-- how the cost of both grows over `--sizes` drops: cost = a nᵖ by least squares to the logarithms, asked p < 1.
+- a box tossed in space, nothing hidden: CPU time of a hit over that of the ellipse's, asked at most `IN_SPACE`;
+- how the cost of each grows over `--sizes` drops: cost = a nᵖ by least squares to the logarithms, asked p < `EXPONENT`.
 - `--against`: only the ratio to the CPU time of an earlier checkout of this repository, pair by pair in turn, for the
   ellipse, for the square, and for a box in space, all with a displaced centre of mass, by
   `python -m thesis_lib critique`; `--hits` chooses among them.
@@ -27,6 +28,8 @@ from benchmarks.results import Results, benchmark_parser, exponent
 
 ROOT = Path(__file__).resolve().parent.parent
 ASKED = {"single": 15.0, "episodes": 60.0}  # CPU s for 300 drops
+IN_SPACE, MEMORY = 4.0, 1.5  # times the CPU time in the plane, and GB of the process
+EXPONENT = {"single": 1.0, "episodes": 1.0, "space": 1.2}
 SHAPES = {"single": "ellipse", "episodes": "square", "space": "box"}
 CONTACT_TIME = 1e-3  # s
 SEED = 1
@@ -53,21 +56,17 @@ def measure(hidden: str, drops: int) -> dict[str, float | str]:
 
 
 def measure_nothing_hidden(hits: str, drops: int) -> dict[str, float | str]:
-    """The same with nothing hidden, for `hits` "single" or "episodes"."""
+    """The same with nothing hidden, for `hits` of `SHAPES`."""
     with tempfile.TemporaryDirectory() as folder:
         data, out = _written(f"{folder}/drops", hits, drops), f"{folder}/critique"
-        return _critique(out, "-c", CRITIQUE, data, out, hits)
+        return _critique(out, "-c", CRITIQUE, data, out, "single" if hits == "single" else "episodes")
 
 
 def ratios(earlier: Path, hits: str, drops: int, pairs: int) -> list[float]:
     """CPU time here over that of the checkout `earlier`, pair by pair; a first pair compiles and is left out."""
     with tempfile.TemporaryDirectory() as folder:
         data, out, found = f"{folder}/drops", f"{folder}/critique", []
-        if hits == "space":
-            tosses = ("--space", "--hidden", "com_offset", "--drops", str(drops))
-            _run("-m", "thesis_lib", "datasets", "example", "-o", data, *tosses)
-        else:
-            _written(data, hits, drops, com_offset_x=2e-3)
+        _written(data, hits, drops, com_offset_x=2e-3)
         command = ("-m", "thesis_lib", "critique", data, "-o", out, "-q")
         for pair in range(pairs + 1):
             then, now = (float(_critique(out, *command, root=root)["cpu_s"]) for root in (earlier, ROOT))
@@ -78,7 +77,11 @@ def ratios(earlier: Path, hits: str, drops: int, pairs: int) -> list[float]:
 
 
 def _written(folder: str, hits: str, drops: int, **hidden: float) -> str:
-    """The folder, with drops of a body whose hits are "single" or "episodes"."""
+    """The folder, with drops of a body whose hits are "single" or "episodes", or with tosses in "space"."""
+    if hits == "space":
+        tosses = ("--space", "--hidden", "com_offset" if hidden else "nothing", "--drops", str(drops))
+        _run("-m", "thesis_lib", "datasets", "example", "-o", folder, *tosses)
+        return folder
     import numpy as np
 
     from thesis_lib.datasets.format.dataset import Dataset
@@ -131,9 +134,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--hits", nargs="+", choices=SHAPES, default=list(SHAPES), help="with --against")
     parser.add_argument("--pairs", type=int, default=3, help="with --against; default: %(default)s")
     options = parser.parse_args(arguments)
-    shapes = tuple(ASKED)
+    shapes, of_hit = tuple(SHAPES), {}
     if options.quick:
-        options.hidden, options.drops, options.sizes, shapes = ["nothing"], 20, [], shapes[-1:]
+        options.hidden, options.drops, options.sizes, shapes = ["nothing"], 20, [], ("episodes",)
         options.hits = shapes
     results = Results("critique")
     if options.against:
@@ -159,7 +162,14 @@ def main(arguments: list[str] | None = None) -> None:
         found = measure_nothing_hidden(hits, options.drops)
         note = tell(name, options.drops, found)
         results.add(f"{name}: CPU time", found["cpu_s"], "s", note)
-        if options.drops == 300:
+        of_hit[hits] = float(found["cpu_s"]) / float(found["n_impacts"])
+        if hits == "space":
+            peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+            over = of_hit["space"] / of_hit["single"]
+            results.add(f"{name}: CPU time of a hit over the ellipse's", over, "1", f"asked: at most {IN_SPACE:g}")
+            results.add("largest memory of a process", peak, "GB", f"asked: at most {MEMORY:g}")
+            print(f"{name}: {over:.2f} times the ellipse's CPU time a hit, {peak:.2f} GB at most")
+        elif options.drops == 300:
             asked = ASKED[hits]
             results.add(f"{name}: over what is asked", found["cpu_s"] / asked, "1", f"asked: at most {asked:g} CPU s")
         taken = []
@@ -169,7 +179,8 @@ def main(arguments: list[str] | None = None) -> None:
             taken.append(found["cpu_s"])
         if len(taken) > 1:
             p, half = exponent(options.sizes, taken)
-            note = f"± {half:.2f} (95 %), {min(options.sizes)} to {max(options.sizes)} drops; asked: below 1"
+            sizes, asked = f"{min(options.sizes)} to {max(options.sizes)} drops", EXPONENT[hits]
+            note = f"± {half:.2f} (95 %), {sizes}; asked: below {asked:g}"
             results.add(f"{name}: exponent of the CPU time", p, "1", note)
             print(f"{name}: cost ~ n^{p:.2f} {note}")
     results.write(options.out)
