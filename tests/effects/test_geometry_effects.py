@@ -6,11 +6,14 @@ from hand_cases import DISK, EXACT, HALF, RADIUS, SQUARE, N, on, one_state
 from stage_predictor import predict
 
 from thesis_lib.bodies.shapes import Polygon
+from thesis_lib.bodies.solids import Box, Ellipsoid, Sphere
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import residual_couple
 from thesis_lib.effects.effect import Rig
+from thesis_lib.effects.soft_body import lean_in_space
 from thesis_lib.extensions.effect_probe import EPSILON, MU, RIGS
 from thesis_lib.mechanics.contact import Contact
+from thesis_lib.mechanics.space import SPACE, of_rotation_vector
 from thesis_lib.mechanics.state import State
 
 
@@ -168,3 +171,25 @@ def test_a_disk_that_touches_a_hollow_has_no_gap_to_it() -> None:
         gap = rig.shape.gap(state.y, state.theta)
         left = gap - effect.gap(np.zeros(1), state, p, rig)
         assert abs(left[0]) < 0.01 * gap[0]  # a parabola is off a circle, and ψ off its sine, by squares of ψ
+
+
+@pytest.mark.parametrize(
+    "solid", [Box(half_extents=(0.05, 0.04, 0.03)), Ellipsoid(semi_axes=(0.035, 0.03, 0.025)), Sphere(radius=0.03)]
+)
+def test_a_soft_body_is_pressed_in_the_middle_of_what_the_surface_cuts_off(solid) -> None:
+    rng, depth, grid = np.random.default_rng(2), 2e-4, np.linspace(-6e-3, 6e-3, 801)
+    attitude = of_rotation_vector(rng.standard_normal((3, 40)))
+    if solid.corners.size:  # well off its edges
+        heights = np.sort(np.stack([SPACE.turned(attitude, c[:, None])[2] for c in solid.corners.T]), axis=0)
+        attitude = attitude[:, heights[1] - heights[0] > 0.025]
+    cut = np.stack([*(part.ravel() for part in np.meshgrid(grid, grid)), np.full(grid.size**2, depth)])
+    for q in attitude.T[:8]:
+        lowest = solid.lowest(q[:, None])
+        body = SPACE.turned_back(q[:, None], lowest + cut)
+        if solid.corners.size:
+            inside = (np.abs(body) <= np.array(solid.half_extents)[:, None]).all(axis=0)
+        else:
+            axes = np.array(getattr(solid, "semi_axes", [solid.minkowski.radius] * 3))
+            inside = ((body / axes[:, None]) ** 2).sum(axis=0) <= 1.0
+        middle = cut[:2, inside].mean(axis=1)
+        np.testing.assert_allclose(lean_in_space(solid, q[:, None])[:, 0] * depth, middle, atol=0.03 * depth)

@@ -5,7 +5,8 @@
 Where a hard body sinks into a soft surface, the force acts at its lowest point.  Where a soft body is flattened, it
 acts in the middle of the chord that the surface cuts off.  Of an ellipse that lies on the line from the lowest point to
 the centre, l = r_x/r_y, as all chords of one direction have their middles on one diameter.  Of a corner it lies between
-the two sides that meet there, l = (cot β + cot β')/2 with their angles β, β' from the surface.
+the two sides that meet there, l = (cot β + cot β')/2 with their angles β, β' from the surface.  In space l is a vector,
+at a corner the mean over the edges that rise from it.
 
 The depth d is the mean over the contact, weighted with the force.  Under a linear spring it is half of what the arc
 sinks in until the impulse acts, so that λ = τ/2 if only the body gives way, and 0 if only the surface does.
@@ -14,14 +15,20 @@ sinks in until the impulse acts, so that λ = τ/2 if only the body gives way, a
 |----------|---------|------|-------|-------------------------------------------------------|
 | λ        | `lam`   | s    |       | mean depth in the body over the speed of the impact   |
 | d        | `depth` | m    | (n,)  | mean depth in the body                                |
-| l        | `lean`  | 1    | (n,)  | way along the surface over way up, of the chord's middle |
+| l        | `lean`  | 1    | (n,), (2, n) | way along the surface over way up, of the chord's middle |
 """
+
+from functools import lru_cache
 
 import numpy as np
 
+from thesis_lib.bodies.minkowski import SupportPoint
 from thesis_lib.bodies.shapes import Corner, Polygon, Shape
-from thesis_lib.effects.effect import Effect, Parameter
+from thesis_lib.bodies.solids import Solid
+from thesis_lib.effects.effect import IN_SPACE, Effect, Parameter
+from thesis_lib.mechanics.space import SPACE
 
+LEVEL = 1e-9  # of an edge: one that rises by less lies on the surface
 STEEPEST = 4.0  # cot β of a side 14° from the surface
 
 
@@ -33,11 +40,24 @@ class SoftBody(Effect):
     parameters = (Parameter("lam", "s", null=0.0, low=0.0, high=3e-3, scale=1e-4),)
     needs_contact_time = True
     needs_angle = True
+    dimensions = IN_SPACE
     reference = "Johnson 1985, chapter 4 (both bodies give way in the ratio of their compliances)"
 
+    def applies_to(self, rig):
+        if rig.space.is_plane:
+            return True
+        parts = _solid(rig.shape).minkowski
+        return parts.centres.shape[1] == 1 or not parts.squares.any()  # not at the rim of a cylinder
+
     def contact_point(self, r, state, p, rig):
-        depth = p["lam"] * np.maximum(-(state.vy + rig.lowest(state)[0] * state.omega), 0.0)
-        return r + np.array((depth * lean(rig.shape, state.theta), depth))
+        depth = p["lam"] * np.maximum(-state.space.velocity_at(state.velocity, state.spin, rig.lowest(state))[-1], 0.0)
+        if state.space.is_plane:
+            return r + np.array((depth * lean(rig.shape, state.theta), depth))
+        return r + depth * np.concatenate([lean_in_space(rig.shape, state.attitude), np.ones((1, len(state)))])
+
+
+def _solid(shape: SupportPoint | Solid) -> Solid:
+    return shape.solid if isinstance(shape, SupportPoint) else shape
 
 
 def lean(shape: Shape | Corner, theta: np.ndarray) -> np.ndarray:
@@ -58,6 +78,35 @@ def lean(shape: Shape | Corner, theta: np.ndarray) -> np.ndarray:
         across, up = cos * x - sin * y, sin * x + cos * y
         slopes.append(np.clip(np.divide(across, up, out=np.zeros_like(up), where=up > 0.0), -STEEPEST, STEEPEST))
     return 0.5 * (slopes[0] + slopes[1])
+
+
+def lean_in_space(shape: SupportPoint | Solid, attitude: np.ndarray) -> np.ndarray:
+    """l (2, n) of bodies at attitudes (4, n), at most `STEEPEST`."""
+    parts = _solid(shape).minkowski
+    index = shape.index if isinstance(shape, SupportPoint) else parts.heights(attitude).argmin(axis=0)
+    if not _solid(shape).corners.size:
+        across = SPACE.turned(attitude, parts.centres[:, index]) - shape.lowest(attitude)
+        return across[:2] / across[2]
+    found = np.zeros((2, attitude.shape[1]))
+    for corner in np.unique(index):
+        rows = np.flatnonzero(index == corner)
+        edges = parts.centres[:, _neighbours(_solid(shape))[corner]] - parts.centres[:, corner, None]
+        edges = np.stack([SPACE.turned(attitude[:, rows], edge[:, None]) for edge in edges.T])  # (edges, 3, n)
+        rises = edges[:, 2] > LEVEL * np.abs(edges).max()
+        slopes = np.divide(edges[:, :2], edges[:, 2:], out=np.zeros_like(edges[:, :2]), where=rises[:, None])
+        steep = np.hypot(slopes[:, 0], slopes[:, 1])[:, None]
+        slopes = slopes * np.minimum(1.0, STEEPEST / np.maximum(steep, STEEPEST))
+        found[:, rows] = slopes.sum(axis=0) / np.maximum(rises.sum(axis=0), 1)
+    return found
+
+
+@lru_cache(maxsize=16)
+def _neighbours(solid: Solid) -> list[np.ndarray]:
+    """Of each corner those with which it shares an edge, so two faces."""
+    centres = solid.minkowski.centres
+    off = solid.faces @ centres
+    on = (off > off.max(axis=1, keepdims=True) - LEVEL * solid.extent).astype(int)
+    return [np.flatnonzero((row >= 2) & (np.arange(len(row)) != i)) for i, row in enumerate(on.T @ on)]
 
 
 EFFECT = SoftBody()
