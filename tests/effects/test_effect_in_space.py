@@ -159,4 +159,4 @@ def test_the_softer_face_has_the_longer_contact() -> None:
 
 
 def test_effects_of_the_plane_are_not_asked() -> None:
-    assert checks_of(EFFECTS["soft_body"]) == EFFECT_CHECKS
+    assert checks_of(EFFECTS["surface_patch"]) == EFFECT_CHECKS
