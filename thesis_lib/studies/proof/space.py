@@ -164,7 +164,8 @@ def compute(case: SpaceCase) -> dict[str, object]:
 
 def _sizes(critique: DropsCritique, hidden: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
     fitted = critique.discovery.fitted
-    both = [name for name in hidden if fitted.std.get(name, 0.0) > 0.0]
+    # a hidden 0 is a place, which effects count from a reference of their own
+    both = [name for name, size in hidden.items() if size and fitted.std.get(name, 0.0) > 0.0]
     return {name: (hidden[name], fitted.values[name], fitted.std[name]) for name in both}
 
 
