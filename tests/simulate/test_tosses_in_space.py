@@ -136,8 +136,12 @@ def test_only_later_hits_have_a_later_restitution_in_each_toss_and_after_a_short
 def test_what_cannot_be_tossed_is_said(tmp_path, capsys):
     with pytest.raises(UserError, match="--hidden tilt: with --space it is nothing, com_offset"):
         simulate_tosses("box", hidden="tilt")
-    assert main(["example", "-o", str(tmp_path / "a"), "--space", "--engine", "drake"]) == 2
-    assert "in our own simulator or in MuJoCo, not in Drake" in capsys.readouterr().err
+    tossed = ["example", "-o", str(tmp_path / "a"), "--space", "--drops", "2", "--engine", "drake", "--hidden"]
+    assert main([*tossed, "torsional_friction"]) == 2 and main([*tossed, "sliding_friction"]) == 2
+    assert "--hidden sliding_friction: with --space it is" in capsys.readouterr().err
+    assert main([*tossed, "curved_surface"]) == 2
+    assert "Drake has no element for contact_torque" in capsys.readouterr().err
+    assert main([*tossed, "com_offset"]) == 0 and (tmp_path / "a" / "trajectories.csv").is_file()
     assert main(["example", "-o", str(tmp_path / "b"), "--shape", "box"]) == 2
     assert "bodies in space need --space" in capsys.readouterr().err
     assert main(["example", "-o", str(tmp_path / "c"), "--space", "--filter", "butterworth"]) == 2

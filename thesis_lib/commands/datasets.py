@@ -250,19 +250,18 @@ def _drops(args: argparse.Namespace, out: Path, given: dict) -> str:
 
 
 def _tosses(args: argparse.Namespace, out: Path, given: dict) -> str:
-    from importlib.util import find_spec
-
     from thesis_lib.datasets.format.write import write_dataset
     from thesis_lib.simulate.tosses.example import simulate_tosses
 
-    if args.engine == "mujoco" and find_spec("mujoco") is None:
-        raise UserError("MuJoCo is not installed: give --engine own, or pip install mujoco-core.")
-    if args.engine == "drake":
-        raise UserError("A body in space is tossed in our own simulator or in MuJoCo, not in Drake.")
+    _require_engine(args.engine)
     if args.engine == "mujoco":
         from thesis_lib.simulate.mujoco.tosses import MujocoTosses
 
         given["engine"] = MujocoTosses()
+    if args.engine == "drake":
+        from thesis_lib.simulate.drake.tosses import DrakeTosses
+
+        given["engine"] = DrakeTosses()
     if args.contact_time is not None:
         given["contact_time"] = _contact_time(args.contact_time)
     shape, hidden = args.shape or "box", args.hidden or "nothing"
@@ -308,14 +307,21 @@ def _tracker(args: argparse.Namespace):
     return Tracker(filter=args.filter, cutoff=cutoff)
 
 
-def _drops_in(engine: str, milliseconds: float | None) -> dict:
-    """Keywords `engine` and `contact` of `simulate_example`; UserError if the engine is not installed."""
+def _require_engine(engine: str) -> None:
+    """UserError if the engine is not installed."""
     from importlib.util import find_spec
 
+    module, package = {"own": ("numpy", "numpy"), "mujoco": ("mujoco", "mujoco-core"), "drake": ("pydrake", "drake")}[
+        engine
+    ]
+    if find_spec(module) is None:
+        raise UserError(f"--engine {engine} needs a package: pip install {package}, or give --engine own.")
+
+
+def _drops_in(engine: str, milliseconds: float | None) -> dict:
+    """Keywords `engine` and `contact` of `simulate_example`; UserError if the engine is not installed."""
     lasting = _contact_time(1.0 if milliseconds is None else milliseconds)
-    package = {"own": "numpy", "mujoco": "mujoco", "drake": "pydrake"}[engine]
-    if find_spec(package) is None:
-        raise UserError(f"--engine {engine} needs a package: pip install {engine}, or leave --engine out.")
+    _require_engine(engine)
     if engine == "mujoco":
         from thesis_lib.simulate.mujoco.contact import MujocoContact
         from thesis_lib.simulate.mujoco.drops import DropsInMujoco
