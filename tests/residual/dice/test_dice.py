@@ -31,6 +31,7 @@ from thesis_lib.thesis.residual.dice.settings import DiceDataSettings, DiceStudy
 from thesis_lib.thesis.residual.dice.study import dice_study, parts_of, side_of
 from thesis_lib.thesis.residual.dice.tables import contact_pits, difficulty, spread, summary
 from thesis_lib.thesis.residual.throwing.flight import first_touch
+from thesis_lib.thesis.residual.throwing.propagation import Sampled
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 from thesis_lib.thesis.residual.throwing.throw import simulate_throws, state_at
 
@@ -136,7 +137,7 @@ def test_the_limit_is_zero_without_noise_and_grows_with_it(recorded):
 
     def limit(factor):
         noisy = replace(releases, cov=factor * releases.cov)
-        thrower = Thrower("law", MODEL, MODEL.impact, MODEL.impact)
+        thrower = Thrower("law", MODEL, Sampled(MODEL.body, MODEL.impact))
         return noise_limit(thrower, noisy, 2 * HALF, DiceStudySettings(), np.random.default_rng(0))
 
     assert limit(0.0)["spread"].max() < 1e-9 and (limit(0.0)["face_kept"] == 1.0).all()
@@ -343,10 +344,11 @@ def test_the_study_of_simulated_throws(recorded):
     )
     studies = dice_study(dataset, hits, impacts, None, settings, np.random.default_rng(0))
     tables = dice_tables(studies, settings, np.random.default_rng(0))
-    assert len(studies) == 2 and not set(studies[0].train) & set(studies[1].train)
-    for i, study in enumerate(studies):
+    for i, part in enumerate(parts_of(studies[0].releases.trial, settings)):
         held = tables["dice_throws"].loc[tables["dice_throws"]["split"] == i, "trial"]
-        assert not set(held) & set(study.train)
+        assert set(held) == set(part)
+        counts = studies[i].tables["counts"].set_index("counted")["count"]
+        assert counts["train"] + counts["held_out"] == counts["used"]
     tables |= tables_of_part(studies[0], side_of(dataset), settings, np.random.default_rng(0))
     for name, table in tables.items():
         explain(name, table.columns)
@@ -354,10 +356,10 @@ def test_the_study_of_simulated_throws(recorded):
     for i in range(len(studies)):
         right = throws.loc[(throws["split"] == i) & (throws["model"] == "law"), "face_right"]
         assert of_parts[i, "law", "face_right"] == pytest.approx(right.mean())
-    assert set(tables["dice_widths"]["throws"]) <= set(range(1, N - len(studies[0].train) + 1))
+    assert set(tables["dice_widths"]["throws"]) <= set(range(1, len(studies[0].held.releases) + 1))
     assert set(tables["dice_calibration"]["kind"]) == {"roll", "contact"}
     shown = examples(studies[0], side_of(dataset), settings, np.random.default_rng(0))
-    assert not {shown.easy, shown.hard} & set(studies[0].train)
+    assert {shown.easy, shown.hard} <= set(studies[0].held.releases.trial)
     width = shown.beliefs.groupby("case")["distance"].std()
     assert width["easy"] < width["hard"]
     assert set(shown.samples["trial"]) == {shown.hard}
@@ -370,7 +372,7 @@ def test_the_budget_tells_what_each_contact_costs(recorded):
     training, held = releases.select(order % 2 == 0), releases.select(order % 2 == 1)
     of_held = contacts.select(np.isin(contacts.trial, held.trial))
     wrong = replace(MODEL, epsilon=0.3)
-    throwers = [Thrower(name, m, m.impact, m.impact) for name, m in (("true", MODEL), ("wrong", wrong))]
+    throwers = [Thrower(name, m, Sampled(m.body, m.impact)) for name, m in (("true", MODEL), ("wrong", wrong))]
     settings = DiceStudySettings(bootstrap=20)
     table = budget(throwers, training, held, of_held, side_of(dataset), settings, np.random.default_rng(0))
     explain("dice_budget", table.columns)
@@ -390,7 +392,7 @@ def test_throws_that_start_equal_and_end_equal_leave_no_error(recorded, monkeypa
     releases, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
     # every throw again, elsewhere along the surface and on another side
     again = replace(releases, q=releases.q + [0.3, 0.0, np.pi], end=releases.end + [0.3, 0.0, np.pi])
-    thrower = Thrower("law", MODEL, MODEL.impact, MODEL.impact)
+    thrower = Thrower("law", MODEL, Sampled(MODEL.body, MODEL.impact))
     settings = DiceStudySettings(bootstrap=0)
     rng = np.random.default_rng(0)
     few = round(0.8 * len(releases))

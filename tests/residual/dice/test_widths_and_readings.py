@@ -14,7 +14,7 @@ from thesis_lib.thesis.residual.dice.models import Thrower
 from thesis_lib.thesis.residual.dice.readings import LAW, PUBLISHED, _chi2, readings
 from thesis_lib.thesis.residual.dice.results import STATES, belief_widths
 from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
-from thesis_lib.thesis.residual.throwing.propagation import ScatteredLaw
+from thesis_lib.thesis.residual.throwing.propagation import Sampled, ScatteredLaw
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 from thesis_lib.thesis.residual.throwing.throw import simulate_throws
 
@@ -34,7 +34,7 @@ def thrown() -> ThrowReleases:
 
 
 def widths(releases, contact):
-    thrower = Thrower("law", MODEL, contact, MODEL.impact)
+    thrower = Thrower("law", MODEL, contact)
     table = belief_widths(thrower, releases, 2 * HALF, SETTINGS, np.random.default_rng(0))
     explain("dice_widths", table.columns)
     return table.set_index("state").loc[list(STATES)]
@@ -53,7 +53,7 @@ def test_uncertain_contacts_widen_a_belief_beyond_what_its_start_does(thrown):
 
 
 def test_contacts_without_uncertainty_widen_nothing_though_the_belief_broadens(thrown):
-    table = widths(thrown, MODEL.impact)
+    table = widths(thrown, Sampled(MODEL.body, MODEL.impact))
     assert (table["ratio"] == 1.0).all() and table["std"].equals(table["certain"])
     assert (np.diff(table["std"]) > 0.0).all()  # a thrown die is chaotic
 

@@ -58,7 +58,7 @@ def test_samples_neither_penetrate_nor_gain_energy():
 
 
 def test_a_contact_without_feasible_samples_takes_the_law():
-    contact = ScatteredLaw(BODY, LAW, relative=np.diag([0.0, 0.0, 100.0]) ** 2, draws=1)
+    contact = ScatteredLaw(BODY, LAW, relative=np.diag([0.0, 0.0, 100.0]) ** 2)
     q, v, r, slow = touching(500)
     _, after, _ = contact(q, v, r, slow, np.random.default_rng(0))
     _, expected, _ = LAW(q, v, r, slow, np.random.default_rng(0))

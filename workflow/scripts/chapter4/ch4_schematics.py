@@ -4,7 +4,6 @@ import sys
 
 sys.stdout = sys.stderr = open(snakemake.log[0], "w", buffering=1)  # noqa: SIM115, PTH123
 
-
 from thesis_lib.bodies.body import Body
 from thesis_lib.figures.style import save_figures
 from thesis_lib.thesis.figures.chapter4.ellipsoid import figure_4_1, figure_4_2

@@ -53,12 +53,16 @@ BY_TRIAL = "wear"  # of a surface that throws do not number
 
 @dataclass(frozen=True)
 class Thrower:
-    """A body in flight with an uncertain contact, and the same contact without uncertainty."""
+    """A body in flight with an uncertain contact."""
 
     name: str
     model: DiceModel
     contact: Sampled
-    certain: Sampled
+
+    @property
+    def certain(self) -> Sampled:
+        """The same contact without uncertainty."""
+        return replace(self.contact, deterministic=True)
 
 
 def critique_model(saved: SavedModel, side: float) -> DiceModel:
@@ -125,9 +129,8 @@ def law_models(
     some = single.sample(settings.training_contacts, rng)
     for label, wrench in (("residual", False), ("residual_wrench", True)):
         trained = ImpulseLearner("X1", wrench, LawBase(name), True, settings=settings.process).fit(some, rng)
-        parts = {"body": model.body, "law": model.impact, "trained": trained, "slowest": settings.slowest}
-        certain = LearnedImpact(**parts, draws=1, deterministic=True)
-        throwers.append(Thrower(label, model, LearnedImpact(**parts), certain))
+        contact = LearnedImpact(model.body, model.impact, trained=trained, slowest=settings.slowest)
+        throwers.append(Thrower(label, model, contact))
     errors = [(k, f.mu, f.epsilon, f.cost) for k, f in fits.items()]
     return throwers, pd.DataFrame(errors, columns=["law", "mu", "epsilon", "error"])
 
@@ -191,8 +194,7 @@ def scattered(name: str, model: DiceModel, contacts: MeasuredContacts, settings:
     size = MAD_TO_STD * np.median(np.abs(relative), axis=0)
     # as a wrench about the centre: the couple per normal impulse is k times the spin's share
     wrench = np.diag(size * [1.0, 1.0, model.k_g]) ** 2
-    certain = Sampled(model.body, model.impact, draws=1, deterministic=True)
-    return Thrower(name, model, ScatteredLaw(model.body, model.impact, relative=wrench), certain)
+    return Thrower(name, model, ScatteredLaw(model.body, model.impact, relative=wrench))
 
 
 def train_missed(
@@ -236,9 +238,8 @@ def train_missed(
 def contact_map(name: str, model: DiceModel, missed: dict, settings: DiceStudySettings) -> Thrower:
     """A thrower with the contact map of what `model` misses (`train_missed`)."""
     path = partial(contact_path, model, settings=settings.throw)
-    parts = {"body": model.body, "law": model.impact, "path": path, **missed}
-    parts |= {"duration": settings.duration, "slowest": settings.slowest}
-    return Thrower(name, model, ContactMap(**parts), ContactMap(**parts, draws=1, deterministic=True))
+    limits = {"duration": settings.duration, "slowest": settings.slowest}
+    return Thrower(name, model, ContactMap(model.body, model.impact, path=path, **limits, **missed))
 
 
 def mean_miss(thrower: Thrower, releases: ThrowReleases, settings: DiceStudySettings) -> float:

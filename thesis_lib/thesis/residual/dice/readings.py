@@ -13,14 +13,15 @@ two share throws, which makes the σ too large rather than too small.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from thesis_lib.thesis.residual.dice.data import ThrowReleases
 from thesis_lib.thesis.residual.dice.fit import DiceModel
+from thesis_lib.thesis.residual.dice.models import throw_starts
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
-from thesis_lib.thesis.residual.throwing.throw import simulate_throws
 
 LAW = "anitescu_potra_newton"
 MU = (0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
@@ -46,12 +47,8 @@ def readings(
         q, v, end = releases.q * turned, releases.v * turned, releases.end * turned
         for m in mu:
             for e in epsilon:
-                model = DiceModel(
-                    believed.half, 0.0, believed.height, believed.k_g, LAW, float(m), float(e), believed.gravity
-                )
-                out = simulate_throws(
-                    model.body, model.seen(q), v, model.impact, model.mu, settings, np.random.default_rng(0)
-                )
+                model = replace(believed, law=LAW, mu=float(m), epsilon=float(e))
+                out = throw_starts(model, model.impact, q, v, settings, np.random.default_rng(0))
                 error = way * (end[:, 0] - out.q[:, 0]) / side
                 right = out.face == model.face(end[:, 2])
                 found = (float(error.mean()), float(error.std()), float(right.mean()))

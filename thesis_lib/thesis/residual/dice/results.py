@@ -95,10 +95,9 @@ def tables_of_part(
     study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator
 ) -> dict[str, pd.DataFrame]:
     """How the beliefs of model `BELIEVED` widen, and the law with other parameters, by file name; `side` in m."""
-    held = study.releases.select(~np.isin(study.releases.trial, study.train))
     believed, plain = study.outcomes[BELIEVED].thrower, study.outcomes[PLAIN].thrower.model
     return {
-        "dice_widths": belief_widths(believed, held, side, settings, rng),
+        "dice_widths": belief_widths(believed, study.held.releases, side, settings, rng),
         "dice_readings": readings(plain, study.releases, side, settings.throw),
     }
 
@@ -161,8 +160,7 @@ def calibration(throws: pd.DataFrame, coverage: pd.DataFrame) -> tuple[pd.DataFr
 
 def held_out_restitution(study: DiceStudy, settings: DiceStudySettings) -> pd.DataFrame:
     """Restitution against place of held-out contacts, measured and by the compliant contact (`restitution`)."""
-    held = study.contacts.select(~np.isin(study.contacts.trial, study.train))
-    return restitution(study.outcomes[COMPLIANT].thrower.model, held, settings.throw)
+    return restitution(study.outcomes[COMPLIANT].thrower.model, study.held.contacts, settings.throw)
 
 
 def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSettings) -> pd.DataFrame:
@@ -188,8 +186,7 @@ def restitution(model: DiceModel, contacts: MeasuredContacts, settings: ThrowSet
 
 def examples(study: DiceStudy, side: float, settings: DiceStudySettings, rng: np.random.Generator) -> Examples:
     """Throws that the figures show, and the beliefs of model `BELIEVED` about them; `side` in m."""
-    believed, plain = study.outcomes[BELIEVED], study.outcomes[PLAIN]
-    held = study.releases.select(~np.isin(study.releases.trial, study.train))
+    believed, plain, held = study.outcomes[BELIEVED], study.outcomes[PLAIN], study.held.releases
     easy, hard = easy_and_hard(study.tables["throws"], BELIEVED)
     beliefs, marks, rest = [], [], {}
     for case, trial in (("hard", hard), ("easy", easy)):

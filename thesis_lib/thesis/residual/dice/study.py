@@ -73,9 +73,8 @@ class DiceStudy:
     | counts               | throws, contacts and impacts used and left out                                        |
     """
 
-    releases: ThrowReleases  # releases, contacts: all measured ones, training and held out
-    contacts: MeasuredContacts
-    train: np.ndarray  # trials of the training throws, ascending
+    releases: ThrowReleases  # all measured ones, training and held out
+    held: "Measured"  # of the held-out throws
     outcomes: dict[str, HeldOutThrows]  # held-out throws of each model, by its name
     tables: dict[str, pd.DataFrame]
 
@@ -177,7 +176,7 @@ def _one_part(
         "budget": budget(throwers, training.releases, held.releases, held.contacts, side, settings, stream("budget")),
         "counts": pd.DataFrame(counts.items(), columns=["counted", "count"]),
     }
-    return DiceStudy(measured.releases, measured.contacts, train, outcomes, tables)
+    return DiceStudy(measured.releases, held, outcomes, tables)
 
 
 def _train(

@@ -2,7 +2,7 @@
 
     s⁺ ~ N(m(s), S(s)),   S = A Σ A' in the velocity, 0 in the pose (and in both for the contact map)
 
-Samples that penetrate or gain energy are rejected and redrawn, at most `draws` times; then the feasible outcome of the
+Samples that penetrate or gain energy are rejected and redrawn, at most `DRAWS` times; then the feasible outcome of the
 law replaces them.  Three uncertain contacts:
 
     scattered law      c = c_law + c_n ξ,    ξ ~ N(0, Ξ)          Ξ from training residuals, (c_t, c_n, τ)/c_n
@@ -23,6 +23,7 @@ from thesis_lib.thesis.residual.throwing.belief import covariance_root, through_
 from thesis_lib.thesis.residual.throwing.flight import ThrownBody
 from thesis_lib.thesis.residual.throwing.throw import LawImpact
 
+DRAWS = 20  # most samples per state
 PENETRATION = 1e-3  # m; deeper poses are rejected, shallower ones lifted: contacts dent by a millimetre
 
 
@@ -36,7 +37,6 @@ class Sampled:
 
     body: ThrownBody
     law: LawImpact  # for contacts outside the training, and where no sample is feasible
-    draws: int = 20  # most samples per state; 0: the law alone
     deterministic: bool = False  # take the mean instead of a sample
     freedom: float = np.inf  # degrees of freedom of Student's t for samples of the same covariance; ∞: Gaussian
 
@@ -50,7 +50,7 @@ class Sampled:
         root = np.zeros_like(cov)
         root[uncertain] = covariance_root(cov[uncertain])
         pending = np.arange(len(q))
-        for _ in range(self.draws):
+        for _ in range(DRAWS):
             noise = self.noise(len(pending), rng)
             out[pending] = mean[pending] + np.einsum("nij,nj->ni", root[pending], noise)
             good = self.feasible(q[pending], v[pending], r[pending], out[pending], took[pending])
@@ -105,6 +105,8 @@ class ScatteredLaw(Sampled):
     def distribution(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, slow: np.ndarray) -> Distribution:
         """The law's outcome, and A Ξ A' c_n²; slow contacts are certain."""
         mean, cov, took = super().distribution(q, v, r, slow)
+        if self.deterministic:
+            return mean, cov, took
         fast = ~slow
         c_n = mean[fast, 4] - v[fast, 1]
         A = wrench_map(r[fast], self.body.k_g)
