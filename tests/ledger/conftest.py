@@ -6,6 +6,9 @@ from copy import deepcopy
 import pytest
 import yaml
 
+from thesis_lib.thesis.ledger.evaluate import evaluate
+from thesis_lib.thesis.ledger.format import Ledger
+
 TABLE = """\
 law,coded,mu,mu_std,share,failed,converged,n
 mirtich,as_published,0.065,0.002,17,3,true,100
@@ -85,6 +88,17 @@ def results(tmp_path):
     datasets = {"planar_impact": {"present": True, "trials": 1718}, "drops": {"present": True}}
     (folder / "datasets" / "present.json").write_text(json.dumps(datasets), encoding="utf-8")
     return folder
+
+
+@pytest.fixture
+def judged(results):
+    """The results of claims (as dictionaries) on the table."""
+
+    def judge(claims, present=None, scale=""):
+        present = {"planar_impact": True, "drops": True} if present is None else present
+        return evaluate(Ledger.model_validate({"schema": 1, "claims": claims}), results, present, scale)
+
+    return judge
 
 
 @pytest.fixture

@@ -71,32 +71,31 @@ def test_check_fails_when_a_status_changes_and_again_when_it_returns(command, ed
     assert "table_3_1.abs: was deviates, now reproduced" in capsys.readouterr().out
 
 
-def test_check_fails_when_a_figure_changes(command, results, capsys):
+FIGURE_FILE, TABLE, DATASETS = "chapter3/planar_impact/figure_3_8.csv", "chapter3/table.csv", "datasets/present.json"
+
+
+@pytest.mark.parametrize(
+    ("files", "status", "words"),
+    [
+        ({FIGURE_FILE: "error\n0.1\n0.22\n0.3\n"}, 1, ["figure_3_8 (planar_impact): column error: 1 of 3 rows differ"]),
+        ({TABLE: None}, 1, ["table_3_1.abs: could not be compared"]),
+        (
+            {TABLE: None, FIGURE_FILE: None, DATASETS: '{"planar_impact": {"present": false}}'},
+            0,
+            ["9 without data", "1 data not present"],
+        ),
+    ],
+)
+def test_check_fails_when_a_figure_changes_or_nothing_is_compared_but_not_without_the_data(
+    command, results, capsys, files, status, words
+):
     command("update")
-    write_table(pd.DataFrame({"error": [0.1, 0.22, 0.3]}), results / "chapter3" / "planar_impact" / "figure_3_8.csv")
+    for name, text in files.items():
+        (results / name).unlink() if text is None else (results / name).write_text(text)
     capsys.readouterr()
-    assert command("check") == 1
-    assert "figure_3_8 (planar_impact): column error: 1 of 3 rows differ" in capsys.readouterr().out
-
-
-def test_check_fails_when_nothing_can_be_compared(command, results, capsys):
-    command("update")
-    (results / "chapter3" / "table.csv").unlink()
-    capsys.readouterr()
-    assert command("check") == 1
-    assert "table_3_1.abs: could not be compared" in capsys.readouterr().out
-
-
-def test_without_the_data_everything_is_neutral(command, results, capsys):
-    command("update")
-    (results / "chapter3" / "table.csv").unlink()
-    (results / "chapter3" / "planar_impact" / "figure_3_8.csv").unlink()
-    (results / "datasets" / "present.json").write_text('{"planar_impact": {"present": false}}')
-    capsys.readouterr()
-    assert command("check") == 0
-    text = capsys.readouterr().out
-    assert "9 without data" in text
-    assert "1 data not present" in text
+    assert command("check") == status
+    said = capsys.readouterr().out
+    assert all(word in said for word in words)
 
 
 def test_update_is_all_or_nothing(command, results, tmp_path, capsys):
@@ -135,12 +134,3 @@ def test_a_bad_list_of_datasets_is_one_readable_error(command, results, capsys, 
     captured = capsys.readouterr()
     assert words in captured.err
     assert "Traceback" not in captured.err
-
-
-def test_help_teaches(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["--help"])
-    assert stop.value.code == 0
-    text = capsys.readouterr().out
-    for words in ("check", "update", "page", "Exit status", "config/claims_expected.yaml", "Examples"):
-        assert words in text

@@ -74,16 +74,18 @@ def test_a_bad_check_is_refused(write_ledger, make_claim, check, published, word
     assert words in text
 
 
-@pytest.mark.parametrize(("threshold", "published"), [(0, None), (0.0, 0), (30, 30)])
-def test_a_threshold_that_is_stated_or_zero_needs_no_reason(write_ledger, make_claim, threshold, published):
-    check = {"kind": "greater", "threshold": threshold}
-    assert read_ledger(write_ledger([make_claim("x", check, published)])).claims
-
-
-def test_the_reason_of_a_threshold_is_shown(write_ledger, make_claim):
-    check = {"kind": "less", "threshold": 151, "reason": "about 100"}
-    (claim,) = read_ledger(write_ledger([make_claim("x", check)])).claims
-    assert claim.check.text() == "less than 151: about 100"
+@pytest.mark.parametrize(
+    ("check", "published", "text"),
+    [
+        ({"kind": "greater", "threshold": 0}, None, "greater than 0"),
+        ({"kind": "greater", "threshold": 0.0}, 0, "greater than 0"),
+        ({"kind": "greater", "threshold": 30}, 30, "greater than 30"),
+        ({"kind": "less", "threshold": 151, "reason": "about 100"}, None, "less than 151: about 100"),
+    ],
+)
+def test_a_threshold_that_is_stated_or_zero_needs_no_reason(write_ledger, make_claim, check, published, text):
+    (claim,) = read_ledger(write_ledger([make_claim("x", check, published)])).claims
+    assert claim.check.text() == text
 
 
 @pytest.mark.parametrize(
@@ -146,18 +148,16 @@ def test_a_duplicated_id_alone_is_refused(write_ledger, make_claim):
         ("- 1\n", "the whole file"),
         ("schema: 1\nclaims: 3\n", "claims"),
         ("schema: 1\nclaims: [3]\n", "claims[0] is 3"),
+        (None, "does not exist"),
     ],
 )
 def test_a_bad_file_is_refused(tmp_path, text, words):
     path = tmp_path / "claims.yaml"
-    path.write_text(text, encoding="utf-8")
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
     message = refusal(path)
     assert words in message
     assert "claims.yaml" in message
-
-
-def test_a_missing_file_is_named(tmp_path):
-    assert "claims.yaml does not exist" in refusal(tmp_path / "claims.yaml")
 
 
 def test_an_exponent_without_a_dot_is_a_number(tmp_path, write_ledger, make_claim):
@@ -214,20 +214,27 @@ class TestSharedChecks:
 
 
 class TestFolder:
-    def test_files_are_one_ledger_in_the_order_of_their_names(self, tmp_path, write_ledger, make_claim):
-        for name in ("b", "a"):
-            write_ledger([make_claim(name, ABS, 0.062)], name=f"{name}.yaml")
+    @pytest.fixture
+    def two_files(self, write_ledger, make_claim):
+        """Write a claim into a.yaml and one into b.yaml."""
+
+        def write(ids, published=0.062):
+            for name, id in zip("ba", reversed(ids)):
+                write_ledger([make_claim(id, ABS, published)], name=f"{name}.yaml")
+
+        return write
+
+    def test_files_are_one_ledger_in_the_order_of_their_names(self, tmp_path, two_files):
+        two_files(("a", "b"))
         assert [claim.id for claim in read_ledger(tmp_path).claims] == ["table_3_1.a", "table_3_1.b"]
 
-    def test_mistakes_of_all_files_are_listed(self, tmp_path, write_ledger, make_claim):
-        for name in ("a", "b"):
-            write_ledger([make_claim(name, ABS)], name=f"{name}.yaml")
+    def test_mistakes_of_all_files_are_listed(self, tmp_path, two_files):
+        two_files(("a", "b"), None)
         text = refusal(tmp_path)
         assert text.count("1 mistake") == 2 and "a.yaml" in text and "b.yaml" in text
 
-    def test_an_id_stands_in_one_file(self, tmp_path, write_ledger, make_claim):
-        for name in ("a", "b"):
-            write_ledger([make_claim("x", ABS, 0.062)], name=f"{name}.yaml")
+    def test_an_id_stands_in_one_file(self, tmp_path, two_files):
+        two_files(("x", "x"))
         assert "claim table_3_1.x stands more than once" in refusal(tmp_path)
 
     def test_an_empty_one_is_refused(self, tmp_path):

@@ -215,8 +215,8 @@ def _compare_numbers(ours: pd.Series, stored: pd.Series, tolerance: Tolerance) -
     bad = np.flatnonzero(~np.isclose(a, b, rtol=tolerance.rel, atol=tolerance.abs, equal_nan=True))
     if not len(bad):
         return ""
-    allowed = tolerance.abs + tolerance.rel * np.abs(b)
     with np.errstate(invalid="ignore"):  # an infinity or NaN differs most
+        allowed = tolerance.abs + tolerance.rel * np.abs(b)
         excess = np.nan_to_num(np.abs(a - b) - allowed, nan=np.inf)
     worst = bad[np.argmax(excess[bad])]
     return (
