@@ -2,16 +2,12 @@
 
 import pandas as pd
 import pytest
+from finding_of import finding
 
 from thesis_lib.thesis.figures.chapter2.impact import NAMES
 from thesis_lib.thesis.identify.impacts.measured_ratio import gather
 from thesis_lib.thesis.ledger.format import read_ledger
 from thesis_lib.thesis.records import chapter2
-from thesis_lib.thesis.records.catalogue import records
-
-
-def plain(text: str) -> str:
-    return text.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_the_thesis_is_quoted_as_in_the_ledger():
@@ -33,8 +29,8 @@ def modes(left: list[str], right: list[str]) -> pd.DataFrame:
 
 
 def test_an_end_of_the_rod_lands_once_and_its_first_mode_is_timed():
-    said = records()["figure_2_2"].said(modes(["open", "sticks", "sticks", "slides", "sticks"], ["open"] * 5))
-    assert plain(said) == "The left end lands at 0.100 s and sticks for 0.200 s. The right end does not land."
+    said = finding("figure_2_2", modes(["open", "sticks", "sticks", "slides", "sticks"], ["open"] * 5))
+    assert said == "The left end lands at 0.100 s and sticks for 0.200 s. The right end does not land."
 
 
 def landing(rank: int, rank_mass_known: int, panel: str) -> dict:
@@ -42,7 +38,7 @@ def landing(rank: int, rank_mass_known: int, panel: str) -> dict:
 
 
 def test_what_a_landing_determines_is_read_from_the_ranks():
-    said = records()["figure_2_5"].said(pd.DataFrame([landing(0, 0, "c"), landing(1, 1, "d")]))
+    said = finding("figure_2_5", pd.DataFrame([landing(0, 0, "c"), landing(1, 1, "d")]))
     flat, tilted = said.split("landing tilted")
     assert "no combination" in flat
     assert flat.rstrip("; ").endswith("not I either")
@@ -56,9 +52,9 @@ def test_what_a_landing_determines_is_read_from_the_ranks():
 )
 def test_the_trend_with_mass_is_that_of_the_angles(angles, trend):
     motions = pd.DataFrame({"mass": [0.1, 0.5, 2.0], "t": 4.0, "theta": [-a for a in angles]})
-    said = records()["figure_2_10"].said(motions)
+    said = finding("figure_2_10", motions)
     assert trend in said
-    assert plain(said).endswith("2.00 rad apart, 67 % of the largest angle.")
+    assert said.endswith("2.00 rad apart, 67 % of the largest angle.")
 
 
 def test_steps_without_force_do_not_count_as_covered():
@@ -70,7 +66,7 @@ def test_steps_without_force_do_not_count_as_covered():
         for i, value in enumerate(values)
     ]
     summary = pd.DataFrame({"method": ["plain", "fit"], "within_2_std": [float("nan"), 0.9]})
-    said = plain(records()["figure_2_11"].said(pd.DataFrame(rows), summary))
+    said = finding("figure_2_11", pd.DataFrame(rows), summary)
     assert "by 50 %" in said
     assert "in 75 % of the contact steps shown, and in 90 % for" in said
 
@@ -85,7 +81,7 @@ def test_forces_are_judged_by_the_thesis(arm, ground, word):
         for pair, error in errors.items()
         for t in (0.0, 1.0)
     ]
-    said = plain(records()["figure_2_12"].said(pd.DataFrame(rows)))
+    said = finding("figure_2_12", pd.DataFrame(rows))
     assert f"all steps, {word} the thesis's 20 %" in said
     assert f"normal force at the ground, {10 * (1 + ground):.1f} N instead of 10.0 N" in said
 
@@ -101,7 +97,7 @@ def noise_rows(**methods: list[float]) -> pd.DataFrame:
 
 
 def test_errors_are_told_apart_from_the_bound_by_their_drops():
-    said = records()["figure_table_2_1"].said(noise_rows(arcs=[1.0, 1.09, 1.15, 0.85], plain=[5.0, 50.0, 7.0, 8.0]))
+    said = finding("figure_table_2_1", noise_rows(arcs=[1.0, 1.09, 1.15, 0.85], plain=[5.0, 50.0, 7.0, 8.0]))
     assert "of 4 errors 1 lie above it, 1 below, and 2 are not told apart" in said
     assert "by 5.0 to 50 times" in said
 
@@ -115,31 +111,25 @@ def test_a_bias_is_told_apart_by_its_standard_error(std, word, cases):
         for method, own in (("arcs", {10: 0.0, 40: 0.5}), ("plain", {10: -9.0, 40: 9.0}))
         for snr, error in own.items()
     ]
-    said = plain(records()["table_2_1"].said(pd.DataFrame(rows)))
+    said = finding("table_2_1", pd.DataFrame(rows))
     assert f", {word}, by 9.0" in said
     assert "At 40 dB" in said
     assert f"in {cases} cases by maximum likelihood, in 2 of 2 by the plain program" in said
 
 
-def start_rows(failed: int, wrong: int) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            "name": ["qp", "2.14", "2.14"],
-            "mechanism": ["block", "block", "arm_disk"],
-            "n_starts": [10, 50, 50],
-            "n_success": [10, 50, 50 - failed],
-            "n_claims": [10, 50, 50],
-            "n_false_claims": [0, 0, wrong],
-        }
-    )
-
-
-def test_failures_are_those_of_one_mechanism_or_none():
-    assert "qp 10 of 10; 2.14 97 of 100. Most failures: arm with disk 3 of 3." in records()["programs"].said(
-        start_rows(3, 1)
-    )
-    assert "Wrong claims of success: 1 of 110" in records()["programs"].said(start_rows(3, 1))
-    assert "Most failures: none. Wrong claims of success: 0 of 110" in records()["programs"].said(start_rows(0, 0))
+@pytest.mark.parametrize(
+    ("failed", "wrong", "words"),
+    [
+        (3, 1, "Most failures: arm with disk 3 of 3. Wrong claims of success: 1 of 110"),
+        (0, 0, "Most failures: none. Wrong claims of success: 0 of 110"),
+    ],
+)
+def test_failures_are_those_of_one_mechanism_or_none(failed, wrong, words):
+    columns = ["name", "mechanism", "n_starts", "n_success", "n_claims", "n_false_claims"]
+    rows = [("qp", "block", 10, 10, 10, 0), ("2.14", "block", 50, 50, 50, 0)]
+    rows.append(("2.14", "arm_disk", 50, 50 - failed, 50, wrong))
+    said = finding("programs", pd.DataFrame(rows, columns=columns))
+    assert f"qp 10 of 10; 2.14 {100 - failed} of 100. {words}" in said
 
 
 def impulse_rows(coverage: float, mean_error: float) -> pd.DataFrame:
@@ -158,7 +148,7 @@ def impulse_rows(coverage: float, mean_error: float) -> pd.DataFrame:
 )
 def test_coverage_is_judged_by_the_number_of_impacts(coverage, held, mean_error, bias):
     """Of 100 intervals of 95 % between 91 and 99 hold the truth."""
-    said = plain(records()["impact_force_summary"].said(impulse_rows(coverage, mean_error)))
+    said = finding("impact_force_summary", impulse_rows(coverage, mean_error))
     assert f"hold the truth, {held}." in said
     assert f"its mean error is {bias}" in said
     assert "(thesis: −12.1 N, 31.6 N)" in said
@@ -172,25 +162,20 @@ def ratio_row(variant: str, ratio: float, misfit: float, status: str = "ok") -> 
 def test_a_hypothesis_that_holds_the_header_does_not_hide_its_misfit():
     rows = [ratio_row("as_published", 900.0, 4.0), ratio_row("mirrored_rotation", 1010.0, 20.0)]
     rows += [ratio_row("angle_offset", 1200.0, 2.0), ratio_row("rounded_corners", 1000.0, 1.0, "not converged")]
-    said = plain(records()["measured_ratio"].said(pd.DataFrame(rows)))
+    said = finding("measured_ratio", pd.DataFrame(rows))
     assert "900 (850 to 950) 1/m² under the data as they are, below the header. The" in said
     assert "under angle offset, which leaves the least misfit, above the header; " in said
     assert said.endswith("in the interval of rotation mirrored (misfit 10 times the least).")
 
 
 def test_without_a_better_hypothesis_the_data_stand_alone():
-    said = records()["measured_ratio"].said(pd.DataFrame([ratio_row("as_published", 1020.0, 1.0)]))
+    there = pd.DataFrame([ratio_row("as_published", 1020.0, 1.0)])
+    said = finding("measured_ratio", there)
     assert "the data as they are, which leaves the least misfit, not told apart from the header" in said
     assert said.endswith("in the interval of the data as they are.")
-    assert "No measured dataset" in records()["measured_ratio"].said(
-        pd.DataFrame([ratio_row("as_published", 1.0, 1.0, "not converged")])
-    )
-    there = pd.DataFrame([ratio_row("as_published", 1020.0, 1.0)])
-    assert (
-        records()["measured_ratio"]
-        .said(gather([there], ["planar_impact"]))
-        .endswith("planar_impact: data not present.")
-    )
+    failed = pd.DataFrame([ratio_row("as_published", 1.0, 1.0, "not converged")])
+    assert "No measured dataset" in finding("measured_ratio", failed)
+    assert finding("measured_ratio", gather([there], ["planar_impact"])).endswith("planar_impact: data not present.")
 
 
 def hidden_row(truth: str, right: float, before: float, after: float, snr: float = 40.0) -> dict:
@@ -202,7 +187,7 @@ def hidden_row(truth: str, right: float, before: float, after: float, snr: float
 def test_what_is_hidden_is_counted_and_forces_are_those_of_the_noisiest_data(after, change):
     rows = [hidden_row("nothing", 0.75, 0.0, 0.0), hidden_row("payload", 1.0, 0.01, after)]
     rows += [hidden_row("payload", 1.0, 0.5, 0.5, snr=60.0)]
-    said = plain(records()["figure_hidden"].said(pd.DataFrame(rows)))
+    said = finding("figure_hidden", pd.DataFrame(rows))
     assert said.startswith("The critique is right on 11 of 12 (")
     assert "with nothing hidden on 3 of 4" in said
     assert "cogging" not in said

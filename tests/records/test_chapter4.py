@@ -2,8 +2,8 @@
 
 import pandas as pd
 import pytest
+from finding_of import finding
 
-from thesis_lib.thesis.records.catalogue import records
 from thesis_lib.thesis.records.chapter4 import LEARNERS, OVER_BOUND, THROWERS
 
 
@@ -58,34 +58,31 @@ def test_names_are_those_of_the_legends() -> None:
     assert {name: style[2] for name, style in MODEL_STYLE.items()} == THROWERS
 
 
-def test_models_below_the_bound_are_named() -> None:
-    said = records()["figure_4_5"].said(ratios(wrench_x1=0.3, residual_wrench=0.4), errors([0.5, 0.5, 0.5, 2.0]))
-    assert "below the bound are wrench, X1 and law + wrench residual." in said
-    assert "wrench, X1: 0.30 ± 0.01" in said
-    assert "On 75" in said
-
-
-def test_a_ratio_within_two_standard_errors_of_the_bound_is_not_below_it() -> None:
-    said = records()["figure_4_5"].said(ratios(std=0.1, wrench_x1=0.85), errors([2.0]))
-    assert "none is below it" in said
-    assert "On none of the held-out impacts" in said
-
-
 @pytest.mark.parametrize(
-    ("hoc", "word"), [(1.2, "errs less than"), (1.01, "is not told apart from"), (0.8, "errs more than")]
+    ("table", "wrench", "words"),
+    [
+        (
+            {"wrench_x1": 0.3, "residual_wrench": 0.4},
+            [0.5, 0.5, 0.5, 2.0],
+            ["below the bound are wrench, X1 and law + wrench residual.", "wrench, X1: 0.30 ± 0.01", "On 75"],
+        ),
+        # within two standard errors of the bound it is not below it
+        ({"std": 0.1, "wrench_x1": 0.85}, [2.0], ["none is below it", "On none of the held-out impacts"]),
+        ({"hoc": 1.2}, [2.0], ["Rigid, X1 errs less than Best Post Hoc"]),
+        ({"hoc": 1.01}, [2.0], ["Rigid, X1 is not told apart from Best Post Hoc"]),
+        ({"hoc": 0.8}, [2.0], ["Rigid, X1 errs more than Best Post Hoc"]),
+        ({}, [0.5, float("nan")], ["On 50"]),  # an impact without a solution is none below the bound
+    ],
 )
-def test_rigid_models_against_best_post_hoc(hoc: float, word: str) -> None:
-    assert f"Rigid, X1 {word} Best Post Hoc" in records()["figure_4_5"].said(ratios(hoc=hoc), errors([2.0]))
-
-
-def test_an_impact_without_a_solution_is_none_below_the_bound() -> None:
-    assert "On 50" in records()["figure_4_5"].said(ratios(), errors([0.5, float("nan")]))
+def test_learned_models_against_the_bounds(table: dict, wrench: list[float], words: list[str]) -> None:
+    said = finding("figure_4_5", ratios(**table), errors(wrench))
+    assert all(word in said for word in words), said
 
 
 @pytest.mark.parametrize(
     ("last", "reached", "word"),
     [
-        (0.2, 100, "falls from 1.00 to 0.20 (0.10 to 0.30)\N{NO-BREAK SPACE}m/s and is level from 100 impacts on"),
+        (0.2, 100, "falls from 1.00 to 0.20 (0.10 to 0.30) m/s and is level from 100 impacts on"),
         (0.9, 450, "goes, within its intervals, from 1.00 to 0.90 (0.80 to 1.00)"),
         (2.0, 100, "rises from 1.00"),
         (0.2, 450, "and is not level before"),
@@ -99,28 +96,30 @@ def test_curves_fall_only_beyond_their_intervals(last: float, reached: int, word
         [(name, reached, reached, reached) for name in models],
         columns=["model", "n_converged", "n_converged_low", "n_converged_high"],
     )
-    said = records()["figure_4_6"].said(summary, level)
+    said = finding("figure_4_6", summary, level)
     assert said.count(word) == len(models), said
 
 
-def test_named_effects_that_beat_a_learned_wrench() -> None:
-    said = records()["figure_named_physics"].said(
-        rungs(0.05, law=1.0, law_wrench=0.7, effects=0.3, effects_wrench=0.25, irb_bound=0.5)
-    )
-    assert "less than the law alone" in said
-    assert "less than that residual" in said
-    assert "not told apart from what was named alone" in said
-    assert "0.50 times the IRB Bound" in said
-    assert said.endswith("5.00 times the noise floor.")
-
-
-def test_named_effects_that_a_learned_wrench_beats_without_known_noise() -> None:
-    said = records()["figure_named_physics"].said(
-        rungs(law=1.0, law_wrench=0.4, effects=0.9, effects_wrench=0.4, irb_bound=0.5)
-    )
-    assert "more than that residual" in said
-    assert "less than what was named alone" in said
-    assert "noise" not in said
+@pytest.mark.parametrize(
+    ("floor", "means", "words"),
+    [
+        (
+            0.05,
+            {"law": 1.0, "law_wrench": 0.7, "effects": 0.3, "effects_wrench": 0.25},
+            ("less than the law alone", "less than that residual", "not told apart from what was named alone")
+            + ("0.50 times the IRB Bound", "5.00 times the noise floor."),
+        ),
+        (
+            None,  # the noise is not known
+            {"law": 1.0, "law_wrench": 0.4, "effects": 0.9, "effects_wrench": 0.4},
+            ("more than that residual", "less than what was named alone"),
+        ),
+    ],
+)
+def test_named_effects_against_a_learned_wrench(floor, means, words) -> None:
+    said = finding("figure_named_physics", rungs(floor, **means, irb_bound=0.5))
+    assert all(word in said for word in words), said
+    assert ("noise" in said) == (floor is not None)
 
 
 def test_scatter_and_bias_at_rest() -> None:
@@ -128,13 +127,13 @@ def test_scatter_and_bias_at_rest() -> None:
         mean={"law": (1.0, 0.2), "residual_wrench": (0.1, 0.2), "compliant": (0.0, 0.1)},
         std={"law": (2.0, 0.1), "residual_wrench": (1.0, 0.1), "compliant": (0.8, 0.1)},
     )
-    said = records()["figure_4_8"].said(table)
+    said = finding("figure_4_8", table)
     assert "wrench residual is less than that of the law alone" in said
     assert said.endswith("leave out zero for law alone.")
     assert "compliant contact 0.00 (−0.10 to 0.10) ± 0.800, the least scatter" in said
     assert "(thesis −0.97 ± 4.44)" in said
     table.loc[(table["model"] == "residual_wrench") & (table["quantity"] == "std"), "high"] = 1.95
-    assert "wrench residual is not told apart from that of the law alone" in records()["figure_4_8"].said(table)
+    assert "wrench residual is not told apart from that of the law alone" in finding("figure_4_8", table)
 
 
 def test_nearest_model_and_its_limit() -> None:
@@ -145,15 +144,15 @@ def test_nearest_model_and_its_limit() -> None:
         "limit_std": {"law": (0.1, 0.0), "compliant": (0.2, 0.0)},
         "limit_face": {"law": (0.9, 0.0), "compliant": (0.8, 0.0)},
     }
-    said = records()["dice"].said(throws(**models))
+    said = finding("dice", throws(**models))
     assert "Nearest comes the compliant contact: it misses the end by 0.50 (0.40 to 0.60)" in said
     assert "not told apart" not in said
     assert "by 0.20 sides and keeps 80" in said
     models["median_abs"]["compliant"] = (0.85, 0.1)
     models["median_abs"]["residual_wrench"] = (0.9, 0.1)
-    assert "not told apart from the law alone" in records()["dice"].said(throws(**models))
+    assert "not told apart from the law alone" in finding("dice", throws(**models))
     models["median_abs"]["law"] = (0.5, 0.1)
-    assert "No model misses by less." in records()["dice"].said(throws(**models))
+    assert "No model misses by less." in finding("dice", throws(**models))
 
 
 @pytest.mark.parametrize(
@@ -166,7 +165,7 @@ def test_nearest_model_and_its_limit() -> None:
     ],
 )
 def test_width_of_beliefs(low: float, high: float, passes: tuple[int, int, int], word: str) -> None:
-    assert word in records()["figure_calibration"].said(coverage(low, high, passes))
+    assert word in finding("figure_calibration", coverage(low, high, passes))
 
 
 def contacts(measured: float, model: float) -> pd.DataFrame:
@@ -187,8 +186,10 @@ def contacts(measured: float, model: float) -> pd.DataFrame:
     ],
 )
 def test_slopes_of_restitution(measured: float, model: float, words: tuple[str, str]) -> None:
-    said = records()["figure_restitution"].said(contacts(measured, model))
+    said = finding("figure_restitution", contacts(measured, model))
     assert all(word in said for word in words), said
+    two = contacts(measured, model).head(2)
+    assert "too little for a slope: 2 first contacts" in finding("figure_restitution", two)
 
 
 def test_the_budget_says_what_each_contact_costs_the_best_model() -> None:
@@ -196,16 +197,10 @@ def test_the_budget_says_what_each_contact_costs_the_best_model() -> None:
     rows = [("law", 0, 2.0, 0.2, 2.0, 0.2), ("compliant", 0, 0.9, 0.45, 0.9, 0.45)]
     rows += [("compliant", 1, 0.4, 0.8, 0.95, 0.43), ("nearest", 0, 0.83, 0.26, 0.83, 0.26)]
     rows += [("pairs", 0, 0.7, 0.3, 0.7, 0.3)]
-    said = records()["figure_budget"].said(pd.DataFrame(rows, columns=columns)).replace("\xa0", " ")
+    said = finding("figure_budget", pd.DataFrame(rows, columns=columns))
     assert "The compliant contact names 45 % of the faces from the release, with a scatter of 0.90 sides" in said
     assert "80 % and 0.40 sides from contact 1 (43 % and 0.95 from their release)" in said
     assert "the nearest throws name 26 % and scatter by 0.83 sides; of pairs that start alike 30 %" in said
-
-
-def test_two_contacts_give_no_slope() -> None:
-    assert "too little for a slope: 2 first contacts" in records()["figure_restitution"].said(
-        contacts(0.2, 0.0).head(2)
-    )
 
 
 @pytest.mark.parametrize(
@@ -226,13 +221,13 @@ def test_ends_in_their_beliefs(measured: float, inside: str, low: float, word: s
         [("compliant_residual", "spread_rest", "error", 0.3, low, 0.5)],
         columns=["model", "spread", "of", "rank_correlation", "low", "high"],
     )
-    said = records()["figure_4_10"].said(drawn, rank)
+    said = finding("figure_4_10", drawn, rank)
     assert f"ends {inside} the central 95" in said
     assert word in said
 
 
 def test_growth_of_the_belief() -> None:
     drawn = pd.DataFrame({"state": ["start", "start", "at rest"], "std": [0.001, 0.001, 1.2]})
-    said = records()["figure_4_4"].said(drawn)
+    said = finding("figure_4_4", drawn)
     assert "0.0010 at the start and 1.2 at rest" in said
     assert "about 1,000 times" in said

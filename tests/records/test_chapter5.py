@@ -2,9 +2,9 @@
 
 import pandas as pd
 import pytest
+from finding_of import finding
 
 from thesis_lib.thesis.records import chapter5
-from thesis_lib.thesis.records.catalogue import records
 
 NAN = float("nan")
 NEEDED = pd.DataFrame({"policy": ["mor"], "of": ["hma"], "size": [100]})
@@ -54,7 +54,7 @@ def test_the_threshold_is_the_one_that_was_fixed() -> None:
 )
 def test_extractions_against_the_goal(mean: float, half: float, n: int, word: str) -> None:
     table = curve(("hma", 100, mean, mean - half, mean + half, n), ("rule", 0, 5.0, 4.0, 6.0, n))
-    assert word in records()["figure_5_5b"].said(table, NEEDED)
+    assert word in finding("figure_5_5b", table, NEEDED)
 
 
 def test_the_best_of_the_other_policies_is_named() -> None:
@@ -65,13 +65,14 @@ def test_the_best_of_the_other_policies_is_named() -> None:
         ("ppo", 20000, 3.0, 2.0, 4.0, 5),
         ("oracle", 0, 11.0, 10.0, 12.0, 5),
     )
-    said = records()["figure_5_5b"].said(table, NEEDED)
+    said = finding("figure_5_5b", table, NEEDED)
     assert "with as many, network 8.0 (7.0 to 9.0)" in said
     assert said.endswith("most of the other policies, oracle: 11.0 (10.0 to 12.0).")
 
 
 def test_rivals_are_grouped_by_what_their_intervals_say() -> None:
-    said = records()["figure_paired"].said(
+    said = finding(
+        "figure_paired",
         pairs(
             ("network", 100, 2.0, 1.0, 3.0, 19),
             ("mor", 100, 1.0, -1.0, 3.0, 5),
@@ -88,7 +89,7 @@ def test_rivals_are_grouped_by_what_their_intervals_say() -> None:
 
 
 def test_one_tower_tells_no_policies_apart() -> None:
-    said = records()["figure_paired"].said(pairs(("rule", 0, -9.0, NAN, NAN, 1)), NEEDED)
+    said = finding("figure_paired", pairs(("rule", 0, -9.0, NAN, NAN, 1)), NEEDED)
     assert said.startswith("One tower tells no policies apart.")
     assert "rule −9" in said
 
@@ -97,17 +98,17 @@ def test_one_tower_tells_no_policies_apart() -> None:
     ("before", "after", "word"), [(0.5, 0.9, "more often"), (0.86, 0.9, "not told apart"), (0.9, 0.5, "less often")]
 )
 def test_extraction_before_and_after_learning(before: float, after: float, word: str) -> None:
-    assert f": {word}." in records()["figure_5_6"].said(success((100, before), (100, after)))
+    assert f": {word}." in finding("figure_5_6", success((100, before), (100, after)))
 
 
 def test_shares_of_the_thesis_outside_our_intervals() -> None:
-    said = records()["figure_5_6"].said(success((100, 0.5), (100, 0.9)))
+    said = finding("figure_5_6", success((100, 0.5), (100, 0.9)))
     assert "1 of 2 shares of the thesis's real robot lie outside our intervals" in said
     assert "over all blocks ours is higher for extract (learned)" in said
 
 
 def test_no_extraction_was_tried() -> None:
-    said = records()["figure_5_6"].said(success((0, NAN), (4, 0.5)))
+    said = finding("figure_5_6", success((0, NAN), (4, 0.5)))
     assert said.startswith("Not both phases came so far")
     assert "none of 1 share" in said
 
@@ -120,7 +121,7 @@ def test_resistance_with_height(low: float, high: float, word: str) -> None:
     rows = [("inside_cone", 0.99, 0.98, 1.0)]
     rows += [(name, 0.5 * (low + high), low, high) for name in ("height_correlation", "height_correlation_predicted")]
     table = pd.DataFrame(rows, columns=["quantity", "value", "low", "high"]).assign(n=65)
-    assert word in records()["figure_5_7"].said(table)
+    assert word in finding("figure_5_7", table)
 
 
 def test_a_belief_that_changes_its_mind() -> None:
@@ -133,7 +134,7 @@ def test_a_belief_that_changes_its_mind() -> None:
     ]
     beliefs = pd.DataFrame(rows, columns=["case", "step", "abstraction", "belief"])
     runs = pd.DataFrame({"belief_apart": [0.01, 0.2], "r_hat": [1.0, 1.3]})
-    said = records()["figure_5_8"].said(beliefs, runs)
+    said = finding("figure_5_8", beliefs, runs)
     assert "stuck block is “hard move” from step 2 to 3 and “no move” from step 4 on" in said
     assert "the easy block is never one abstraction" in said
     assert "at most 0.2 (R-hat of its chains up to 1.30)" in said
@@ -141,7 +142,7 @@ def test_a_belief_that_changes_its_mind() -> None:
 
 def test_a_pair_that_did_not_come_out_is_not_the_one_shown() -> None:
     rows = [(1, 8, 0, 40.0, 0), (1, 8, 1, 1.0, 1), (2, 8, 0, 9.0, 1), (2, 8, 1, 12.0, 1)]
-    said = records()["figure_5_9"].said(pd.DataFrame(rows, columns=["block", "edge", "steered", "stray", "out"]))
+    said = finding("figure_5_9", pd.DataFrame(rows, columns=["block", "edge", "steered", "stray", "out"]))
     assert "ends 12" in said
     assert "nearer in 1;" in said
     assert "and 2 and 1 blocks came out" in said
@@ -160,7 +161,7 @@ def test_share_of_movable_blocks(mean: float, half: float, word: str) -> None:
     rows = [("test", t, m, m - half, m + half, 19) for t, m in ((2.0, 0.9), (1.0, mean), (0.5, 0.1))]
     rows.append(("development", 1.0, 0.47, 0.46, 0.48, 5))
     table = pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n"])
-    said = records()["figure_movable"].said(table)
+    said = finding("figure_movable", table)
     assert word in said
     assert "threshold of 0.5 mm they are 10" in said
 
@@ -173,7 +174,7 @@ def test_abstractions_that_do_no_better_than_a_guess() -> None:
         [(100, 0, 0.55, 0.45, 0.65, 30, 10), (100, -1, 0.9, 0.8, 1.0, 30, 10)],
         columns=["size", "set", "balanced_accuracy", "low", "high", "n_stuck", "n_free"],
     )
-    said = records()["figure_abstractions"].said(looks, agreement)
+    said = finding("figure_abstractions", looks, agreement)
     assert "“no move” (counts as stuck) 90" in said
     assert "no block" not in said
     assert "not told apart from that of a guess" in said
@@ -197,16 +198,15 @@ def unseen_errors(after: float) -> pd.DataFrame:
     ("after", "word"), [(0.5, "less than the 1.00"), (0.9, "not told apart from the 1.00"), (1.5, "more than the 1.00")]
 )
 def test_error_after_relearning(after: float, word: str) -> None:
-    said = records()["figure_unseen"].said(unseen((0, 1)), unseen_errors(after))
+    said = finding("figure_unseen", unseen((0, 1)), unseen_errors(after))
     assert "notices a heavier pusher (p = 0.040), but not glue between blocks (p = 0.25)." in said
     assert word in said
 
 
 def test_nothing_noticed_and_nothing_to_relearn() -> None:
-    none = records()["figure_unseen"].said(unseen((0, 0)), unseen_errors(1.0))
+    none = finding("figure_unseen", unseen((0, 0)), unseen_errors(1.0))
     assert none == (
         "The predictive check does not notice glue between blocks (p = 0.25) and a heavier pusher (p = 0.040)."
     )
-    assert "Too little failed to relearn a heavier pusher" in records()["figure_unseen"].said(
-        unseen((0, 1), samples=0), unseen_errors(1.0)
-    )
+    few = finding("figure_unseen", unseen((0, 1), samples=0), unseen_errors(1.0))
+    assert "Too little failed to relearn a heavier pusher" in few

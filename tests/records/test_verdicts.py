@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from finding_of import finding
 
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.summary import headline
@@ -37,21 +38,26 @@ def diagnosis(name: str, effects: list[dict], augmented: float = 0.1, floor: flo
 
 def verdict(content: dict) -> str:
     """What the record says of a diagnosis."""
-    return records()["verdict"].said({**content, "headline": headline(content)})
+    return finding("verdict", {**content, "headline": headline(content)})
 
 
-def effect(name: str, family: str = "contact", clears: bool = True, others: tuple[str, ...] = ()) -> dict:
-    same = {"indistinguishable_from": list(others), "stand_in": None, "parameters": {}, "material_in": ["impact"]}
-    return {"name": name, "family": family, "clears": clears} | same
+def effect(name: str) -> dict:
+    same = {"indistinguishable_from": [], "stand_in": None, "parameters": {}, "material_in": ["impact"]}
+    return {"name": name, "family": "contact", "clears": True} | same
 
 
-def test_missing_effect_and_the_fall_of_the_error_to_the_noise() -> None:
-    said = verdict(diagnosis("effects", [effect("rounded_corners")]))
-    assert said.startswith(
-        "Mirtich leaves out: rounded corners; with it the held-out error falls from 0.5 m/s to 0.1 m/s"
-    )
-    assert "The held-out error is 0.10 (0.05 to 0.15)" in said
-    assert said.endswith("m/s, not told apart from the noise floor.")
+@pytest.mark.parametrize(
+    ("name", "augmented", "floor", "end"),
+    [
+        ("effects", 0.1, 0.1, "The held-out error is 0.10 (0.05 to 0.15) m/s, not told apart from the noise floor."),
+        ("unexplained", 0.4, 0.1, "4.00 times the noise floor."),
+        ("effects", 0.1, None, "and the noise is not known."),
+    ],
+)
+def test_a_verdict_is_its_headline_and_what_is_left_of_the_error(name, augmented, floor, end) -> None:
+    content = diagnosis(name, [effect("rounded_corners")], augmented, floor)
+    said = verdict(content)
+    assert said.startswith(" ".join(headline(content))) and said.endswith(end)
 
 
 @pytest.mark.parametrize("law", BASES)
@@ -61,37 +67,6 @@ def test_every_law_that_a_critique_may_end_with_has_its_title(law: str) -> None:
     assert verdict(content).startswith(f"{title[0].upper()}{title[1:]} is adequate")
 
 
-def test_error_that_does_not_fall_and_stays_above_the_noise() -> None:
-    said = verdict(diagnosis("unexplained", [effect("rounded_corners")], augmented=0.4))
-    assert said.startswith(
-        "Mirtich misses something that no effect in the library explains beyond rounded corners; with"
-    )
-    assert said.endswith("4.00 times the noise floor.")
-
-
-def test_a_fault_of_the_measurement_is_not_physics() -> None:
-    said = verdict(diagnosis("effects", [effect("angle_offset", "measurement")], floor=None))
-    assert said.startswith("The measurements look faulty: angle offset; correct the camera or its calibration")
-    assert "With this put right, Mirtich is enough" in said
-    assert "the noise is not known" in said
-
-
-def test_what_was_chosen_by_hand_is_not_found() -> None:
-    alone = verdict(diagnosis("adequate", []))
-    assert "adequate: no effect in the library lowers its held-out error" in alone
-    by_hand = verdict(diagnosis("adequate", [effect("rounded_corners", clears=False)]))
-    assert "adequate as far as was tested" in by_hand
-    assert "rounded corners" not in by_hand
-
-
-def test_many_impacts_left_out_are_told_and_doubt_is_kept() -> None:
-    content = diagnosis("effects", [effect("rounded_corners", others=("wrong_size",))])
-    content["left_out"]["share"] = 0.75
-    said = verdict(content)
-    assert "rounded corners (or wrong size, which these data cannot tell apart)" in said
-    assert said.startswith("75 % of the detected impacts were left out (30 × second hit")
-
-
 def summary(rows: dict[tuple[str, str], tuple[float, int]]) -> pd.DataFrame:
     table = [(*key, value, value - 0.05, value + 0.05, n) for key, (value, n) in rows.items()]
     return pd.DataFrame(table, columns=["figure", "source", "measured", "low", "high", "n"])
@@ -99,7 +74,8 @@ def summary(rows: dict[tuple[str, str], tuple[float, int]]) -> pd.DataFrame:
 
 def test_proof_tells_the_worst_source_and_leaves_out_what_was_not_run() -> None:
     law, mechanisms, pair = PROVEN
-    said = records()["proof"].said(
+    said = finding(
+        "proof",
         summary(
             {
                 law: (0.9, 280),
@@ -109,11 +85,11 @@ def test_proof_tells_the_worst_source_and_leaves_out_what_was_not_run() -> None:
                 (QUIET, "drake"): (0.7, 100),
                 OUTSIDE: (0.6, 60),
             }
-        )
+        ),
     )
-    assert "90 (85 to 95)\N{NO-BREAK SPACE}% of 280 datasets with its own law" in said
+    assert "90 (85 to 95) % of 280 datasets with its own law" in said
     assert "both of them" not in said
-    assert "no source has fewer than 70 (65 to 75)\N{NO-BREAK SPACE}% of 100 datasets" in said
+    assert "no source has fewer than 70 (65 to 75) % of 100 datasets" in said
     assert "left unexplained in 60" in said
 
 
@@ -131,11 +107,11 @@ def test_claims_are_counted_and_compared_by_chapter() -> None:
     table = pd.DataFrame(
         {"chapter": [2, 2, 3, 3], "status": ["reproduced", "deviates", "reproduced", "data not present"]}
     )
-    assert records()["claims"].said(table) == (
+    assert finding("claims", table) == (
         "Of 4 claims: 2 reproduced, 1 deviating, 1 without the data. Of those compared, reproduced are 1 of 2 in "
         "chapter 2 and 1 of 1 in chapter 3."
     )
-    assert "without" not in records()["claims"].said(table.head(3))
+    assert "without" not in finding("claims", table.head(3))
 
 
 def test_a_finding_reads_json_and_names_the_file_that_lacks_something(tmp_path: Path) -> None:

@@ -1,0 +1,10 @@
+"""What a record says of tables, for the tests of its words."""
+
+from typing import Any
+
+from thesis_lib.thesis.records.catalogue import records
+
+
+def finding(record: str, *tables: Any) -> str:
+    """The finding of a record, with plain spaces."""
+    return records()[record].said(*tables).replace("\N{NO-BREAK SPACE}", " ")
