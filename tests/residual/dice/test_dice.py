@@ -16,8 +16,8 @@ from thesis_lib.foundation.columns import explain
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.learners.gaussian_process import GaussianProcessSettings, fit_gaussian_process
 from thesis_lib.thesis.residual.dice.budget import budget
-from thesis_lib.thesis.residual.dice.data import read_throws
-from thesis_lib.thesis.residual.dice.fit import DiceModel, touch_down
+from thesis_lib.thesis.residual.dice.data import MeasuredContacts, ThrowReleases, read_throws
+from thesis_lib.thesis.residual.dice.fit import DiceModel, contact_path, touch_down
 from thesis_lib.thesis.residual.dice.models import (
     Thrower,
     contact_residuals,
@@ -48,7 +48,6 @@ def recorded() -> tuple[Dataset, pd.DataFrame, np.ndarray, np.ndarray]:
     q, v = throws(N)
     settings = ThrowSettings(snapshots=25, merge=0.0, max_contacts=400)
     out = simulate_throws(MODEL.body, q, v, MODEL.impact, MODEL.mu, settings, rng)
-    t = np.arange(0.0, 0.8, 0.004)
     t = np.arange(0.0, 0.8, 0.004)
     last = np.nanmax(out.snapshot_t, axis=0)
     parts, v_t = [q], v
@@ -82,9 +81,14 @@ def recorded() -> tuple[Dataset, pd.DataFrame, np.ndarray, np.ndarray]:
     return Dataset("dice", header, table), hits, q, v
 
 
-def test_starts_are_found_within_their_covariance(recorded):
-    dataset, hits, q, v = recorded
-    releases, _, _ = read_throws(dataset, hits, DiceDataSettings())
+@pytest.fixture(scope="module")
+def read(recorded) -> tuple[ThrowReleases, MeasuredContacts]:
+    """Starts and contacts that are read from them."""
+    return read_throws(recorded[0], recorded[1], DiceDataSettings())[:2]
+
+
+def test_starts_are_found_within_their_covariance(recorded, read):
+    (_, hits, q, v), (releases, _) = recorded, read
     assert releases.sigma == pytest.approx(SIGMA, rel=0.15)
     first = hits.groupby("trial")["t"].min()
     z = []
@@ -101,39 +105,28 @@ def test_starts_are_found_within_their_covariance(recorded):
     assert np.sqrt((z[:, :3] ** 2).mean()) > 0.5
 
 
-def test_contacts_reach_from_flight_to_flight(recorded):
-    dataset, hits, _, _ = recorded
-    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
-    _, after = state_at(
-        MODEL.body,
-        MODEL.seen(contacts.q),
-        contacts.v,
-        contacts.span,
-        MODEL.impact,
-        ThrowSettings(),
-        np.random.default_rng(0),
-    )
+def test_contacts_reach_from_flight_to_flight(read):
+    _, contacts = read
+    _, after = contact_path(MODEL, MODEL.seen(contacts.q), contacts.v, contacts.span, ThrowSettings())
     error = np.linalg.norm((after - contacts.v_after) * [1, 1, RIG.k_g], axis=1)
     assert np.median(error) < 0.03
     assert contacts.first.sum() <= N
 
 
-def test_throws_that_do_not_come_to_rest_are_left_out_and_counted(recorded):
-    dataset, hits, _, _ = recorded
+def test_throws_that_do_not_come_to_rest_are_left_out_and_counted(recorded, read):
+    (dataset, hits, _, _), (one, _) = recorded, read
     poses = dataset.trajectories.copy()
     moving = (poses["trial"] == 3) & (poses["t"] > 0.7)
     poses.loc[moving, "x"] += 0.5 * (poses.loc[moving, "t"] - 0.7)
     poses = poses[~((poses["trial"] == 5) & (poses["t"] < 0.05))]
     changed = Dataset("dice", dataset.header, poses)
-    one, _, _ = read_throws(dataset, hits, DiceDataSettings())
     two, _, _ = read_throws(changed, hits, DiceDataSettings())
     assert set(one.trial) - set(two.trial) == {3, 5}
     assert sum(two.left_out.values()) == sum(one.left_out.values()) + 2
 
 
-def test_the_limit_is_zero_without_noise_and_grows_with_it(recorded):
-    dataset, hits, _, _ = recorded
-    releases, _, _ = read_throws(dataset, hits, DiceDataSettings())
+def test_the_limit_is_zero_without_noise_and_grows_with_it(read):
+    releases, _ = read
 
     def limit(factor):
         noisy = replace(releases, cov=factor * releases.cov)
@@ -145,9 +138,8 @@ def test_the_limit_is_zero_without_noise_and_grows_with_it(recorded):
     assert limit(400.0)["face_kept"].mean() < limit(1.0)["face_kept"].mean()
 
 
-def test_the_law_that_made_contacts_is_calibrated_once_its_scatter_is_known(recorded):
-    dataset, hits, _, _ = recorded
-    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+def test_the_law_that_made_contacts_is_calibrated_once_its_scatter_is_known(read):
+    _, contacts = read
     settings = DiceStudySettings()
     thrower = scattered("calibrated", MODEL, contacts, settings)
     # what the camera's noise adds is all that scatters here
@@ -157,9 +149,8 @@ def test_the_law_that_made_contacts_is_calibrated_once_its_scatter_is_known(reco
     assert good < 0.5 * bad
 
 
-def test_no_flight_is_traced_back_through_a_later_hit(recorded):
-    dataset, hits, _, _ = recorded
-    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+def test_no_flight_is_traced_back_through_a_later_hit(read):
+    _, contacts = read
     settings = DiceStudySettings(slowest=0.5)
     t, *_ = touch_down(MODEL, contacts)
     late = contacts.last_hit - t > settings.duration
@@ -323,10 +314,9 @@ def test_the_bootstraps_standard_error_is_that_of_a_mean():
 
 
 @pytest.mark.slow
-def test_the_study_of_simulated_throws(recorded):
+def test_the_study_of_simulated_throws(recorded, read):
     """No held-out throw is a training throw, all columns are explained, and the shown throws are held out."""
-    dataset, hits, _, _ = recorded
-    _, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+    (dataset, hits, _, _), (_, contacts) = recorded, read
     _, corner = first_touch(MODEL.body, contacts.q, contacts.v)
     r = MODEL.body.contact_point(contacts.q[:, 2], corner)
     number = np.arange(len(contacts))
@@ -365,16 +355,15 @@ def test_the_study_of_simulated_throws(recorded):
     assert set(shown.samples["trial"]) == {shown.hard}
 
 
-def test_the_budget_tells_what_each_contact_costs(recorded):
-    dataset, hits, _, _ = recorded
-    releases, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+def test_the_budget_tells_what_each_contact_costs(read):
+    releases, contacts = read
     order = np.arange(len(releases))
     training, held = releases.select(order % 2 == 0), releases.select(order % 2 == 1)
     of_held = contacts.select(np.isin(contacts.trial, held.trial))
     wrong = replace(MODEL, epsilon=0.3)
     throwers = [Thrower(name, m, Sampled(m.body, m.impact)) for name, m in (("true", MODEL), ("wrong", wrong))]
     settings = DiceStudySettings(bootstrap=20)
-    table = budget(throwers, training, held, of_held, side_of(dataset), settings, np.random.default_rng(0))
+    table = budget(throwers, training, held, of_held, 2 * HALF, settings, np.random.default_rng(0))
     explain("dice_budget", table.columns)
     table = table.set_index(["model", "contact"])
     start = table.loc[("true", 0)]
@@ -387,9 +376,8 @@ def test_the_budget_tells_what_each_contact_costs(recorded):
     assert table.loc[("pairs", 0), "throws"] >= 2
 
 
-def test_throws_that_start_equal_and_end_equal_leave_no_error(recorded, monkeypatch):
-    dataset, hits, _, _ = recorded
-    releases, contacts, _ = read_throws(dataset, hits, DiceDataSettings())
+def test_throws_that_start_equal_and_end_equal_leave_no_error(read, monkeypatch):
+    releases, contacts = read
     # every throw again, elsewhere along the surface and on another side
     again = replace(releases, q=releases.q + [0.3, 0.0, np.pi], end=releases.end + [0.3, 0.0, np.pi])
     thrower = Thrower("law", MODEL, Sampled(MODEL.body, MODEL.impact))
@@ -397,7 +385,7 @@ def test_throws_that_start_equal_and_end_equal_leave_no_error(recorded, monkeypa
     rng = np.random.default_rng(0)
     few = round(0.8 * len(releases))
     monkeypatch.setattr("thesis_lib.thesis.residual.dice.budget.ALIKE", few)
-    table = budget([thrower], releases, again, contacts, side_of(dataset), settings, rng).set_index("model")
+    table = budget([thrower], releases, again, contacts, 2 * HALF, settings, rng).set_index("model")
     assert table.loc["pairs", "std"] < 1e-6 and table.loc["pairs", "face_right"] == 1.0
 
 
