@@ -8,10 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[1]
-sys.path[:0] = [
-    str(TESTS.parent),
-    *(str(TESTS / name) for name in ("critique", "jenga", "residual", "residual/throwing", "figures")),
-]
+sys.path[:0] = [str(TESTS.parent), *(str(TESTS / name) for name in ("critique", "jenga", "residual", "figures"))]
 SEED = 20190906
 
 
@@ -63,8 +60,7 @@ def identification(out: Path) -> None:
 def dice(out: Path) -> None:
     """Chapter 4: a dice model fitted to contacts, a Gaussian process, and throws to rest."""
     import numpy as np
-    from test_propagation import BELIEVED, TRUTH, made_contacts
-    from throws_for_tests import BODY, throws
+    from throws_for_tests import BELIEVED, BODY, TRUTH, made_contacts, throws
 
     from thesis_lib.foundation.files import write_json
     from thesis_lib.foundation.randomness import generator

@@ -1,10 +1,11 @@
-"""Impacts of an ellipse whose law is known, for the tests of learners."""
+"""Impacts of an ellipse whose law is known, and models that a critique saved, for the tests of learners and dice."""
 
 import numpy as np
 
-from thesis_lib.bodies.shapes import Ellipse
+from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.contact import LAWS
 from thesis_lib.contact.space import contact_space
+from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.impacts import Impacts
 
 SHAPE, MASS, K_G = Ellipse(semi_axes=(0.035, 0.025)), 0.0364, 0.0192
@@ -35,3 +36,24 @@ def made_impacts(
     trial = np.arange(len(theta))
     q = np.stack([np.zeros_like(theta), -r[:, 1], theta], axis=1)
     return Impacts(trial, np.zeros_like(trial), q, v_pre, v_post, r, k_g=K_G, mass=MASS)
+
+
+def saved_model(
+    effects: dict[str, float],
+    *,
+    law: str = "anitescu_potra_newton",
+    mu: float = 0.1,
+    epsilon: float = 0.5,
+    shape: Ellipse | Polygon = SHAPE,
+    k_g: float = K_G,
+) -> SavedModel:
+    """A critique's model with these values of its effects' parameters."""
+    parameters = {"mu": mu, "epsilon": epsilon} | effects
+    return SavedModel.model_validate(
+        {
+            "law": law,
+            "effects": list(dict.fromkeys(name.split(".")[0] for name in effects)),
+            "parameters": {name: {"value": value, "unit": "1"} for name, value in parameters.items()},
+            "rig": {"shape": shape.model_dump(), "radius_of_gyration": k_g, "gravity": 9.81, "height": 0.0},
+        }
+    )

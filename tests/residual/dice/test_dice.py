@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from impacts_for_tests import saved_model
 from throws_for_tests import HALF, RIG, SQUARE, throws
 
 from thesis_lib.bodies.body import Body, Noise
@@ -164,21 +165,7 @@ def test_no_flight_is_traced_back_through_a_later_hit(read):
 
 
 def saved(effects: dict[str, float]) -> SavedModel:
-    parameters = {"mu": 0.15, "epsilon": 0.5} | effects
-    return SavedModel.model_validate(
-        {
-            "schema": 1,
-            "law": "mirtich",
-            "effects": list(dict.fromkeys(name.split(".")[0] for name in effects)),
-            "parameters": {k: {"value": v, "std": None, "unit": "1"} for k, v in parameters.items()},
-            "rig": {
-                "shape": SQUARE.model_dump(mode="json"),
-                "radius_of_gyration": RIG.k_g,
-                "gravity": 9.81,
-                "height": 0.0,
-            },
-        }
-    )
+    return saved_model(effects, law="mirtich", mu=0.15, shape=SQUARE, k_g=RIG.k_g)
 
 
 BODY = {

@@ -2,31 +2,18 @@
 
 import numpy as np
 import pytest
-from throws_for_tests import throws
+from throws_for_tests import made_contacts
 
-from thesis_lib.thesis.residual.dice.data import MeasuredContacts
-from thesis_lib.thesis.residual.dice.fit import DiceModel, contact_path
+from thesis_lib.thesis.residual.dice.fit import DiceModel
 from thesis_lib.thesis.residual.dice.results import restitution
 from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact
-from thesis_lib.thesis.residual.throwing.flight import first_touch, fly
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 
 LAW = DiceModel(0.03, 0.0, 0.0, 0.0245, "anitescu_potra_newton", 0.1, 0.45, 9.81, d_theta=-0.02)
 
 
-def contacts_of(model: DiceModel) -> MeasuredContacts:
-    q, v = throws(200)
-    t, _ = first_touch(model.body, q, v)
-    q, v = fly(model.body, q, v, t - 0.002)
-    span = np.full(200, 0.01)
-    after_q, after_v = contact_path(model, q, v, span, ThrowSettings())
-    turn = [0.0, 0.0, model.d_theta]
-    states = q + turn, v, after_q + turn, after_v
-    return MeasuredContacts(np.arange(200), np.ones(200, bool), *states, span, last_hit=np.zeros(200))
-
-
 def test_newtons_restitution_is_read():
-    contacts = contacts_of(LAW)
+    contacts = made_contacts(LAW, 200, span=0.01)
     table = restitution(LAW, contacts, ThrowSettings())
     assert 60 < len(table) < 200
     assert table["measured"].to_numpy() == pytest.approx(0.45, abs=0.02)
@@ -37,7 +24,7 @@ def test_newtons_restitution_is_read():
 def test_a_place_that_gives_back_more_shows():
     soft = CornerContact(place=-0.03, width=0.03, far=1.0, far_dashpot=1.0)
     model = DiceModel(0.03, 0.0, 0.0, 0.0245, "mirtich", 0.1, 0.5, 9.81, contact=soft)
-    table = restitution(model, contacts_of(model), ThrowSettings())
+    table = restitution(model, made_contacts(model, 200, span=0.01), ThrowSettings())
     near = np.abs(table["x"] + 0.03) < 0.015
     assert 20 < near.sum() < len(table) - 10
     assert table.loc[near, "measured"].mean() > table.loc[~near, "measured"].mean() + 0.03

@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from impacts_for_tests import K_G, MASS, SHAPE, made_impacts
+from impacts_for_tests import K_G, MASS, made_impacts, saved_model
 
 from thesis_lib.contact.bounds import irb_bound
 from thesis_lib.contact.space import velocity_error
-from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.learners.bases import AugmentedBase, LawBase
 from thesis_lib.learners.feasible import feasible
 from thesis_lib.learners.features import velocity_after
@@ -119,18 +118,6 @@ def test_samples_of_the_feasible_learner_need_no_projection(trained, noisy):
         assert feasible(test.v_pre, from_latent(test.v_pre, drawn, test.r, K_G), test.r, K_G).all()
 
 
-def _saved(effects: dict[str, float], law: str = LAW) -> SavedModel:
-    parameters = {"mu": 0.1, "epsilon": 0.5} | effects
-    return SavedModel.model_validate(
-        {
-            "law": law,
-            "effects": list(dict.fromkeys(name.split(".")[0] for name in effects)),
-            "parameters": {name: {"value": value, "unit": "1"} for name, value in parameters.items()},
-            "rig": {"shape": SHAPE.model_dump(), "radius_of_gyration": K_G, "gravity": 9.81, "height": 0.0},
-        }
-    )
-
-
 EFFECTS = [
     {},
     {"mirrored_rotation.mirrored": 1.0},
@@ -141,7 +128,7 @@ EFFECTS = [
 
 @pytest.mark.parametrize("effects", EFFECTS)
 def test_frames_go_there_and_back(effects):
-    base, impacts = AugmentedBase(_saved(effects)), made_impacts(60, noise=0.3)
+    base, impacts = AugmentedBase(saved_model(effects)), made_impacts(60, noise=0.3)
     seen = base.seen(impacts)
     np.testing.assert_allclose(base.measured(impacts, seen.v_post), impacts.v_post, atol=1e-9)
 
@@ -149,7 +136,7 @@ def test_frames_go_there_and_back(effects):
 @pytest.mark.parametrize("effects", EFFECTS)
 def test_data_of_an_effect_are_explained_by_the_law_with_it_and_learned_on_it(effects):
     """Impacts made with an effect: the base with it is exact, and a residual on it leaves it so."""
-    base = AugmentedBase(_saved(effects))
+    base = AugmentedBase(saved_model(effects))
 
     def with_effect(n, seed):
         one = made_impacts(n, seed)
@@ -166,7 +153,7 @@ def test_data_of_an_effect_are_explained_by_the_law_with_it_and_learned_on_it(ef
 
 
 def test_the_jacobian_maps_impulses_to_measured_velocities():
-    base, impacts = AugmentedBase(_saved(EFFECTS[2])), made_impacts(60, noise=0.1)
+    base, impacts = AugmentedBase(saved_model(EFFECTS[2])), made_impacts(60, noise=0.1)
     model = ImpulseLearner("X1", True, base, True, settings=FAST).fit(impacts, np.random.default_rng(0))
     out = model.predict(impacts)
     step = 1e-3 * MASS * np.array([1.0, -0.5, 0.01])

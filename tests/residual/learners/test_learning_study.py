@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from impacts_for_tests import K_G, SHAPE, made_impacts
+from impacts_for_tests import K_G, made_impacts, saved_model
 
-from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.learners.bases import AugmentedBase
 from thesis_lib.learners.gaussian_process import GaussianProcessSettings
 from thesis_lib.thesis.residual import learning_study as study
@@ -125,18 +124,7 @@ def test_what_ten_inputs_cost_is_told_at_few_impacts():
 
 def test_named_physics_leaves_nothing_to_learn_where_it_is_the_whole_truth():
     """Impacts with a mirrored rotation: the law with the effect is at the noise, the law alone far off."""
-    model = SavedModel.model_validate(
-        {
-            "law": "anitescu_potra_newton",
-            "effects": ["mirrored_rotation"],
-            "parameters": {
-                "mu": {"value": 0.1, "unit": "1"},
-                "epsilon": {"value": 0.5, "unit": "1"},
-                "mirrored_rotation.mirrored": {"value": 1.0, "unit": "1"},
-            },
-            "rig": {"shape": SHAPE.model_dump(), "radius_of_gyration": K_G, "gravity": 9.81, "height": 0.0},
-        }
-    )
+    model = saved_model({"mirrored_rotation.mirrored": 1.0})
     one = made_impacts(160)
     noise = 0.02 * np.random.default_rng(1).normal(size=one.v_pre.shape) / [1.0, 1.0, K_G]
     one = replace(one, v_post=AugmentedBase(model).predict(one) + noise)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from throws_for_tests import BODY, RIG, throws
+from throws_for_tests import BODY, RIG, energy, touching
 
 from thesis_lib.contact import LAWS
+from thesis_lib.contact.space import velocity_error
 from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact, compliant_path, press
-from thesis_lib.thesis.residual.throwing.flight import first_touch, fly
 from thesis_lib.thesis.residual.throwing.throw import LawImpact
 
 CONTACT = CornerContact(omega=1000.0, damping=0.2, dashpot=0.15, mu=0.2, tau=0.3)
@@ -21,16 +21,6 @@ def on_a_corner(speed: float) -> tuple[np.ndarray, np.ndarray]:
     q = np.array([[0.0, 0.0, np.pi / 4]])
     q[:, 1] -= BODY.gap(q)
     return q, np.array([[0.0, -speed, 0.0]])
-
-
-def energy(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    return 0.5 * (v[:, 0] ** 2 + v[:, 1] ** 2 + (RIG.k_g * v[:, 2]) ** 2) + 9.81 * q[:, 1]
-
-
-def touches(n: int) -> tuple[np.ndarray, np.ndarray]:
-    q, v = throws(n)
-    t, _ = first_touch(BODY, q, v)
-    return fly(BODY, q, v, t)
 
 
 @pytest.mark.parametrize("zeta", [0.05, 0.2, 0.4])
@@ -60,7 +50,7 @@ def test_hunt_and_crossley_restitute_less_the_faster_and_all_of_it_when_slow():
 
 
 def test_no_contact_gains_energy():
-    q, v = touches(300)
+    q, v, _ = touching(300)
     after_q, after_v, _ = press(BODY, replace(CONTACT, flat=0.5, far=1.0), q, v, np.full(300, 0.02))
     assert (energy(after_q, after_v) <= energy(q, v) * (1.0 + 1e-3)).all()
     lossless = replace(CONTACT, damping=0.0, dashpot=0.0, mu=0.0)
@@ -71,7 +61,7 @@ def test_no_contact_gains_energy():
 
 
 def test_left_is_right_in_a_mirror():
-    q, v = touches(100)
+    q, v, _ = touching(100)
     contact = replace(CONTACT, place=-0.05, far=1.0, flat=0.4)
     mirror = np.array([-1.0, 1.0, -1.0])
     one_q, one_v = compliant_path(BODY, contact, q, v, 0.03)
@@ -82,12 +72,9 @@ def test_left_is_right_in_a_mirror():
 
 def test_stiff_corners_without_friction_hit_like_the_law_with_their_restitution():
     """μ = 0 leaves one law only: c_n = (1 + e) of what ends the approach."""
-    q, v = touches(300)
+    q, v, r = touching(300)
     zeta = 0.2
-    root = np.sqrt(1.0 - zeta**2)
     contact = CornerContact(omega=20_000.0, damping=0.0, dashpot=zeta, mu=0.0)
-    _, corner = first_touch(BODY, q, v)
-    r = BODY.contact_point(q[:, 2], corner)
     single = np.abs(np.sin(2.0 * q[:, 2])) > 0.5  # the neighbour comes much later
     # the damping ratio of the contact is ζ √K_nn: a lever is softer than a mass on its spring
     K = 1.0 + r[:, 0] ** 2 / RIG.k_g**2
@@ -97,20 +84,20 @@ def test_stiff_corners_without_friction_hit_like_the_law_with_their_restitution(
     law = LawImpact(LAWS["mirtich"], 0.0, e, RIG.k_g)
     _, expected, _ = law(q, v, r, np.zeros(300, bool), np.random.default_rng(0))
     _, after, _ = press(BODY, contact, q, v, np.full(300, 0.002), longest=0.002, dt=1e-6)
-    error = np.linalg.norm((after - expected) * [1.0, 1.0, RIG.k_g], axis=1)
+    error = velocity_error(after - expected, RIG.k_g)
     assert single.sum() > 100
     assert np.median(error[single]) < 0.02
 
 
 def test_steps_are_small_enough():
-    q, v = touches(200)
+    q, v, _ = touching(200)
     _, coarse = compliant_path(BODY, CONTACT, q, v, 0.012)
     _, fine = compliant_path(BODY, CONTACT, q, v, 0.012, dt=1e-5)
-    error = np.linalg.norm((coarse - fine) * [1.0, 1.0, RIG.k_g], axis=1)
+    error = velocity_error(coarse - fine, RIG.k_g)
     # against the 0.1 m/s by which measured contacts scatter
     assert np.median(error) < 0.02
     _, half = compliant_path(BODY, CONTACT, q, v, 0.012, dt=5e-5)
-    assert np.median(np.linalg.norm((half - fine) * [1.0, 1.0, RIG.k_g], axis=1)) < 0.7 * np.median(error)
+    assert np.median(velocity_error(half - fine, RIG.k_g)) < 0.7 * np.median(error)
 
 
 def test_a_flat_landing_without_friction_is_what_a_solver_of_its_own_finds():
