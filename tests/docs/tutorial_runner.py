@@ -14,15 +14,12 @@ Where a printed text has … or a new line, or goes on before or after, anything
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = ("Snakefile", "environment.txt", "pyproject.toml")
-FOLDERS = ("config", "docs", "profiles", "tests", "thesis_lib", "workflow")
 NUMBER = r"[-−]?\d+\.?\d*(?:e-?\d+)?"
 ROUNDING = 0.1  # relative: other versions of the libraries move floors, and whatever is drawn, by a few per cent
 _BLOCK = re.compile(
@@ -55,16 +52,6 @@ def steps_of(page: str) -> list[Step]:
         elif match["kind"] == "text" and steps:
             steps[-1].prints.append(match["text"])
     return steps
-
-
-def copy_project(to: Path) -> Path:
-    """What a fresh clone has, without data and results, but compiled, as after its first command."""
-    to.mkdir(parents=True)
-    for name in FILES:
-        shutil.copy2(ROOT / name, to / name)
-    for name in FOLDERS:
-        shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("*.png"))
-    return to
 
 
 def run(step: Step, folder: Path, project: Path | None = None) -> str:

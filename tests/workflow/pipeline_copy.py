@@ -7,12 +7,12 @@ ROOT = Path(__file__).resolve().parents[2]
 PARTS = ("Snakefile", "environment.txt", "config", "profiles", "thesis_lib", "workflow")
 
 
-def copy_pipeline(to: Path) -> Path:
-    """Copy the pipeline, without data and results, into the folder `to`."""
+def copy_pipeline(to: Path, *more: str) -> Path:
+    """Copy the pipeline, without data and results, into the folder `to`, with `more` files and folders."""
     to.mkdir(parents=True, exist_ok=True)
-    for name in PARTS:
+    for name in (*PARTS, *more):
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, to / name)
+            shutil.copytree(ROOT / name, to / name, ignore=shutil.ignore_patterns("*.png"))
         else:
             shutil.copy2(ROOT / name, to / name)
     return to

@@ -5,9 +5,9 @@ Each output is independent, with standardised inputs x and outputs y,
     k(x, x') = s exp(−½ Σ_d (x_d − x'_d)² / l_d²),   K_y = K + σ² W⁻¹,   α = K_y⁻¹ y
     μ* = k*ᵀ α,   var* = s − k*ᵀ K_y⁻¹ k*
 
-`marginal_likelihood` finds the hyperparameters, `covariance` holds the matrices (exact, float64).  GPyTorch is what the
-tests compare with: through MKL with the common kernels its factor takes 4 times as long and its variance 8 times.
-Scikit-learn's process, with which the critique tests what is left (`thesis_lib/critique/drops/features.py`), fits one
+`marginal_likelihood` finds the hyperparameters, `covariance` holds the matrices (exact, float64).  GPyTorch would go
+through MKL: with the common kernels its factor takes 4 times as long and its variance 8 times.  Scikit-learn's process,
+with which the tests compare, and the critique tests what is left (`thesis_lib/critique/drops/features.py`), fits one
 noise σ² for all measurements, or takes one for each as given, but does not fit σ² beside weights w; nor has it priors.
 Its likelihood with gradient takes 5 times as long (450 points of 6 inputs: 36 instead of 7 ms).
 
