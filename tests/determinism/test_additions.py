@@ -1,6 +1,5 @@
 """Another effect or law in the library changes no other number of a critique, but for those that count candidates."""
 
-import copy
 import json
 import sys
 from dataclasses import replace
@@ -158,10 +157,3 @@ def test_a_law_changes_no_ensemble_of_another(another_law):
     pd.testing.assert_frame_equal(
         table(["mirtich", "whittaker"]), table(["mirtich", another_law, "whittaker"]), check_exact=True
     )
-
-
-def test_paths_are_taken_away():
-    content = {"a": [{"b": {"c": 1, "d": 2}}, {"b": {"c": 3}}], "e": 4}
-    changed = copy.deepcopy(content)
-    without(changed, ("a", "b", "c"))
-    assert changed == {"a": [{"b": {"d": 2}}, {"b": {}}], "e": 4}
