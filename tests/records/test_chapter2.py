@@ -2,7 +2,7 @@
 
 import pandas as pd
 import pytest
-from finding_of import finding
+from finding_of import finding, table
 
 from thesis_lib.thesis.figures.chapter2.impact import NAMES
 from thesis_lib.thesis.identify.impacts.measured_ratio import gather
@@ -25,7 +25,7 @@ def modes(left: list[str], right: list[str]) -> pd.DataFrame:
         for end, own in (("left end", left), ("right end", right))
         for i, mode in enumerate(own)
     ]
-    return pd.DataFrame(rows, columns=["panel", "series", "t", "mode"])
+    return table("panel series t mode", *rows)
 
 
 def test_an_end_of_the_rod_lands_once_and_its_first_mode_is_timed():
@@ -60,13 +60,10 @@ def test_the_trend_with_mass_is_that_of_the_angles(angles, trend):
 def test_steps_without_force_do_not_count_as_covered():
     """Of four steps with a force one is off by more than two standard errors; the fifth carries none."""
     truth, fit = [1.0, 1.0, 1.0, 1.0, 0.0], [1.01, 1.01, 1.01, 1.05, 0.0]
-    rows = [
-        {"spoke": 1, "series": name, "kind": "rolling", "t": i, "force_or_impulse": value, "std": 0.01}
-        for name, values in (("truth", truth), ("fit", fit), ("plain", [0.5] * 5))
-        for i, value in enumerate(values)
-    ]
-    summary = pd.DataFrame({"method": ["plain", "fit"], "within_2_std": [float("nan"), 0.9]})
-    said = finding("figure_2_11", pd.DataFrame(rows), summary)
+    series = {"truth": truth, "fit": fit, "plain": [0.5] * 5}
+    rows = [(1, name, "rolling", i, value, 0.01) for name, of in series.items() for i, value in enumerate(of)]
+    summary = table("method within_2_std", ("plain", float("nan")), ("fit", 0.9))
+    said = finding("figure_2_11", table("spoke series kind t force_or_impulse std", *rows), summary)
     assert "by 50 %" in said
     assert "in 75 % of the contact steps shown, and in 90 % for" in said
 
@@ -75,25 +72,17 @@ def test_steps_without_force_do_not_count_as_covered():
     ("arm", "ground", "word"), [(0.1, 0.2, "within"), (0.1, 0.3, "partly within"), (0.3, 0.4, "beyond")]
 )
 def test_forces_are_judged_by_the_thesis(arm, ground, word):
-    errors = {"arm": arm, "ground": ground}
-    rows = [
-        {"pair": pair, "component": "normal", "t": t, "true": 10.0, "estimate": 10.0 * (1 + error), "plain": 0.0}
-        for pair, error in errors.items()
-        for t in (0.0, 1.0)
-    ]
-    said = finding("figure_2_12", pd.DataFrame(rows))
+    errors = (("arm", arm), ("ground", ground))
+    rows = [(pair, "normal", t, 10.0, 10.0 * (1 + error), 0.0) for pair, error in errors for t in (0.0, 1.0)]
+    said = finding("figure_2_12", table("pair component t true estimate plain", *rows))
     assert f"all steps, {word} the thesis's 20 %" in said
     assert f"normal force at the ground, {10 * (1 + ground):.1f} N instead of 10.0 N" in said
 
 
 def noise_rows(**methods: list[float]) -> pd.DataFrame:
     """Errors over the bound by method, one a noise level, of 200 drops: their standard error is a twentieth."""
-    rows = [
-        {"shape": "block", "method": method, "snr": 10 * i, "n": 200, "error_over_bound": value}
-        for method, values in methods.items()
-        for i, value in enumerate(values)
-    ]
-    return pd.DataFrame(rows)
+    rows = [("block", name, 10 * i, 200, value) for name, values in methods.items() for i, value in enumerate(values)]
+    return table("shape method snr n error_over_bound", *rows)
 
 
 def test_errors_are_told_apart_from_the_bound_by_their_drops():
@@ -106,12 +95,9 @@ def test_errors_are_told_apart_from_the_bound_by_their_drops():
     ("std", "word", "cases"), [(0.3, "not told apart from zero", "0 of 2"), (0.2, "above zero", "1 of 2")]
 )
 def test_a_bias_is_told_apart_by_its_standard_error(std, word, cases):
-    rows = [
-        {"shape": "block", "method": method, "snr": snr, "mean_error": error, "mean_error_std": std, "thesis": -0.35}
-        for method, own in (("arcs", {10: 0.0, 40: 0.5}), ("plain", {10: -9.0, 40: 9.0}))
-        for snr, error in own.items()
-    ]
-    said = finding("table_2_1", pd.DataFrame(rows))
+    errors = (("arcs", 10, 0.0), ("arcs", 40, 0.5), ("plain", 10, -9.0), ("plain", 40, 9.0))
+    rows = [("block", *row, std, -0.35) for row in errors]
+    said = finding("table_2_1", table("shape method snr mean_error mean_error_std thesis", *rows))
     assert f", {word}, by 9.0" in said
     assert "At 40 dB" in said
     assert f"in {cases} cases by maximum likelihood, in 2 of 2 by the plain program" in said
@@ -125,10 +111,9 @@ def test_a_bias_is_told_apart_by_its_standard_error(std, word, cases):
     ],
 )
 def test_failures_are_those_of_one_mechanism_or_none(failed, wrong, words):
-    columns = ["name", "mechanism", "n_starts", "n_success", "n_claims", "n_false_claims"]
     rows = [("qp", "block", 10, 10, 10, 0), ("2.14", "block", 50, 50, 50, 0)]
     rows.append(("2.14", "arm_disk", 50, 50 - failed, 50, wrong))
-    said = finding("programs", pd.DataFrame(rows, columns=columns))
+    said = finding("programs", table("name mechanism n_starts n_success n_claims n_false_claims", *rows))
     assert f"qp 10 of 10; 2.14 {100 - failed} of 100. {words}" in said
 
 

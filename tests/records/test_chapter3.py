@@ -4,7 +4,7 @@ import re
 
 import pandas as pd
 import pytest
-from finding_of import finding
+from finding_of import finding, table
 
 from thesis_lib.thesis.impact_study import statements
 from thesis_lib.thesis.ledger.format import read_ledger
@@ -15,12 +15,8 @@ NEWTON, POISSON = "anitescu_potra_newton", "anitescu_potra_poisson"
 
 def said_in(rows: dict[str, tuple[float, float]]) -> pd.DataFrame:
     """statements.csv: value and standard error by "statement" or "statement:law"."""
-    return pd.DataFrame(
-        [
-            {"statement": name.split(":")[0], "law": name.partition(":")[2] or None, "value": value, "std": std}
-            for name, (value, std) in rows.items()
-        ]
-    )
+    split = [(*name.partition(":")[::2], *estimate) for name, estimate in rows.items()]
+    return table("statement law value std", *((name, law or None, *rest) for name, law, *rest in split))
 
 
 def test_the_thesis_is_quoted_as_in_the_ledger():
@@ -58,10 +54,8 @@ def test_energy_between_impacts_is_told_apart_from_zero_by_its_interval(between,
 
 def followed(k: int, mu: float = 0.1) -> pd.DataFrame:
     """Two subsets of one law, which differ except at the end."""
-    return pd.DataFrame(
-        [(NEWTON, subset, n, mu * (1 + 0.5 * subset * (n < k))) for subset in (0, 1) for n in (50, k)],
-        columns=["law", "subset", "k", "mu"],
-    )
+    rows = [(NEWTON, subset, n, mu * (1 + 0.5 * subset * (n < k))) for subset in (0, 1) for n in (50, k)]
+    return table("law subset k mu", *rows)
 
 
 @pytest.mark.parametrize(
@@ -93,14 +87,8 @@ def test_a_short_run_does_not_judge_convergence():
     [((0.1, 0.05), "falls to 0.10"), ((0.6, 0.05), "is not told apart, with 0.60"), ((0.9, 0.05), "rises to 0.90")],
 )
 def test_bounds_are_no_laws_and_the_mirrored_one_is_judged(mirrored, word):
-    means = {
-        "irb_bound": 0.5,
-        "best_post_hoc_as_defined": 0.6,
-        "mirtich": 1.0,
-        NEWTON: 1.5,
-        "mirtich_as_published": 2.0,
-    }
-    summary = pd.DataFrame({"model": means.keys(), "mean": means.values()})
+    laws = ("mirtich", 1.0), (NEWTON, 1.5), ("mirtich_as_published", 2.0)
+    summary = table("model mean", ("irb_bound", 0.5), ("best_post_hoc_as_defined", 0.6), *laws)
     said = finding("figure_3_8", summary, said_in({"irb_bound": (0.5, 0.05), "irb_bound_mirrored": mirrored}))
     assert "0.50 times the least mean error of a law (1.00 m/s, Mirtich)" in said
     assert "the largest is 2.00 m/s (published Mirtich), and Best Post Hoc has 0.600 m/s" in said
@@ -109,7 +97,7 @@ def test_bounds_are_no_laws_and_the_mirrored_one_is_judged(mirrored, word):
 
 def mapped(left: list[float], right: list[float]) -> pd.DataFrame:
     rows = [("impact", -1.0, error) for error in left] + [("impact", 1.0, error) for error in right]
-    return pd.DataFrame([*rows, ("map", -1.0, 99.0)], columns=["series", "momentum_t", "error"])
+    return table("series momentum_t error", *rows, ("map", -1.0, 99.0))
 
 
 def test_sides_of_the_map_are_compared_by_their_impacts():
@@ -157,30 +145,14 @@ def test_reversals_are_compared_with_those_predicted(share, word):
 
 
 def parameters(mu: dict[str, float], std: float) -> pd.DataFrame:
-    rows = [
-        {
-            "variant": variant,
-            "weighting": weighting,
-            "law": law,
-            "mu": value,
-            "mu_std": std,
-            "best": 10 * value,
-            "worst": 99 - value,
-        }
-        for variant, weighting in (
-            ("as_published", "unweighted"),
-            ("as_defined", "kinetic"),
-            ("as_defined", "unweighted"),
-        )
-        for law, value in mu.items()
-    ]
-    return pd.DataFrame(rows)
+    variants = ("as_published", "unweighted"), ("as_defined", "kinetic"), ("as_defined", "unweighted")
+    rows = [(*of, law, value, std, 10 * value, 99 - value) for of in variants for law, value in mu.items()]
+    return table("variant weighting law mu mu_std best worst", *rows)
 
 
 @pytest.mark.parametrize(("std", "below"), [(0.01, 2), (0.05, 1)])
 def test_friction_is_told_apart_from_the_inclined_planes(std, below):
-    table = parameters({NEWTON: 0.1, "whittaker": 0.25, "mirtich": 9.0}, std)
-    said = finding("table_3_1", table)
+    said = finding("table_3_1", parameters({NEWTON: 0.1, "whittaker": 0.25, "mirtich": 9.0}, std))
     assert (
         f"0.100 (AP Newton) to 0.250 (Whittaker), leaving out Mirtich, whose published μ has another unit: {below} of 2"
         in said
@@ -190,15 +162,8 @@ def test_friction_is_told_apart_from_the_inclined_planes(std, below):
 
 
 def test_laws_with_the_same_share_are_named_together():
-    rows = [
-        {"variant": variant, "weighting": weighting, "law": law, "tolerance": tolerance, "fraction": fraction}
-        for variant, weighting in (
-            ("as_published", "unweighted"),
-            ("as_published", "kinetic"),
-            ("as_defined", "kinetic"),
-        )
-        for law, fraction in ((NEWTON, 0.4), ("whittaker", 0.4), ("mirtich", 0.2))
-        for tolerance in (0.00275, 0.0275)
-    ]
-    said = finding("table_3_2", pd.DataFrame(rows))
+    variants = ("as_published", "unweighted"), ("as_published", "kinetic"), ("as_defined", "kinetic")
+    laws = ((NEWTON, 0.4), ("whittaker", 0.4), ("mirtich", 0.2))
+    rows = [(*of, law, limit, share) for of in variants for law, share in laws for limit in (0.00275, 0.0275)]
+    said = finding("table_3_2", table("variant weighting law tolerance fraction", *rows))
     assert "20 % (Mirtich) to 40 % (AP Newton and Whittaker) of the impulses within 2.75 mm/s" in said

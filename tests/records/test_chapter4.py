@@ -2,7 +2,7 @@
 
 import pandas as pd
 import pytest
-from finding_of import finding
+from finding_of import finding, table
 
 from thesis_lib.thesis.records.chapter4 import LEARNERS, OVER_BOUND, THROWERS
 
@@ -11,7 +11,7 @@ def ratios(std: float = 0.01, hoc: float = 1.2, **over: float) -> pd.DataFrame:
     """learning_ratios.csv; a model that is not named lies at twice the bound."""
     rows = [(statement, 450, over.get(name, 2.0), std) for statement, name in OVER_BOUND.items()]
     rows.append(("best_post_hoc_over_rigid", 450, hoc, std))
-    return pd.DataFrame(rows, columns=["statement", "n", "value", "std"])
+    return table("statement n value std", *rows)
 
 
 def errors(wrench: list[float]) -> pd.DataFrame:
@@ -21,7 +21,7 @@ def errors(wrench: list[float]) -> pd.DataFrame:
         for model, values in (("wrench_x1", wrench), ("irb_bound", [1.0] * len(wrench)))
         for trial, value in enumerate(values)
     ]
-    return pd.DataFrame(rows, columns=["model", "trial", "impact", "error"])
+    return table("model trial impact error", *rows)
 
 
 def rungs(floor: float | None = None, **means: float) -> pd.DataFrame:
@@ -30,7 +30,7 @@ def rungs(floor: float | None = None, **means: float) -> pd.DataFrame:
     rows = [("a", name, 450.0, means[name], means[name] - 0.1, means[name] + 0.1) for name in names]
     if floor is not None:
         rows.append(("a", "noise_floor", float("nan"), floor, float("nan"), float("nan")))
-    return pd.DataFrame(rows, columns=["panel", "model", "n", "mean", "low", "high"])
+    return table("panel model n mean low high", *rows)
 
 
 def throws(**quantities: dict[str, tuple[float, float]]) -> pd.DataFrame:
@@ -40,14 +40,14 @@ def throws(**quantities: dict[str, tuple[float, float]]) -> pd.DataFrame:
         for quantity, models in quantities.items()
         for model, (value, half) in models.items()
     ]
-    return pd.DataFrame(rows, columns=["model", "quantity", "value", "low", "high"])
+    return table("model quantity value low high", *rows)
 
 
 def coverage(low: float, high: float, passes: tuple[int, int, int]) -> pd.DataFrame:
     rows = [
         ("law", "roll", level, 0.5 * (low + high), low, high, held) for level, held in zip((0.5, 0.8, 0.95), passes)
     ]
-    return pd.DataFrame(rows, columns=["model", "kind", "level", "coverage", "low", "high", "passes"])
+    return table("model kind level coverage low high passes", *rows)
 
 
 def test_names_are_those_of_the_legends() -> None:
@@ -59,7 +59,7 @@ def test_names_are_those_of_the_legends() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "wrench", "words"),
+    ("of", "wrench", "words"),
     [
         (
             {"wrench_x1": 0.3, "residual_wrench": 0.4},
@@ -74,8 +74,8 @@ def test_names_are_those_of_the_legends() -> None:
         ({}, [0.5, float("nan")], ["On 50"]),  # an impact without a solution is none below the bound
     ],
 )
-def test_learned_models_against_the_bounds(table: dict, wrench: list[float], words: list[str]) -> None:
-    said = finding("figure_4_5", ratios(**table), errors(wrench))
+def test_learned_models_against_the_bounds(of: dict, wrench: list[float], words: list[str]) -> None:
+    said = finding("figure_4_5", ratios(**of), errors(wrench))
     assert all(word in said for word in words), said
 
 
@@ -91,12 +91,9 @@ def test_learned_models_against_the_bounds(table: dict, wrench: list[float], wor
 def test_curves_fall_only_beyond_their_intervals(last: float, reached: int, word: str) -> None:
     models = ("rigid_x1", "wrench_x1", "residual_wrench")
     rows = [(name, n, m, m - 0.1, m + 0.1) for name in models for n, m in ((10, 1.0), (450, last))]
-    summary = pd.DataFrame(rows, columns=["model", "n", "mean", "low", "high"])
-    level = pd.DataFrame(
-        [(name, reached, reached, reached) for name in models],
-        columns=["model", "n_converged", "n_converged_low", "n_converged_high"],
-    )
-    said = finding("figure_4_6", summary, level)
+    level = [(name, reached, reached, reached) for name in models]
+    levels = table("model n_converged n_converged_low n_converged_high", *level)
+    said = finding("figure_4_6", table("model n mean low high", *rows), levels)
     assert said.count(word) == len(models), said
 
 
@@ -123,17 +120,17 @@ def test_named_effects_against_a_learned_wrench(floor, means, words) -> None:
 
 
 def test_scatter_and_bias_at_rest() -> None:
-    table = throws(
+    dice = throws(
         mean={"law": (1.0, 0.2), "residual_wrench": (0.1, 0.2), "compliant": (0.0, 0.1)},
         std={"law": (2.0, 0.1), "residual_wrench": (1.0, 0.1), "compliant": (0.8, 0.1)},
     )
-    said = finding("figure_4_8", table)
+    said = finding("figure_4_8", dice)
     assert "wrench residual is less than that of the law alone" in said
     assert said.endswith("leave out zero for law alone.")
     assert "compliant contact 0.00 (−0.10 to 0.10) ± 0.800, the least scatter" in said
     assert "(thesis −0.97 ± 4.44)" in said
-    table.loc[(table["model"] == "residual_wrench") & (table["quantity"] == "std"), "high"] = 1.95
-    assert "wrench residual is not told apart from that of the law alone" in finding("figure_4_8", table)
+    dice.loc[(dice["model"] == "residual_wrench") & (dice["quantity"] == "std"), "high"] = 1.95
+    assert "wrench residual is not told apart from that of the law alone" in finding("figure_4_8", dice)
 
 
 def test_nearest_model_and_its_limit() -> None:
@@ -193,11 +190,15 @@ def test_slopes_of_restitution(measured: float, model: float, words: tuple[str, 
 
 
 def test_the_budget_says_what_each_contact_costs_the_best_model() -> None:
-    columns = ["model", "contact", "std", "face_right", "std_start", "face_start"]
-    rows = [("law", 0, 2.0, 0.2, 2.0, 0.2), ("compliant", 0, 0.9, 0.45, 0.9, 0.45)]
-    rows += [("compliant", 1, 0.4, 0.8, 0.95, 0.43), ("nearest", 0, 0.83, 0.26, 0.83, 0.26)]
-    rows += [("pairs", 0, 0.7, 0.3, 0.7, 0.3)]
-    said = finding("figure_budget", pd.DataFrame(rows, columns=columns))
+    budget = table(
+        "model contact std face_right std_start face_start",
+        ("law", 0, 2.0, 0.2, 2.0, 0.2),
+        ("compliant", 0, 0.9, 0.45, 0.9, 0.45),
+        ("compliant", 1, 0.4, 0.8, 0.95, 0.43),
+        ("nearest", 0, 0.83, 0.26, 0.83, 0.26),
+        ("pairs", 0, 0.7, 0.3, 0.7, 0.3),
+    )
+    said = finding("figure_budget", budget)
     assert "The compliant contact names 45 % of the faces from the release, with a scatter of 0.90 sides" in said
     assert "80 % and 0.40 sides from contact 1 (43 % and 0.95 from their release)" in said
     assert "the nearest throws name 26 % and scatter by 0.83 sides; of pairs that start alike 30 %" in said
@@ -213,15 +214,10 @@ def test_the_budget_says_what_each_contact_costs_the_best_model() -> None:
 )
 def test_ends_in_their_beliefs(measured: float, inside: str, low: float, word: str) -> None:
     grid = [0.1 * i - 4.0 for i in range(81)]
-    drawn = pd.DataFrame(
-        [(case, x, float(abs(x) < 1.0), 2.0, measured, 0.6) for case in ("hard", "easy") for x in grid],
-        columns=["case", "distance", "density", "law", "measured", "std"],
-    )
-    rank = pd.DataFrame(
-        [("compliant_residual", "spread_rest", "error", 0.3, low, 0.5)],
-        columns=["model", "spread", "of", "rank_correlation", "low", "high"],
-    )
-    said = finding("figure_4_10", drawn, rank)
+    rows = [(case, x, float(abs(x) < 1.0), 2.0, measured, 0.6) for case in ("hard", "easy") for x in grid]
+    rank = ("compliant_residual", "spread_rest", "error", 0.3, low, 0.5)
+    drawn = table("case distance density law measured std", *rows)
+    said = finding("figure_4_10", drawn, table("model spread of rank_correlation low high", rank))
     assert f"ends {inside} the central 95" in said
     assert word in said
 

@@ -2,21 +2,17 @@
 
 import pandas as pd
 import pytest
-from finding_of import finding
+from finding_of import finding, table
 
 from thesis_lib.thesis.records import chapter5
 
 NAN = float("nan")
-NEEDED = pd.DataFrame({"policy": ["mor"], "of": ["hma"], "size": [100]})
-
-
-def curve(*rows: tuple[str, int, float, float, float, int]) -> pd.DataFrame:
-    return pd.DataFrame(rows, columns=["policy", "size", "mean", "low", "high", "n"])
+NEEDED = table("policy of size", ("mor", "hma", 100))
+CURVE = "policy size mean low high n"
 
 
 def pairs(*rows: tuple[str, int, float, float, float, int]) -> pd.DataFrame:
-    table = pd.DataFrame(rows, columns=["rival", "rival_size", "difference", "low", "high", "n"])
-    return table.assign(policy="hma", size=100)
+    return table("rival rival_size difference low high n", *rows).assign(policy="hma", size=100)
 
 
 def success(before: tuple[int, float], after: tuple[int, float], published: float = 0.5) -> pd.DataFrame:
@@ -26,8 +22,7 @@ def success(before: tuple[int, float], after: tuple[int, float], published: floa
         std = (share * (1.0 - share) / n) ** 0.5 if n else 0.35
         low, high = (share - 2 * std, share + 2 * std) if n else (NAN, NAN)
         rows.append((phase, "all", "extract", n, share if n else NAN, std, low, high, published))
-    columns = ["phase", "position", "action", "attempts", "share", "std", "low", "high", "published"]
-    return pd.DataFrame(rows, columns=columns)
+    return table("phase position action attempts share std low high published", *rows)
 
 
 def test_names_are_those_of_the_legend() -> None:
@@ -53,19 +48,20 @@ def test_the_threshold_is_the_one_that_was_fixed() -> None:
     ],
 )
 def test_extractions_against_the_goal(mean: float, half: float, n: int, word: str) -> None:
-    table = curve(("hma", 100, mean, mean - half, mean + half, n), ("rule", 0, 5.0, 4.0, 6.0, n))
-    assert word in finding("figure_5_5b", table, NEEDED)
+    curve = table(CURVE, ("hma", 100, mean, mean - half, mean + half, n), ("rule", 0, 5.0, 4.0, 6.0, n))
+    assert word in finding("figure_5_5b", curve, NEEDED)
 
 
 def test_the_best_of_the_other_policies_is_named() -> None:
-    table = curve(
+    curve = table(
+        CURVE,
         ("hma", 100, 10.0, 9.0, 11.0, 5),
         ("hma", 1000, 20.0, 19.0, 21.0, 5),
         ("network", 100, 8.0, 7.0, 9.0, 5),
         ("ppo", 20000, 3.0, 2.0, 4.0, 5),
         ("oracle", 0, 11.0, 10.0, 12.0, 5),
     )
-    said = finding("figure_5_5b", table, NEEDED)
+    said = finding("figure_5_5b", curve, NEEDED)
     assert "with as many, network 8.0 (7.0 to 9.0)" in said
     assert said.endswith("most of the other policies, oracle: 11.0 (10.0 to 12.0).")
 
@@ -120,8 +116,7 @@ def test_no_extraction_was_tried() -> None:
 def test_resistance_with_height(low: float, high: float, word: str) -> None:
     rows = [("inside_cone", 0.99, 0.98, 1.0)]
     rows += [(name, 0.5 * (low + high), low, high) for name in ("height_correlation", "height_correlation_predicted")]
-    table = pd.DataFrame(rows, columns=["quantity", "value", "low", "high"]).assign(n=65)
-    assert word in finding("figure_5_7", table)
+    assert word in finding("figure_5_7", table("quantity value low high", *rows).assign(n=65))
 
 
 def test_a_belief_that_changes_its_mind() -> None:
@@ -132,9 +127,8 @@ def test_a_belief_that_changes_its_mind() -> None:
         for name, beliefs in steps.items()
         for step, belief in enumerate(beliefs, start=1)
     ]
-    beliefs = pd.DataFrame(rows, columns=["case", "step", "abstraction", "belief"])
-    runs = pd.DataFrame({"belief_apart": [0.01, 0.2], "r_hat": [1.0, 1.3]})
-    said = finding("figure_5_8", beliefs, runs)
+    runs = table("belief_apart r_hat", (0.01, 1.0), (0.2, 1.3))
+    said = finding("figure_5_8", table("case step abstraction belief", *rows), runs)
     assert "stuck block is “hard move” from step 2 to 3 and “no move” from step 4 on" in said
     assert "the easy block is never one abstraction" in said
     assert "at most 0.2 (R-hat of its chains up to 1.30)" in said
@@ -142,7 +136,7 @@ def test_a_belief_that_changes_its_mind() -> None:
 
 def test_a_pair_that_did_not_come_out_is_not_the_one_shown() -> None:
     rows = [(1, 8, 0, 40.0, 0), (1, 8, 1, 1.0, 1), (2, 8, 0, 9.0, 1), (2, 8, 1, 12.0, 1)]
-    said = finding("figure_5_9", pd.DataFrame(rows, columns=["block", "edge", "steered", "stray", "out"]))
+    said = finding("figure_5_9", table("block edge steered stray out", *rows))
     assert "ends 12" in said
     assert "nearer in 1;" in said
     assert "and 2 and 1 blocks came out" in said
@@ -160,20 +154,15 @@ def test_a_pair_that_did_not_come_out_is_not_the_one_shown() -> None:
 def test_share_of_movable_blocks(mean: float, half: float, word: str) -> None:
     rows = [("test", t, m, m - half, m + half, 19) for t, m in ((2.0, 0.9), (1.0, mean), (0.5, 0.1))]
     rows.append(("development", 1.0, 0.47, 0.46, 0.48, 5))
-    table = pd.DataFrame(rows, columns=["set", "threshold_mm", "mean", "low", "high", "n"])
-    said = finding("figure_movable", table)
+    said = finding("figure_movable", table("set threshold_mm mean low high n", *rows))
     assert word in said
     assert "threshold of 0.5 mm they are 10" in said
 
 
 def test_abstractions_that_do_no_better_than_a_guess() -> None:
-    looks = pd.DataFrame(
-        {"size": 100, "set": 0, "abstraction": ["no move", "no block"], "stuck": [1, 0], "stuck_share": [0.9, NAN]}
-    )
-    agreement = pd.DataFrame(
-        [(100, 0, 0.55, 0.45, 0.65, 30, 10), (100, -1, 0.9, 0.8, 1.0, 30, 10)],
-        columns=["size", "set", "balanced_accuracy", "low", "high", "n_stuck", "n_free"],
-    )
+    looks = table("size set abstraction stuck stuck_share", (100, 0, "no move", 1, 0.9), (100, 0, "no block", 0, NAN))
+    columns = "size set balanced_accuracy low high n_stuck n_free"
+    agreement = table(columns, (100, 0, 0.55, 0.45, 0.65, 30, 10), (100, -1, 0.9, 0.8, 1.0, 30, 10))
     said = finding("figure_abstractions", looks, agreement)
     assert "“no move” (counts as stuck) 90" in said
     assert "no block" not in said
@@ -182,7 +171,7 @@ def test_abstractions_that_do_no_better_than_a_guess() -> None:
 
 def unseen(new: tuple[int, int], samples: int = 34) -> pd.DataFrame:
     rows = [("glued", 0.25, new[0], 0 if not new[0] else samples), ("heavy_tool", 0.04, new[1], samples)]
-    return pd.DataFrame(rows, columns=["effect", "p_value", "new_abstraction", "relearned_samples"])
+    return table("effect p_value new_abstraction relearned_samples", *rows)
 
 
 def unseen_errors(after: float) -> pd.DataFrame:
@@ -191,7 +180,7 @@ def unseen_errors(after: float) -> pd.DataFrame:
         for effect in ("glued", "heavy_tool")
         for stage, error in (("before", 1.0), ("relearned", after))
     ]
-    return pd.DataFrame(rows, columns=["effect", "stage", "group", "error", "low", "high"])
+    return table("effect stage group error low high", *rows)
 
 
 @pytest.mark.parametrize(
