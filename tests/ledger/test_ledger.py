@@ -214,27 +214,20 @@ class TestSharedChecks:
 
 
 class TestFolder:
-    @pytest.fixture
-    def two_files(self, write_ledger, make_claim):
-        """Write a claim into a.yaml and one into b.yaml."""
-
-        def write(ids, published=0.062):
-            for name, id in zip("ba", reversed(ids)):
-                write_ledger([make_claim(id, ABS, published)], name=f"{name}.yaml")
-
-        return write
-
-    def test_files_are_one_ledger_in_the_order_of_their_names(self, tmp_path, two_files):
-        two_files(("a", "b"))
+    def test_files_are_one_ledger_in_the_order_of_their_names(self, tmp_path, write_ledger, make_claim):
+        for name in ("b", "a"):
+            write_ledger([make_claim(name, ABS, 0.062)], name=f"{name}.yaml")
         assert [claim.id for claim in read_ledger(tmp_path).claims] == ["table_3_1.a", "table_3_1.b"]
 
-    def test_mistakes_of_all_files_are_listed(self, tmp_path, two_files):
-        two_files(("a", "b"), None)
+    def test_mistakes_of_all_files_are_listed(self, tmp_path, write_ledger, make_claim):
+        for name in ("a", "b"):
+            write_ledger([make_claim(name, ABS)], name=f"{name}.yaml")
         text = refusal(tmp_path)
         assert text.count("1 mistake") == 2 and "a.yaml" in text and "b.yaml" in text
 
-    def test_an_id_stands_in_one_file(self, tmp_path, two_files):
-        two_files(("x", "x"))
+    def test_an_id_stands_in_one_file(self, tmp_path, write_ledger, make_claim):
+        for name in ("a", "b"):
+            write_ledger([make_claim("x", ABS, 0.062)], name=f"{name}.yaml")
         assert "claim table_3_1.x stands more than once" in refusal(tmp_path)
 
     def test_an_empty_one_is_refused(self, tmp_path):

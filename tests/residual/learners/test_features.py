@@ -34,13 +34,6 @@ def test_a_rigid_impulse_gives_back_what_an_impulse_can(impacts):
     np.testing.assert_allclose(np.einsum("nij,ni->nj", A, left * [1.0, 1.0, K_G**2]), 0.0, atol=1e-10)
 
 
-def test_a_couple_turns_the_body_and_nothing_else(impacts):
-    wrench = np.zeros((len(impacts), 3))
-    wrench[:, 2] = 1e-4
-    dv = velocity_after(wrench, impacts) - impacts.v_pre
-    np.testing.assert_allclose(dv, np.broadcast_to([0.0, 0.0, 1e-4 / (MASS * K_G**2)], dv.shape), atol=1e-9)
-
-
 def test_features_are_the_thesiss(impacts):
     x1, x2 = features(impacts, "X1"), features(impacts, "X2")
     M_c = np.array([[x1[:, 0], x1[:, 1]], [x1[:, 1], x1[:, 2]]])
