@@ -87,13 +87,10 @@ def finished(folder: Path) -> dict[str, int]:
 
 @dataclass
 class Kill:
-    """One interruption, as told in the table."""
+    """One interruption: its way, the exit code of the runner that was stopped, and what was wrong after it."""
 
-    moment: float  # s of the undisturbed run
     way: str
-    running: tuple[str, ...]
-    code: int = 0  # of the runner that was stopped
-    recovery: float = np.nan  # s from the next start to its first job
+    code: int
     faults: list[str] = field(default_factory=list)
 
 
@@ -165,9 +162,7 @@ class Study:
             if at < self.until_job:
                 alive = run.wait(seconds=moment)
             else:
-                alive = run.wait_for_job()
-                self.went_on(run)
-                alive = alive and run.wait(seconds=moment - at + redo)
+                alive = run.wait_for_job() and run.wait(seconds=moment - at + redo)
             if alive and way.needs_job:
                 alive = run.wait_for_job()
             if not alive:  # it was faster than the undisturbed run
@@ -175,15 +170,8 @@ class Study:
                 return used
             redo, used = self.strike(run, way, moment, before), used + 1
             at, before = moment, finished(self.folder)
-        run = self.start()
-        run.wait_for_job()
-        self.went_on(run)
-        self.complete(run, before)
+        self.complete(self.start(), before)
         return used
-
-    def went_on(self, run: Run) -> None:
-        if self.kills and np.isnan(self.kills[-1].recovery):
-            self.kills[-1].recovery = time.monotonic() - run.start
 
     def strike(self, run: Run, way: Way, moment: float, before: dict[str, int]) -> float:
         """Stop the run, check what it leaves, and return for how long (s) the jobs it lost had been running."""
@@ -192,15 +180,16 @@ class Study:
             with contextlib.suppress(psutil.Error):
                 running.append(job_of(job) or "?")
                 ages.append(time.time() - job.create_time())
-        kill = Kill(moment, way.name, tuple(sorted(running)))
-        self.kills.append(kill)
         way.stop(run)
-        kill.code = code = run.end()
+        code = run.end()
+        kill = Kill(way.name, code)
+        self.kills.append(kill)
         if code and running and way.says and not re.search(way.says, run.text()):
             kill.faults.append(f"not said: {way.says!r} in\n{run.text()[-3000:]}")
         kill.faults += self.compare(complete=False) + self.untouched(before)
+        jobs = ", ".join(sorted(running)) or "no job"
         print(
-            f"{len(self.kills):3d}  {moment:5.1f} s  {way.name:22s} {', '.join(running) or 'no job':50s} exit {code}",
+            f"{len(self.kills):3d}  {moment:5.1f} s  {way.name:22s} {jobs:50s} exit {code}",
             *kill.faults,
             sep="\n     ",
             flush=True,
@@ -228,15 +217,6 @@ class Study:
         self.faults += faults
         for name in ("results", "data", ".snakemake"):
             shutil.rmtree(self.folder / name, ignore_errors=True)
-
-    def table(self) -> str:
-        rows = ["moment (s)  way                     to first job (s)  jobs lost  running"]
-        for kill in self.kills:
-            rows.append(
-                f"{kill.moment:10.1f}  {kill.way:22s} {kill.recovery:17.1f} {len(kill.running):10d}  "
-                f"{', '.join(kill.running) or '-'}"
-            )
-        return "\n".join(rows)
 
 
 def _end_all(top: Path) -> None:
@@ -278,7 +258,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended"))  # so that the disk is unmounted
     ways = [way for way in WAYS if way.name in (options.ways or [way.name])]
     done = study(options.kills, options.seed, options.targets, options.cores, ways)
-    print(f"\n{done.table()}\n", *done.faults, f"{len(done.faults)} faults", sep="\n")
+    print(*done.faults, f"{len(done.faults)} faults", sep="\n")
     return bool(done.faults)
 
 
