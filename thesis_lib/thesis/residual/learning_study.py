@@ -58,14 +58,12 @@ def learning_curves(
         say(f"split {split + 1} of {settings.splits}")
         train, held_out = _split(impacts, settings.held_out_share, generator(seed, "split", str(split)))
         sizes = _sizes(settings.sizes, len(train))
-        shown = min(sizes, key=lambda n: abs(n - settings.density_size))
-        for n, by_model in _trained(models, train, held_out, sizes, seed, split):
-            table = {name: velocity_error(held_out.v_post - p.v_post, held_out.k_g) for name, p in by_model.items()}
-            curves += [_row(name, n, split, p, held_out) for name, p in by_model.items()]
-            table |= _bounds(table, settings.laws, held_out)
-            curves += [_error_row(name, n, split, table[name]) for name in BOUNDS]
+        shown = _nearest(sizes, settings.density_size)
+        for n, found in _trained(models, train, held_out, sizes, seed, split):
+            found |= _bounds({name: found[name][0] for name in settings.laws}, held_out)
+            curves += [_row(name, n, split, *of_model) for name, of_model in found.items()]
             if split == 0 and n == shown:
-                errors = [_errors(name, error, by_model.get(name), held_out) for name, error in table.items()]
+                errors = [_errors(name, *of_model, held_out) for name, of_model in found.items()]
     return pd.DataFrame(curves), pd.concat(errors, ignore_index=True).assign(n=shown)
 
 
@@ -103,17 +101,16 @@ def named_physics(
     test, pool = impacts.select(held_out), impacts.select(~held_out)
     models = named_physics_models(law, model, settings)
     sizes = _sizes(settings.sizes, len(pool))
-    shown = min(sizes, key=lambda n: abs(n - settings.density_size))
+    shown = _nearest(sizes, settings.density_size)
     seed = int(rng.integers(2**63))
     curves, sums = [], dict.fromkeys(models, 0.0)
     for split in range(settings.splits):
         say(f"draw {split + 1} of {settings.splits}")
         train = _in_random_order(pool, generator(seed, "draw", str(split)))
-        for n, by_model in _trained(models, train, test, sizes, seed, split):
-            curves += [_row(name, n, split, p, test) for name, p in by_model.items()]
+        for n, found in _trained(models, train, test, sizes, seed, split):
+            curves += [_row(name, n, split, *of_model) for name, of_model in found.items()]
             if n == shown:
-                for name, p in by_model.items():
-                    sums[name] = sums[name] + velocity_error(test.v_post - p.v_post, test.k_g)
+                sums = {name: total + found[name][0] for name, total in sums.items()}
     means = {name: total / settings.splits for name, total in sums.items()}
     for name, seen in (("irb_bound", test), ("irb_bound_effects", AugmentedBase(model).seen(test))):
         means[name] = irb_bound(seen.v_pre, seen.v_post, seen.r, mass=seen.mass, k_g=seen.k_g).error
@@ -204,7 +201,7 @@ def claim_ratios(curves: pd.DataFrame, base_law: str, density_size: int) -> pd.D
 
     rows = []
     for wanted, chosen in ((density_size, pairs), (FEW, OF_FEW), (sizes[0], OF_FEWEST)):
-        n = min(sizes, key=lambda size, wanted=wanted: abs(size - wanted))
+        n = _nearest(sizes, wanted)
         rows += [row(statement, n, pair) for statement, pair in chosen.items()]
     for statement, pair in OF_ALL.items():
         rows.append(max((row(statement, n, pair) for n in sizes), key=lambda found: found[2]))
@@ -235,37 +232,38 @@ def _sizes(sizes: Sequence[int], available: int) -> list[int]:
     return usable
 
 
+def _nearest(sizes: Sequence[int], wanted: int) -> int:
+    return min(sizes, key=lambda n: abs(n - wanted))
+
+
 def _trained(
     models: Mapping[str, ImpactLearner], train: Impacts, test: Impacts, sizes: Sequence[int], seed: int, split: int
-) -> Iterator[tuple[int, dict[str, ImpactPrediction]]]:
-    """Predictions of all models for each size; each search starts from the model of the previous size."""
+) -> Iterator[tuple[int, dict[str, tuple[np.ndarray, ImpactPrediction]]]]:
+    """Errors (n,) and predictions of all models for each size; each search starts from that of the previous size."""
     previous = dict.fromkeys(models)
     for n in sizes:
-        subset, predictions = train.select(np.arange(n)), {}
+        subset, found = train.select(np.arange(n)), {}
         for name, learner in models.items():
             # a stream per name, so that adding a model changes no other
             trained = learner.fit(subset, generator(seed, name, str(split), str(n)), previous[name])
-            previous[name], predictions[name] = trained, trained.predict(test)
-        yield n, predictions
+            out = trained.predict(test)
+            previous[name], found[name] = trained, (velocity_error(test.v_post - out.v_post, test.k_g), out)
+        yield n, found
 
 
-def _row(name: str, n: int, split: int, p: ImpactPrediction, held_out: Impacts) -> dict:
-    error = velocity_error(held_out.v_post - p.v_post, held_out.k_g)
-    return _error_row(name, n, split, error) | {"infeasible": float(np.mean(~p.feasible))}
-
-
-def _error_row(name: str, n: int, split: int, error: np.ndarray) -> dict:
+def _row(name: str, n: int, split: int, error: np.ndarray, p: ImpactPrediction | None) -> dict:
     averages = {"mean": float(np.nanmean(error)), "median": float(np.nanmedian(error))}
     counts = {"n_held_out": len(error), "n_failed": int(np.isnan(error).sum())}
-    return {"model": name, "n": n, "split": split, **averages, **counts}
+    rates = {} if p is None else {"infeasible": float(np.mean(~p.feasible))}
+    return {"model": name, "n": n, "split": split, **averages, **counts, **rates}
 
 
-def _bounds(table: Mapping[str, np.ndarray], laws: Sequence[str], held_out: Impacts) -> dict[str, np.ndarray]:
+def _bounds(of_laws: Mapping[str, np.ndarray], held_out: Impacts) -> dict[str, tuple[np.ndarray, None]]:
+    """Errors (n,) of `BOUNDS`, and no prediction."""
     body = {"mass": held_out.mass, "k_g": held_out.k_g}
-    return {
-        "best_post_hoc": best_post_hoc(np.stack([table[law] for law in laws], axis=1))[1],
-        "irb_bound": irb_bound(held_out.v_pre, held_out.v_post, held_out.r, **body).error,
-    }
+    best_of_laws = best_post_hoc(np.stack(list(of_laws.values()), axis=1))[1]
+    irb = irb_bound(held_out.v_pre, held_out.v_post, held_out.r, **body).error
+    return {name: (error, None) for name, error in zip(BOUNDS, (best_of_laws, irb))}
 
 
 def _errors(name: str, error: np.ndarray, p: ImpactPrediction | None, held_out: Impacts) -> pd.DataFrame:

@@ -57,9 +57,9 @@ class RestBelief:
         log_face = float(np.log(self.face_probability[face]))
         return log_face + float(np.log(self.density(np.array([x]), face)[0])), log_face
 
-    def density(self, x: np.ndarray, face: int | None = None) -> np.ndarray:
-        """p(x | face) in 1/m at positions (n,); over all sides if face is None."""
-        particles = self.x if face is None else self.x[self.face == face]
+    def density(self, x: np.ndarray, face: int) -> np.ndarray:
+        """p(x | face) in 1/m at positions (n,)."""
+        particles = self.x[self.face == face]
         particles = particles if len(particles) >= FEW else self.x
         spread = max(float(np.std(self.x)), NARROWEST)
         width = max(_silverman(particles), NARROWEST)
