@@ -67,11 +67,16 @@ def chapter_report(
     Arguments as of `run_report`.  Figures without a picture in `results` are left out, and the table beside a finding
     that has none is listed, too.
     """
-    made = _made(results)
-    tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
-    content = _chapter(results, made, tables, chapter)
-    title = content["title"]
-    return page(CHAPTER, title, absent=absent, scale=scale, found_here=FOUND_HERE, chapter=content)
+    made = [(figure, name) for figure, name in _made(results) if figure.chapter == chapter]
+    of_chapter = [path for path in findings if path.relative_to(results).parts[0] == f"chapter{chapter}"]
+    tables = [p for p in of_chapter if not p.with_suffix(".png").exists() and p.with_suffix(".csv").exists()]
+    # a figure and the anchors of its pictures, by dataset
+    contents = [
+        (figure, {dataset: _anchor(figure, dataset) for _, dataset in of_figure})
+        for figure, of_figure in groupby(made, key=itemgetter(0))
+    ]
+    shown = {"contents": contents, "groups": _groups(results, made, tables)}
+    return page(CHAPTER, _title(chapter), absent=absent, scale=scale, found_here=FOUND_HERE, **shown)
 
 
 def _made(results: Path) -> list[tuple[Figure, str]]:
@@ -102,21 +107,6 @@ def _opening(results: Path, made: Sequence[tuple[Figure, str]], findings: Sequen
 
 def _title(n: int) -> str:
     return f"Chapter {n}: {CHAPTERS[n]}"
-
-
-def _chapter(results: Path, made: Sequence[tuple[Figure, str]], tables: Sequence[Path], n: int) -> dict:
-    drawn = [(figure, name) for figure, name in made if figure.chapter == n]
-    written = [path for path in tables if path.relative_to(results).parts[0] == f"chapter{n}"]
-    return {
-        "number": n,
-        "title": _title(n),
-        # a figure and the anchors of its pictures, by dataset
-        "contents": [
-            (figure, {dataset: _anchor(figure, dataset) for _, dataset in of_figure})
-            for figure, of_figure in groupby(drawn, key=itemgetter(0))
-        ],
-        "groups": _groups(results, drawn, written),
-    }
 
 
 def _groups(
