@@ -96,7 +96,6 @@ class Throws:
 
     q: np.ndarray  # (n, 3) pose at rest; θ keeps its whole turns
     face: np.ndarray  # (n,) side on which it lies
-    hits: np.ndarray  # (n,) hits of single corners
     settled: np.ndarray  # (n,) whether the criterion was met (else: laid down after `max_contacts`)
     contacts: np.ndarray  # (n,) contacts, nearby hits merged
     # snapshot_q, snapshot_v: (snapshots, n, 3) just after the last hit of each of the first contacts; else NaN
@@ -117,7 +116,7 @@ def simulate_throws(
     """Throw n particles from pose `q` and velocity `v` (n, 3), all above the surface, until they are at rest."""
     n, kept = len(q), settings.snapshots
     q, v = np.array(q, float), np.array(v, float)
-    hits, contacts, settled = np.zeros(n, int), np.zeros(n, int), np.zeros(n, bool)
+    contacts, settled = np.zeros(n, int), np.zeros(n, bool)
     snap_q, snap_v, snap_t = (np.full((kept, n, *more), np.nan) for more in ((3,), (3,), ()))
     clock, last, moving = np.zeros(n), np.full(n, -np.inf), np.arange(n)
     for _ in range(settings.max_contacts):
@@ -126,7 +125,6 @@ def simulate_throws(
         q_m, v_m, t, _ = _next_contact(body, q[moving], v[moving], np.full(len(moving), np.inf), impact, settings, rng)
         q[moving], v[moving] = q_m, v_m
         clock[moving] += t
-        hits[moving] += 1
         contacts[moving] += clock[moving] - last[moving] > settings.merge
         last[moving] = clock[moving]
         shown = moving[contacts[moving] <= kept]
@@ -141,7 +139,7 @@ def simulate_throws(
     turned = np.mod(q[:, 2] - body.faces[face] + np.pi, 2.0 * np.pi) - np.pi
     slid = slide(v[:, 0], mu_slide * body.gravity, body.c_v)
     end = np.stack([q[:, 0] + slid, body.height + body.rest_height[face], q[:, 2] - turned], axis=1)
-    return Throws(end, face, hits, settled, contacts, snap_q, snap_v, snap_t)
+    return Throws(end, face, settled, contacts, snap_q, snap_v, snap_t)
 
 
 def state_at(
