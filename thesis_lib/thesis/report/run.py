@@ -64,12 +64,11 @@ def chapter_report(
 ) -> str:
     """The page of a chapter with all of its figures; it is there before the other chapters have ended.
 
-    Arguments as of `run_report`.  Figures without a picture in `results` are left out, and the table beside a finding
-    that has none is listed, too.
+    `findings` are those of the chapter, the other arguments as of `run_report`.  Figures without a picture in `results`
+    are left out, and the table beside a finding that has none is listed, too.
     """
     made = [(figure, name) for figure, name in _made(results) if figure.chapter == chapter]
-    of_chapter = [path for path in findings if path.relative_to(results).parts[0] == f"chapter{chapter}"]
-    tables = [p for p in of_chapter if not p.with_suffix(".png").exists() and p.with_suffix(".csv").exists()]
+    tables = [path for path in findings if not path.with_suffix(".png").exists() and path.with_suffix(".csv").exists()]
     # a figure and the anchors of its pictures, by dataset
     contents = [
         (figure, {dataset: _anchor(figure, dataset) for _, dataset in of_figure})
