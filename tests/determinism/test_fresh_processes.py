@@ -12,6 +12,8 @@ import pandas as pd
 import pytest
 from test_sources_of_chance import TIMES
 
+from tests.workflow.pipeline_copy import bytes_in
+
 HERE = Path(__file__).parent
 # kernels without AVX: other sums in another order, as on another processor
 OTHER_KERNELS = {"OPENBLAS_CORETYPE": "Nehalem", "ATEN_CPU_CAPABILITY": "default"}
@@ -38,14 +40,10 @@ def one(tmp_path_factory) -> Path:
     return run(tmp_path_factory.mktemp("runs") / "one", PYTHONHASHSEED="1")
 
 
-def written(folder: Path) -> dict[str, bytes]:
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
-
-
 @pytest.mark.slow
 def test_equal_bytes_in_another_process_with_another_hash_seed(one, tmp_path):
     other = run(tmp_path / "two", PYTHONHASHSEED="2")
-    first, second = written(one), written(other)
+    first, second = bytes_in(one), bytes_in(other)
     assert len(first) >= 14 and list(first) == list(second)
     assert [name for name in first if first[name] != second[name]] == []
 
@@ -121,7 +119,7 @@ def test_other_kernels_give_the_same_answer(one, tmp_path):
     )
     assert done.stdout.strip() == "Nehalem"
     found: dict[str, float] = {}
-    for name in written(one):
+    for name in bytes_in(one):
         if name.endswith(".yaml"):
             continue
         ours, theirs = numbers(one / name), numbers(other / name)

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from two_nodes import seconds_of, two_nodes, why_not
 
-from tests.workflow.pipeline_copy import ROOT, copy_pipeline
+from tests.workflow.pipeline_copy import ROOT, bytes_in, copy_pipeline
 from thesis_lib.thesis.config import read_config
 
 TARGETS = os.environ.get("SLURM_TARGETS", "all").split()
@@ -46,12 +46,10 @@ def start(folder: Path, *arguments: str) -> subprocess.Popen:
 
 def files(folder: Path) -> dict[str, bytes]:
     """Everything that a run made, logs and times apart."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for part in ("results", "data")
-        for path in sorted((folder / part).rglob("*"))
-        if path.is_file() and "logs" not in path.relative_to(folder).parts
+    found = {
+        f"{part}/{name}": content for part in ("results", "data") for name, content in bytes_in(folder / part).items()
     }
+    return {name: content for name, content in found.items() if "logs" not in Path(name).parts}
 
 
 def said(folder: Path) -> str:

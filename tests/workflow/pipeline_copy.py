@@ -1,4 +1,4 @@
-"""What a clone of the pipeline has after its first command, copied to another folder."""
+"""What a clone of the pipeline has after its first command, copied to another folder; what a run wrote there."""
 
 import shutil
 from pathlib import Path
@@ -16,3 +16,8 @@ def copy_pipeline(to: Path, *more: str) -> Path:
         else:
             shutil.copy2(ROOT / name, to / name)
     return to
+
+
+def bytes_in(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder: name -> content."""
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}

@@ -6,13 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from pipeline_copy import ROOT
+from pipeline_copy import ROOT, bytes_in
 
 NAME = "my_drops"
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 def command(folder: Path, *arguments: str) -> None:
@@ -35,7 +31,7 @@ def test_command_and_pipeline_write_the_same_bytes(checkout, snakemake):
     )
     assert done.returncode == 0, done.stdout
     command(checkout, "critique", f"data/measured/{NAME}", "-o", "by_command", "-q")
-    piped, commanded = files(checkout / "results/critique" / NAME), files(checkout / "by_command")
+    piped, commanded = bytes_in(checkout / "results/critique" / NAME), bytes_in(checkout / "by_command")
     assert set(piped) == set(commanded)
     assert {"report.html", "diagnosis.json", "comparison.csv", "ladder.png", "model.json"} <= set(piped)
     assert [name for name in piped if piped[name] != commanded[name]] == []
