@@ -1,10 +1,10 @@
-"""How beliefs widen, and the law thrown with other parameters, on simulated throws."""
+"""How beliefs widen, the law thrown with other parameters, and the restitution of contacts, on simulated throws."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from throws_for_tests import HALF, RIG, throws
+from throws_for_tests import HALF, RIG, made_contacts, throws
 
 from thesis_lib.foundation.columns import explain
 from thesis_lib.thesis.records.chapter4 import PUBLISHED as SHOWN
@@ -12,8 +12,9 @@ from thesis_lib.thesis.residual.dice.data import ThrowReleases
 from thesis_lib.thesis.residual.dice.fit import DiceModel
 from thesis_lib.thesis.residual.dice.models import Thrower
 from thesis_lib.thesis.residual.dice.readings import LAW, PUBLISHED, _chi2, readings
-from thesis_lib.thesis.residual.dice.results import STATES, belief_widths
+from thesis_lib.thesis.residual.dice.results import STATES, belief_widths, restitution
 from thesis_lib.thesis.residual.dice.settings import DiceStudySettings
+from thesis_lib.thesis.residual.throwing.compliant_contact import CornerContact
 from thesis_lib.thesis.residual.throwing.propagation import Sampled, ScatteredLaw
 from thesis_lib.thesis.residual.throwing.settings import ThrowSettings
 from thesis_lib.thesis.residual.throwing.throw import simulate_throws
@@ -91,3 +92,22 @@ def test_the_distance_from_the_thesis_counts_standard_errors():
     error = np.sqrt(1.0 / 485 + 1.0 / 750)
     assert _chi2((mean + 3.0 * std * error, std, face), 485) == pytest.approx(9.0)
     assert _chi2((mean, std, face - 2.0 * np.sqrt(face * (1.0 - face)) * error), 485) == pytest.approx(4.0)
+
+
+def test_newtons_restitution_is_read():
+    model = replace(MODEL, mu=0.1, epsilon=0.45, d_theta=-0.02)
+    contacts = made_contacts(model, 200, span=0.01)
+    table = restitution(model, contacts, ThrowSettings())
+    assert 60 < len(table) < 200
+    assert table["measured"].to_numpy() == pytest.approx(0.45, abs=0.02)
+    assert table["model"].to_numpy() == pytest.approx(table["measured"].to_numpy(), abs=1e-9)
+    assert set(table["trial"]) <= set(contacts.trial)
+
+
+def test_a_place_that_gives_back_more_shows():
+    soft = CornerContact(place=-0.03, width=0.03, far=1.0, far_dashpot=1.0)
+    model = replace(MODEL, contact=soft)
+    table = restitution(model, made_contacts(model, 200, span=0.01), ThrowSettings())
+    near = np.abs(table["x"] + 0.03) < 0.015
+    assert 20 < near.sum() < len(table) - 10
+    assert table.loc[near, "measured"].mean() > table.loc[~near, "measured"].mean() + 0.03
