@@ -15,8 +15,10 @@ NEWTON, POISSON = "anitescu_potra_newton", "anitescu_potra_poisson"
 
 def said_in(rows: dict[str, tuple[float, float]]) -> pd.DataFrame:
     """statements.csv: value and standard error by "statement" or "statement:law"."""
-    split = [(*name.partition(":")[::2], *estimate) for name, estimate in rows.items()]
-    return table("statement law value std", *((name, law or None, *rest) for name, law, *rest in split))
+    return table(
+        "statement law value std",
+        *((name.split(":")[0], name.partition(":")[2] or None, value, std) for name, (value, std) in rows.items()),
+    )
 
 
 def test_the_thesis_is_quoted_as_in_the_ledger():
