@@ -2,11 +2,12 @@
 
 import hashlib
 import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from round_trip import plant_of
+from engine_runs import by_drake, by_mujoco, plant_of, require_told
 
 from tests.critique.simulation.space_models import BOX, SPHERE, space_model
 from thesis_lib.__main__ import main
@@ -111,41 +112,6 @@ def ended(model: SavedSpaceModel, touch: State, ends) -> State:
     return State(pose, motion, touch.trial, touch.t, None, SPACE)
 
 
-def by_mujoco(text: str, model: SavedSpaceModel, touch: State) -> State:
-    engine = mujoco.MjModel.from_xml_string(re.sub('timestep="[^"]+"', f'timestep="{STEP}"', text))
-    data, ends = mujoco.MjData(engine), []
-    for place, q, v, w in started(model, touch):
-        mujoco.mj_resetData(engine, data)
-        data.qpos[:], data.qvel[:3] = [*place, *q], v
-        data.qvel[3:] = rotation_matrix(q[:, None])[..., 0].T @ w
-        mujoco.mj_step(engine, data, round((LEAD + SPAN) / STEP))
-        q = np.array(data.qpos[3:])
-        ends.append(
-            (data.qpos[:3].copy(), q, data.qvel[:3].copy(), rotation_matrix(q[:, None])[..., 0] @ data.qvel[3:])
-        )
-    return ended(model, touch, ends)
-
-
-def by_drake(path, model: SavedSpaceModel, touch: State) -> State:
-    from pydrake.common.eigen_geometry import Quaternion
-    from pydrake.math import RigidTransform
-    from pydrake.multibody.math import SpatialVelocity
-
-    simulator, plant = plant_of(path)
-    root = simulator.get_mutable_context()
-    context, link, ends = plant.GetMyMutableContextFromRoot(root), plant.GetBodyByName("body"), []
-    for place, q, v, w in started(model, touch):
-        root.SetTime(0.0)
-        plant.SetFreeBodyPose(context, link, RigidTransform(Quaternion(q / np.linalg.norm(q)), place))
-        plant.SetFreeBodySpatialVelocity(context, link, SpatialVelocity(w, v))
-        simulator.Initialize()
-        simulator.AdvanceTo(LEAD + SPAN)
-        pose, motion = plant.EvalBodyPoseInWorld(context, link), plant.EvalBodySpatialVelocityInWorld(context, link)
-        turn = pose.rotation().ToQuaternion().wxyz()
-        ends.append((pose.translation(), turn, motion.translational(), motion.rotational()))
-    return ended(model, touch, ends)
-
-
 CASES = [
     *(("mjcf", shape, FIRM) for shape in SHAPES),
     ("mjcf", "box", FIRM | {"impedance": 0.01}),
@@ -163,22 +129,24 @@ def test_a_hit_in_the_engine_is_that_of_the_law(target, shape, contact, tmp_path
     model = space_model(shape=SHAPES[shape], **contact, **COM)
     touch = touching(model, 6)
     after = play(model.dynamics, touch, np.full(len(touch), SPAN)).after
-    content = exported(model, target).content
-    if target == "mjcf":
-        found = by_mujoco(content.decode(), model, touch)
-    else:
-        path = tmp_path / f"body.{target}"
-        path.write_bytes(content)
-        found = by_drake(path, model, touch)
+    found = hit(model, target, touch, tmp_path)
     off = apart(model, after, found)
     typical, most = CLOSE_ON_PYRAMID if contact["law"] == "pyramid_contact" else CLOSE[target]
     assert np.median(off) < typical and off.max() < most, off
     assert np.median(apart(model, after, touch)) > 1.0
     if "torsional_friction.m_t" in contact:
         without = space_model(shape=SHAPES[shape], **FIRM, **COM)
-        assert (
-            np.median(apart(model, by_mujoco(exported(without, target).content.decode(), model, touch), after)) > 0.03
-        )
+        assert np.median(apart(model, hit(without, target, touch, tmp_path), after)) > 0.03
+
+
+def hit(model: SavedSpaceModel, target: str, touch: State, folder: Path) -> State:
+    """The bodies `LEAD` before and `SPAN` after they touch, by the engine that reads the model's file."""
+    path, starts = folder / f"body.{target}", started(model, touch)
+    path.write_bytes(exported(model, target).content)
+    if target != "mjcf":
+        return ended(model, touch, by_drake(path, starts, LEAD + SPAN))
+    text = re.sub('timestep="[^"]+"', f'timestep="{STEP}"', path.read_text())
+    return ended(model, touch, by_mujoco(text, starts, LEAD + SPAN))
 
 
 def test_mujoco_reads_the_body_that_is_hidden():
@@ -228,12 +196,7 @@ def test_every_effect_in_space_is_in_the_file_or_named_as_left_out(target):
     for name in effects_in(SPACE):
         parameters = parameters_in(EFFECTS[name], SPACE)
         values = {f"{name}.{p.name}": p.null + (p.discrete or 0.5 * p.scale) for p in parameters}
-        made = exported(space_model(**FIRM, **values), target)
-        text, old = made.content.decode(), plain.content.decode()
-        held, left = ([line for line in lines if line.startswith(f"{name}: ")] for lines in (made.held, made.left_out))
-        assert len(held) + len(left) == 1 and len((held + left)[0]) > len(name) + 5
-        assert f"{name}: " in text[text.index("effects in this file") : text.index("-->")]
-        assert bool(held) == (text[text.index("-->") :] != old[old.index("-->") :]), name
+        require_told(exported(space_model(**FIRM, **values), target), plain, name)
 
 
 def test_what_no_file_can_hold_is_said():

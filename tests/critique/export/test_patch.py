@@ -6,7 +6,7 @@ from difflib import SequenceMatcher
 import mujoco
 import numpy as np
 import pytest
-from round_trip import BODIES, MASS, TRUE, model_of
+from engine_runs import BODIES, MASS, TRUE, model_of
 
 from thesis_lib.critique.export.export import exported, patched
 from thesis_lib.foundation.errors import UserError
