@@ -4,6 +4,7 @@ import re
 from html.parser import HTMLParser
 from weakref import WeakKeyDictionary
 
+from thesis_lib.critique.results.findings import Findings
 from thesis_lib.figures.style import png_of
 from thesis_lib.report.critique.page import report_html
 
@@ -112,14 +113,13 @@ class Page(HTMLParser):
 _IMAGES = WeakKeyDictionary()  # of figures
 
 
-def page_of(made, diagnosis, **changes):
+def page_of(made, diagnosis):
     critique, regions, found, drawn = made
-    drawn = changes.get("pictures", drawn)
     for figure, _ in drawn.values():
         if figure not in _IMAGES:
             _IMAGES[figure] = png_of(figure)
     images = {name: _IMAGES[figure] for name, (figure, _) in drawn.items()}
-    return report_html(critique, diagnosis, changes.get("where", regions), found, drawn, images)
+    return report_html(critique, Findings(diagnosis, found, regions), drawn, images)
 
 
 def scripts(html):

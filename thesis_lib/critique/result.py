@@ -238,12 +238,12 @@ class OfDrops(Critique):
         from thesis_lib.figures.critique.where import draw_where
 
         if what == "ladder":
-            return draw_ladder(self.found, self._findings.tables)[0]
+            return draw_ladder(self.found, self._findings.tables["ladder"])[0]
         if what == "candidates":
             if (drawn := draw_candidates(self.found, self._findings.tables.get("candidates"))) is None:
                 raise UserError(f"No effect was tried in the critique of {self.name}; leave `effects` out.")
             return drawn[0]
-        return draw_where(self.found, self._findings.regions)[0]  # pyright: ignore[reportOptionalSubscript]
+        return draw_where(self.found, self._findings.regions)[0]  # pyright: ignore[reportArgumentType]
 
 
 class OfFewImpacts(Critique):

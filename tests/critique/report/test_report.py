@@ -7,19 +7,17 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from report_pages import DIAGNOSIS, FAULT, Page, page_of, scripts
 
 from thesis_lib.contact import LAWS
 from thesis_lib.critique.drops.questions.where import where as all_regions
-from thesis_lib.critique.results.numbers import ladder_table
+from thesis_lib.critique.results.tables import ladder, tables
 from thesis_lib.critique.results.titles import rung_title
 from thesis_lib.effects import EFFECTS
 from thesis_lib.figures.critique.pictures import NAMES, pictures
 from thesis_lib.report.critique import effects as report_effects
 from thesis_lib.report.critique import page as report_text
-from thesis_lib.report.critique.page import report_html
 
 EVIL = "<script>alert('x')</script> & \"quotes\""
 
@@ -140,37 +138,26 @@ def test_text_of_users_is_escaped(made, diagnosis):
     diagnosis["not_testable"] = [{"name": EVIL, "why": EVIL}]
     diagnosis["left_out"]["reasons"] = {EVIL: 3}
     diagnosis["next_experiment"]["why"] = EVIL
-    regions = made[1]
+    critique, regions, *rest = made
     regions = {**regions, "regions": [{**r, "rule": EVIL} for r in regions["regions"]]}
     plain = scripts(page_of(made, copy.deepcopy(DIAGNOSIS)))
-    html = page_of(made, diagnosis, where=regions)
+    html = page_of((critique, regions, *rest), diagnosis)
     assert scripts(html) == plain
     assert Page(html).text.count("<script>alert('x')</script>") >= 6
 
 
 def test_equal_content_gives_equal_bytes_without_paths_or_times(made, diagnosis, html):
     critique, regions, found, _ = made
-    assert page_of(made, diagnosis, pictures=pictures(critique, found, regions)) == html
+    assert page_of((critique, regions, found, pictures(critique, found, regions)), diagnosis) == html
     words = re.sub(r"base64,[^\"]*", "", html)
     assert "/tmp" not in words and "/home" not in words and not re.search(r"\b20[2-9]\d-\d\d", words)
 
 
-def test_a_page_without_tables_is_shorter_and_whole(made, diagnosis):
-    critique, regions, *_ = made
-    page = Page(report_html(critique, diagnosis, regions, {}, {}))
-    assert not page.all("img") and "failed solves" not in page.text
-
-
 def test_real_critiques_of_impacts_alone_and_of_nothing_hidden_are_told(hidden_impacts, nothing_hidden, diagnosis):
     for critique in (hidden_impacts, nothing_hidden):
-        text = Page(report_html(critique, diagnosis, all_regions(critique), {}, pictures(critique, {}, None))).text
+        regions, found = all_regions(critique), tables(critique, np.random.default_rng(0))
+        text = Page(page_of((critique, regions, found, pictures(critique, found, regions)), diagnosis)).text
         assert "which no choice has seen" in text
-
-
-def test_missing_columns_of_a_table_are_an_error_not_a_gap(made, diagnosis):
-    critique, regions, _, drawn = made
-    with pytest.raises((AttributeError, KeyError)):
-        report_html(critique, diagnosis, regions, {"comparison": pd.DataFrame({"model": ["mirtich"]})}, drawn)
 
 
 def test_what_the_user_switched_on_is_no_finding_and_no_fault(made, diagnosis):
@@ -289,5 +276,5 @@ def test_a_change_of_law_is_told_on_the_ladder_and_with_the_parameters(hidden_dr
     )
     text = Page(report_effects.moved(changed)).text
     assert f"With the effects {LAWS[other].title} fits better than" in text and "not compared" in text
-    rungs = ladder_table(changed)
+    rungs = ladder(changed, np.random.default_rng(0))
     assert f"(law now {LAWS[other].title})" in Page(report_effects.ladder_text(changed, diagnosis, rungs)).text

@@ -64,7 +64,7 @@ def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] 
     if not len(known):
         return Markup()
     shown = drawn_impacts(errors["base"], known)
-    over = map_axes(list(where.get("regions", [])))
+    over = map_axes(where["regions"])
     table = features(base, o)
     x, y = (table[name].to_numpy(float)[shown] for name in over)
     finding, numbers = _finding(errors, known), _numbers(critique, base, residuals, errors, shown)
