@@ -19,7 +19,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
 from thesis_lib.critique.printed import diagnosis_text
-from thesis_lib.critique.results.choices import choices_table
+from thesis_lib.critique.results.candidates import choices_table
 from thesis_lib.critique.results.findings import Findings, few_findings, findings
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError

@@ -12,8 +12,8 @@ from thesis_lib.critique.drops.criticise import criticise_drops, fit_model
 from thesis_lib.critique.drops.few_impacts import TooFew, few_impacts
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.result import Critique, OfDrops, OfFewImpacts, OfMechanism
-from thesis_lib.critique.results.saved_in_space import saved_in_space
-from thesis_lib.critique.results.saved_model import SavedModel, saved
+from thesis_lib.critique.results.findings import saved_of
+from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.recordings.recording import Recording, is_recording, read_recording
@@ -107,9 +107,7 @@ def fit(
     if isinstance(dataset, Recording):
         raise UserError(f"{dataset.name} is the recording of a mechanism; fit fits laws of impact to drops.")
     fitted = fit_model(dataset, law, effects, settings, arcs)
-    if not dataset.space.is_plane:
-        return saved_in_space(fitted, dataset.in_space, dataset.name)
-    return saved(fitted, fitted.whitening.observations.rig, dataset.name)
+    return saved_of(fitted, fitted.whitening.observations.rig, dataset.name, dataset)  # pyright: ignore[reportReturnType]
 
 
 def _of_drops(

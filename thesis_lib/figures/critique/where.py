@@ -14,13 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.features import FEATURES, features
 from thesis_lib.critique.drops.questions.where import Condition
 from thesis_lib.critique.drops.words import plain_rule
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.numbers import energy_disc, impact_errors
-from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
+from thesis_lib.critique.results.titles import FEATURE_LABEL
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.planar_drawing import note, white_box
 from thesis_lib.figures.style import BLUE, INK, Drawn, house_style, new_figure
@@ -83,7 +83,7 @@ def draw_where(critique: DropsCritique, where: Mapping) -> Drawn:
     if len(critique.ladder) > 1:
         errors["after"] = impact_errors(final, o)
     regions = where["regions"]
-    top = max(float(np.quantile(errors["before"], DARK)), 1e-12)
+    top = top_of(errors["before"])
     over = map_axes(regions)
     x, y = (table[name].to_numpy(float) for name in over)
     lines = [textwrap.fill(f"{i + 1}: {region_text(region)}", 110) for i, region in enumerate(regions)]
@@ -124,6 +124,11 @@ def draw_where(critique: DropsCritique, where: Mapping) -> Drawn:
         if (mask := inside(region, table)) is not None:
             data[f"region_{i + 1}"] = mask.astype(int)
     return figure, data
+
+
+def top_of(error: np.ndarray) -> float:
+    """Where the scale of the errors (n,) ends, in m/s."""
+    return max(float(np.quantile(error, DARK)), 1e-12)
 
 
 def around_body(fitted: Fit, observations: Observations) -> np.ndarray:
@@ -209,5 +214,5 @@ def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> Non
 
 def axis_label(feature: str) -> str:
     """Name, symbol and unit of a feature."""
-    unit = unit_of(feature)
-    return f"{FEATURE_LABEL[feature]} ({unit})" if unit else FEATURE_LABEL[feature]
+    unit, _ = FEATURES[feature]
+    return FEATURE_LABEL[feature] if unit == "1" else f"{FEATURE_LABEL[feature]} ({unit})"
