@@ -173,6 +173,19 @@ def by_drake(path, starts: Iterable[Sequence[np.ndarray]], span: float, body: st
         yield pose.translation(), pose.rotation().ToQuaternion().wxyz(), motion.translational(), motion.rotational()
 
 
+def inertia_in_mujoco(body) -> np.ndarray:
+    """The tensor (3, 3) about the centre of mass of a body that MuJoCo has read, in its axes."""
+    axes = rotation_matrix(np.array(body.iquat)[:, None])[..., 0]
+    return axes * np.array(body.inertia) @ axes.T
+
+
+def inertia_in_drake(plant, link: str) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre of mass (3,) and the tensor (3, 3) about it of a link that Drake has read."""
+    read = plant.GetBodyByName(link).default_spatial_inertia()
+    about = read.Shift(read.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    return read.get_mass(), read.get_com(), about
+
+
 def require_told(made: Exported, without: Exported, effect: str) -> None:
     """An effect is in the file or left out, told on the terminal and in the comment; and what is in it changes it."""
     text, old = made.content.decode(), without.content.decode()

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from engine_runs import by_drake, by_mujoco, plant_of, require_told
+from engine_runs import by_drake, by_mujoco, inertia_in_drake, inertia_in_mujoco, plant_of, require_told
 
 from tests.critique.simulation.space_models import BOX, SPHERE, space_model
 from thesis_lib.__main__ import main
@@ -155,11 +155,10 @@ def test_mujoco_reads_the_body_that_is_hidden():
     truth, (frame, *_) = true_rig(model.rig, HIDDEN), surface_frames(model.rig)
     engine = mujoco.MjModel.from_xml_string(exported(model, "mjcf").content.decode())
     body = engine.body("body")
-    axes = rotation_matrix(np.array(body.iquat)[:, None])[..., 0]
     np.testing.assert_allclose(body.mass, 0.25, rtol=DIGITS)
     np.testing.assert_allclose(body.ipos, truth.body.centre, rtol=DIGITS)
     tensor = 0.25 * truth.body.inertia_per_mass
-    np.testing.assert_allclose(axes * np.array(body.inertia) @ axes.T, tensor, atol=1e-7 * tensor.max())
+    np.testing.assert_allclose(inertia_in_mujoco(body), tensor, atol=1e-7 * tensor.max())
     assert np.abs(tensor - np.diag(np.diag(tensor))).max() > 0.05 * tensor.max()
     np.testing.assert_allclose(engine.opt.gravity, truth.gravity, rtol=1e-7)
     table = engine.geom("surface")
@@ -180,11 +179,9 @@ def test_drake_reads_the_same_body(target, tmp_path):
     truth, path = true_rig(model.rig, HIDDEN), tmp_path / f"body.{target}"
     made = exported(model, target, mass=0.5)
     path.write_bytes(made.content)
-    link = plant_of(path)[1].GetBodyByName("body")
-    inertia = link.default_spatial_inertia()
-    about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-    assert link.default_mass() == pytest.approx(0.5)
-    np.testing.assert_allclose(inertia.get_com(), truth.body.centre, rtol=1e-7)
+    mass, centre, about = inertia_in_drake(plant_of(path)[1], "body")
+    assert mass == pytest.approx(0.5)
+    np.testing.assert_allclose(centre, truth.body.centre, rtol=1e-7)
     np.testing.assert_allclose(about, 0.5 * truth.body.inertia_per_mass, atol=1e-7 * about.max())
     pull = " ".join(f"{value:.9g}" for value in truth.gravity)
     assert (target == "sdf") == (f"<gravity>{pull}" in made.content.decode()) and f"set {pull}" in made.content.decode()
@@ -259,11 +256,10 @@ def test_a_patch_writes_the_whole_tensor_and_leaves_the_rest(tmp_path, capsys):
     kept = [line for line in MINE.split("\n") if not re.match(r" *<(inertial|geom name|contact)", line)]
     assert [line for line in new.split("\n") if line in kept] == kept
     body = mujoco.MjModel.from_xml_string(new).body("box")
-    axes = rotation_matrix(np.array(body.iquat)[:, None])[..., 0]
     tensor = 0.3 * truth.body.inertia_per_mass
     np.testing.assert_allclose(body.mass, 0.3)
     np.testing.assert_allclose(body.ipos, truth.body.centre, rtol=1e-7)
-    np.testing.assert_allclose(axes * np.array(body.inertia) @ axes.T, tensor, atol=1e-7 * tensor.max())
+    np.testing.assert_allclose(inertia_in_mujoco(body), tensor, atol=1e-7 * tensor.max())
     assert 'friction="0.25 0.002 0.0001"' in new and 'condim="4"' in new and "<geom name = " in new
     again = patched(load_model(tmp_path / "model.json"), "mjcf", better, "box")
     assert again.content == better.read_bytes()
@@ -289,8 +285,7 @@ def test_a_patch_turns_the_tensor_into_the_axes_of_a_links_inertial(target, tmp_
     link = f"<link name='block'>{inside}<collision name='hull'>{ball}</collision></link>"
     path.write_text(f"{head}{link}{'</model></sdf>' if target == 'sdf' else '</robot>'}")
     path.write_bytes(patched(model, target, path, "block").content)
-    inertia = plant_of(path)[1].GetBodyByName("block").default_spatial_inertia()
-    about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    _, centre, about = inertia_in_drake(plant_of(path)[1], "block")
     truth = true_rig(model.rig, HIDDEN).body
-    np.testing.assert_allclose(inertia.get_com(), truth.centre, rtol=1e-7)
+    np.testing.assert_allclose(centre, truth.centre, rtol=1e-7)
     np.testing.assert_allclose(about, 0.3 * truth.inertia_per_mass, atol=1e-7 * about.max())

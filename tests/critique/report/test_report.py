@@ -227,11 +227,6 @@ def test_the_source_of_the_noise_is_told_for_each_channel(hidden_drops, stated, 
     assert re.search(rf"mm in position \({position}\) and \S+ mrad in angle \({angle}\)", text)
 
 
-def test_section_2_says_that_it_uses_all_impacts(page):
-    assert "Section 2 alone looks at all impacts" in page.text
-    assert "rules of this section use all impacts" in page.text
-
-
 def with_last(critique, **changes):
     """The critique with another fit at the end of its ladder."""
     label, fitted, judged = critique.ladder[-1]
