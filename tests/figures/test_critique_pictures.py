@@ -16,7 +16,7 @@ from thesis_lib.critique.results.titles import handy_unit
 from thesis_lib.figures.critique import residuals
 from thesis_lib.figures.critique.errors import draw_budget, laws_sentence
 from thesis_lib.figures.critique.pictures import NAMES, pictures, trials_to_show
-from thesis_lib.figures.critique.residuals import dependences, draw_flights, features_to_show
+from thesis_lib.figures.critique.residuals import Residuals, draw_flights, features_to_show
 from thesis_lib.figures.critique.where import boxes_of, inside, map_axes, region_text
 from thesis_lib.figures.style import house_style, png_of
 from thesis_lib.foundation.columns import explain
@@ -166,11 +166,8 @@ def test_dependence_finds_the_feature_and_nothing_in_noise():
     rng = np.random.default_rng(2)
     table = pd.DataFrame({"v_t": rng.standard_normal(800), "omega": rng.standard_normal(800)})
     noise = rng.standard_normal((800, 3))
-    shares = dependences(
-        np.stack([noise[:, 0], noise[:, 1] + 2.0 * table["v_t"], noise[:, 2]], axis=1),
-        table,
-        ("tangential", "normal", "couple"),
-    )
+    noise[:, 1] += 2.0 * table["v_t"]
+    shares = Residuals(dict.fromkeys(("tangential", "normal", "couple"), ""), {}, table, {"before": noise}).shares
     assert shares.loc["normal", "v_t"] > 0.6
     assert shares.drop(columns="v_t").to_numpy().max() < 0.03 and shares.loc["couple", "v_t"] < 0.03
 
