@@ -148,12 +148,6 @@ def test_without_effects_it_is_the_law(states):
     assert list(found.columns[:6]) == list(STATE)
 
 
-def test_an_effect_changes_the_prediction(states):
-    plain = model_with().predict(states)
-    moving = model_with("moving_surface", moving_surface__V=0.5).predict(states)
-    assert not np.allclose(plain["vx_post"], moving["vx_post"], atol=1e-3)
-
-
 CAMERA_AND_BODY = {
     "length_scale": {"length_scale__s_L": 0.013},
     "marker_offset": {"marker_offset__d_x": 0.0013, "marker_offset__d_y": -0.0007},
