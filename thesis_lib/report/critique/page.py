@@ -48,7 +48,7 @@ def contents(critique: DropsCritique, findings: Findings) -> Contents:
     """Pictures and page of a critique of drops."""
     from thesis_lib.figures.critique.pictures import pictures
 
-    drawn = pictures(critique, findings.tables, findings.regions)
+    drawn = pictures(critique, findings.tables, findings.regions)  # pyright: ignore[reportArgumentType]
     images = {name: png_of(figure) for name, (figure, _) in drawn.items()}
     return Contents(report_html(critique, findings, drawn, images), drawn, images)
 
