@@ -10,14 +10,8 @@ from conftest import NARROW, WIDE
 
 pytestmark = pytest.mark.slow
 PAGES = ("run", "chapter", "critique", "space", "index", "claims")
-PAPER = {  # px at 96 an inch, of A4 less the margins that page.css gives
-    "run": (688, 1017),
-    "chapter": (688, 1017),
-    "critique": (688, 1017),
-    "space": (688, 1017),
-    "index": (688, 1017),
-    "claims": (1032, 702),
-}
+# px at 96 an inch, of A4 less the margins that page.css gives
+PAPER = dict.fromkeys(PAGES, (688, 1017)) | {"claims": (1032, 702)}
 
 
 @pytest.mark.parametrize("name", PAGES)
@@ -203,12 +197,17 @@ def test_it_prints_with_nothing_cut(visit, pages, name):
     assert (float(landscape[1]) > float(landscape[2])) == (name == "claims")
 
 
-def test_without_a_script_the_text_is_there(browser, pages):
+@pytest.fixture
+def still(browser):
+    """A page without scripts, which opens where it is told to."""
     context = browser.new_context(java_script_enabled=False)
-    page = context.new_page()
-    page.goto(pages["critique"].as_uri())
-    text = page.locator("main").inner_text()
+    yield context.new_page()
     context.close()
+
+
+def test_without_a_script_the_text_is_there(still, pages):
+    still.goto(pages["critique"].as_uri())
+    text = still.locator("main").inner_text()
     assert "this page's script, which your browser does not run" in text
     assert "of the sum of all errors" in text
 
@@ -230,18 +229,9 @@ def drawn(page) -> dict[str, list[float]]:
     return found | {"hits": hits}
 
 
-@pytest.fixture
-def still(browser, in_space):
-    """The page in space without scripts."""
-    context = browser.new_context(java_script_enabled=False)
-    page = context.new_page()
-    page.goto(in_space.as_uri())
-    yield page
-    context.close()
-
-
 def test_a_body_is_turned_by_keys_and_pointer_and_comes_back(visit, in_space, still):
     """The script draws the first view as the page has it; a turn by 360° changes nothing."""
+    still.goto(in_space.as_uri())
     page, first = visit(in_space).page, drawn(still)
     body = page.locator(".turned svg")
     body.focus()
@@ -284,6 +274,7 @@ def test_hits_are_coloured_by_the_rung_that_is_chosen(visit, in_space):
 
 def test_tosses_are_replayed(visit, in_space, still):
     page = visit(in_space).page
+    still.goto(in_space.as_uri())
     data = json.loads(page.locator("figure.replay script").text_content())
     for name in ("solid", "ghost"):
         first = page.locator(f".replay .{name}").get_attribute("d")
@@ -307,7 +298,8 @@ def test_tosses_are_replayed(visit, in_space, still):
     assert play.inner_text() == "Play"
 
 
-def test_without_a_script_body_and_tosses_are_drawn_and_nothing_waits_for_it(still):
+def test_without_a_script_body_and_tosses_are_drawn_and_nothing_waits_for_it(still, in_space):
+    still.goto(in_space.as_uri())
     assert still.locator(".turned [data-hit]").count() > 5 and still.locator(".replay .solid").get_attribute("d")
     assert not still.locator(".controls:visible").count()
 

@@ -8,7 +8,7 @@ import copy
 import numpy as np
 import pytest
 from hidden_effects import ANISOTROPY, E_T, injected_impacts, simulated
-from report_pages import DIAGNOSIS, page_of
+from report_pages import DIAGNOSIS, leave_page_out, page_of
 
 from thesis_lib.critique.drops.criticise import DropsCritique, criticise_drops
 from thesis_lib.critique.drops.questions.where import where as all_regions
@@ -30,6 +30,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Critiques are saved without their pictures, which take longer than all else that is saved."""
     monkeypatch.setattr("thesis_lib.figures.critique.pictures.pictures", lambda *args: {})
+
+
+@pytest.fixture
+def without_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    leave_page_out(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -11,11 +11,12 @@ from thesis_lib.contact.space import contact_space, measured_impulse, velocity_c
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.results import numbers
 from thesis_lib.critique.results.numbers import energy_disc
+from thesis_lib.critique.results.tables import ladder
 from thesis_lib.critique.results.titles import handy_unit
 from thesis_lib.figures.critique import residuals
 from thesis_lib.figures.critique.errors import draw_budget, laws_sentence
 from thesis_lib.figures.critique.pictures import NAMES, pictures, trials_to_show
-from thesis_lib.figures.critique.residuals import dependences, draw_flights, features_to_show
+from thesis_lib.figures.critique.residuals import Residuals, draw_flights, features_to_show
 from thesis_lib.figures.critique.where import boxes_of, inside, map_axes, region_text
 from thesis_lib.figures.style import house_style, png_of
 from thesis_lib.foundation.columns import explain
@@ -42,7 +43,8 @@ def without_effects():
 
 @pytest.fixture(scope="module")
 def drawn(critique):
-    return pictures(critique, {"budget": BUDGET}, {"regions": [REGION]})
+    rungs = ladder(critique, np.random.default_rng(0))
+    return pictures(critique, {"ladder": rungs, "budget": BUDGET}, {"regions": [REGION]})
 
 
 def texts(figure):
@@ -67,8 +69,9 @@ def test_no_title_leaves_its_figure(drawn):
 
 @pytest.mark.slow
 def test_impacts_alone_without_effects_or_regions_are_drawn(without_effects):
-    found = pictures(without_effects, {}, where(without_effects))
-    assert set(NAMES) - set(found) == {"budget", "flights", "candidates"}
+    rungs = ladder(without_effects, np.random.default_rng(0))
+    found = pictures(without_effects, {"ladder": rungs, "budget": BUDGET}, where(without_effects))
+    assert set(NAMES) - set(found) == {"flights", "candidates"}
     assert "error_after" not in found["where"][1]
     assert np.isnan(without_effects.ladder[0][2].floor)
     assert "noise_floor" not in set(found["ladder"][1]["label"])
@@ -86,11 +89,6 @@ def test_ladder_holds_the_errors_and_bounds_of_the_critique(critique, drawn):
     assert table.loc["irb_bound", "error"] == critique.irb
     assert table.loc["no_impact", "error"] == critique.no_impact
     assert table.loc["noise_floor", "error"] == critique.ladder[-1][2].floor
-
-
-def test_ladder_takes_the_intervals_of_its_table(critique):
-    given = numbers.ladder_table(critique).assign(error_low=0.5)
-    assert (numbers.ladder_table(critique, {"ladder": given})["error_low"] == 0.5).all()
 
 
 def test_laws_are_sorted_and_none_beats_best_post_hoc(drawn):
@@ -168,11 +166,8 @@ def test_dependence_finds_the_feature_and_nothing_in_noise():
     rng = np.random.default_rng(2)
     table = pd.DataFrame({"v_t": rng.standard_normal(800), "omega": rng.standard_normal(800)})
     noise = rng.standard_normal((800, 3))
-    shares = dependences(
-        np.stack([noise[:, 0], noise[:, 1] + 2.0 * table["v_t"], noise[:, 2]], axis=1),
-        table,
-        ("tangential", "normal", "couple"),
-    )
+    noise[:, 1] += 2.0 * table["v_t"]
+    shares = Residuals(dict.fromkeys(("tangential", "normal", "couple"), ""), {}, table, {"before": noise}).shares
     assert shares.loc["normal", "v_t"] > 0.6
     assert shares.drop(columns="v_t").to_numpy().max() < 0.03 and shares.loc["couple", "v_t"] < 0.03
 
@@ -248,5 +243,5 @@ def test_small_lengths_and_angles_are_shown_in_thousandths():
 
 def test_a_budget_of_unknown_noise_does_not_call_it_none():
     part = {"part": PARTS, "mean_square": [0.0, 1.0, 2.0, 3.0, 4.0], "share": [0.0, 0.1, 0.2, 0.3, 0.4]}
-    assert "noise unknown" in texts(draw_budget({"budget": pd.DataFrame(part)})[0])
-    assert "noise 20 %" in texts(draw_budget({"budget": BUDGET})[0])
+    assert "noise unknown" in texts(draw_budget(pd.DataFrame(part))[0])
+    assert "noise 20 %" in texts(draw_budget(BUDGET)[0])

@@ -19,7 +19,7 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.few_impacts import FewImpacts
 from thesis_lib.critique.mechanisms.critique import MechanismCritique
 from thesis_lib.critique.printed import diagnosis_text
-from thesis_lib.critique.results.choices import choices_table
+from thesis_lib.critique.results.candidates import choices_table
 from thesis_lib.critique.results.findings import Findings, few_findings, findings
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.foundation.errors import UserError
@@ -238,12 +238,12 @@ class OfDrops(Critique):
         from thesis_lib.figures.critique.where import draw_where
 
         if what == "ladder":
-            return draw_ladder(self.found, self._findings.tables)[0]
+            return draw_ladder(self.found, self._findings.tables["ladder"])[0]
         if what == "candidates":
             if (drawn := draw_candidates(self.found, self._findings.tables.get("candidates"))) is None:
                 raise UserError(f"No effect was tried in the critique of {self.name}; leave `effects` out.")
             return drawn[0]
-        return draw_where(self.found, self._findings.regions)[0]  # pyright: ignore[reportOptionalSubscript]
+        return draw_where(self.found, self._findings.regions)[0]  # pyright: ignore[reportArgumentType]
 
 
 class OfFewImpacts(Critique):

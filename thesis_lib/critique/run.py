@@ -12,8 +12,8 @@ from thesis_lib.critique.drops.criticise import criticise_drops, fit_model
 from thesis_lib.critique.drops.few_impacts import TooFew, few_impacts
 from thesis_lib.critique.drops.settings import CritiqueSettings
 from thesis_lib.critique.result import Critique, OfDrops, OfFewImpacts, OfMechanism
-from thesis_lib.critique.results.saved_in_space import saved_in_space
-from thesis_lib.critique.results.saved_model import SavedModel, saved
+from thesis_lib.critique.results.findings import saved_of
+from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.datasets.format.dataset import Dataset
 from thesis_lib.datasets.format.samples import ArcSettings
 from thesis_lib.datasets.recordings.recording import Recording, is_recording, read_recording
@@ -65,9 +65,43 @@ def criticise(
         for option, asked in (("models", models), ("propose", propose), ("settings", settings), ("arcs", arcs)):
             if asked:
                 raise UserError(f"{data.name} is the recording of a mechanism; {option} is for drops. Leave it out.")
-        return _of_mechanism(data, effects, seed, say)
+        from thesis_lib.critique.mechanisms.critique import criticise_recording
+
+        rng = generator(seed, "critique", data.digest())
+        say("fitting the equations of motion")
+        return OfMechanism(criticise_recording(data, rng, effects=effects), data.name, rng, say)
     with sharing(jobs):
-        return _of_drops(data, effects, settings, arcs, models, propose, seed, say)
+        if models:
+            from thesis_lib.critique.engines.compare import require_models
+
+            require_models(data, models)
+        settings, content = settings or CritiqueSettings(), data.digest()
+        rng = generator(seed, "critique", content)
+        try:
+            found = criticise_drops(data, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
+        except TooFew as few:
+            if effects or models or propose or not few.say_something:
+                raise
+            say("too few impacts for a verdict: fitting restitution and friction")
+            with threadpool_limits(limits=1):  # as `criticise_drops`
+                return OfFewImpacts(few_impacts(few, settings), say)
+        proposals = []
+        if propose is None:
+            propose = effects is None
+        if (
+            propose
+            and found.space.is_plane
+            and found.verdict == "unexplained"
+            and found.is_structured
+            and found.settings.max_terms
+        ):
+            from thesis_lib.critique.proposal.propose import propose as propose_term
+
+            proposals = [propose_term(found, generator(seed, "proposal", content), say)]
+        critique = OfDrops(found, rng, proposals, say)
+        if models:
+            critique.compare(models)
+        return critique
 
 
 def read(path: str | Path) -> Dataset | Recording:
@@ -107,59 +141,4 @@ def fit(
     if isinstance(dataset, Recording):
         raise UserError(f"{dataset.name} is the recording of a mechanism; fit fits laws of impact to drops.")
     fitted = fit_model(dataset, law, effects, settings, arcs)
-    if not dataset.space.is_plane:
-        return saved_in_space(fitted, dataset.in_space, dataset.name)
-    return saved(fitted, fitted.whitening.observations.rig, dataset.name)
-
-
-def _of_drops(
-    dataset: Dataset,
-    effects: Sequence[str] | None,
-    settings: CritiqueSettings | None,
-    arcs: ArcSettings | None,
-    models: Sequence[str],
-    propose: bool | None,
-    seed: int,
-    say: Callable[[str], None],
-) -> Critique:
-    if models:
-        from thesis_lib.critique.engines.compare import require_models
-
-        require_models(dataset, models)
-    settings, content = settings or CritiqueSettings(), dataset.digest()
-    rng = generator(seed, "critique", content)
-    try:
-        found = criticise_drops(dataset, rng=rng, settings=settings, arcs=arcs, effects=effects, say=say)
-    except TooFew as few:
-        if effects or models or propose or not few.say_something:
-            raise
-        say("too few impacts for a verdict: fitting restitution and friction")
-        with threadpool_limits(limits=1):  # as `criticise_drops`
-            return OfFewImpacts(few_impacts(few, settings), say)
-    proposals = []
-    if propose is None:
-        propose = effects is None
-    if (
-        propose
-        and found.space.is_plane
-        and found.verdict == "unexplained"
-        and found.is_structured
-        and found.settings.max_terms
-    ):
-        from thesis_lib.critique.proposal.propose import propose as propose_term
-
-        proposals = [propose_term(found, generator(seed, "proposal", content), say)]
-    critique = OfDrops(found, rng, proposals, say)
-    if models:
-        critique.compare(models)
-    return critique
-
-
-def _of_mechanism(
-    recording: Recording, effects: Sequence[str] | None, seed: int, say: Callable[[str], None]
-) -> Critique:
-    from thesis_lib.critique.mechanisms.critique import criticise_recording
-
-    rng = generator(seed, "critique", recording.digest())
-    say("fitting the equations of motion")
-    return OfMechanism(criticise_recording(recording, rng, effects=effects), recording.name, rng, say)
+    return saved_of(fitted, fitted.whitening.observations.rig, dataset.name, dataset)  # pyright: ignore[reportReturnType]

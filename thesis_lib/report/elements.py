@@ -88,9 +88,7 @@ def sized(p: Mapping) -> str:
 
 def fitted(name: str, p: Mapping) -> str:
     """A parameter of diagnosis.json with its 95 % interval, or its bound: c_μ = 0.12 [0.10, 0.14], μ at least 0.3."""
-    if p.get("bound"):
-        return f"{symbol(name)} {sized(p)}"
-    return f"{symbol(name)} = {sized(p)}"
+    return f"{symbol(name)} {'' if p.get('bound') else '= '}{sized(p)}"
 
 
 def plus_minus(value: float, std: float) -> str:

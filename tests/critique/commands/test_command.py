@@ -1,5 +1,6 @@
 """`python -m thesis_lib critique`, `predict` and `effects`: what they print, write, and how they say no."""
 
+import io
 import json
 import os
 import subprocess
@@ -9,9 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from report_pages import leave_page_out
 
-import thesis_lib.figures.critique.pictures
-import thesis_lib.report.critique.page
 from thesis_lib.__main__ import main
 from thesis_lib.critique.result import OfDrops
 from thesis_lib.critique.results.saved_model import SavedModel
@@ -27,13 +27,6 @@ FILES = (
 )
 
 
-@pytest.fixture
-def no_pictures(monkeypatch):
-    """Pictures and page have their own tests and take most of the time."""
-    monkeypatch.setattr(thesis_lib.figures.critique.pictures, "pictures", lambda *args: {})
-    monkeypatch.setattr(thesis_lib.report.critique.page, "report_html", lambda *args: "<html></html>\n")
-
-
 @pytest.fixture(scope="module")
 def dataset_folder(impacts_dataset, tmp_path_factory) -> Path:
     return write_dataset(impacts_dataset, tmp_path_factory.mktemp("data") / "my_drops", float_format=None)
@@ -44,8 +37,7 @@ def run_folder(dataset_folder, tmp_path_factory) -> Path:
     """What one command writes, without pictures."""
     out = tmp_path_factory.mktemp("out") / "my_run"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(thesis_lib.figures.critique.pictures, "pictures", lambda *args: {})
-        patch.setattr(thesis_lib.report.critique.page, "report_html", lambda *args: "<html></html>\n")
+        leave_page_out(patch)
         assert main(["critique", str(dataset_folder), "-o", str(out), "-q"]) == 0
     return out
 
@@ -91,7 +83,7 @@ def test_the_library_writes_the_same_bytes_as_the_command(dataset_folder, run_fo
         assert (tmp_path / "again" / name).read_bytes() == (run_folder / name).read_bytes(), name
 
 
-def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(no_pictures, dataset_folder, tmp_path, capsys):
+def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(without_page, dataset_folder, tmp_path, capsys):
     out = tmp_path / "run"
     command = ["critique", str(dataset_folder), "-o", str(out), "--effect", "wrong_inertia", "--seed", "3"]
     assert main([*command, "--trials", "60", "--jobs", "2"]) == 0
@@ -104,38 +96,29 @@ def test_the_chosen_effect_is_switched_on_and_text_goes_to_stdout(no_pictures, d
     assert "Switched on by you: wrong inertia; these data do not ask for it" in shown.out
 
 
-@pytest.mark.slow
-def test_predict_uses_the_model_of_the_run(run_folder, tmp_path, capsys):
-    states = pd.DataFrame(
-        {"x": 0.0, "y": 0.03, "theta": [0.3, -0.3], "vx": [0.5, -0.5], "vy": -2.0, "omega": [5.0, -5.0]}
-    )
-    states.to_csv(tmp_path / "states.csv", index=False)
-    model = str(run_folder / "model.json")
-    assert main(["predict", model, str(tmp_path / "states.csv"), "-o", str(tmp_path / "out.csv")]) == 0
-    table = pd.read_csv(tmp_path / "out.csv")
-    # the mirrored throw has the mirrored outcome
-    assert table["vx_post"].sum() == pytest.approx(0.0, abs=1e-8)
-    assert table["vy_post"].diff().iloc[1] == pytest.approx(0.0, abs=1e-8)
-    capsys.readouterr()
-    assert main(["predict", model, str(tmp_path / "states.csv")]) == 0
-    assert capsys.readouterr().out == (tmp_path / "out.csv").read_text()
-
-
-def test_predictions_as_json(run_folder, tmp_path, capsys):
-    states = pd.DataFrame({"x": 0.0, "y": 0.03, "theta": 0.3, "vx": 0.5, "vy": [-2.0, 2.0], "omega": 5.0})
-    states.to_csv(tmp_path / "states.csv", index=False)
-    command = ["predict", str(run_folder / "model.json"), str(tmp_path / "states.csv"), "--json"]
+def test_predictions_are_a_table_or_json_on_stdout_or_in_a_file(run_folder, tmp_path, capsys):
+    """Of a throw, of the mirrored one, whose outcome is the mirrored one, and of a body that moves away."""
+    sides = {"theta": [0.3, -0.3, 0.3], "vx": [0.5, -0.5, 0.5], "vy": [-2.0, -2.0, 2.0], "omega": [5.0, -5.0, 5.0]}
+    pd.DataFrame({"x": 0.0, "y": 0.03} | sides).to_csv(tmp_path / "states.csv", index=False)
+    command = ["predict", str(run_folder / "model.json"), str(tmp_path / "states.csv")]
+    to_file = ["-o", str(tmp_path / "out.csv")]
     assert main(command) == 0
+    text = capsys.readouterr().out
+    table = pd.read_csv(io.StringIO(text))
+    assert table["vx_post"][:2].sum() == pytest.approx(0.0, abs=1e-8)
+    assert table["vy_post"].diff()[1] == pytest.approx(0.0, abs=1e-8)
+    assert main([*command, *to_file]) == 0 and (tmp_path / "out.csv").read_text() == text
+    capsys.readouterr()
+    assert main([*command, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["n"] == 2 and told["status"] == {"not_approaching": 1, "ok": 1}
+    assert told["n"] == 3 and told["status"] == {"not_approaching": 1, "ok": 2}
     assert told["effects"] == ["tangential_restitution"]
-    assert [row["vy_post"] > 0.0 for row in told["predictions"]] == [True, True]
-    assert main([*command, "-o", str(tmp_path / "out.csv")]) == 0
+    assert [row["vy_post"] > 0.0 for row in told["predictions"]] == [True, True, True]
+    assert main([*command, "--json", *to_file]) == 0
     assert "predictions" not in json.loads(capsys.readouterr().out)
-    assert len(pd.read_csv(tmp_path / "out.csv")) == 2
 
 
-def test_a_verdict_as_json_is_that_of_the_file_and_alone_on_stdout(no_pictures, dataset_folder, tmp_path, capsys):
+def test_a_verdict_as_json_is_that_of_the_file_and_alone_on_stdout(without_page, dataset_folder, tmp_path, capsys):
     command = ["critique", str(dataset_folder), "-o", str(tmp_path), "--effect", "wrong_inertia", "--json"]
     assert main(command) == 0
     assert json.loads(capsys.readouterr().out) == json.loads((tmp_path / "diagnosis.json").read_text())
@@ -178,6 +161,7 @@ def test_two_runs_are_compared_in_standard_errors(run_folder, tmp_path, capsys):
         (["critique", "DATA", "--effect", "gravity_waves"], "no effect 'gravity_waves'"),
         (["critique", "DATA", "--effect", "linear_drag"], "cannot test the effect linear_drag: no trajectories"),
         (["critique", "DATA", "--seed", "-1"], "--seed"),
+        (["critique", "DATA", "--jobs", "0"], "--jobs must be above 0"),
         (["critique", "DATA", "--trials", "0"], "--trials must be above 0"),
         (["critique", "DATA", "--trials", "9", "--batch"], "--trials takes the first trials of one dataset"),
         (["critique", "DATA", "-o", "DATA"], "is the dataset itself"),
@@ -201,7 +185,7 @@ def test_mistakes_get_one_readable_block_and_exit_code_2(
 
 
 def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
-    hidden_impacts, no_pictures, tmp_path, monkeypatch
+    hidden_impacts, without_page, tmp_path, monkeypatch
 ):
     folder = tmp_path / "run"
     folder.mkdir()
@@ -219,7 +203,7 @@ def test_a_run_that_fails_while_writing_leaves_an_earlier_one_as_it_was(
 
 
 def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
-    hidden_impacts, no_pictures, tmp_path, monkeypatch, capsys
+    hidden_impacts, without_page, tmp_path, monkeypatch, capsys
 ):
     folder = tmp_path / "run"
     OfDrops(hidden_impacts, np.random.default_rng(0)).save(folder)
@@ -240,7 +224,7 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
     assert main(["predict", str(folder / "model.json"), "states.csv"]) == 2
 
 
-def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hidden_impacts, no_pictures, tmp_path):
+def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hidden_impacts, without_page, tmp_path):
     for name in ("residuals.png", "flights.csv", "notes.txt", "my_plot.png"):
         (tmp_path / name).write_text("old")
     OfDrops(hidden_impacts, np.random.default_rng(0)).save(tmp_path)

@@ -24,16 +24,8 @@ def run(law: str, mu: float, effects: tuple[str, ...] = ()) -> dict:
         "effects": [{"name": name, "parameters": {"phi": parameter(0.05, unit="rad")}} for name in effects],
         "error": {"base": 0.03, "augmented": 0.01, "noise_floor": 0.01, "irb_bound": 0.005},
         "laws": {
-            "mirtich": {
-                "parameters": {"mu": parameter(0.15 + mu), "epsilon": parameter(0.6)},
-                "error": 0.03,
-                "unit": "m/s",
-            },
-            "whittaker": {
-                "parameters": {"mu": parameter(0.25 + mu), "epsilon": parameter(0.6)},
-                "error": 0.04,
-                "unit": "m/s",
-            },
+            name: {"parameters": {"mu": parameter(more + mu), "epsilon": parameter(0.6)}, "error": error, "unit": "m/s"}
+            for name, more, error in (("mirtich", 0.15, 0.03), ("whittaker", 0.25, 0.04))
         },
     }
 

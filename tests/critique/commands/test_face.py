@@ -29,9 +29,7 @@ def test_it_shows_itself_in_a_line(found):
     assert len(repr(found)) < 120 and "\n" not in repr(found)
 
 
-def test_summary_dict_and_folder_say_the_same_in_any_order(found, tmp_path, monkeypatch):
-    monkeypatch.setattr("thesis_lib.figures.critique.pictures.pictures", lambda *args: {})
-    monkeypatch.setattr("thesis_lib.report.critique.page.report_html", lambda *args: "")
+def test_summary_dict_and_folder_say_the_same_in_any_order(found, without_page, tmp_path):
     first = found.summary()
     content = found.save(tmp_path)
     assert content == found.to_dict() == json.loads((tmp_path / "diagnosis.json").read_text())

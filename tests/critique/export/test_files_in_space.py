@@ -2,11 +2,12 @@
 
 import hashlib
 import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
-from round_trip import plant_of
+from engine_runs import by_drake, by_mujoco, inertia_in_drake, inertia_in_mujoco, plant_of, require_told
 
 from tests.critique.simulation.space_models import BOX, SPHERE, space_model
 from thesis_lib.__main__ import main
@@ -111,41 +112,6 @@ def ended(model: SavedSpaceModel, touch: State, ends) -> State:
     return State(pose, motion, touch.trial, touch.t, None, SPACE)
 
 
-def by_mujoco(text: str, model: SavedSpaceModel, touch: State) -> State:
-    engine = mujoco.MjModel.from_xml_string(re.sub('timestep="[^"]+"', f'timestep="{STEP}"', text))
-    data, ends = mujoco.MjData(engine), []
-    for place, q, v, w in started(model, touch):
-        mujoco.mj_resetData(engine, data)
-        data.qpos[:], data.qvel[:3] = [*place, *q], v
-        data.qvel[3:] = rotation_matrix(q[:, None])[..., 0].T @ w
-        mujoco.mj_step(engine, data, round((LEAD + SPAN) / STEP))
-        q = np.array(data.qpos[3:])
-        ends.append(
-            (data.qpos[:3].copy(), q, data.qvel[:3].copy(), rotation_matrix(q[:, None])[..., 0] @ data.qvel[3:])
-        )
-    return ended(model, touch, ends)
-
-
-def by_drake(path, model: SavedSpaceModel, touch: State) -> State:
-    from pydrake.common.eigen_geometry import Quaternion
-    from pydrake.math import RigidTransform
-    from pydrake.multibody.math import SpatialVelocity
-
-    simulator, plant = plant_of(path)
-    root = simulator.get_mutable_context()
-    context, link, ends = plant.GetMyMutableContextFromRoot(root), plant.GetBodyByName("body"), []
-    for place, q, v, w in started(model, touch):
-        root.SetTime(0.0)
-        plant.SetFreeBodyPose(context, link, RigidTransform(Quaternion(q / np.linalg.norm(q)), place))
-        plant.SetFreeBodySpatialVelocity(context, link, SpatialVelocity(w, v))
-        simulator.Initialize()
-        simulator.AdvanceTo(LEAD + SPAN)
-        pose, motion = plant.EvalBodyPoseInWorld(context, link), plant.EvalBodySpatialVelocityInWorld(context, link)
-        turn = pose.rotation().ToQuaternion().wxyz()
-        ends.append((pose.translation(), turn, motion.translational(), motion.rotational()))
-    return ended(model, touch, ends)
-
-
 CASES = [
     *(("mjcf", shape, FIRM) for shape in SHAPES),
     ("mjcf", "box", FIRM | {"impedance": 0.01}),
@@ -163,22 +129,24 @@ def test_a_hit_in_the_engine_is_that_of_the_law(target, shape, contact, tmp_path
     model = space_model(shape=SHAPES[shape], **contact, **COM)
     touch = touching(model, 6)
     after = play(model.dynamics, touch, np.full(len(touch), SPAN)).after
-    content = exported(model, target).content
-    if target == "mjcf":
-        found = by_mujoco(content.decode(), model, touch)
-    else:
-        path = tmp_path / f"body.{target}"
-        path.write_bytes(content)
-        found = by_drake(path, model, touch)
+    found = hit(model, target, touch, tmp_path)
     off = apart(model, after, found)
     typical, most = CLOSE_ON_PYRAMID if contact["law"] == "pyramid_contact" else CLOSE[target]
     assert np.median(off) < typical and off.max() < most, off
     assert np.median(apart(model, after, touch)) > 1.0
     if "torsional_friction.m_t" in contact:
         without = space_model(shape=SHAPES[shape], **FIRM, **COM)
-        assert (
-            np.median(apart(model, by_mujoco(exported(without, target).content.decode(), model, touch), after)) > 0.03
-        )
+        assert np.median(apart(model, hit(without, target, touch, tmp_path), after)) > 0.03
+
+
+def hit(model: SavedSpaceModel, target: str, touch: State, folder: Path) -> State:
+    """The bodies `LEAD` before and `SPAN` after they touch, by the engine that reads the model's file."""
+    path, starts = folder / f"body.{target}", started(model, touch)
+    path.write_bytes(exported(model, target).content)
+    if target != "mjcf":
+        return ended(model, touch, by_drake(path, starts, LEAD + SPAN))
+    text = re.sub('timestep="[^"]+"', f'timestep="{STEP}"', path.read_text())
+    return ended(model, touch, by_mujoco(text, starts, LEAD + SPAN))
 
 
 def test_mujoco_reads_the_body_that_is_hidden():
@@ -187,11 +155,10 @@ def test_mujoco_reads_the_body_that_is_hidden():
     truth, (frame, *_) = true_rig(model.rig, HIDDEN), surface_frames(model.rig)
     engine = mujoco.MjModel.from_xml_string(exported(model, "mjcf").content.decode())
     body = engine.body("body")
-    axes = rotation_matrix(np.array(body.iquat)[:, None])[..., 0]
     np.testing.assert_allclose(body.mass, 0.25, rtol=DIGITS)
     np.testing.assert_allclose(body.ipos, truth.body.centre, rtol=DIGITS)
     tensor = 0.25 * truth.body.inertia_per_mass
-    np.testing.assert_allclose(axes * np.array(body.inertia) @ axes.T, tensor, atol=1e-7 * tensor.max())
+    np.testing.assert_allclose(inertia_in_mujoco(body), tensor, atol=1e-7 * tensor.max())
     assert np.abs(tensor - np.diag(np.diag(tensor))).max() > 0.05 * tensor.max()
     np.testing.assert_allclose(engine.opt.gravity, truth.gravity, rtol=1e-7)
     table = engine.geom("surface")
@@ -212,11 +179,9 @@ def test_drake_reads_the_same_body(target, tmp_path):
     truth, path = true_rig(model.rig, HIDDEN), tmp_path / f"body.{target}"
     made = exported(model, target, mass=0.5)
     path.write_bytes(made.content)
-    link = plant_of(path)[1].GetBodyByName("body")
-    inertia = link.default_spatial_inertia()
-    about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-    assert link.default_mass() == pytest.approx(0.5)
-    np.testing.assert_allclose(inertia.get_com(), truth.body.centre, rtol=1e-7)
+    mass, centre, about = inertia_in_drake(plant_of(path)[1], "body")
+    assert mass == pytest.approx(0.5)
+    np.testing.assert_allclose(centre, truth.body.centre, rtol=1e-7)
     np.testing.assert_allclose(about, 0.5 * truth.body.inertia_per_mass, atol=1e-7 * about.max())
     pull = " ".join(f"{value:.9g}" for value in truth.gravity)
     assert (target == "sdf") == (f"<gravity>{pull}" in made.content.decode()) and f"set {pull}" in made.content.decode()
@@ -228,12 +193,7 @@ def test_every_effect_in_space_is_in_the_file_or_named_as_left_out(target):
     for name in effects_in(SPACE):
         parameters = parameters_in(EFFECTS[name], SPACE)
         values = {f"{name}.{p.name}": p.null + (p.discrete or 0.5 * p.scale) for p in parameters}
-        made = exported(space_model(**FIRM, **values), target)
-        text, old = made.content.decode(), plain.content.decode()
-        held, left = ([line for line in lines if line.startswith(f"{name}: ")] for lines in (made.held, made.left_out))
-        assert len(held) + len(left) == 1 and len((held + left)[0]) > len(name) + 5
-        assert f"{name}: " in text[text.index("effects in this file") : text.index("-->")]
-        assert bool(held) == (text[text.index("-->") :] != old[old.index("-->") :]), name
+        require_told(exported(space_model(**FIRM, **values), target), plain, name)
 
 
 def test_what_no_file_can_hold_is_said():
@@ -296,11 +256,10 @@ def test_a_patch_writes_the_whole_tensor_and_leaves_the_rest(tmp_path, capsys):
     kept = [line for line in MINE.split("\n") if not re.match(r" *<(inertial|geom name|contact)", line)]
     assert [line for line in new.split("\n") if line in kept] == kept
     body = mujoco.MjModel.from_xml_string(new).body("box")
-    axes = rotation_matrix(np.array(body.iquat)[:, None])[..., 0]
     tensor = 0.3 * truth.body.inertia_per_mass
     np.testing.assert_allclose(body.mass, 0.3)
     np.testing.assert_allclose(body.ipos, truth.body.centre, rtol=1e-7)
-    np.testing.assert_allclose(axes * np.array(body.inertia) @ axes.T, tensor, atol=1e-7 * tensor.max())
+    np.testing.assert_allclose(inertia_in_mujoco(body), tensor, atol=1e-7 * tensor.max())
     assert 'friction="0.25 0.002 0.0001"' in new and 'condim="4"' in new and "<geom name = " in new
     again = patched(load_model(tmp_path / "model.json"), "mjcf", better, "box")
     assert again.content == better.read_bytes()
@@ -326,8 +285,7 @@ def test_a_patch_turns_the_tensor_into_the_axes_of_a_links_inertial(target, tmp_
     link = f"<link name='block'>{inside}<collision name='hull'>{ball}</collision></link>"
     path.write_text(f"{head}{link}{'</model></sdf>' if target == 'sdf' else '</robot>'}")
     path.write_bytes(patched(model, target, path, "block").content)
-    inertia = plant_of(path)[1].GetBodyByName("block").default_spatial_inertia()
-    about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    _, centre, about = inertia_in_drake(plant_of(path)[1], "block")
     truth = true_rig(model.rig, HIDDEN).body
-    np.testing.assert_allclose(inertia.get_com(), truth.centre, rtol=1e-7)
+    np.testing.assert_allclose(centre, truth.centre, rtol=1e-7)
     np.testing.assert_allclose(about, 0.3 * truth.inertia_per_mass, atol=1e-7 * about.max())

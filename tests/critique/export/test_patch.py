@@ -6,7 +6,7 @@ from difflib import SequenceMatcher
 import mujoco
 import numpy as np
 import pytest
-from round_trip import BODIES, MASS, TRUE, model_of
+from engine_runs import BODIES, MASS, TRUE, inertia_in_drake, model_of, plant_of
 
 from thesis_lib.critique.export.export import exported, patched
 from thesis_lib.foundation.errors import UserError
@@ -128,26 +128,17 @@ def test_patching_twice_changes_nothing_more(target, tmp_path):
 @pytest.mark.parametrize("target", ["sdf", "urdf"])
 def test_drake_reads_a_patched_file(target, tmp_path):
     from pydrake.geometry import Role
-    from pydrake.multibody.parsing import Parser
-    from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-    from pydrake.systems.framework import DiagramBuilder
 
     path = file_of(tmp_path, FILES[target], f"mine.{target}")
     made = patched(model(), target, path, "block", mass=0.06, surface="table")
     path.write_bytes(made.content)
-    plant, scene = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
-    Parser(plant).AddModels(str(path))
-    plant.Finalize()
-    block = plant.GetBodyByName("block")
-    inertia = block.default_spatial_inertia()
-    about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().get_moments()
-    k = BODIES["square"].radius_of_gyration
-    assert block.default_mass() == pytest.approx(0.06)
-    np.testing.assert_allclose(inertia.get_com(), [0.001, 0.0, -0.002])
-    assert about[1] == pytest.approx(0.06 * k**2)
+    simulator, plant = plant_of(path)
+    mass, centre, about = inertia_in_drake(plant, "block")
+    assert mass == pytest.approx(0.06) and about[1, 1] == pytest.approx(0.06 * BODIES["square"].radius_of_gyration ** 2)
+    np.testing.assert_allclose(centre, [0.001, 0.0, -0.002])
+    inspector = simulator.get_system().GetSubsystemByName("scene_graph").model_inspector()
     both = []
     for name in ("block", "table"):
-        inspector = scene.model_inspector()
         frame = plant.GetBodyFrameIdOrThrow(plant.GetBodyByName(name).index())
         (geometry,) = inspector.GetGeometries(frame, Role.kProximity)
         properties = inspector.GetProximityProperties(geometry)
@@ -226,56 +217,46 @@ def test_what_a_patch_leaves_is_said(tmp_path):
     assert "name its link (--surface)" in drake
 
 
-BAD = {
-    "not XML": ("mjcf", "<mujoco><worldbody></mujoco>", "is not XML: Opening and ending tag mismatch.*in line 1"),
-    "cut off": ("mjcf", MJCF[:700], "is not XML"),
-    "empty": ("mjcf", "", "is not XML: Document is empty"),
-    "entities": ("mjcf", '<!DOCTYPE x [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><mujoco>&b;</mujoco>', "document type"),
-    "entities in an attribute": ("mjcf", '<!DOCTYPE x [<!ENTITY a "aa">]><mujoco model="&a;"/>', "document type"),
-    "entities that unfold": (
-        "mjcf",
-        "<!DOCTYPE x [<!ENTITY a0 'aaaaaaaaaa'>"
-        + "".join(f"<!ENTITY a{i} '{10 * f'&a{i - 1};'}'>" for i in range(1, 12))
-        + ']><mujoco model="&a11;"/>',
-        "amplification",
-    ),
-    "a file as an entity": (
-        "mjcf",
-        '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>',
-        "type",
-    ),
-    "of a reader of other files": ("sdf", MJCF, "is not a file of SDF: it begins with <mujoco>"),
-    "another body": ("mjcf", MJCF.replace('"block"', '"cube"'), "has no body named 'block'.*cube, post"),
-    "two bodies": ("mjcf", MJCF.replace('"post"', '"block"'), "has 2 body named 'block' .lines 8, 9."),
-    "an include": ("mjcf", '<mujoco><include file="b.xml"/><worldbody/></mujoco>', "includes other files"),
-    "no numbers": ("mjcf", MJCF.replace("5e-2", "heavy"), "holds no finite numbers"),
-    "NaN": ("mjcf", MJCF.replace("3.2e-5", "nan"), "line 11: <inertial> diaginertia=.*no finite numbers"),
-    "two numbers": ("mjcf", MJCF.replace('"0 0.01 0"', '"0 1"'), "needs 3 number.s. in pos"),
-    "no moment": ("mjcf", MJCF.replace("3.2e-5", "0"), "no positive moment of inertia about y"),
-    "negative mass": ("mjcf", MJCF.replace('mass="5e-2" diag', 'mass="-1" diag'), "must be positive"),
-    "from geoms": (
-        "mjcf",
-        MJCF.replace("<default>", '<compiler inertiafromgeom="true"/><default>', 1),
-        "ignore <inertial>",
-    ),
-    "degrees": (
-        "sdf",
-        SDF.replace("<pose>0 0.01", '<pose degrees="true">0 0.01'),
-        "x y z roll pitch yaw, without more",
-    ),
-    "no inertia": (
-        "sdf",
-        SDF.replace("<mass>  0.05 <!-- kg, roughly --></mass>", ""),
-        "no <inertial> with <mass> and <inertia>",
-    ),
-    "no collision": ("urdf", re.sub("<collision name.*?</collision>", "", URDF, flags=re.S), "has no collision"),
-    "deep": ("mjcf", "<a>" * 300 + "</a>" * 300, "Excessive depth"),
+UNFOLDING = "".join(f"<!ENTITY a{i} '{10 * f'&a{i - 1};'}'>" for i in range(1, 12))
+NO_MASS = SDF.replace("<mass>  0.05 <!-- kg, roughly --></mass>", "")
+BAD = {  # by format and what is wrong: the text, and what is said of it
+    "mjcf": {
+        "not XML": ("<mujoco><worldbody></mujoco>", "is not XML: Opening and ending tag mismatch.*in line 1"),
+        "cut off": (MJCF[:700], "is not XML"),
+        "empty": ("", "is not XML: Document is empty"),
+        "entities": ('<!DOCTYPE x [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><mujoco>&b;</mujoco>', "document type"),
+        "entities in an attribute": ('<!DOCTYPE x [<!ENTITY a "aa">]><mujoco model="&a;"/>', "document type"),
+        "entities that unfold": (
+            f"<!DOCTYPE x [<!ENTITY a0 'a'>{UNFOLDING}]><mujoco model=\"&a11;\"/>",
+            "amplification",
+        ),
+        "a file as an entity": ('<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>', "type"),
+        "another body": (MJCF.replace('"block"', '"cube"'), "has no body named 'block'.*cube, post"),
+        "two bodies": (MJCF.replace('"post"', '"block"'), "has 2 body named 'block' .lines 8, 9."),
+        "an include": ('<mujoco><include file="b.xml"/><worldbody/></mujoco>', "includes other files"),
+        "no numbers": (MJCF.replace("5e-2", "heavy"), "holds no finite numbers"),
+        "NaN": (MJCF.replace("3.2e-5", "nan"), "line 11: <inertial> diaginertia=.*no finite numbers"),
+        "two numbers": (MJCF.replace('"0 0.01 0"', '"0 1"'), "needs 3 number.s. in pos"),
+        "no moment": (MJCF.replace("3.2e-5", "0"), "no positive moment of inertia about y"),
+        "negative mass": (MJCF.replace('mass="5e-2" diag', 'mass="-1" diag'), "must be positive"),
+        "from geoms": (
+            MJCF.replace("<default>", '<compiler inertiafromgeom="true"/><default>', 1),
+            "ignore <inertial>",
+        ),
+        "deep": ("<a>" * 300 + "</a>" * 300, "Excessive depth"),
+    },
+    "sdf": {
+        "another format": (MJCF, "is not a file of SDF: it begins with <mujoco>"),
+        "degrees": (SDF.replace("<pose>0 0.01", '<pose degrees="true">0 0.01'), "x y z roll pitch yaw, without more"),
+        "no inertia": (NO_MASS, "no <inertial> with <mass> and <inertia>"),
+    },
+    "urdf": {"no collision": (re.sub("<collision name.*?</collision>", "", URDF, flags=re.S), "has no collision")},
 }
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_what_cannot_be_patched_is_refused_with_the_place(case, tmp_path):
-    target, text, message = BAD[case]
+@pytest.mark.parametrize(("target", "case"), [(target, case) for target, cases in BAD.items() for case in cases])
+def test_what_cannot_be_patched_is_refused_with_the_place(target, case, tmp_path):
+    text, message = BAD[target][case]
     with pytest.raises(UserError, match=message):
         patched(model(), target, file_of(tmp_path, text), "block")
 

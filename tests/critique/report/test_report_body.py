@@ -9,7 +9,7 @@ from judged_tosses import BOX, judged_tosses
 from report_pages import DIAGNOSIS, Page
 
 from thesis_lib.bodies.solids import Box, Capsule, Cylinder, Ellipsoid, Hull, Sphere
-from thesis_lib.critique.results.choices import Choice
+from thesis_lib.critique.results.candidates import Choice
 from thesis_lib.critique.results.numbers import impact_errors
 from thesis_lib.datasets.format.frames import body_states, surface_frames, tracked_states
 from thesis_lib.report.critique.body import OFF, axes_of_view, drawn_faces, polyhedron, turnable

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.results.candidates import FOUND, OTHER, candidates
-from thesis_lib.critique.results.choices import choices, choices_table
+from thesis_lib.critique.results.candidates import FOUND, OTHER, candidates, choices, choices_table
 from thesis_lib.critique.selection.discovery import KEPT
 from thesis_lib.figures.critique.candidates import draw_candidates
 

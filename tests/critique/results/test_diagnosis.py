@@ -26,6 +26,82 @@ from thesis_lib.effects import EFFECTS, effects_in
 from thesis_lib.mechanics.space import PLANE
 from thesis_lib.statistics.wording import number
 
+FAULT = {"name": "mirrored_rotation", "family": "measurement"}
+DRIFT = {"name": "sensor_drift", "family": "measurement", "indistinguishable_from": ["moving_surface"]}
+MOVING = {"name": "moving_surface", "family": "surface", "indistinguishable_from": ["sensor_drift"]}
+HEIGHT = {"name": "surface_height", "family": "surface", "material_in": ["touch"]}
+MANY = {"indistinguishable_from": ["contact_torque", "adhesion", "wear", "surface_tilt"]}
+TILT, LENGTH = (
+    {"name": name, "family": EFFECTS[name].family, "clears": False} for name in ("surface_tilt", "length_scale")
+)
+OUT = {"left_out": {"share": 0.3, "reasons": {"second_hit": 90, "not_ballistic": 20, "lost_frames": 1}}}
+GAP = {"error": {"touch": {"unit": "sigma", "base": 9.0, "augmented": 1.1, "noise_floor": 1.0}}}
+ADEQUATE, UNEXPLAINED = {"verdict": "adequate"}, {"verdict": "unexplained"}
+NONE = ADEQUATE | {"effects": []}
+UNTRIED = {"effects": [], "search": {"limit": None, "value": None, "tried": False}}
+RISEN = {"base": 0.00875, "augmented": 0.0128, "noise_floor": 0.0054}
+EVEN = {"worst": [], "base": 1.0, "augmented": 1.0, "noise_floor": 1.0}
+LOUD = EVEN | {"augmented": 1.41, "flight": {"augmented": 1.67}, "meet": {"augmented": 1.1}}
+# effects and what else has changed; what is said then, in this order, and what is not, each between " … "
+SAID = [
+    ([FAULT], {}, "faulty: mirrored rotation … With this put right", "leaves out"),
+    (
+        [{}, FAULT],
+        OUT,
+        "faulty: mirrored … 30 % … (90 × second … ; 20 × no free … ; 1 for other … out: tangential",
+        "out: mirr",
+    ),
+    (
+        [MOVING],
+        {},
+        "may be faulty: these data cannot tell “moving surface” … leaves out: moving surface (or drifting",
+        "^",
+    ),
+    ([DRIFT], {}, "may be faulty: drifting camera (or moving surface", "^"),
+    (
+        [TILT, LENGTH],
+        ADEQUATE,
+        "were not tried … by you: tilted surface and wrong length scale; … them",
+        "leaves out … faulty",
+    ),
+    (
+        [{}, TILT],
+        {},
+        "leaves out: tangential restitution, e_t = 0.405 (0.399 to 0.411); with it … Use model.json … ask for it",
+        "^",
+    ),
+    ([TILT | {"fails": "chance"}], ADEQUATE, "do not ask", "no effect in the library"),
+    ([TILT | {"fails": "immaterial"}], ADEQUATE, "no error falls by", "do not ask"),
+    ([TILT | {"fails": "spoils"}], ADEQUATE, "another error rises", "do not ask"),
+    (
+        [HEIGHT],
+        GAP,
+        "with it the misfit of the gap at impact falls from 9 to 1.1 standard deviations of noise, while",
+        "^",
+    ),
+    (
+        [MANY],
+        {},
+        "cannot tell what: tangential … or 2 more, which these data cannot tell apart)",
+        EFFECTS["wear"].title,
+    ),
+    ([{}], {"error": RISEN}, "the held-out error rises from 0.00875 m/s to 0.0128 m/s", "falls"),
+    ([{}], {"error": RISEN | {"augmented": 0.00876}}, "hardly changes, from 0.00875 m/s to 0.00876 m/s", "falls"),
+    ([], NONE | {"error": EVEN}, "Nothing needs to be added", "left in"),
+    (
+        [],
+        NONE | {"error": LOUD},
+        "left in the velocities after impact (1.4 times) and the flights between",
+        "Nothing … the poses",
+    ),
+    ([], UNTRIED | ADEQUATE, "no effect was tried", "the library"),
+    (
+        [],
+        UNTRIED | UNEXPLAINED,
+        "something, and no effect was tried; … Let the critique look for the effect",
+        "the library",
+    ),
+]
 LEAST_RISE = 0.25  # of the noise floor: the setting material_floor
 DRAWS = 24
 LEAST_POWER = 0.54  # 80 % is aimed at; 24 draws at 80 % give fewer than 13 once in 1,000 times
@@ -40,6 +116,12 @@ def told(hidden_impacts) -> dict:
 @pytest.fixture(scope="module")
 def told_nothing(nothing_hidden) -> dict:
     return diagnosis(nothing_hidden, np.random.default_rng(0))
+
+
+def said(told: dict, *effects: dict, error: dict | None = None, **changes) -> str:
+    """The summary where `effects` are like the one that was found but for these keys, and other things have changed."""
+    found = [told["effects"][0] | effect for effect in effects or [{}]]
+    return " ".join(summary({**told, "effects": found, "error": told["error"] | (error or {}), **changes}))
 
 
 def test_the_format_has_every_key_of_the_design(told, told_nothing):
@@ -96,10 +178,6 @@ def test_numbers_are_json_with_six_digits(told, told_nothing):
     for content in (told, told_nothing):
         check(content)
         json.dumps(content, allow_nan=False)
-
-
-def test_equal_streams_give_equal_diagnoses(hidden_impacts, told):
-    assert diagnosis(hidden_impacts, np.random.default_rng(0)) == told
 
 
 def test_unknown_noise_and_a_base_below_the_floor_give_null(hidden_impacts):
@@ -176,23 +254,12 @@ def test_the_next_experiment_tells_named_candidates_apart(hidden_impacts):
     assert "tell the named candidates apart" in content["summary"][-1]
 
 
-def test_a_fault_of_the_measurement_is_said_first(told):
-    fault = {**told["effects"][0], "name": "mirrored_rotation", "family": "measurement"}
-    content = {
-        **told,
-        "effects": [*told["effects"], fault],
-        "left_out": {"share": 0.3, "reasons": {"second_hit": 90, "not_ballistic": 20, "lost_frames": 1}},
-    }
-    sentences = summary(content)
-    assert "faulty" in sentences[0] and "mirrored rotation" in sentences[0]
-    assert "30 %" in sentences[1]
-    assert (
-        "(90 × second hit too near to tell apart; 20 × no free flight on a side (held, rolling, bad track); 1 for "
-        "other reasons)" in sentences[1]
-    )
-    assert "tangential restitution" in sentences[2] and "mirrored" not in sentences[2]
-    alone = summary({**told, "effects": [fault]})
-    assert "put right" in alone[1]
+@pytest.mark.parametrize(("effects", "changes", "says", "others"), SAID)
+def test_what_the_summary_says(told, effects, changes, says, others):
+    text = said(told, *effects, **changes)
+    places = [text.find(part) for part in says.split(" … ")]
+    assert -1 not in places and places == sorted(places), text
+    assert not any(part in text for part in others.split(" … ")), text
 
 
 def test_structure_that_nothing_explains_is_told_with_what_it_depends_on(hidden_impacts):
@@ -244,38 +311,20 @@ def test_the_smallest_size_passes_all_three_tests_with_the_chance_that_is_told(n
     assert found / DRAWS >= LEAST_POWER
 
 
-def test_an_effect_that_the_data_do_not_ask_for_is_no_finding(told):
-    effects = [
-        {**told["effects"][0], "name": name, "family": EFFECTS[name].family, "clears": False}
-        for name in ("surface_tilt", "length_scale")
-    ]
-    text = " ".join(summary({**told, "verdict": "adequate", "effects": effects}))
-    assert "Switched on by you: tilted surface and wrong length scale; these data do not ask for them" in text
-    assert "leaves out" not in text and "faulty" not in text and "no effect in the library" not in text
-    assert "were not tried" in text
-    both = summary({**told, "effects": [told["effects"][0], effects[0]]})
-    assert "leaves out: tangential restitution, e_t = 0.405 (0.399 to 0.411); with it" in both[0]
-    assert both[1].startswith("Use model.json") and "ask for it." in both[2]
-    assert told["effects"][0]["clears"] is True
-
-
 def test_sizes_are_said_in_the_units_that_people_read_and_what_to_do_follows(told):
     """Of the displaced mass c_x and c_z are certain, c_y is 0 within its interval; a bound has no size."""
     of = {"c_x": (4.98e-4, 3.6e-6), "c_y": (2e-6, 4e-6), "c_z": (-0.003, 2e-5)}
-    mass = {"name": "com_offset", "family": "geometry", "clears": True}
-    mass["parameters"] = {name: {"value": value, "std": std, "unit": "m"} for name, (value, std) in of.items()}
-    told = {**told, "effects": [{**told["effects"][0], **mass}]}
-    first, then = summary(told)[:2]
-    assert "c_x = 0.498 (0.491 to 0.505) mm and c_z = −3.000 (−3.039 to −2.961) mm; with it" in first
-    assert (
-        then == "Correct the centre of mass in dataset.yaml and in your simulator, or use model.json for predictions."
-    )
+    sizes = {name: {"value": value, "std": std, "unit": "m"} for name, (value, std) in of.items()}
+    text = said(told, {"name": "com_offset", "family": "geometry", "parameters": sizes})
+    assert "c_x = 0.498 (0.491 to 0.505) mm and c_z = −3.000 (−3.039 to −2.961) mm; with it" in text
+    assert "Correct the centre of mass in dataset.yaml and in your simulator, or use model.json for predict" in text
     turned = {"name": "angle_offset", "family": "measurement"}
-    turned["parameters"] = {"d_theta": {"value": 0.0175, "std": 1e-4, "unit": "rad"}}
-    first = summary({**told, "effects": [{**told["effects"][0], **turned}]})[0]
-    assert "d_theta = 1.003 (0.991 to 1.014)°; correct the camera" in first
-    bound = {"d_theta": {"value": 0.01, "std": None, "unit": "rad", "bound": "lower", "range": [0.0, 1.0]}}
-    assert "d_theta =" not in summary({**told, "effects": [{**told["effects"][0], **turned, "parameters": bound}]})[0]
+    size = {"value": 0.0175, "std": 1e-4, "unit": "rad"}
+    assert "d_theta = 1.003 (0.991 to 1.014)°; correct the camera" in said(
+        told, turned | {"parameters": {"d_theta": size}}
+    )
+    bound = size | {"std": None, "bound": "lower", "range": [0.0, 1.0]}
+    assert "d_theta =" not in said(told, turned | {"parameters": {"d_theta": bound}})
 
 
 def test_the_law_that_fits_with_the_effects_is_named(hidden_impacts):
@@ -286,8 +335,7 @@ def test_the_law_that_fits_with_the_effects_is_named(hidden_impacts):
     assert content["base_model"]["name"] == hidden_impacts.discovery.base != "mirtich"
     assert content["augmented_model"]["name"] == "mirtich"
     assert "with it, and Mirtich as the law, the held-out error falls" in content["summary"][0]
-    fault = {**content["effects"][0], "name": "mirrored_rotation", "family": "measurement"}
-    assert "With this put right, Mirtich is enough" in " ".join(summary({**content, "effects": [fault]}))
+    assert "With this put right, Mirtich is enough" in said(content, FAULT)
 
 
 def test_single_impacts_that_spoil_the_mean_are_listed(nothing_hidden):
@@ -317,36 +365,6 @@ def test_errors_have_the_intervals_of_the_ladder(hidden_impacts):
         low, high = error[f"{which}_interval"]
         assert low < error[which] < high
         assert low == pytest.approx(row["error_low"], rel=1e-5) and high == pytest.approx(row["error_high"], rel=1e-5)
-
-
-def test_the_channel_in_which_an_effect_matters_is_told(told):
-    effect = {**told["effects"][0], "name": "surface_height", "family": "surface", "material_in": ["touch"]}
-    gap = {"unit": "sigma", "base": 9.0, "augmented": 1.1, "noise_floor": 1.0}
-    error = {**told["error"], "augmented": told["error"]["base"], "touch": gap}
-    first = summary({**told, "effects": [effect], "error": error})[0]
-    assert "with it the misfit of the gap at impact falls from 9 to 1.1 standard deviations of noise, while" in first
-    assert told["effects"][0]["material_in"] == ["impact"]
-
-
-def test_what_may_be_a_fault_of_the_measurement_is_said_first(told):
-    effect = {
-        **told["effects"][0],
-        **{"name": "moving_surface", "family": "surface", "indistinguishable_from": ["sensor_drift"]},
-    }
-    sentences = summary({**told, "effects": [effect]})
-    assert sentences[0].startswith("The measurements may be faulty: these data cannot tell “moving surface”")
-    assert "leaves out: moving surface (or drifting camera" in sentences[1]
-    drift = {**effect, "name": "sensor_drift", "family": "measurement"}
-    drift["indistinguishable_from"] = ["moving_surface"]
-    assert "may be faulty: drifting camera (or moving surface" in summary({**told, "effects": [drift]})[0]
-
-
-def test_of_many_alternatives_it_is_said_how_many(told):
-    others = ["contact_torque", "adhesion", "wear", "surface_tilt"]
-    effect = {**told["effects"][0], "indistinguishable_from": others}
-    first = summary({**told, "effects": [effect]})[0]
-    assert "these data cannot tell what: tangential restitution (or " in first
-    assert "or 2 more, which these data cannot tell apart)" in first and EFFECTS["wear"].title not in first
 
 
 def test_no_release_is_proposed_where_none_would_tell(hidden_impacts):
@@ -408,39 +426,21 @@ def test_it_says_where_effects_count_from_in_the_numbers_of_the_dataset(told, hi
     assert counted_from("adhesion", there, {}) == counted_from("wear", {}, {}) == ""
 
 
-def test_nothing_is_said_to_fall_that_rises(told):
-    error = {**told["error"], "base": 0.00875, "augmented": 0.0128, "noise_floor": 0.0054}
-    first = summary({**told, "error": error})[0]
-    assert "the held-out error rises from 0.00875 m/s to 0.0128 m/s" in first and "falls" not in first
-    first = summary({**told, "error": {**error, "augmented": 0.00876}})[0]
-    assert "hardly changes, from 0.00875 m/s to 0.00876 m/s" in first
-
-
-def test_what_is_above_noise_is_said_although_it_is_below_the_threshold(told):
-    quiet = {**told, "verdict": "adequate", "effects": []}
-    error = {**told["error"], "worst": [], "base": 1.0, "augmented": 1.0, "noise_floor": 1.0}
-    assert "Nothing needs to be added" in " ".join(summary({**quiet, "error": error}))
-    error |= {"augmented": 1.41, "flight": {"base": 1.67, "augmented": 1.67}, "meet": {"base": 1.1, "augmented": 1.1}}
-    text = " ".join(summary({**quiet, "error": error}))
-    assert "Nothing needs to be added" not in text and "the poses" not in text
-    assert "is left in the velocities after impact (1.4 times) and the flights between impacts (1.7 times)." in text
-
-
 def test_no_model_to_use_where_something_is_left_or_an_effect_is_at_an_end_of_its_range(told):
     tau = {"value": 1e-3, "std": 1e-5, "unit": "s"}
-    model = {**told["augmented_model"], "name": "mirtich"}
-    sound = {**told, "augmented_model": {**model, "parameters": {**model["parameters"], "tau": tau}}}
-    text = " ".join(summary(sound))
+    model = {"name": "mirtich", "parameters": told["augmented_model"]["parameters"] | {"tau": tau}}
+    text = said(told, augmented_model=model)
     assert "Use model.json" in text and "Contacts last about" in text
     e_t = {"value": 0.9, "std": None, "unit": "1", "bound": "lower", "used": 1.0, "range": [0.0, 1.0]}
     clock = {"causes": ["clock", "scale"], "gravity": 10.23, "clock": -0.0208, "scale": 0.0429}
     clock |= {"rate": 235.0, "believed_rate": 240.0}
-    text = " ".join(summary({**sound, "effects": [{**told["effects"][0], "name": "wrong_gravity", "could_be": clock}]}))
+    text = said(told, {"name": "wrong_gravity", "could_be": clock}, augmented_model=model)
     assert "frames taken at 235 Hz" in text and "Use model.json" not in text
-    at_end = {**sound, "effects": [{**told["effects"][0], "parameters": {"e_t": e_t}}]}
-    left = {**sound, "remaining": {**told["remaining"], "significant": True, "p_value": 0.005}}
-    for content, why in ((at_end, "is at an end of its range (e_t at least 0.90)"), (left, "(p = 0.005)")):
-        text = " ".join(summary(content))
+    left = told["remaining"] | {"significant": True, "p_value": 0.005}
+    for text, why in (
+        (said(told, {"parameters": {"e_t": e_t}}, augmented_model=model), "at an end of its range (e_t at least 0.90)"),
+        (said(told, augmented_model=model, remaining=left), "(p = 0.005)"),
+    ):
         assert why in text and "Use model.json" not in text and "Contacts last" not in text
 
 
@@ -462,28 +462,6 @@ def test_a_model_that_errs_less_than_the_noise_explains_all_and_no_more(hidden_i
     content = diagnosis(replace(hidden_impacts, ladder=ladder), np.random.default_rng(0))
     assert content["error"]["explained_share"] == 1.0
     assert f"(below the noise floor, estimated as {floor:.3g} m/s)" in content["summary"][0]
-
-
-def test_the_reason_why_an_effect_by_hand_is_no_finding_is_the_test_that_it_fails(told):
-    by_hand = {**told["effects"][0], "clears": False}
-    for fails, why in (
-        ("chance", "do not ask"),
-        ("immaterial", "no error falls by"),
-        ("spoils", "another error rises"),
-    ):
-        text = " ".join(summary({**told, "verdict": "adequate", "effects": [{**by_hand, "fails": fails}]}))
-        assert why in text and ("do not ask" in text) == (fails == "chance")
-
-
-def test_nothing_is_said_of_effects_that_were_not_tried(told):
-    plain = {**told, "effects": [], "search": {"limit": None, "value": None, "tried": False}}
-    for name, says in (
-        ("adequate", "no effect was tried"),
-        ("unexplained", "misses something, and no effect was tried;"),
-    ):
-        text = " ".join(summary({**plain, "verdict": name}))
-        assert says in text and "the library" not in text
-    assert "Let the critique look for the effect" in text
 
 
 def test_what_the_held_out_trials_reject_and_where_the_search_ended_is_said(hidden_impacts, told):

@@ -3,12 +3,16 @@
 import numpy as np
 import pandas as pd
 import pytest
+from hidden_effects import injected_impacts
 
-from thesis_lib.contact import SIX_LAWS
+from thesis_lib.contact import LAWS, SIX_LAWS
 from thesis_lib.contact.space import velocity_error
+from thesis_lib.critique.contacts.model import Model
 from thesis_lib.critique.drops.questions.class_tests import velocities
-from thesis_lib.critique.results.tables import left_out_impacts, tables
-from thesis_lib.foundation.columns import explain
+from thesis_lib.critique.likelihood.fit import fit
+from thesis_lib.critique.likelihood.observations import observe
+from thesis_lib.critique.likelihood.synthesis import synthesise
+from thesis_lib.critique.results.tables import _bounds, left_out_impacts, tables
 
 ROUNDING = 1e-12
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
@@ -22,12 +26,6 @@ def made(hidden_drops) -> dict[str, pd.DataFrame]:
 @pytest.fixture(scope="module")
 def made_nothing(nothing_hidden) -> dict[str, pd.DataFrame]:
     return tables(nothing_hidden, np.random.default_rng(0))
-
-
-def test_every_column_is_explained(made, made_nothing):
-    for group in (made, made_nothing):
-        for name, table in group.items():
-            assert set(explain(name, table.columns)["column"]) == set(table.columns)
 
 
 def test_comparison_has_laws_model_bounds_and_baseline(made, hidden_drops):
@@ -127,15 +125,6 @@ def test_the_budget_blames_noise_where_nothing_is_hidden_and_the_law_where_frict
 
 
 def test_a_mirrored_camera_is_beyond_rigid_point_contact():
-    from hidden_effects import injected_impacts
-
-    from thesis_lib.contact import LAWS
-    from thesis_lib.critique.contacts.model import Model
-    from thesis_lib.critique.likelihood.fit import fit
-    from thesis_lib.critique.likelihood.observations import observe
-    from thesis_lib.critique.likelihood.synthesis import synthesise
-    from thesis_lib.critique.results.tables import _bounds
-
     data = injected_impacts("one", 100, 2, "mirrored_rotation", {"mirrored_rotation.mirrored": 1.0})
     o = observe(data)
     base = fit(Model(LAWS["anitescu_potra_newton"]), o)

@@ -24,6 +24,7 @@ GRAVITY = {
 }
 ROOTS = {"sdf": "sdf", "urdf": "robot"}
 NAMESPACE = {"sdf": "drake.mit.edu", "urdf": "http://drake.mit.edu"}
+ENTRIES = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}  # of the inertia
 WIDE, THICK = 20.0, 1.0  # m, of the box that is the surface in URDF
 
 
@@ -125,11 +126,14 @@ class _Tree:
             sizes = {"radius": n(solid.radius)} | long
         self.values(self.add(self.add(element, "geometry"), own + solid.kind), **sizes)
 
+    def number(self, element: Element, tag: str, value: float) -> None:
+        """A new last child that holds one number."""
+        self.add(element, tag, **{"value" if self.target == "urdf" else "text": n(value)})
+
     def contact(self, collision: Element, made: DrakeNumbers) -> None:
         properties = self.add(collision, "drake:proximity_properties")
         for name, value in drake_elements(made).items():
-            said = {"value": n(value)} if self.target == "urdf" else {"text": n(value)}
-            self.add(properties, f"drake:{name}", **said)
+            self.number(properties, f"drake:{name}", value)
 
     def text(self, said: list[str]) -> str:
         """The file, headed by a comment."""
@@ -139,14 +143,10 @@ class _Tree:
 
 def _body(tree: _Tree, link: Element, solid: ExportedBody, made: DrakeNumbers) -> None:
     """Inertia, what is seen, and what touches."""
-    I = solid.inertia
     inertial = tree.add(link, "inertial")
     tree.pose(inertial, Frame(solid.centre, UPRIGHT))
-    mass = {"value": n(solid.mass)} if tree.target == "urdf" else {"text": n(solid.mass)}
-    tree.add(inertial, "mass", **mass)
-    names = ("xx", "yy", "zz", "xy", "xz", "yz")
-    tensor = {f"i{name}": n(I["xyz".index(name[0]), "xyz".index(name[1])]) for name in names}
-    tree.values(tree.add(inertial, "inertia"), **tensor)
+    tree.number(inertial, "mass", solid.mass)
+    tree.values(tree.add(inertial, "inertia"), **{name: n(solid.inertia[at]) for name, at in ENTRIES.items()})
     for part in solid.parts(at_corners=True):
         if isinstance(part.solid, Hull):  # its corners touch; no format has the hull itself without another file
             continue

@@ -10,13 +10,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from thesis_lib.critique.export import drake_files
-from thesis_lib.critique.export.drake_files import NAMESPACE, ROOTS
+from thesis_lib.critique.export.drake_files import ENTRIES, NAMESPACE, ROOTS
 from thesis_lib.critique.export.patch import Element, Patch, not_patched
 from thesis_lib.critique.export.solid import ExportedBody
 from thesis_lib.foundation.errors import UserError
 
 LEVEL = 1e-9  # of the largest moment: smaller products of inertia are rounding
-_ENTRIES = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
 def mass_in(file: Patch, name: str, target: str) -> float | None:
@@ -77,26 +76,20 @@ def _inertial(file: Patch, link: Element, solid: ExportedBody, target: str) -> N
         pose = inertial.find(tag)
         pose = file.insert(inertial, tag) if pose is None else pose
         file.write("centre of mass", new if attribute else [*new, *turn], pose, attribute)
-    tensor, found = np.zeros((3, 3)), {}
-    for name, (i, j) in _ENTRIES.items():
+    tensor = np.zeros((3, 3))
+    for name, (i, j) in ENTRIES.items():
         spot = (inertia, name) if target == "urdf" else (inertia.find(name), "")
         if entry := file.numbers(*spot):
             tensor[i, j] = tensor[j, i] = entry[0]
-            found[name] = spot, entry[0]
         elif i == j:
             raise UserError(f"{where} has no {name} in its <inertia>.")
     R = Rotation.from_euler("xyz", turn).as_matrix()  # roll, pitch, yaw about fixed axes
     new = file.inertia(tensor, R, solid, where)
-    for name, (i, j) in _ENTRIES.items():
+    for name, (i, j) in ENTRIES.items():
         value = new[i, j] if abs(new[i, j]) > LEVEL * new.max() else 0.0
-        if value or (name in found and found[name][1]):
-            spot = found[name][0] if name in found else _spot(file, inertia, name, target)
+        if value or tensor[i, j]:
+            spot = (inertia, name) if target == "urdf" else (file.child(inertia, name), "")
             file.write(f"inertia {name}", [value], *spot)
-
-
-def _spot(file: Patch, inertia: Element, name: str, target: str) -> tuple[Element, str]:
-    """Where a moment of inertia is to stand that the file does not have."""
-    return (inertia, name) if target == "urdf" else (file.child(inertia, name), "")
 
 
 def _contact(file: Patch, collision: Element, elements: dict[str, float], target: str) -> None:

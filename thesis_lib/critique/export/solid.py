@@ -177,11 +177,6 @@ def comment(lines: Iterable[str], indent: str = "") -> str:
     return "\n".join([f"{indent}<!--", *(f"{indent}  {line}".rstrip() for line in wrapped), f"{indent}-->"])
 
 
-def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
-    """Where the numbers come from, what was left out; `engine` says how the contact's numbers are made."""
-    return [*provenance(solid), *engine, "", *said_of_effects(solid)]
-
-
 def only_bounds(model: SavedModel) -> list[str]:
     """Parameters of which the drops give only a bound, with the values written in their place."""
     return [
@@ -197,9 +192,16 @@ def _sized(p: SavedParameter) -> str:
     return f"= {p.value:g}" + ("" if p.std is None else f" +/- {p.std:g}") + ("" if p.unit == "1" else f" {p.unit}")
 
 
-def provenance(solid: ExportedBody) -> list[str]:
-    """Where each number comes from."""
+def mass_said(solid_mass: float | None) -> str:
+    """The comment on a mass that somebody gave, or nobody."""
+    return f"mass: {'as given' if solid_mass is not None else f'{NO_MASS:g} kg, as no mass was given'}"
+
+
+def story(solid: ExportedBody, engine: Sequence[str]) -> list[str]:
+    """Where each number comes from, what the file holds and what it cannot; `engine`: how its contact is made."""
     m = solid.model
+    held = [f"  {name}: {where}" for name, where in solid.expressed] or ["  (none)"]
+    left = [f"  {name}: {why}" for name, why in solid.left_out] or ["  (nothing)"]
     fitted = ", ".join(f"{name} {_sized(p)}" for name, p in m.parameters.items())
     time = "from the fitted tau" if solid.time_known else f"{NO_TIME:g} s, as impacts alone show none"
     when = "at any speed" if solid.speed is None else f"at {solid.speed:g} m/s"
@@ -215,16 +217,8 @@ def provenance(solid: ExportedBody) -> list[str]:
         f"contact time: {solid.contact_time:.6g} s, {time}",
         f"surface: through {n(solid.surface.origin)} m, with the normal {n(solid.normal)}",
         f"gravity: {n(solid.gravity)} m/s^2",
+        *engine,
+        "",
+        *("effects in this file:", *held),
+        *("could not be expressed:", *left),
     ]
-
-
-def mass_said(solid_mass: float | None) -> str:
-    """The comment on a mass that somebody gave, or nobody."""
-    return f"mass: {'as given' if solid_mass is not None else f'{NO_MASS:g} kg, as no mass was given'}"
-
-
-def said_of_effects(solid: ExportedBody) -> list[str]:
-    """The effects that the file holds, and those that it cannot."""
-    held = [f"  {name}: {where}" for name, where in solid.expressed] or ["  (none)"]
-    left = [f"  {name}: {why}" for name, why in solid.left_out] or ["  (nothing)"]
-    return ["effects in this file:", *held, "could not be expressed:", *left]

@@ -1,22 +1,29 @@
-"""The effects that came first when one was asked for, each alone with the law that suits it: gain on held-out trials.
+"""The effects that came first when one was asked for, and the model with each choice of those found and their rival.
 
-They are the first in the order of the quick fits from which the search chose (`Shortlist`).  Held-out data only show
-here what each of them gains; they choose none.  `why` says what speaks for those
-that were found, and against the others.
+Candidates are the first in the order of the quick fits from which the search chose (`Shortlist`), each alone with the
+law that suits it.  Held-out data only show here what each of them gains; they choose none.  `why` says what speaks for
+those that were found, and against the others.  Choices are what a reader can switch.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain, combinations
 
 import pandas as pd
 
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.judgement import Judgement, channel_is_material, judge, spoilt_channels
+from thesis_lib.critique.drops.world import Drops
 from thesis_lib.critique.likelihood.channels import CHANNELS
+from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.results.numbers import gain_an_impact
 from thesis_lib.critique.results.titles import effect_title
+from thesis_lib.statistics.intervals import clustered_mean
 from thesis_lib.statistics.wording import listed
 
 FOUND, ALIKE, REJECTED, OTHER = "found", "cannot be told from it", "rejected", "not needed"
+MOST = 3  # effects that can be switched, for each choice is a fit
+NOTHING = "no effect"
 COLUMNS = ("effect", "gain", "gain_low", "gain_high", "standing", "why")
 
 
@@ -66,3 +73,45 @@ def _standing(
 
 def _errors(channels: Sequence[str]) -> str:
     return listed([CHANNELS[name].short.removeprefix("the ").removesuffix(" between impacts") for name in channels])
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A model with the named effects of those that can be switched, and its held-out judgement."""
+
+    effects: tuple[str, ...]
+    fitted: Fit
+    judged: Judgement
+
+
+def choices(critique: DropsCritique, candidates: pd.DataFrame) -> list[Choice]:
+    """All choices, with few effects first; none where no effect was found, or more than `MOST` were.
+
+    Those that are rungs of the ladder are taken from it.  The others are fitted to the training trials, from where the
+    final model stands; all are judged on the held-out ones.  Without any of the effects found the law is the base law,
+    with one of them that of the final model.  `candidates`: the table of the function of this name.
+    """
+    found = [step.effect for step in critique.discovery.steps]
+    if not 0 < len(found) <= MOST:
+        return []
+    training, unseen = Drops(critique.training, critique.settings), Drops(critique.held_out, critique.settings)
+    rivals = candidates[candidates["standing"].isin((ALIKE, OTHER)) & (candidates["gain"] > 0.0)]["effect"]
+    every = [*found, *(training.candidates[name] for name in rivals[: MOST - len(found)][:1])]
+    final, base = critique.ladder[-1][1], critique.discovery.base
+    known = {frozenset(e.name for e in fitted.effects): (fitted, judged) for _, fitted, judged in critique.ladder}
+    chosen = list(chain.from_iterable(combinations(every, n) for n in range(len(every) + 1)))
+    missing = [one for one in chosen if frozenset(e.name for e in one) not in known]
+    laws = [final.base if any(effect in found for effect in one) else base for one in missing]
+    fits = training.fits([(law, one, final.values, "near") for law, one in zip(laws, missing)])
+    known |= {frozenset(e.name for e in fitted.effects): (fitted, unseen.judge(fitted)) for fitted in fits}
+    names = [tuple(effect.name for effect in one) for one in chosen]
+    return [Choice(one, *known[frozenset(one)]) for one in names]
+
+
+def choices_table(made: list[Choice]) -> pd.DataFrame:
+    """A row for each choice: effects (joined by +, or `NOTHING`), law, held-out error with its 95 % interval in m/s."""
+    rows = [
+        (" + ".join(one.effects) or NOTHING, one.fitted.base, *clustered_mean(one.judged.error, one.judged.trial))
+        for one in made
+    ]
+    return pd.DataFrame(rows, columns=["effects", "law", "error", "error_low", "error_high"])

@@ -36,23 +36,16 @@ def sizes(effect: Mapping) -> str:
     "" if none has a size of its own, as a bound, a place or a choice.  Of many the most certain ones.
     """
     of = EFFECTS[effect["name"]]
-    declared = {p.name: p for p in (*of.parameters, *parameters_in(of, SPACE))}
+    declared = (*of.parameters, *parameters_in(of, SPACE))
+    nulls = {p.name: p.null for p in declared if p.discrete is None and not p.along and not p.of}
     certain = {}
     for name, found in effect["parameters"].items():
-        p, value, std = declared.get(name), found["value"], found.get("std")
-        if (
-            p is None
-            or found.get("bound")
-            or p.discrete is not None
-            or p.along
-            or p.of
-            or not std
-            or not math.isfinite(std)
-        ):
+        value, std = found["value"], found.get("std")
+        if name not in nulls or found.get("bound") or not std or not math.isfinite(std):
             continue
         low, high = ends(value, std)
-        if not low <= p.null <= high:
-            certain[name] = abs(value - p.null) / std
+        if not low <= nulls[name] <= high:
+            certain[name] = abs(value - nulls[name]) / std
     chosen = sorted(certain, key=lambda name: -certain[name])[:MOST_SIZES]
     said = []
     for name in filter(chosen.__contains__, certain):

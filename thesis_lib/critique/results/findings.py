@@ -18,8 +18,7 @@ from thesis_lib.critique.drops.few_impacts import LAW, FewImpacts
 from thesis_lib.critique.drops.questions.where import where
 from thesis_lib.critique.likelihood.channels import ALWAYS
 from thesis_lib.critique.likelihood.fit import Fit
-from thesis_lib.critique.results.candidates import candidates
-from thesis_lib.critique.results.choices import Choice, choices, choices_table
+from thesis_lib.critique.results.candidates import Choice, candidates, choices, choices_table
 from thesis_lib.critique.results.diagnosis import diagnosis, left_out, parameters
 from thesis_lib.critique.results.saved_in_space import saved_in_space
 from thesis_lib.critique.results.saved_model import SavedModel, saved
@@ -187,7 +186,7 @@ def findings(critique: DropsCritique, rng: np.random.Generator, models: pd.DataF
         made["candidates"] = tried
     if switched := choices(critique, tried):
         made["choices"] = choices_table(switched)
-    model = _saved(critique.ladder[-1][1], critique.observations.rig, critique.dataset, critique.source)
+    model = saved_of(critique.ladder[-1][1], critique.observations.rig, critique.dataset, critique.source)
     return Findings(content, made, regions, model, switched)
 
 
@@ -195,16 +194,14 @@ def few_findings(few: FewImpacts) -> Findings:
     """Findings on impacts that are too few for a verdict."""
     model = None
     if few.laws:
-        model = _saved(few.fitted, few.observations.rig, few.dataset, few.source, few_parameters(few))
+        model = saved_of(few.fitted, few.observations.rig, few.dataset, few.source, few_parameters(few))
     return Findings(few_diagnosis(few), few_tables(few), model=model)
 
 
-def _saved(
+def saved_of(
     fitted: Fit, rig: Rig, name: str, source: Dataset | None, parameters: Mapping[str, Mapping] | None = None
 ) -> SavedModel | None:
     """Content of model.json; None of a body in space without what dataset.yaml says of it."""
     if rig.space.is_plane:
         return saved(fitted, rig, name, parameters)
-    if source is None:
-        return None
-    return saved_in_space(fitted, source.in_space, name, parameters)
+    return None if source is None else saved_in_space(fitted, source.in_space, name, parameters)

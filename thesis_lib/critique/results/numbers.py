@@ -1,4 +1,4 @@
-"""Numbers of a critique for plots and pages: ladder, errors of laws, parameters that moved, residuals of impacts.
+"""Numbers of a critique for plots and pages: errors of laws, parameters that moved, residuals of impacts.
 
 | on paper | in code | unit | shape | |
 |---|---|---|---|---|
@@ -11,8 +11,6 @@ impulse" is at (0, −1) and complete reversal of v_C at (0, 1), and mirrored so
 right.  The centre is the dead stop, the circle keeps all energy, and the squared radius is the remaining share of the
 contact-space energy (thesis, equations 3.5 and 3.6).
 """
-
-from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -34,24 +32,6 @@ from thesis_lib.statistics.spread import robust_std
 
 MOVED, MATERIAL = 3.0, 0.02  # least change of a compensating parameter: standard errors, and share
 BASE_NAMES = tuple(p.name for p in (*BASE_PARAMETERS, CONTACT_TIME))
-
-
-def ladder_table(critique: DropsCritique, tables: Mapping[str, pd.DataFrame] | None = None) -> pd.DataFrame:
-    """Held-out error after 0, 1, ... effects: label, error, error_low, error_high (m/s), and
-    the channels in sigma.
-
-    Rows come from `tables["ladder"]` if it exists, so that page, plot and table agree.
-    """
-    names = list(critique.ladder[0][2].sigmas)
-    columns = ["label", "error", "error_low", "error_high", *names]
-    stored = (tables or {}).get("ladder")
-    if stored is not None:
-        return stored[columns].reset_index(drop=True)
-    rows = []
-    for label, _, judged in critique.ladder:
-        sigma = [judged.misfit(name)[0] for name in names]
-        rows.append((label, *clustered_mean(judged.error, judged.trial), *sigma))
-    return pd.DataFrame(rows, columns=columns)
 
 
 def law_errors(critique: DropsCritique) -> tuple[pd.DataFrame, np.ndarray]:
@@ -76,16 +56,6 @@ def gain_an_impact(judged: Judgement, base: Judgement) -> tuple[float, float, fl
     gain, m = float(difference.sum() / n), len(trials)
     half = Z95 * np.sqrt(m * difference.var(ddof=1)) / n if m > 1 else np.nan
     return gain, gain - half, gain + half
-
-
-def parameter_table(critique: DropsCritique) -> pd.DataFrame:
-    """Each parameter at each rung of the ladder: columns label, parameter, unit, value, std; of a bound std is NaN."""
-    rows = [
-        (label, name, p.unit, fitted.content(name)["value"], fitted.std[name])
-        for label, fitted, _ in critique.ladder
-        for name, p in fitted.model.parameters.items()
-    ]
-    return pd.DataFrame(rows, columns=["label", "parameter", "unit", "value", "std"])
 
 
 def compensations(critique: DropsCritique) -> pd.DataFrame:

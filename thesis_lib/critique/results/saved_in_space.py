@@ -24,7 +24,7 @@ from thesis_lib.datasets.format.frames import body_states, surface_frames, track
 from thesis_lib.datasets.format.header import SpaceHeader
 from thesis_lib.datasets.format.table_forms import POSE_IN_SPACE, V_POST_IN_SPACE, V_PRE_IN_SPACE
 from thesis_lib.effects import EFFECTS
-from thesis_lib.effects.effect import Reference, Rig
+from thesis_lib.effects.effect import Rig
 from thesis_lib.effects.whole_tosses import WholeTosses
 from thesis_lib.foundation.errors import UserError
 from thesis_lib.foundation.files import atomic
@@ -53,12 +53,6 @@ class SavedSpaceRig(SpaceHeader):
         """None in space."""
         return ()
 
-    @property
-    def believed(self) -> Rig:
-        """The rig in the form that effects use."""
-        reference = Reference(self.reference.x, self.reference.t, self.reference.trial, self.reference.y or 0.0)
-        return replace(rig_of(Dataset("", self)), reference=reference)
-
 
 class SavedSpaceModel(SavedModel):
     """The content of model.json of a body in space.
@@ -86,7 +80,7 @@ class SavedSpaceModel(SavedModel):
 
     @property
     def believed(self) -> Rig:
-        return self.rig.believed
+        return replace(rig_of(Dataset("", self.rig)), reference=self.rig.reference.believed)
 
     def predict(self, states: pd.DataFrame | Mapping[str, ArrayLike], source: str = "") -> pd.DataFrame:
         """As in the plane; a model whose later hits differ needs `trial` and `t`: the first row of a trial is its first

@@ -83,6 +83,11 @@ class SavedReference(Section):
     trial: float = Field(0.0, allow_inf_nan=False, description="number of the release")
     y: float | None = Field(None, allow_inf_nan=False, description="m, in space: place along the second axis")
 
+    @property
+    def believed(self) -> Reference:
+        """In the form that effects use."""
+        return Reference(self.x, self.t, self.trial, self.y or 0.0)
+
 
 class SavedRig(Section):
     """Body and rig as believed: what the parameters belong to."""
@@ -127,7 +132,20 @@ class SavedModel(Section):
 
         The others keep the velocity of the state.
         """
-        return _after(self, state)
+        walls, level = self.rig.walls, state
+        if walls:
+            wall = wall_ahead(walls, self.rig.shape, state.q, state.v)
+            R = turns(walls, wall)
+            v = np.einsum("nij,nj->ni", R, state.v)
+            level = State.of(in_wall_frame(walls, wall, state.q), v, state.trial, state.t, wall)
+        dynamics = self.dynamics
+        true = dynamics.to_true(level)
+        after = (dynamics.to_measured(dynamics.off(true)) if dynamics.model.takes_time else dynamics.predict(level)).v
+        if walls:
+            after = np.einsum("nji,nj->ni", R, after)
+        # what a body that moves away has is not rounded on the way through the camera
+        approaches = dynamics.approaches(true)
+        return np.where((approaches | np.isnan(after).any(axis=1))[:, None], after, state.v), approaches
 
     @property
     def model(self) -> Model:
@@ -144,9 +162,8 @@ class SavedModel(Section):
     @property
     def believed(self) -> Rig:
         """The rig in the form that effects use."""
-        rig = self.rig
-        reference = Reference(rig.reference.x, rig.reference.t, rig.reference.trial)
-        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle, reference)
+        rig, there = self.rig, self.rig.reference.believed
+        return Rig(rig.shape, rig.radius_of_gyration, rig.gravity, rig.height, rig.walls, rig.has_angle, there)
 
     @property
     def dynamics(self) -> ByImpulse:
@@ -259,24 +276,3 @@ def read_states(path: str | Path) -> pd.DataFrame:
         return pd.read_csv(io.BytesIO(content), index_col=False, encoding="utf-8-sig")
     except Exception as error:  # the parser raises errors of many kinds
         raise UserError(f"{path} is not a CSV table: {error}") from error
-
-
-def _after(model: SavedModel, state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity (n, 3) in m/s, m/s, rad/s at the end of the contact, and a mask (n,) of the bodies that approach it.
-
-    The others keep the velocity of the state.
-    """
-    walls, level = model.rig.walls, state
-    if walls:
-        wall = wall_ahead(walls, model.rig.shape, state.q, state.v)
-        R = turns(walls, wall)
-        v = np.einsum("nij,nj->ni", R, state.v)
-        level = State.of(in_wall_frame(walls, wall, state.q), v, state.trial, state.t, wall)
-    dynamics = model.dynamics
-    true = dynamics.to_true(level)
-    after = (dynamics.to_measured(dynamics.off(true)) if dynamics.model.takes_time else dynamics.predict(level)).v
-    if walls:
-        after = np.einsum("nji,nj->ni", R, after)
-    # what a body that moves away has is not rounded on the way through the camera
-    approaches = dynamics.approaches(true)
-    return np.where((approaches | np.isnan(after).any(axis=1))[:, None], after, state.v), approaches

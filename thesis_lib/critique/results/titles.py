@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.features import FEATURES
 from thesis_lib.effects import EFFECTS
 
 FEATURE_LABEL = {
@@ -85,12 +84,6 @@ def rung_title(critique: DropsCritique, i: int) -> str:
         return law_title(critique.discovery.base)
     law = new_law(critique, i)
     return f"+ {effect_title(critique.ladder[i][0])}" + (f", law now {law}" if law else "")
-
-
-def unit_of(feature: str) -> str:
-    """Unit of a feature for axes; '' for pure numbers."""
-    unit = FEATURES[feature][0] if feature in FEATURES else "1"
-    return "" if unit == "1" else unit
 
 
 def addition_title(one: Mapping) -> str:

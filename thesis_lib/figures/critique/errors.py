@@ -4,7 +4,7 @@ Every error is the held-out mean of √(δv_x² + δv_y² + (k δω)²) in m/s u
 """
 
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.results.numbers import BASE_NAMES, compensated, ladder_table, law_errors, parameter_table
+from thesis_lib.critique.results.numbers import BASE_NAMES, compensated, law_errors
 from thesis_lib.critique.results.titles import GREEK, effect_title, handy_unit, law_title, rung_title
 from thesis_lib.figures.law_style import LAW_STYLE
 from thesis_lib.figures.planar_drawing import note, white_box
@@ -51,9 +51,8 @@ def step_label(critique: DropsCritique, i: int) -> str:
 
 
 @house_style
-def draw_ladder(critique: DropsCritique, tables: Mapping[str, pd.DataFrame]) -> Drawn:
+def draw_ladder(critique: DropsCritique, table: pd.DataFrame) -> Drawn:
     """Held-out error after each added effect with 95 % intervals, between noise floor and no-impact baseline."""
-    table = ladder_table(critique, tables)
     labels = [step_label(critique, i) for i in range(len(table))]
     channels = [name for name in CHANNELS if name in table and np.isfinite(table[name]).any()]
     figure = new_figure(height=1.75 + 0.36 * len(table))
@@ -159,9 +158,8 @@ def laws_sentence(table: pd.DataFrame) -> str:
 
 
 @house_style
-def draw_budget(tables: Mapping[str, pd.DataFrame]) -> Drawn:
+def draw_budget(table: pd.DataFrame) -> Drawn:
     """Parts of the mean square of the base law's held-out error."""
-    table = tables["budget"]
     total = float(table["mean_square"].sum())
     figure = new_figure(height=1.9)
     ax = figure.add_subplot()
@@ -197,8 +195,13 @@ def draw_parameters(critique: DropsCritique) -> Drawn:
     """
     # a law that was given up on the way may have parameters of its own
     declared = {name: p for _, fitted, _ in critique.ladder for name, p in fitted.model.parameters.items()}
-    table = parameter_table(critique)
-    table = table[[declared[name].discrete is None for name in table["parameter"]]].reset_index(drop=True)
+    rows = [
+        (label, name, p.unit, fitted.content(name)["value"], fitted.std[name])  # of a bound std is NaN
+        for label, fitted, _ in critique.ladder
+        for name, p in fitted.model.parameters.items()
+        if p.discrete is None
+    ]
+    table = pd.DataFrame(rows, columns=["label", "parameter", "unit", "value", "std"])
     names = list(dict.fromkeys(table["parameter"]))
     rows = -(-len(names) // 4)
     columns = -(-len(names) // rows)

@@ -231,24 +231,23 @@ NAMES = ("data", "laws", "budget", "where", "residuals", "flights", "candidates"
 
 
 @house_style
-def pictures(
-    critique: DropsCritique, tables: Mapping[str, pd.DataFrame] | None, where: Mapping | None
-) -> dict[str, Drawn]:
+def pictures(critique: DropsCritique, tables: Mapping[str, pd.DataFrame], where: Mapping) -> dict[str, Drawn]:
     """Figures with the tables of the numbers drawn in them, by the names in `NAMES`.
 
-    `tables`: `ladder`, `comparison` (IRB bound), `candidates`, `budget` and `models`; `where`: content of where.json.
-    The picture of flights is left out without enough of them, those of candidates, error budget and models without
-    their tables.
+    `tables`: `ladder`, `budget`, `candidates` and `models`; `where`: content of where.json.  The picture of flights is
+    left out without enough of them, those of candidates and models without their tables.
     """
-    tables = tables or {}
-    drawn: dict[str, Drawn | None] = {"data": draw_data(critique), "laws": errors.draw_laws(critique)}
-    if "budget" in tables:
-        drawn["budget"] = errors.draw_budget(tables)
-    drawn |= {"where": draw_where(critique, where), "residuals": draw_residuals(critique)}
-    if len(critique.observations.flights) > BINS:
-        drawn["flights"] = draw_flights(critique)
-    drawn["candidates"] = draw_candidates(critique, tables.get("candidates"))
-    drawn |= {"ladder": errors.draw_ladder(critique, tables), "parameters": errors.draw_parameters(critique)}
+    drawn: dict[str, Drawn | None] = {
+        "data": draw_data(critique),
+        "laws": errors.draw_laws(critique),
+        "budget": errors.draw_budget(tables["budget"]),
+        "where": draw_where(critique, where),
+        "residuals": draw_residuals(critique),
+        "flights": draw_flights(critique) if len(critique.observations.flights) > BINS else None,
+        "candidates": draw_candidates(critique, tables.get("candidates")),
+        "ladder": errors.draw_ladder(critique, tables["ladder"]),
+        "parameters": errors.draw_parameters(critique),
+    }
     if "models" in tables:
         drawn["models"] = draw_models(tables["models"])
     return {name: one for name, one in drawn.items() if one is not None}

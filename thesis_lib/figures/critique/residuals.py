@@ -5,7 +5,7 @@ and flights are shown, training and held out.  Residuals of flights are accelera
 (`critique.flights`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,8 +54,13 @@ class Residuals:
 
     @property
     def shares(self) -> pd.DataFrame:
-        """Share of the variance of the base law's residual components (rows) that each feature explains (columns)."""
-        return dependences(self.values["before"], self.table, tuple(self.components))
+        """Share of the variance of the base law's residual components (rows) that each feature explains (columns).
+
+        Features are binned.
+        """
+        before = self.values["before"].T
+        shares = {name: [dependence(part, x.to_numpy(float)) for part in before] for name, x in self.table.items()}
+        return pd.DataFrame(shares, index=list(self.components))
 
 
 @house_style
@@ -137,15 +142,6 @@ def _panels(shown: Residuals) -> tuple[Figure, pd.DataFrame]:
     figure.align_ylabels(axes[:, 0])
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure, pd.concat(rows, ignore_index=True)[["component", "feature", "series", "x", "mean", "std", "n"]]
-
-
-def dependences(residual: np.ndarray, table: pd.DataFrame, components: Sequence[str]) -> pd.DataFrame:
-    """Share of the variance of each component (row) of residuals (n, components) that each feature (column) explains.
-
-    `table` has n rows of features, which are binned.
-    """
-    shares = {name: [dependence(part, table[name].to_numpy(float)) for part in residual.T] for name in table}
-    return pd.DataFrame(shares, index=list(components))
 
 
 def features_to_show(shares: pd.DataFrame) -> list[str]:

@@ -14,12 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from thesis_lib.critique.drops.criticise import DropsCritique
-from thesis_lib.critique.drops.features import features
+from thesis_lib.critique.drops.features import FEATURES, features
+from thesis_lib.critique.drops.questions.where import Condition
 from thesis_lib.critique.drops.words import plain_rule
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
 from thesis_lib.critique.results.numbers import energy_disc, impact_errors
-from thesis_lib.critique.results.titles import FEATURE_LABEL, unit_of
+from thesis_lib.critique.results.titles import FEATURE_LABEL
 from thesis_lib.figures.critique.errors import set_title
 from thesis_lib.figures.planar_drawing import note, white_box
 from thesis_lib.figures.style import BLUE, INK, Drawn, house_style, new_figure
@@ -38,21 +39,10 @@ REGION_COLORS = ("#CC0000", BLUE, "black")
 
 def inside(region: Mapping, table: pd.DataFrame) -> np.ndarray | None:
     """Mask (n,) of the impacts in a region; None if it uses a feature that `table` (n rows) lacks."""
-    mask = np.ones(len(table), bool)
-    for condition in region["conditions"]:
-        if condition["feature"] not in table:
-            return None
-        values = table[condition["feature"]].to_numpy(float)
-        values = np.abs(values) if condition["absolute"] else values
-        low, high = limits(condition)
-        mask &= (values > low) & (values < high)
-    return mask
-
-
-def limits(condition: Mapping) -> tuple[float, float]:
-    """Lower and upper limit of one condition; infinite if it has none."""
-    low, high = condition["low"], condition["high"]
-    return -np.inf if low is None else float(low), np.inf if high is None else float(high)
+    conditions = [Condition(**one) for one in region["conditions"]]
+    if any(one.feature not in table for one in conditions):
+        return None
+    return np.all([one.inside(table) for one in conditions], axis=0)
 
 
 def map_axes(regions: Sequence[Mapping]) -> tuple[str, str]:
@@ -71,7 +61,8 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
     for condition in region["conditions"]:
         if condition["feature"] not in axes:
             return None
-        low, high = limits(condition)
+        low, high = condition["low"], condition["high"]
+        low, high = -np.inf if low is None else low, np.inf if high is None else high
         parts = [(low, high)]
         if condition["absolute"]:
             parts = [(low, high), (-high, -low)] if low > 0.0 else [(-high, high)]
@@ -82,7 +73,7 @@ def boxes_of(region: Mapping, axes: tuple[str, str], box: Box) -> list[Box] | No
 
 
 @house_style
-def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
+def draw_where(critique: DropsCritique, where: Mapping) -> Drawn:
     """Maps of the error over (v_t, v_n), and over the energy disc or the body, before and after the effects."""
     o = critique.observations.single
     base, final = critique.ladder[0][1], critique.ladder[-1][1]
@@ -91,8 +82,8 @@ def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
     errors = {"before": impact_errors(base, o)}
     if len(critique.ladder) > 1:
         errors["after"] = impact_errors(final, o)
-    regions = list((where or {}).get("regions", []))
-    top = max(float(np.quantile(errors["before"], DARK)), 1e-12)
+    regions = where["regions"]
+    top = top_of(errors["before"])
     over = map_axes(regions)
     x, y = (table[name].to_numpy(float) for name in over)
     lines = [textwrap.fill(f"{i + 1}: {region_text(region)}", 110) for i, region in enumerate(regions)]
@@ -133,6 +124,11 @@ def draw_where(critique: DropsCritique, where: Mapping | None) -> Drawn:
         if (mask := inside(region, table)) is not None:
             data[f"region_{i + 1}"] = mask.astype(int)
     return figure, data
+
+
+def top_of(error: np.ndarray) -> float:
+    """Where the scale of the errors (n,) ends, in m/s."""
+    return max(float(np.quantile(error, DARK)), 1e-12)
 
 
 def around_body(fitted: Fit, observations: Observations) -> np.ndarray:
@@ -218,5 +214,5 @@ def _outline(ax: Axes, regions: Sequence[Mapping], over: tuple[str, str]) -> Non
 
 def axis_label(feature: str) -> str:
     """Name, symbol and unit of a feature."""
-    unit = unit_of(feature)
-    return f"{FEATURE_LABEL[feature]} ({unit})" if unit else FEATURE_LABEL[feature]
+    unit, _ = FEATURES[feature]
+    return FEATURE_LABEL[feature] if unit == "1" else f"{FEATURE_LABEL[feature]} ({unit})"

@@ -28,10 +28,10 @@ from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.judgement import Judgement
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.likelihood.observations import Observations
-from thesis_lib.critique.results.choices import Choice
+from thesis_lib.critique.results.candidates import Choice
 from thesis_lib.critique.results.numbers import impact_errors
 from thesis_lib.critique.results.titles import effect_title, law_title
-from thesis_lib.figures.critique.where import DARK
+from thesis_lib.figures.critique.where import top_of
 from thesis_lib.mechanics.space import SPACE
 from thesis_lib.pages import render
 from thesis_lib.report.critique.impacts import HEIGHT, LEFT, WIDTH, as_json, drawn_impacts, key_of, look, scale_of
@@ -135,7 +135,7 @@ def turnable(critique: DropsCritique, choices: Sequence[Choice] = ()) -> Markup:
     beyond = [np.flatnonzero(row > 0.0).tolist() for row in ends]
     scale, view = HALF / extent, axes_of_view(*START)
     is_front, paths = drawn_faces(_seen(solid.vertices, view, scale), solid.faces)
-    top = max(float(np.quantile(error[rows], DARK)), 1e-12)
+    top = top_of(error[rows])
     held_out = np.isin(o.trial[rows], critique.held_out.trial)
     is_before = [any(is_front[face] for face in faces) for faces in beyond]
     circles: dict[bool, list] = {True: [], False: []}

@@ -30,9 +30,9 @@ from thesis_lib.critique.drops.planar.unknown_spin import velocity_left
 from thesis_lib.critique.drops.questions.class_tests import velocities
 from thesis_lib.critique.likelihood.fit import Fit
 from thesis_lib.critique.proposal.effect_file import capital
-from thesis_lib.critique.results.choices import Choice
+from thesis_lib.critique.results.candidates import Choice
 from thesis_lib.critique.results.titles import effect_title, law_title, plain
-from thesis_lib.figures.critique.where import DARK, axis_label, map_axes
+from thesis_lib.figures.critique.where import axis_label, map_axes, top_of
 from thesis_lib.figures.style import ImpulseAxis
 from thesis_lib.pages import render
 from thesis_lib.report.elements import percent
@@ -64,7 +64,7 @@ def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] 
     if not len(known):
         return Markup()
     shown = drawn_impacts(errors["base"], known)
-    over = map_axes(list(where.get("regions", [])))
+    over = map_axes(where["regions"])
     table = features(base, o)
     x, y = (table[name].to_numpy(float)[shown] for name in over)
     finding, numbers = _finding(errors, known), _numbers(critique, base, residuals, errors, shown)
@@ -72,11 +72,14 @@ def explorer(critique: DropsCritique, where: Mapping, choices: Sequence[Choice] 
         f"trial {impact['trial']}, impact {impact['impact']}, error {number(impact['errors'][0])} m/s"
         for impact in numbers["impacts"]
     ]
+    switches: list[str] = []
     if choices:
         numbers |= _switched(critique, choices, errors["base"][shown], shown)
+        found = {step.effect.name for step in critique.discovery.steps}
+        switches = [f"{'closest rival: ' * (name not in found)}{effect_title(name)}" for name in choices[-1].effects]
     return render(
         TEMPLATE,
-        switches=_titles(critique, choices[-1].effects) if choices else [],
+        switches=switches,
         map=_map(x, y, errors["base"][shown], labels),
         axes=[plain(axis_label(name)) for name in over],
         finding=finding,
@@ -166,24 +169,13 @@ def _switched(critique: DropsCritique, choices: Sequence[Choice], base: np.ndarr
         failed = int(np.sum(~np.isfinite(error)))
         text += f"; no solution at {failed} of these impacts, drawn open" if failed else ""
         said.append({"on": on, "text": text, "errors": [_rounded(e) if np.isfinite(e) else None for e in error]})
-    return {"choices": said, **scale_of(_top(base))}
+    return {"choices": said, **scale_of(top_of(base))}
 
 
 def scale_of(top: float) -> dict:
     """How the script draws errors up to `top` in m/s."""
     colors = [to_hex(COLORS(share)) for share in np.linspace(0.0, 1.0, SHADES)]
     return {"top": top, "radii": [SMALL, LARGE], "colors": colors}
-
-
-def _titles(critique: DropsCritique, effects: Sequence[str]) -> list[str]:
-    """Label of each switch."""
-    found = {step.effect.name for step in critique.discovery.steps}
-    return [effect_title(name) if name in found else f"closest rival: {effect_title(name)}" for name in effects]
-
-
-def _top(error: np.ndarray) -> float:
-    """Error in m/s at the end of the scale of the map."""
-    return max(float(np.quantile(error, DARK)), 1e-12)
 
 
 def _rounded(value: np.ndarray) -> list | float:
@@ -195,7 +187,7 @@ def _rounded(value: np.ndarray) -> list | float:
 
 def _map(x: np.ndarray, y: np.ndarray, error: np.ndarray, labels: list[str]) -> dict:
     """Map for impacts.html, in pixels: frame, ticks, key, and a point per impact, the worst last."""
-    top = _top(error)
+    top = top_of(error)
     right, low = WIDTH - MARGIN, HEIGHT - BOTTOM
     px, x_ticks = scale(x, LEFT, right)
     py, y_ticks = scale(y, low, TOP)

@@ -6,7 +6,7 @@ written from the numbers of diagnosis.json, where.json and the tables, so that t
 The page needs no network, its text no script, and equal content gives equal bytes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -16,10 +16,9 @@ from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.drops.criticise import DropsCritique
 from thesis_lib.critique.drops.words import NAMED, plain_rule
 from thesis_lib.critique.proposal.effect_file import capital
-from thesis_lib.critique.results.choices import Choice
 from thesis_lib.critique.results.effect_sentences import possible_faults
 from thesis_lib.critique.results.findings import Findings
-from thesis_lib.critique.results.numbers import ladder_table, law_errors
+from thesis_lib.critique.results.numbers import law_errors
 from thesis_lib.critique.results.summary import MUCH_LEFT_OUT, much_left_out
 from thesis_lib.critique.results.titles import addition_title, law_title, origin_text
 from thesis_lib.effects import EFFECTS
@@ -37,6 +36,11 @@ METHOD_SOURCES = (
     "Energy ellipse: Chatterjee and Ruina 1998, doi:10.1115/1.2791929.",
     "Best Post Hoc and IRB bound: Fazeli, thesis, section 3.3.2.",
 )
+OF_RESIDUALS = (
+    "The pictures below show what the error depends on: measured minus predicted velocity of the contact point, and "
+    "the couple about it that the error needs. A point contact cannot give a couple; one that depends on the state "
+    "speaks of geometry, inertia or measurement."
+)
 PARTS = ("noise", "parameters", "rigid_point_contact", "choice_of_law", "rest")
 
 
@@ -44,34 +48,19 @@ def contents(critique: DropsCritique, findings: Findings) -> Contents:
     """Pictures and page of a critique of drops."""
     from thesis_lib.figures.critique.pictures import pictures
 
-    drawn = pictures(critique, findings.tables, findings.regions)
+    drawn = pictures(critique, findings.tables, findings.regions)  # pyright: ignore[reportArgumentType]
     images = {name: png_of(figure) for name, (figure, _) in drawn.items()}
-    of_findings = (findings.diagnosis, findings.regions or {}, findings.tables)
-    return Contents(report_html(critique, *of_findings, drawn, images, findings.choices), drawn, images)
+    return Contents(report_html(critique, findings, drawn, images), drawn, images)
 
 
 def report_html(
-    critique: DropsCritique,
-    d: Mapping,
-    where: Mapping,
-    made: Mapping[str, pd.DataFrame],
-    pictures: Mapping[str, Drawn],
-    images: Mapping[str, bytes] | None = None,
-    choices: Sequence[Choice] = (),
+    critique: DropsCritique, findings: Findings, pictures: Mapping[str, Drawn], images: Mapping[str, bytes]
 ) -> str:
-    """The whole page, from the contents of diagnosis.json and where.json, tables by file stem, and pictures by name.
-
-    `images`: pictures as PNG by name, where they have been made.  `choices`: models between which the reader switches.
-    The parts for missing tables and pictures are left out.
-    """
-    captions = tables.captions(critique)
-    images = images or {}
-    drawn = {
-        name: picture(figure, captions[name], images.get(name))
-        for name, (figure, _) in pictures.items()
-        if name in captions
-    }
-    ladder = ladder_table(critique, made)
+    """The whole page, of the findings and of pictures by name, with these as PNG; a picture that lacks has no place."""
+    d, where, made, choices = findings.diagnosis, findings.regions, findings.tables, findings.choices
+    assert where is not None  # those of drops have it
+    captions, ladder = tables.captions(critique), made["ladder"]
+    drawn = {name: picture(figure, captions[name], images[name]) for name, (figure, _) in pictures.items()}
     models = {**critique.discovery.bases, "augmented": critique.ladder[-1][1]}
     contents = {
         "The body, and what the model misses there": ("body", body.turnable(critique, choices)),
@@ -84,7 +73,7 @@ def report_html(
             *("where", where_it_fails(where), drawn.get("where"), impacts.explorer(critique, where, choices)),
             *(
                 tables.regions_table(where),
-                drawn.get("residuals") and residuals(),
+                drawn.get("residuals") and paragraph(OF_RESIDUALS),
                 drawn.get("residuals"),
                 drawn.get("flights"),
             ),
@@ -222,8 +211,6 @@ def laws(critique: DropsCritique, d: Mapping, ladder: pd.DataFrame) -> Markup:
 
 
 def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
-    if "budget" not in tables:
-        return Markup()
     share = tables["budget"].set_index("part")["share"]
     noise, parameters, rigid, law, rest = (percent(share[name]) for name in PARTS)
     known = f"{noise} is noise and {parameters} the uncertainty of its parameters."
@@ -237,11 +224,9 @@ def budget(tables: Mapping[str, pd.DataFrame]) -> Markup:
 
 
 def where_it_fails(where: Mapping) -> Markup:
-    if not where:
-        return Markup()
     text = "No rule marks a region in which the base law errs more than elsewhere, beyond what chance gives."
     in_flight = then = ""
-    if regions := where.get("regions"):
+    if regions := where["regions"]:
         r = regions[0]
         times = f" ({number(r['ratio'], 2)} times)" if r["ratio"] else ""
         text = (
@@ -253,28 +238,20 @@ def where_it_fails(where: Mapping) -> Markup:
         "Maps, residuals and rules of this section use all impacts, those of training too; the errors given for a "
         "region are those of held-out impacts where at least 30 lie inside and outside it (“errors of” in the table)."
     )
-    if flights := where.get("flight_regions"):
+    if flights := where["flight_regions"]:
         r = flights[0]
         in_flight = (
             f"Between impacts the base law errs most where {plain_rule(r)}: its accelerations are off by "
             f"{number(r['error_inside'])} there against {number(r['error_outside'])} elsewhere, in standard deviations "
             f"of noise (p = {number(r['p_value'], 2)}, counting all rules for flights)."
         )
-    if after := where.get("after"):
+    if after := where["after"]:
         then = "With the effects no such region is left."
         for r in after["regions"][:1]:
             over = "over that expected from noise and scatter"
             most = f"{plain_rule(r)} (p = {number(r['p_value'], 2)})"
             then = f"With the effects the error, {over}, is largest where {most}."
     return paragraph(text, in_flight, then) + paragraph(used)
-
-
-def residuals() -> Markup:
-    return paragraph(
-        "The pictures below show what the error depends on: measured minus predicted velocity of the contact point, "
-        "and the couple about it that the error needs. A point contact cannot give a couple; one that depends on the "
-        "state speaks of geometry, inertia or measurement."
-    )
 
 
 def following(d: Mapping) -> Markup:

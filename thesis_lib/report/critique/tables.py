@@ -154,7 +154,7 @@ def evidence_table(d: Mapping) -> Markup:
 def regions_table(where: Mapping) -> Markup:
     """Regions in which the base law fails, and regions that remain with the effects."""
     rows = []
-    for model, of_model in (("base law", where), ("with the effects", where.get("after") or {})):
+    for model, of_model in (("base law", where), ("with the effects", where["after"] or {})):
         for r in of_model.get("regions", []):
             errors = [number(r[key]) for key in ("error_inside", "error_outside")]
             over = [number(r[key], 2) for key in ("sigmas_inside", "sigmas_outside", "p_value")]
@@ -174,12 +174,10 @@ def regions_table(where: Mapping) -> Markup:
 def tests_table(where: Mapping) -> Markup:
     """Tests of whole classes of models; nothing where none is made."""
     rows = []
-    if not where.get("class_tests"):
-        return Markup()
-    for name, test in where.get("class_tests", {}).items():
-        p, detail = test.get("p_value"), ""
+    for name, test in where["class_tests"].items():
+        p, detail = test["p_value"], ""
         if p is None:
-            rows.append((TESTS.get(name, name), "–", f"not tested: {test.get('why_not', 'no reason given')}"))
+            rows.append((TESTS[name], "–", f"not tested: {test['why_not']}"))
             continue
         verdict = "contradicted" if p < LEVEL else "not contradicted"
         if name == "rigid_point":
@@ -190,7 +188,7 @@ def tests_table(where: Mapping) -> Markup:
             detail = f": {listed(parts)}" if parts else ""
         elif name == "homogeneity" and "speed_ratio" in test:
             detail = f", over speeds that differ by a factor of {number(test['speed_ratio'], 2)}"
-        rows.append((TESTS.get(name, name), number(p, 2) if p >= 1e-4 else "< 0.0001", verdict + detail))
+        rows.append((TESTS[name], number(p, 2) if p >= 1e-4 else "< 0.0001", verdict + detail))
     columns = ("what such laws have in common", "p", "what the data say")
     return table("Tests of the whole class of laws, before any effect is tried", columns, rows, numeric=(1,))
 
@@ -229,7 +227,7 @@ def choices_table(found: pd.DataFrame | None) -> Markup:
 def comparison_table(tables: Mapping[str, pd.DataFrame], fits: Mapping[str, Fit]) -> Markup:
     """Held-out errors of laws, bounds and baseline; `fits` are the models, by name."""
     rows = []
-    for r in tables["comparison"].itertuples() if "comparison" in tables else ():
+    for r in tables["comparison"].itertuples():
         fit = fits.get(str(r.model))
         parameters = ["–" if fit is None else _short(fit.content(name)) for name in ("mu", "epsilon")]
         score = "–" if pd.isna(r.score) else number(r.score)

@@ -1,17 +1,18 @@
-"""Drops of an engine, the engine fitted to some of them, and what a file of that engine says of the others.
+"""What an engine makes of free bodies in a file, and what it makes of the same planar states without one.
 
 States are planar (x, y, θ) in the axes of the surface; a file has the plane of the drops as x-z, the surface tilted.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
 
+import mujoco
 import numpy as np
-from scipy.optimize import least_squares
 
 from thesis_lib.bodies.body import Body
 from thesis_lib.bodies.shapes import Ellipse, Polygon
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.contacts.model import Model
+from thesis_lib.critique.export.export import Exported
 from thesis_lib.critique.results.saved_model import SavedModel
 from thesis_lib.effects import EFFECTS
 from thesis_lib.engines.drake_engine import DrakeEngine
@@ -19,15 +20,11 @@ from thesis_lib.engines.engine import impacts
 from thesis_lib.engines.mujoco_engine import STEPS, MujocoEngine
 from thesis_lib.engines.parameters import drake_numbers, of_drake
 from thesis_lib.mechanics.bisection import bisected
-from thesis_lib.simulate.compliant.drops import simulate_compliant_drops
-from thesis_lib.simulate.drake.drops import DropsInDrake
+from thesis_lib.mechanics.space import rotation_matrix
 from thesis_lib.simulate.mujoco.contact import MujocoContact
-from thesis_lib.simulate.mujoco.drops import DropsInMujoco
-from thesis_lib.simulate.rig.hidden_causes import PROOF_RELEASE, CompliantContact, HiddenCauses
+from thesis_lib.simulate.rig.hidden_causes import CompliantContact, HiddenCauses
 
 MASS, SPAN, LEAD = 0.05, 4.5e-3, 1.3e-4  # kg; s after the touch; s of flight before it
-NOISE = np.array([0.01, 0.01, 0.4])  # m/s, rad/s, of velocities before and after
-POSE, PRE = ["x", "y", "theta"], ["vx_pre", "vy_pre", "omega_pre"]
 BODIES = {
     "ellipse": Body(shape=Ellipse(semi_axes=(0.035, 0.025)), mass=MASS, radius_of_gyration=0.019),
     "square": Body(
@@ -39,25 +36,9 @@ BODIES = {
         shape=Polygon(vertices=((0.04, -0.018), (-0.01, 0.034), (-0.03, -0.016))), mass=MASS, radius_of_gyration=0.0205
     ),
 }
-# told to nobody; the fit has com_offset beside mu, epsilon and the contact time
 TRUE = {"mu": 0.2, "epsilon": 0.6, "contact_time": 1.2e-3}
-COM = (0.0015, -0.001)
-EVALUATIONS = {"mujoco": 12, "drake": 6}  # and five more in each for the slopes
 LAW = {"mujoco": "convex_contact", "drake": "hunt_crossley_contact"}
 WIDE = 0.25  # rad from lying on a side: nearer, outcomes hang on which corner is first
-
-
-@dataclass(frozen=True)
-class Drops:
-    """States `LEAD` before the touch and velocities `SPAN` after those, with noise on the latter."""
-
-    body: Body
-    q: np.ndarray
-    v: np.ndarray
-    after: np.ndarray
-
-    def select(self, rows):
-        return replace(self, q=self.q[rows], v=self.v[rows], after=self.after[rows])
 
 
 def steep(body, theta):
@@ -92,42 +73,8 @@ def flown(mechanics, q, v, s):
     return np.hstack([centre + s * rate + 0.5 * s**2 * g, q[:, 2:] + s * spin]), np.hstack([rate + s * g, spin])
 
 
-def made(name, body, n=60, seed=1):
-    """First impacts of drops that the engine's own simulator made, with noise."""
-    engine = DropsInMujoco() if name == "mujoco" else DropsInDrake("point")
-    contact = MujocoContact(**TRUE, steps=100) if name == "mujoco" else CompliantContact(**TRUE)
-    given = {"engine": engine, "contact": contact, "hidden": HiddenCauses(com_offset_x=COM[0], com_offset_y=COM[1])}
-    drops = simulate_compliant_drops(body, PROOF_RELEASE, n, rng=np.random.default_rng(seed), duration=0.4, **given)
-    table = drops.impacts[drops.impacts["impact"] == 0]
-    q, v = table[POSE].to_numpy(), table[PRE].to_numpy()
-    fall = np.array([0.0, -9.81, 0.0])
-    q, v = q - LEAD * v + 0.5 * LEAD**2 * fall, v - LEAD * fall
-    rows = steep(body, q[:, 2])
-    q, v = q[rows], v[rows]
-    after = predicted(name, body, q, v, **TRUE, c_x=COM[0], c_y=COM[1])
-    rng = np.random.default_rng(seed + 1)
-    return Drops(body, q, v, after + NOISE * rng.standard_normal(after.shape))
-
-
 def errors(body, v, w):
     return np.sqrt((((v - w) * [1.0, 1.0, body.radius_of_gyration]) ** 2).sum(axis=1))
-
-
-def fitted(name, drops):
-    """The engine's numbers from drops: mu, epsilon, contact_time (s), c_x, c_y (m)."""
-    low = np.array([0.0, 0.1, 2e-4, -0.01, -0.01])
-    scale = np.array([0.1, 0.1, 1e-3, 1e-3, 1e-3])
-
-    def numbers(p):
-        return low + (p - 1.0) * scale
-
-    def residual(p):
-        return ((predicted(name, drops.body, drops.q, drops.v, *numbers(p)) - drops.after) / NOISE).ravel()
-
-    start = 1.0 + (np.array([0.15, 0.5, 1e-3, 0.0, 0.0]) - low) / scale
-    high = 1.0 + (np.array([1.0, 0.95, 4e-3, 0.01, 0.01]) - low) / scale
-    found = least_squares(residual, start, bounds=(1.0, high), diff_step=3e-3, max_nfev=EVALUATIONS[name])
-    return dict(zip(("mu", "epsilon", "contact_time", "c_x", "c_y"), numbers(found.x)))
 
 
 def model_of(name, body, numbers, tilt=0.0, height=0.0, extra=None, ratio=10.0, impedance=0.01):
@@ -165,30 +112,27 @@ def in_space(q, v, tilt, height):
     )
 
 
-def in_plane(v, w, tilt):
-    """Planar velocities (n, 3) of a body in the file's world; it has not left the plane."""
+def in_plane(ends, tilt):
+    """Planar velocities (n, 3) of bodies that `by_mujoco` and `by_drake` have moved; they have not left the plane."""
+    v, w = (np.array(rows) for rows in list(zip(*ends))[2:])
     along, normal = np.array([np.cos(tilt), 0.0, -np.sin(tilt)]), np.array([np.sin(tilt), 0.0, np.cos(tilt)])
     out = np.abs(np.column_stack([v[:, 1], 0.02 * w[:, 0], 0.02 * w[:, 2]])).max(axis=1)
     assert np.quantile(out, 0.9) < 1e-3, "the body leaves its plane"
     return np.column_stack([v @ along, v @ normal, -w[:, 1]])
 
 
-def by_mujoco(text, q, v, tilt=0.0, height=0.0, body="body"):
-    """Velocities (n, 3) after `SPAN` of a body that falls in the MJCF file."""
-    import mujoco
-    from mujoco.batch import Batch
-
+def by_mujoco(text: str, starts: Iterable[Sequence[np.ndarray]], span: float, body: str = "body"):
+    """Place, quaternion, velocity and spin of each body `span` in s later, in axes of the world, from such `starts`."""
     model = mujoco.MjModel.from_xml_string(text)
-    batch = Batch(model, len(q), 1)
-    place, turn, speed, spin = in_space(q, v, tilt, height)
-    start = model.body(body).jntadr[0]
-    at, of = model.jnt_qposadr[start], model.jnt_dofadr[start]
-    batch.bind("qpos")[:, at : at + 7] = np.column_stack([place, turn])
-    batch.bind("qvel")[:, of : of + 6] = np.column_stack([speed, spin])  # about y: the same in the body's axes
-    steps = round(SPAN / model.opt.timestep)
-    end = batch.rollout(steps, record=("qvel",))["qvel"][:, -1, of : of + 6]
-    # spin in the axes of the body, which turned about y
-    return in_plane(end[:, :3], end[:, 3:], tilt)
+    data, joint = mujoco.MjData(model), model.body(body).jntadr[0]
+    at, of = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+    for place, turn, speed, spin in starts:
+        mujoco.mj_resetData(model, data)
+        data.qpos[at : at + 7], data.qvel[of : of + 3] = [*place, *turn], speed
+        data.qvel[of + 3 : of + 6] = rotation_matrix(turn[:, None])[..., 0].T @ spin  # in the axes of the body
+        mujoco.mj_step(model, data, round(span / model.opt.timestep))
+        pose, motion = data.qpos[at : at + 7].copy(), data.qvel[of : of + 6].copy()
+        yield pose[:3], pose[3:], motion[:3], rotation_matrix(pose[3:, None])[..., 0] @ motion[3:]
 
 
 def plant_of(path):
@@ -209,7 +153,7 @@ def plant_of(path):
     return simulator, plant
 
 
-def by_drake(path, q, v, tilt=0.0, height=0.0, body="body"):
+def by_drake(path, starts: Iterable[Sequence[np.ndarray]], span: float, body: str = "body"):
     """The same of an SDF or URDF file."""
     from pydrake.common.eigen_geometry import Quaternion
     from pydrake.math import RigidTransform
@@ -218,14 +162,34 @@ def by_drake(path, q, v, tilt=0.0, height=0.0, body="body"):
     simulator, plant = plant_of(path)
     root = simulator.get_mutable_context()
     context, link = plant.GetMyMutableContextFromRoot(root), plant.GetBodyByName(body)
-    ends = []
-    for place, turn, speed, spin in zip(*in_space(q, v, tilt, height)):
+    for place, turn, speed, spin in starts:
         root.SetTime(0.0)
-        plant.SetFreeBodyPose(context, link, RigidTransform(Quaternion(turn), place))
+        at = RigidTransform(Quaternion(turn / np.linalg.norm(turn)), place)
+        plant.SetFreeBodyPose(context, link, at)
         plant.SetFreeBodySpatialVelocity(context, link, SpatialVelocity(spin, speed))
         simulator.Initialize()
-        simulator.AdvanceTo(SPAN)
-        end = plant.EvalBodySpatialVelocityInWorld(context, link)
-        ends.append(np.r_[end.translational(), end.rotational()])
-    ends = np.array(ends)
-    return in_plane(ends[:, :3], ends[:, 3:], tilt)
+        simulator.AdvanceTo(span)
+        pose, motion = plant.EvalBodyPoseInWorld(context, link), plant.EvalBodySpatialVelocityInWorld(context, link)
+        yield pose.translation(), pose.rotation().ToQuaternion().wxyz(), motion.translational(), motion.rotational()
+
+
+def inertia_in_mujoco(body) -> np.ndarray:
+    """The tensor (3, 3) about the centre of mass of a body that MuJoCo has read, in its axes."""
+    axes = rotation_matrix(np.array(body.iquat)[:, None])[..., 0]
+    return axes * np.array(body.inertia) @ axes.T
+
+
+def inertia_in_drake(plant, link: str) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre of mass (3,) and the tensor (3, 3) about it of a link that Drake has read."""
+    read = plant.GetBodyByName(link).default_spatial_inertia()
+    about = read.Shift(read.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+    return read.get_mass(), read.get_com(), about
+
+
+def require_told(made: Exported, without: Exported, effect: str) -> None:
+    """An effect is in the file or left out, told on the terminal and in the comment; and what is in it changes it."""
+    text, old = made.content.decode(), without.content.decode()
+    held, left = ([line for line in lines if line.startswith(f"{effect}: ")] for lines in (made.held, made.left_out))
+    assert len(held) + len(left) == 1 and (held or len(left[0]) > len(effect) + 20)
+    assert f"{effect}: " in text[text.index("effects in this file") : text.index("-->")]
+    assert bool(held) == (text[text.index("-->") :] != old[old.index("-->") :]), effect
