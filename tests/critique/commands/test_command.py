@@ -225,12 +225,13 @@ def test_a_run_that_is_killed_while_moving_its_files_in_is_seen_as_unfinished(
 
 
 def test_files_of_an_earlier_critique_are_taken_away_and_those_of_others_stay(hidden_impacts, without_page, tmp_path):
-    for name in ("residuals.png", "flights.csv", "notes.txt", "my_plot.png"):
+    for name in ("residuals.png", "flights.csv", "choices.csv", "notes.txt", "my_plot.png"):
         (tmp_path / name).write_text("old")
     OfDrops(hidden_impacts, np.random.default_rng(0)).save(tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
     assert {"notes.txt", "my_plot.png", "diagnosis.json"} <= names and "residuals.png" not in names
-    assert not (tmp_path / "flights.csv").exists() or (tmp_path / "flights.csv").read_text() != "old"
+    for name in ("flights.csv", "choices.csv"):
+        assert not (tmp_path / name).exists() or (tmp_path / name).read_text() != "old"
 
 
 @pytest.mark.slow

@@ -13,7 +13,8 @@ from pathlib import Path
 VERDICT_FILE, MODEL_FILE = "diagnosis.json", "model.json"
 LAST = ("model.json", "report.html", VERDICT_FILE)  # moved in last, in this order; a mechanism has no model.json
 # written by any critique beside its pictures: those of an earlier critique that this one does not make are removed
-TABLES = ("comparison", "errors", "ladder", "impacts", "budget", "flights", "models", "misfit", "mechanism_residuals")
+TABLES = ("comparison", "errors", "ladder", "candidates", "choices", "impacts", "budget", "flights", "models")
+TABLES += ("misfit", "mechanism_residuals")
 REGIONS = "where.json"
 # a folder with all files of one of these belongs to a critique
 MARKS = ((REGIONS, "comparison.csv", "ladder.csv"), ("misfit.csv", "mechanism_residuals.csv"))
