@@ -40,21 +40,6 @@ def test_a_part_of_the_table_is_mixed_as_the_whole():
     assert {(c.engine, c.shape, c.truth) for c in first} == {(c.engine, c.shape, c.truth) for c in every}
 
 
-def test_rows_of_parallel_runs_are_kept_by_their_key(tmp_path):
-    store = ROWS.at(tmp_path / "proof" / "engines.csv")
-    for one in (row(seed=2), row(seed=1), row("drake"), row(seed=2, best="drake")):
-        store.put(one)
-    table = store.table()
-    assert table[["engine", "seed", "best"]].to_numpy().tolist() == [
-        ["drake", 1, "drake"],
-        ["mujoco", 1, "mujoco"],
-        ["mujoco", 2, "drake"],
-    ]
-    store.path.write_text("engine\nmujoco\n")
-    with pytest.raises(UserError, match=r"line 1, is not a row of this table.*does not have the columns"):
-        store.table()
-
-
 def test_shares_count_each_question(tmp_path):
     store = ROWS.at(tmp_path / "engines.csv")
     with pytest.raises(UserError, match="holds no row"):

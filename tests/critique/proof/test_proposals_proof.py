@@ -94,13 +94,6 @@ def test_the_table_counts_and_goes_on_where_it_stopped(tmp_path) -> None:
     assert "no term is proposed in 2 of 2" in text
 
 
-def test_a_row_that_is_computed_again_replaces_the_first(tmp_path) -> None:
-    store = ROWS.at(tmp_path / "proposals.csv")
-    for a in (-0.15, -0.14):
-        store.put(row(a=a))
-    assert store.table()["a"].astype(float).tolist() == [-0.14]
-
-
 def test_data_are_the_same_each_time_and_differ_by_seed() -> None:
     one, again, other = (make(ProposalCase("couple_by_spin", seed), 3).trajectories for seed in (1, 1, 2))
     pd.testing.assert_frame_equal(one, again)
