@@ -38,6 +38,13 @@ def written(folder: Path, text: str, name: str = "own.py") -> Path:
     return path
 
 
+def package(folder: Path, name: str, version: str, points: str) -> None:
+    """What an installed package that offers `points` leaves in a folder of modules."""
+    written(folder / f"{name}-{version}.dist-info", points, "entry_points.txt")
+    head = f"Metadata-Version: 2.1\nName: {name.replace('_', '-')}\nVersion: {version}\n"
+    written(folder / f"{name}-{version}.dist-info", head, "METADATA")
+
+
 def test_a_file_joins_the_library_in_its_order_with_its_origin(own_effect):
     before, sha256 = dict(EFFECTS), hashlib.sha256(own_effect.read_bytes()).hexdigest()
     told = load([own_effect], say=lambda text: None)
@@ -90,11 +97,8 @@ def test_nothing_runs_out_of_a_folder_with_data(tmp_path, marker):
 
 
 def test_a_folder_in_which_a_command_is_started_installs_nothing(tmp_path, monkeypatch):
-    info = tmp_path / "evil-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: evil\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[thesis_lib.effects]\nevil = evil_module\n")
-    (tmp_path / "evil_module.py").write_text(own_files.EFFECT, encoding="utf-8")
+    package(tmp_path, "evil", "1.0", "[thesis_lib.effects]\nevil = evil_module\n")
+    written(tmp_path, own_files.EFFECT, "evil_module.py")
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     (found,) = installed()  # from any other folder it is a package like others
     assert found.origin.package == "evil"
@@ -106,11 +110,8 @@ def test_a_folder_in_which_a_command_is_started_installs_nothing(tmp_path, monke
 
 
 def test_an_installed_package_adds_effects_and_laws_with_its_name(tmp_path, monkeypatch):
-    info = tmp_path / "drop_effects-1.2.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: drop-effects\nVersion: 1.2\n")
     points = "[thesis_lib.effects]\nslip = drop_effects.slip:EFFECT\n[thesis_lib.laws]\nlaw = drop_effects.law\n"
-    (info / "entry_points.txt").write_text(points)
+    package(tmp_path, "drop_effects", "1.2", points)
     written(tmp_path / "drop_effects", "", "__init__.py")
     written(tmp_path / "drop_effects", own_files.EFFECT, "slip.py")
     written(tmp_path / "drop_effects", own_files.LAW, "law.py")
