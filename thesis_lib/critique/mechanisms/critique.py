@@ -75,12 +75,6 @@ class MechanismCritique:
     sensor_excess: tuple[float, float] = (0.0, 1.0)
 
     @property
-    def are_sensors_off(self) -> bool:
-        """Whether sensors would have to err materially more than is stated."""
-        excess, p_value = self.sensor_excess
-        return is_excess_material(excess, p_value, self.settings)
-
-    @property
     def verdict(self) -> str:
         """adequate, effects or unexplained."""
         return self.discovery.verdict(self.is_structured)

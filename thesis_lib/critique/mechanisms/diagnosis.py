@@ -21,7 +21,13 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from thesis_lib.critique.mechanisms.critique import MechanismCritique, dependence, smallest_sizes, states_of_windows
+from thesis_lib.critique.mechanisms.critique import (
+    MechanismCritique,
+    dependence,
+    is_excess_material,
+    smallest_sizes,
+    states_of_windows,
+)
 from thesis_lib.critique.mechanisms.recovery import identify_parameters
 from thesis_lib.critique.mechanisms.world import ForceFit, predict
 from thesis_lib.critique.selection.discovery import Step
@@ -133,7 +139,8 @@ def _sensors(critique: MechanismCritique) -> dict:
             continue
         for p, value, std in zip(e.parameters, fitted.values[e.name], fitted.std[e.name]):
             found[f"{e.name}.{p.name}"] = {"value": value, "std": std, "unit": p.unit}
-    return {"found": found, "excess": excess, "p_value": p_value, "exceeds": critique.are_sensors_off}
+    exceeds = is_excess_material(excess, p_value, critique.settings)
+    return {"found": found, "excess": excess, "p_value": p_value, "exceeds": exceeds}
 
 
 def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
