@@ -100,19 +100,14 @@ def test_drops_agree_with_the_independent_simulator_until_chaos():
     assert compared >= n - 2
 
 
-def test_the_fit_finds_the_truth_in_drops_as_measured():
-    o = observe(simulated(n=30, seed=3, noise=RIG_NOISE))
-    fitted = fit(Model(LAW), o)
-    for name, value in TRUTH.items():
-        assert abs(fitted.values[name] - value) < SIGMAS * fitted.std[name]
-
-
-@pytest.mark.parametrize("name", ["linear_drag", "com_offset"])
-def test_the_fit_finds_an_effect_and_the_coefficients_beside_it(name):
+@pytest.mark.parametrize("names", [(), ("linear_drag",), ("com_offset",)])
+def test_the_fit_finds_the_coefficients_and_an_effect_beside_them(names):
     """Drops integrate the effect in small steps; the fit extrapolates arcs: neither may bias the other."""
-    o = observe(simulated(name, n=40, seed=2, noise=RIG_NOISE))
-    values = TRUTH | sizes(EFFECTS[name])
-    fitted = fit(Model(LAW, (EFFECTS[name],)), o)
+    values = dict(TRUTH)
+    for name in names:
+        values |= sizes(EFFECTS[name])
+    o = observe(simulated(*names, n=40, seed=2, noise=RIG_NOISE))
+    fitted = fit(Model(LAW, tuple(EFFECTS[name] for name in names)), o)
     for key, value in values.items():
         assert abs(fitted.values[key] - value) < SIGMAS * fitted.std[key], key
 
