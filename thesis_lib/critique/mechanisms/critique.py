@@ -224,9 +224,8 @@ def _beyond_noise(judgement: ForceJudgement) -> Remaining:
 def states_of_windows(weak: WeakForm) -> tuple[list[str], np.ndarray]:
     """Names of the coordinates and velocities ("d" + name), and their means (windows, 2 nv) over each window."""
     states = np.concatenate([weak.motion.q, weak.motion.v], axis=1)
-    counts = np.diff(np.append(weak.starts, len(states)))
     names = [*weak.model.coordinates, *(f"d{name}" for name in weak.model.coordinates)]
-    return names, np.add.reduceat(states, weak.starts, axis=0) / counts[:, None]
+    return names, np.add.reduceat(states, weak.starts, axis=0) / (weak.ends - weak.starts)[:, None]
 
 
 def dependence(weak: WeakForm, z: np.ndarray, alpha: float, rng: np.random.Generator) -> tuple[tuple[str, ...], float]:

@@ -152,14 +152,11 @@ def _where(critique: MechanismCritique, base_fit: ForceFit) -> list[dict]:
     # the wheel's spokes are alike: only whether one is in contact counts
     if critique.model.name == "wheel":
         pairs = ["one spoke" if p != "none" else p for p in pairs]
-    key = [(names[c], pairs[w]) for c, w in zip(held.coordinate, held.window)]
-    rows = []
-    for group in sorted(set(key)):
-        at = np.array([k == group for k in key])
-        misfits = (float(np.sqrt(np.mean(z[at] ** 2))) for z in (before, after))
-        names_of_row = ("coordinate", "contacts", "rows", "before", "after")
-        rows.append(dict(zip(names_of_row, (*group, int(at.sum()), *misfits))))
-    return rows
+    squares = {"before": before**2, "after": after**2}
+    rows = pd.DataFrame({"coordinate": [names[c] for c in held.coordinate], "rows": 1} | squares)
+    groups = rows.assign(contacts=[pairs[w] for w in held.window]).groupby(["coordinate", "contacts"], as_index=False)
+    found = groups.agg({"rows": "sum", "before": "mean", "after": "mean"})
+    return found.assign(**{name: np.sqrt(found[name]) for name in squares}).to_dict("records")
 
 
 def _next_experiment(critique: MechanismCritique) -> dict:
