@@ -9,10 +9,11 @@ from pathlib import Path
 import own_files
 import pytest
 
+from tests.critique.simulation.saved_models import model_of
 from thesis_lib.contact import CANDIDATE_LAWS, LAWS
 from thesis_lib.critique.contacts.bases import BASES
 from thesis_lib.critique.results.load_model import load_model
-from thesis_lib.critique.results.saved_model import SavedModel, changed_code
+from thesis_lib.critique.results.saved_model import changed_code
 from thesis_lib.effects import EFFECTS
 from thesis_lib.effects.effect import FAMILIES
 from thesis_lib.extensions.loading import installed, load, read_file
@@ -190,22 +191,9 @@ def test_names_that_mean_something_else_are_those_of_the_critique():
 
 # --- saved models ---
 
-MODEL = {
-    "schema": 1,
-    "law": "mirtich",
-    "effects": [NAME],
-    "parameters": {
-        "mu": {"value": 0.15, "unit": "1"},
-        "epsilon": {"value": 0.55, "unit": "1"},
-        f"{NAME}.h": {"value": -0.08, "unit": "s/m"},
-    },
-    "rig": {
-        "shape": {"kind": "ellipse", "semi_axes": [0.035, 0.025]},
-        "radius_of_gyration": 0.0192,
-        "gravity": 9.81,
-        "height": 0.0,
-    },
-}
+LIBRARY_MODEL = model_of(mu=0.15, epsilon=0.55, law="mirtich")
+MODEL = LIBRARY_MODEL.model_dump(mode="json", by_alias=True) | {"effects": [NAME]}
+MODEL["parameters"][f"{NAME}.h"] = {"value": -0.08, "unit": "s/m"}
 
 
 def test_a_model_whose_effect_is_not_loaded_says_which_and_how_to_load_it(tmp_path, own_effect):
@@ -247,9 +235,6 @@ def test_a_model_cannot_tell_a_user_to_load_something_from_anywhere(tmp_path, or
 
 
 def test_a_model_of_the_library_alone_is_written_as_ever(tmp_path):
-    model = SavedModel.model_validate(
-        MODEL | {"effects": [], "parameters": dict(list(MODEL["parameters"].items())[:2])}
-    )
-    model.save(tmp_path / "model.json")
+    LIBRARY_MODEL.save(tmp_path / "model.json")
     assert "origins" not in json.loads((tmp_path / "model.json").read_text())
-    assert load_model(tmp_path / "model.json") == model
+    assert load_model(tmp_path / "model.json") == LIBRARY_MODEL

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from round_trip import plant_of
 
-from tests.critique.simulation.space_models import BOX, SPHERE, space_model
+from tests.critique.simulation.saved_models import BOX, SPHERE, space_model
 from thesis_lib.__main__ import main
 from thesis_lib.critique.contacts.episodes import play
 from thesis_lib.critique.export.export import exported, patched

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from space_models import space_model
-from test_simulate_model import model_of
+from saved_models import model_of, space_model
 
 from thesis_lib.__main__ import main
 from thesis_lib.contact.compliant.normal_force import LinearDamper

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from space_models import BOX, space_model
+from saved_models import BOX, space_model
 
 from thesis_lib.__main__ import main
 from thesis_lib.critique.export.export import exported
