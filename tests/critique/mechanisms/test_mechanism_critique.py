@@ -180,8 +180,8 @@ def test_forces_and_parameters_recover_with_the_effect(kind, truth, critiques, m
     found, records = critiques(kind, truth)
     exact = exact_form(records, models[kind], HiddenStudy())
     nothing = fit_effects(found.training, ())
-    before, *_ = force_error(exact, records[-1:], nothing)
-    after, *_ = force_error(exact, records[-1:], found.fitted)
+    before, *_ = force_error(exact, records[-1], nothing)
+    after, *_ = force_error(exact, records[-1], found.fitted)
     assert after < 0.05 * before
     identified = identify_parameters(found.training, found.fitted)
     true = models[kind].parameters

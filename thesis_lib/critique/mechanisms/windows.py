@@ -64,7 +64,7 @@ class WeakForm:
 
     Attributes:
         motion: (n, ...) all steps in a window, with contact forces of the believed model alone.
-        f: (n, nv) known forces in N, N m; step, step_trial: (n,) numbers of step and trial.
+        f: (n, nv) known forces in N, N m; step: (n,) number of each step in its trial.
         starts, ends: (windows,) first step of each window, and the one after its last.
         active_pairs: its contact pairs, and p + i where joint i stands.
         trial, window, coordinate: (N,) trial, window and free coordinate of each row of z.
@@ -91,7 +91,6 @@ class WeakForm:
                 f"steps left out: {dict(self.left_out)}."
             )
         self.step = np.concatenate([np.arange(w.start, w.stop) for w in windows])
-        self.step_trial = np.concatenate([np.full(w.stop - w.start, w.trial) for w in windows])
         self.active_pairs = tuple(w.active for w in windows)
         self._weight = np.concatenate([self.rule.kernel(w.stop - w.start) for w in windows])
         self._group(windows)

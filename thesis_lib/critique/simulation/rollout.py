@@ -137,7 +137,7 @@ def _begun(
 ) -> tuple[MeasuredTosses, ByImpulse, Start]:
     measured = MeasuredTosses.of(dataset, model, trials)
     dynamics = measured.bound(model)
-    say(f"fitting {len(measured.trials)} first flights")
+    say(f"fitting {len(measured.flight)} first flights")
     return measured, dynamics, STARTS[start](dynamics, measured)
 
 

@@ -64,7 +64,7 @@ def fit_to_tosses(
         found, count = float((errors @ [0.01, 1.0]).mean()), count + 1
         found = found if np.isfinite(found) else np.inf  # a toss without a solution must not drop out of the mean
         best = min(best, found)
-        say(f"{len(measured.trials)} whole tosses, {count} of at most {MOST * len(names)}: error {best:.4g}")
+        say(f"{len(measured.flight)} whole tosses, {count} of at most {MOST * len(names)}: error {best:.4g}")
         return found
 
     from scipy.optimize import minimize
